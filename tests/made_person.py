@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from myomorph.core.model.series import Markers
@@ -27,14 +29,14 @@ def made_person(movement: str, leg: float = LEG, width: float = WIDTH) -> Marker
     """
     pace = np.sqrt(LEG / leg)
     time = np.arange(round(SECONDS * RATE)) / RATE
-    pelvis, feet, hand = _paths(movement, time)
+    paths = _paths(movement, time)
     places = {}
     for side, sign in (("R", 1.0), ("L", -1.0)):
-        hip = pelvis + [0.0, 0.0, sign * width]
-        ankle = feet[side] + [0.0, 0.08, sign * width]
+        hip = paths.pelvis + [0.0, 0.0, sign * width]
+        ankle = paths.feet[side] + [0.0, 0.08, sign * width]
         knee = 0.5 * (hip + ankle) + [0.1, 0.0, 0.0]
-        shoulder = pelvis + [0.0, 0.55, 2.0 * sign * width]
-        wrist = shoulder + [0.0, -0.5, 0.0] + (hand if side == "R" else 0.0)
+        shoulder = paths.pelvis + [0.0, 0.55, 2.0 * sign * width]
+        wrist = shoulder + [0.0, -0.5, 0.0] + (paths.hand if side == "R" else 0.0)
         places |= {
             f"{side}ASI": hip + [0.1, 0.05, 0.0],
             f"{side}PSI": hip + [-0.1, 0.05, 0.0],
@@ -49,39 +51,73 @@ def made_person(movement: str, leg: float = LEG, width: float = WIDTH) -> Marker
     return Markers(time / pace, tuple(places), leg * np.stack(list(places.values()), axis=1))
 
 
-def _paths(movement: str, time: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
-    """Paths of pelvis, feet by side and a hand (frames, 3), in shares of a leg of `LEG`."""
-    pelvis = np.zeros((len(time), 3)) + [0.0, 1.0, 0.0]
-    feet = {side: np.zeros((len(time), 3)) for side in "RL"}
-    hand = np.zeros((len(time), 3))
-    bump = 0.5 - 0.5 * np.cos(2.0 * np.pi * time / SECONDS)  # From 0 to 1 and back.
-    if movement in ("walking", "running", "stairs"):
-        turn = 2.0 * np.pi * (1.4 if movement == "running" else 0.9) * time
-        rise = 0.08 if movement == "running" else 0.02
-        way = (2.5 if movement == "running" else 1.3) * time
-        pelvis[:, 0] = way
-        pelvis[:, 1] += rise * np.cos(2.0 * turn)
-        for side, sign in (("R", 1.0), ("L", -1.0)):
-            feet[side][:, 0] = way + 0.35 * sign * np.cos(turn)
-            feet[side][:, 1] = 0.08 * np.maximum(0.0, -sign * np.sin(turn))
-            if movement == "running":
-                feet[side][:, 1] += 0.08 * (1.0 + np.cos(2.0 * turn))
-            if movement == "stairs":
-                feet[side][:, 1] += 0.4 * feet[side][:, 0]
-        pelvis[:, 1] += 0.4 * way if movement == "stairs" else 0.0
-    elif movement == "jumping":
-        air = time - 1.2
-        flight = np.where((air > 0.0) & (air < 0.5), 0.5 * GRAVITY / LEG * air * (0.5 - air), 0.0)
-        pelvis[:, 1] += flight
-        for path in feet.values():
-            path[:, 1] += flight
-    elif movement == "squatting":
-        pelvis += bump[:, None] * [-0.1, -0.4, 0.0]
-    elif movement == "rising":
-        down = np.clip(1.5 - time, 0.0, 1.0)[:, None]
-        pelvis += down * [-0.45, -0.5, 0.0]
-    elif movement == "upper limb":
-        hand += bump[:, None] * [0.4, 0.5, 0.0]
-    elif movement == "other":
-        feet["R"] += bump[:, None] * [0.4, 0.2, 0.0]
-    return pelvis, feet, hand
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """Paths of a body's parts, in shares of a leg of `LEG`.
+
+    Attributes
+    ----------
+    pelvis : (frames, 3)
+    feet : (frames, 3) by side
+    hand : (frames, 3) of the right hand beside its place at rest
+    """
+
+    pelvis: np.ndarray
+    feet: dict[str, np.ndarray]
+    hand: np.ndarray
+
+    @staticmethod
+    def at_rest(frames: int) -> Paths:
+        """Somebody who stands."""
+        still = np.zeros((frames, 3))
+        return Paths(
+            pelvis=still + [0.0, 1.0, 0.0], feet={"R": still.copy(), "L": still.copy()}, hand=still
+        )
+
+
+def _paths(movement: str, time: np.ndarray) -> Paths:
+    paths = Paths.at_rest(len(time))
+    moves = {
+        "walking": lambda: _step(paths, time, rate=0.9, speed=1.3, rise=0.02),
+        "stairs": lambda: _step(paths, time, rate=0.9, speed=1.3, rise=0.02, slope=0.4),
+        "running": lambda: _step(paths, time, rate=1.4, speed=2.5, rise=0.08),
+        "jumping": lambda: _jump(paths, time - 1.2),
+        "squatting": lambda: _add(paths.pelvis, _bump(time), [-0.1, -0.4, 0.0]),
+        "rising": lambda: _add(paths.pelvis, np.clip(1.5 - time, 0.0, 1.0), [-0.45, -0.5, 0.0]),
+        "upper limb": lambda: _add(paths.hand, _bump(time), [0.4, 0.5, 0.0]),
+        "other": lambda: _add(paths.feet["R"], _bump(time), [0.4, 0.2, 0.0]),
+    }
+    moves.get(movement, lambda: None)()
+    return paths
+
+
+def _bump(time: np.ndarray) -> np.ndarray:
+    """From 0 to 1 and back."""
+    return 0.5 - 0.5 * np.cos(2.0 * np.pi * time / SECONDS)
+
+
+def _add(path: np.ndarray, share: np.ndarray, way: list[float]) -> None:
+    path += share[:, None] * way
+
+
+def _step(
+    paths: Paths, time: np.ndarray, rate: float, speed: float, rise: float, slope: float = 0.0
+) -> None:
+    """Make so many strides a second; a pelvis that rises much flies."""
+    turn = 2.0 * np.pi * rate * time
+    way = speed * time
+    paths.pelvis[:, 0] = way
+    paths.pelvis[:, 1] += rise * np.cos(2.0 * turn) + slope * way
+    flight = np.where(rise > 0.05, 0.08 * (1.0 + np.cos(2.0 * turn)), 0.0)
+    for side, sign in (("R", 1.0), ("L", -1.0)):
+        foot = paths.feet[side]
+        foot[:, 0] = way + 0.35 * sign * np.cos(turn)
+        swing = 0.08 * np.maximum(0.0, -sign * np.sin(turn))
+        foot[:, 1] = swing + flight + slope * foot[:, 0]
+
+
+def _jump(paths: Paths, air: np.ndarray) -> None:
+    """Flight of half a second that begins where `air` is 0 [s]."""
+    height = np.where((air > 0.0) & (air < 0.5), 0.5 * GRAVITY / LEG * air * (0.5 - air), 0.0)
+    for path in (paths.pelvis, *paths.feet.values()):
+        path[:, 1] += height

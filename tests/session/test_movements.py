@@ -18,6 +18,17 @@ UPRIGHT = np.eye(3)
 
 
 def found(markers: Markers, rotation: np.ndarray = UPRIGHT) -> str:
+    """Name the movement of markers (frames, markers, 3), turned by (3, 3) to y up.
+
+    Parameters
+    ----------
+    markers : (frames, markers, 3)
+    rotation : (3, 3)
+
+    Returns
+    -------
+    the movement
+    """
     sites = recognize(markers.names).sites
     return str(found_movement(SeenBody.of(markers, sites, rotation)))
 

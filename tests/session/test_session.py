@@ -25,7 +25,7 @@ MOVEMENTS = ("standing", "walking", "jumping")
 
 
 def folder_of(folder: Path, leg: float = LEG, prefix: str = "", width: float = 0.13) -> Path:
-    """A folder with a recording of each of three movements."""
+    """Folder with a recording of each of three movements."""
     folder.mkdir(parents=True, exist_ok=True)
     for movement in MOVEMENTS:
         write_trc(made_person(movement, leg, width), folder / f"{prefix}{movement}.trc")
@@ -150,7 +150,7 @@ def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory) -> Path:
-    """The study file of one who stands and moves."""
+    """Study file of one who stands and moves."""
     folder = tmp_path_factory.mktemp("analyzed")
     write_trc(standing(), folder / "static.trc")
     write_trc(standing(0.5), folder / "slide_2026-03-05.trc")

@@ -68,7 +68,7 @@ class Case:
     thresholds: str
 
     def path(self, data: Path) -> Path:
-        """The file; it need not exist."""
+        """File; it need not exist."""
         if not self.repository:
             return data / self.file
         home = Path(os.environ.get(FOLDER, ""))
@@ -90,7 +90,7 @@ def cases() -> list[Case]:
 
 
 def measure(data: Path) -> Iterator[Row]:
-    """A row a recording: the movement that it is of, what its markers show, and by what."""
+    """Row a recording: the movement that it is of, what its markers show, and by what."""
     for case in cases():
         path = case.path(data)
         if not path.is_file():
@@ -107,7 +107,7 @@ def measure(data: Path) -> Iterator[Row]:
 
 
 def measure_movements(data: Path) -> Iterator[Row]:
-    """A row a movement: recordings, those found right, and what the others were taken for."""
+    """Row a movement: recordings, those found right, and what the others were taken for."""
     rows = list(measure(data))
     for thresholds in ("seen", "apart"):
         for movement in dict.fromkeys(row["movement"] for row in rows):
@@ -131,7 +131,7 @@ def measure_movements(data: Path) -> Iterator[Row]:
 
 @cache
 def _movement(path: Path) -> Known:
-    """The movement by markers alone; names are not looked at."""
+    """Movement by markers alone; names are not looked at."""
     try:
         trial = trial_of(look_at(path))
     except MyomorphError as error:
@@ -147,9 +147,7 @@ def _verdict(truth: str, found: str | None) -> str:
 
 
 def measure_people(data: Path) -> Iterator[Row]:
-    """How many people are found in folders of one and in folders mixed from two, with and without
-    names.
-    """
+    """Count people in folders of one and in folders mixed from two, with and without names."""
     persons = {name: _evidence(name, data) for name in PERSONS}
     persons = {name: own for name, own in persons.items() if own}
     for names in ("with names", "without names"):
@@ -191,7 +189,7 @@ def _mixed(persons: Sequence[Sequence[Evidence]]) -> Row:
 
 
 def _evidence(person: str, data: Path) -> list[Evidence]:
-    """What the recordings of a person say of who it is."""
+    """Read what the recordings of a person say of who it is."""
     found = []
     for case in cases():
         path = case.path(data)
@@ -202,6 +200,6 @@ def _evidence(person: str, data: Path) -> list[Evidence]:
 
 
 def _nameless(evidence: Evidence) -> Evidence:
-    """The same without any name, in one folder."""
+    """Take all names away, and put the recording into one folder."""
     path = Path("folder") / evidence.path.name
     return replace(evidence, header=Known(), code=SubjectCode(), path=path)

@@ -168,7 +168,7 @@ def _range(heights: Array) -> float:
 
 
 def found_movement(body: SeenBody, arm_alone: bool = False) -> Known[Movement]:
-    """The movement of a body by its markers.
+    """Movement of a body by its markers.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def _by_markers(movement: Movement, sentence: str) -> Known[Movement]:
 
 
 def _of_a_motion(motion: SeenMotion) -> Known[Movement]:
-    """The movement where feet and pelvis are seen over time."""
+    """Movement where feet and pelvis are seen over time."""
     steps = motion.steps
     if motion.body.is_animal:
         return _of_an_animal(motion, steps)
@@ -218,7 +218,7 @@ def _of_a_motion(motion: SeenMotion) -> Known[Movement]:
 
 
 def _of_an_animal(motion: SeenMotion, steps: bool) -> Known[Movement]:
-    """Walking of an animal that steps: gaits of four legs are not told apart."""
+    """Find walking of an animal that steps: gaits of four legs are not told apart."""
     if not steps:
         return Known(sentence="an animal that takes no steps")
     return _by_markers("walking", f"feet of an animal pass each other {_times(motion)}")
@@ -233,7 +233,7 @@ def _counted(flights: int) -> str:
 
 
 def _in_place(motion: SeenMotion) -> Known[Movement]:
-    """The movement of somebody who takes no steps."""
+    """Movement of somebody who takes no steps."""
     body = motion.body
     moved = max(extent(motion.feet[:, side]) for side in range(len(SIDES)))
     if moved > MIN_STEP:

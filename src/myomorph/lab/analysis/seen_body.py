@@ -49,13 +49,17 @@ class SeenBody:
 
     @staticmethod
     def of(markers: Markers, sites: Mapping[str, Site], rotation: Array) -> SeenBody:
-        """A body from markers.
+        """Body from markers.
 
         Parameters
         ----------
         markers : (frames, markers, 3) in the laboratory [m]
         sites : what labels lie on
         rotation : (3, 3) from the laboratory to axes whose y is up
+
+        Returns
+        -------
+        the body; where no protocol knows its legs, with what words in labels say
         """
         markers = most_seen(markers)
         if not shows_legs(sites):
@@ -78,7 +82,17 @@ class SeenBody:
         ]
 
     def mean(self, *parts: str, side: str | None = None) -> Array | None:
-        """(frames, 3) mean of markers, gaps of single markers filled; None where none is seen."""
+        """Mean of markers, gaps of single markers filled.
+
+        Parameters
+        ----------
+        parts : segments or landmarks, as `foot` or `foot.heel`
+        side : of the body, None for all
+
+        Returns
+        -------
+        (frames, 3) [m]; None where none is seen
+        """
         chosen = [_filled(self.places[label]) for label in self.labels(*parts, side=side)]
         chosen = [place for place in chosen if np.isfinite(place).any()]
         if not chosen:
@@ -131,7 +145,16 @@ class SeenBody:
         return float(1.0 / np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
 
     def smooth(self, values: Array) -> Array:
-        """Values (frames, ...) after a low-pass filter both ways; unchanged where they are few."""
+        """Low-pass filter values both ways.
+
+        Parameters
+        ----------
+        values : (frames, ...)
+
+        Returns
+        -------
+        (frames, ...); as they are where they are few
+        """
         cutoff = CUTOFF / self.pendulum
         if len(values) <= MIN_FRAMES or not cutoff < 0.45 * self.rate:
             return values
@@ -159,7 +182,7 @@ class SeenBody:
 
 
 def most_seen(markers: Markers) -> Markers:
-    """The longest passage through the capture volume, where most positions are hidden."""
+    """Longest passage through the capture volume, where most positions are hidden."""
     if np.isnan(markers.values).any(axis=2).mean() <= SELDOM:
         return markers
     spans = crossings(markers)
@@ -190,7 +213,16 @@ def shows_legs(sites: Mapping[str, Site]) -> bool:
 
 
 def extent(place: Array) -> float:
-    """Extent of a path (frames, 1 to 3) without its farthest tenth [m]."""
+    """Extent of a path without its farthest tenth.
+
+    Parameters
+    ----------
+    place : (frames, 1 to 3) [m], NaN where unseen
+
+    Returns
+    -------
+    [m], 0 where it is never seen
+    """
     seen = place[np.isfinite(place).all(axis=1)]
     if not len(seen):
         return 0.0
@@ -199,7 +231,7 @@ def extent(place: Array) -> float:
 
 
 def _filled(place: Array) -> Array:
-    """A marker's path (frames, 3) with gaps closed by lines; its first and last place beyond."""
+    """Marker's path (frames, 3) with gaps closed by lines; its first and last place beyond."""
     seen = np.isfinite(place).all(axis=1)
     if seen.all() or not seen.any():
         return place

@@ -1,5 +1,6 @@
-"""Segments that words in labels name, where no marker protocol knows them: those of models' bodies,
-of skeletons of capture programs, and of animals.
+"""Segments that words in labels name, where no marker protocol knows them.
+
+Such labels are those of models' bodies, of skeletons of capture programs, and of animals.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 
 
 def worded_site(label: str) -> Site | None:
-    """The segment and side that a label names, None where it names none."""
+    """Segment and side that a label names, None where it names none."""
     words = [word.lower() for word in WORDS.findall(label.split(":")[-1])]
     side = next((SIDES[word] for word in words if word in SIDES), "")
     words = [word for word in words if word not in SIDES]

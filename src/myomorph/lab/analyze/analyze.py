@@ -363,7 +363,7 @@ def _checked_person(
 
 
 def _prepared_subject(person: CheckedPerson, out: Path, alone: bool) -> PreparedSubject:
-    """The model of a person, written where it is the generic one, and the trials.
+    """Model of a person, written where it is the generic one, and the trials.
 
     Parameters
     ----------
@@ -445,7 +445,7 @@ def _check_recordings(recordings: SortedRecordings, request: AnalyzeRequest, out
 
 
 def _with_given_loads(moving: list[Recording], inputs: ByType) -> list[Recording]:
-    """The recordings, with a file of forces that the user gave to the only one of them."""
+    """Recordings, with a file of forces that the user gave to the only one of them."""
     loads = inputs.or_default(LoadsFile).loads
     if loads is None:
         return moving
@@ -456,7 +456,7 @@ def _with_given_loads(moving: list[Recording], inputs: ByType) -> list[Recording
 def _chosen_model(
     recordings: SortedRecordings, request: AnalyzeRequest, generic: Path
 ) -> ChosenModel:
-    """The model that was given, or the generic one fitted to the recordings and written."""
+    """Model that was given, or the generic one fitted to the recordings and written."""
     if not recordings.marked:
         model, path, of_model = unmarked_model(request, generic)
         return ChosenModel(model=model, path=path, labels={}, of_height=(), of_model=of_model)
@@ -468,7 +468,7 @@ def _chosen_model(
 
 
 def _trials(person: CheckedPerson, chosen: ChosenModel) -> tuple[tuple[TrialFiles, ...], list[str]]:
-    """A trial of each recording of motion, and sentences on single trials."""
+    """Trial of each recording of motion, and sentences on single trials."""
     request = person.request
     labels = Labels(FrozenMap(chosen.labels))
     mass = BodyMass(request.mass)
@@ -491,7 +491,7 @@ def _subject_files(
     chosen: ChosenModel,
     request: AnalyzeRequest,
 ) -> SubjectFiles:
-    """The subject with its trials."""
+    """Subject with its trials."""
     static = recordings.static
     return SubjectFiles(
         name=name,
@@ -524,7 +524,7 @@ def _plan(
     request: AnalyzeRequest,
     of_all: Sequence[str],
 ) -> Plan:
-    """The study; what is assumed of all recordings and of a subject stands with each trial."""
+    """Study; what is assumed of all recordings and of a subject stands with each trial."""
     files = [_with_assumed(subject, of_all) for subject in subjects]
     return Plan(
         name=study.parent.resolve().name,
@@ -538,7 +538,7 @@ def _plan(
 
 
 def _with_assumed(subject: PreparedSubject, of_all: Sequence[str]) -> SubjectFiles:
-    """The subject, its trials with all that is assumed of them."""
+    """Subject, its trials with all that is assumed of them."""
     shared = (*of_all, *subject.assumed)
     trials = tuple(
         trial.having(Assumed((*shared, *trial.get(Assumed).assumed)))
@@ -583,7 +583,7 @@ def _refuse_changed(path: Path) -> None:
 def _static(
     looked: list[Recording], of_person: Mapping[Path, SessionTrial], request: AnalyzeRequest
 ) -> tuple[Recording | None, list[Recording], str]:
-    """The recording of standing still, the others, and a sentence on it.
+    """Recording of standing still, the others, and a sentence on it.
 
     Somebody who sways stands too: recordings in which the session sees standing come after those in
     which nothing moves.
@@ -687,7 +687,7 @@ def _check_time(
 def _model(
     everyone: Sequence[Recording], request: AnalyzeRequest, height: float | None, generic: Path
 ) -> tuple[Model, Path, dict[str, str], list[str]]:
-    """The model, its file, what it calls markers that recordings call otherwise, and sentences on
+    """Model, its file, what it calls markers that recordings call otherwise, and sentences on
     it.
     """
     if request.model is None:
@@ -760,7 +760,7 @@ def _model(
 
 
 def _height(recording: Recording, height: float | None) -> tuple[float | None, list[str]]:
-    """The height that the generic model begins with [m], None for its own; and a sentence on what
+    """Height that the generic model begins with [m], None for its own; and a sentence on what
     markers show.
     """
     if height is None:

@@ -64,7 +64,7 @@ def _said(known: Known, reasons: bool) -> str:
 
 
 def _shared(said: Sequence[Known[str]], reasons: bool) -> str:
-    """What all trials say, each different statement once."""
+    """Join what all trials say, each different statement once."""
     texts = dict.fromkeys(_said(known, reasons) for known in said if known)
     return ", ".join(texts) or "not known"
 

@@ -1,6 +1,4 @@
-"""Lengths of segments and weight of who was recorded, with how sure they are, and whether two
-recordings are of one body.
-"""
+"""Lengths of segments and weight of who was recorded, and whether two recordings are of one body."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Statements that names make: who, when and which movement, by a recording's header, file and
-folder.
-"""
+"""Statements of names: who, when and which movement, by a recording's header, file and folder."""
 
 from __future__ import annotations
 
@@ -91,7 +89,7 @@ def header_name(trial: Trial) -> Known[str]:
 
 
 def subject_code(path: Path) -> SubjectCode:
-    """The code of a subject in the name of a file or of the folders it is in, the nearest first."""
+    """Code of a subject in the name of a file or of the folders it is in, the nearest first."""
     for text, origin in _named(path):
         entity = dict(BIDS_ENTITY.findall(text))
         if "sub" in entity:
@@ -106,14 +104,14 @@ def subject_code(path: Path) -> SubjectCode:
 
 
 def _named(path: Path) -> Iterator[tuple[str, Origin]]:
-    """The names of a file and of the two folders that it is in."""
+    """Names of a file and of the two folders that it is in."""
     yield path.stem, "file name"
     for folder in path.resolve().parents[:2]:
         yield folder.name, "folder"
 
 
 def named_movement(path: Path) -> Known[Movement]:
-    """The movement that the name of a file says, else that of its folder."""
+    """Movement that the name of a file says, else that of its folder."""
     for text, origin in list(_named(path))[:2]:
         words = [word.lower() for word in WORDS.findall(BIDS_ENTITY.sub(_task, text))]
         joined = [*words, *("".join(pair) for pair in itertools.pairwise(words))]
@@ -130,7 +128,7 @@ def _task(entity: re.Match[str]) -> str:
 
 
 def stated_date(trial: Trial, path: Path) -> Known[date]:
-    """The day of the recording, by the header, the scans of BIDS, or dates in names.
+    """Day of the recording, by the header, the scans of BIDS, or dates in names.
 
     Days and months that may be exchanged are not known.
     """
@@ -149,7 +147,7 @@ def stated_date(trial: Trial, path: Path) -> Known[date]:
 
 
 def _date_in(text: str) -> date | None:
-    """A date that a text holds and that can be read in one way only."""
+    """Date that a text holds and that can be read in one way only."""
     first = YEAR_FIRST.search(text)
     if first is not None:
         return _day(*map(int, first.groups()))

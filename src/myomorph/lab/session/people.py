@@ -1,6 +1,4 @@
-"""Which recordings are of one person: by names, and where these do not say, by segment lengths and
-weight.
-"""
+"""Recordings by person: by names, and where these do not say, by segment lengths and weight."""
 
 from __future__ import annotations
 
@@ -72,7 +70,7 @@ class Group:
 
 
 def people_of(recordings: Sequence[Evidence]) -> tuple[Group, ...]:
-    """Recordings by who they are of.
+    """Group recordings by who they are of.
 
     Recordings with different names are of two people, unless markers show that they are of one body
     in one session. Without names they are of one, unless their bodies differ more than one body
@@ -104,7 +102,7 @@ def _says_little(recording: Evidence, index: int) -> tuple[bool, int, int]:
 
 
 def _with_sure_codes(recordings: Sequence[Evidence]) -> list[Evidence]:
-    """Recordings whose codes are sure where each of several codes is that of several recordings."""
+    """Make codes sure where each of several codes is that of several recordings."""
     counts = Counter(one.code.text for one in recordings if one.code.text)
     several = len(counts) > 1 and min(counts.values()) > 1
     return [
@@ -141,7 +139,7 @@ def _apart(recordings: Sequence[Evidence], group: Sequence[int], index: int) -> 
 
 
 def _why(first: Evidence, second: Evidence, comparison: Comparison) -> str:
-    """What tells two recordings apart, "" where nothing does."""
+    """Say what tells two recordings apart, "" where nothing does."""
     if comparison.count >= MANY_LENGTHS and comparison.squares < ALIKE * comparison.count:
         return ""
     codes = (first.code, second.code)

@@ -79,7 +79,7 @@ def read_session(
 def session_of(
     recordings: Sequence[Recording], source: str = "", passed_over: Iterable[str] = ()
 ) -> Session:
-    """The session of recordings that were looked at."""
+    """Session of recordings that were looked at."""
     trials = [trial_of(recording) for recording in recordings]
     evidence = [
         evidence_of(recording, trial) for recording, trial in zip(recordings, trials, strict=True)
@@ -100,7 +100,7 @@ def session_of(
 
 
 def trial_of(recording: Recording) -> SessionTrial:
-    """A recording as a trial, of nobody yet."""
+    """Make a trial of a recording, of nobody yet."""
     trial = recording.trial
     body = _body(recording)
     seen = body is not None
@@ -134,7 +134,7 @@ def trial_of(recording: Recording) -> SessionTrial:
 
 
 def evidence_of(recording: Recording, trial: SessionTrial) -> Evidence:
-    """What a recording says of who it is of."""
+    """Collect what a recording says of who it is of."""
     return Evidence(
         path=recording.path,
         header=header_name(recording.trial),
@@ -144,7 +144,7 @@ def evidence_of(recording: Recording, trial: SessionTrial) -> Evidence:
 
 
 def _body(recording: Recording) -> SeenBody | None:
-    """The body that markers show, None for sensors alone."""
+    """Body that markers show, None for sensors alone."""
     markers = recording.trial.markers
     if markers is None:
         return None
@@ -152,7 +152,7 @@ def _body(recording: Recording) -> SeenBody | None:
 
 
 def _movement(recording: Recording, body: SeenBody | None) -> Known[Movement]:
-    """The movement by markers, else by sensors that do not move."""
+    """Movement by markers, else by sensors that do not move."""
     if body is not None:
         return found_movement(body, is_arm(recording.found))
     if recording.still:
@@ -215,7 +215,7 @@ def _standing_mass(recording: Recording) -> float | None:
 def _people(
     groups: Sequence[Group], trials: Sequence[SessionTrial], evidence: Sequence[Evidence]
 ) -> tuple[Person, ...]:
-    """The person of each group; of two with one name in headers, codes of files name them."""
+    """Person of each group; of two with one name in headers, codes of files name them."""
     headers = [_shared_header([evidence[member] for member in group.members]) for group in groups]
     counts = Counter(header.value for header in headers)
     people: list[Person] = []
@@ -242,7 +242,7 @@ def _code_of(own: Sequence[Evidence]) -> Known[str]:
 
 
 def _free(name: str, taken: set[str]) -> str:
-    """A name that nobody else has."""
+    """Name that nobody else has."""
     number = 2
     free = name
     while free in taken:
@@ -252,7 +252,7 @@ def _free(name: str, taken: set[str]) -> str:
 
 
 def _kind(trials: Sequence[SessionTrial]) -> Known[Kind]:
-    """A person or an animal, by the lengths of shanks and pelvis."""
+    """Person or an animal, by the lengths of shanks and pelvis."""
     lengths = [one.mean for trial in trials for one in trial.measures.lengths.values()]
     animal = [trial for trial in trials if "animal" in trial.movement.sentence]
     if animal:

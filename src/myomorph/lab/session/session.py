@@ -133,7 +133,7 @@ class Session:
         return tuple(trial for trial in self.trials if trial.person == person)
 
     def trial(self, path: Path) -> SessionTrial | None:
-        """The trial of a file, None where it is none of the session."""
+        """Trial of a file, None where it is none of the session."""
         return next((trial for trial in self.trials if trial.path == path), None)
 
     @property

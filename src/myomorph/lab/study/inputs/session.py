@@ -31,7 +31,7 @@ class Day(KeyKind):
     table: ClassVar[Any] = date | str
 
     def located(self, key: str, given: Any, place: Place) -> str:
-        """The day; one of another form is a problem of the place."""
+        """Day; one of another form is a problem of the place."""
         day = given.date() if isinstance(given, datetime) else given
         try:
             return date.fromisoformat(str(day)).isoformat() if str(day) else ""
@@ -82,7 +82,7 @@ class RecordedSession(Recorded):
 
 
 def recorded_movement(facts: Mapping[str, str]) -> Known[Movement]:
-    """The movement that facts of a result file hold; not known in those of older versions."""
+    """Movement that facts of a result file hold; not known in those of older versions."""
     movement = next((name for name in MOVEMENTS if name == facts.get("movement", "")), None)
     if movement is None:
         return Known(sentence=facts.get("movement_sentence", ""))
@@ -91,7 +91,7 @@ def recorded_movement(facts: Mapping[str, str]) -> Known[Movement]:
 
 
 def _open(settings: TrialSession, opening: Opening) -> Opened:
-    """The movement as stated, else as the markers show; where both say the same, these are why."""
+    """Movement as stated, else as the markers show; where both say the same, these are why."""
     movement = _found(opening)
     stated = next((name for name in MOVEMENTS if name == settings.movement), None)
     if stated is not None and stated != movement.value:
@@ -102,7 +102,7 @@ def _open(settings: TrialSession, opening: Opening) -> Opened:
 
 
 def _found(opening: Opening) -> Known[Movement]:
-    """The movement that the markers of a recording show; not known without markers."""
+    """Movement that the markers of a recording show; not known without markers."""
     markers = opening.values.or_default(Recording).trial.markers
     if markers is None or not len(markers):
         return Known()
