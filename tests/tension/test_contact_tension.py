@@ -153,7 +153,7 @@ def test_passive_force_beyond_a_muscle_s_strength_is_reported_with_its_name(walk
     notes = []
     for one in (model, replace(model, muscles=changed)):
         solution = solve_contacts(TensionInputs(one, motion, tau, contacts=task(one, motion)))[1]
-        notes.append(contact_notes(solution.found))
+        notes.append(contact_notes(solution.tension))
     assert notes[0] == ()
     assert len(notes[1]) == 1
     assert (

@@ -14,7 +14,7 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.rigid.dynamics import inverse_dynamics
-from myomorph.core.tension.elastic.windows import FASTEST, along, picked, solved_every
+from myomorph.core.tension.elastic.windows import MAX_RATE, along, picked, solved_every
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import TensionOptions
 
@@ -42,7 +42,7 @@ def fast_arm(data, rate: float) -> tuple[Model, Motion, Series]:
 
 @pytest.mark.parametrize(
     ("rate", "every"),
-    [(50.0, 1), (100.0, 1), (FASTEST, 1), (240.0, 2), (400.0, 2), (1000.0, 5), (1200.0, 6)],
+    [(50.0, 1), (100.0, 1), (MAX_RATE, 1), (240.0, 2), (400.0, 2), (1000.0, 5), (1200.0, 6)],
 )
 def test_no_more_frames_a_second_are_solved_than_said(rate, every):
     assert solved_every(np.arange(1000) / rate) == every
@@ -72,7 +72,7 @@ def test_curves_between_stay_in_their_range():
 def test_a_fast_recording_balances_everywhere_and_is_as_a_slower_one(data):
     model, motion, torques = fast_arm(data, 1000.0)
     fast = solve_tension(model, motion, torques, ELASTIC)
-    slow = solve_tension(*fast_arm(data, FASTEST), ELASTIC)
+    slow = solve_tension(*fast_arm(data, MAX_RATE), ELASTIC)
     assert fast.optimal.all()
     assert slow.optimal.all()
     assert fast.equilibrium_residual.max() < 1e-3

@@ -41,7 +41,7 @@ def test_two_starts_give_their_distance_and_the_one_that_is_solved(monkeypatch, 
 
     monkeypatch.setattr(windows, "Solver", solver)
     monkeypatch.setattr(windows, "integrated", lambda program, a: np.full((3, 2), a.mean()))
-    point, found = windows.solve_part(None, ZERO, np.ones((3, 1)), again=True)
+    point, found = windows.solve_part(None, ZERO, np.ones((3, 1)), second_start=True)
     assert point is outcomes[taken][0]
     assert found.solved is outcomes[taken][1].solved
     assert found.far == pytest.approx((0.1, np.sqrt(25.0 / 6.0)))
@@ -51,6 +51,6 @@ def test_two_starts_give_their_distance_and_the_one_that_is_solved(monkeypatch, 
     assert (second.a == windows.SECOND_START).all()
     assert (second.f == windows.SECOND_START).all()
     starts.clear()
-    point, alone = windows.solve_part(None, ZERO, np.ones((3, 1)), again=False)
+    point, alone = windows.solve_part(None, ZERO, np.ones((3, 1)), second_start=False)
     assert point is ZERO
     assert np.isnan(alone.far).all()

@@ -10,14 +10,20 @@ import numpy as np
 import pytest
 from test_elements import arrays
 
-from myomorph.core.tension.elastic.interior import Solver, _not_negative
+from myomorph.core.tension.elastic.interior import (
+    Blocks,
+    Merit,
+    NewtonStep,
+    Solver,
+    _not_negative,
+)
 from myomorph.core.tension.elastic.program import Costs, Point, Program, Rates
 
 
 def test_the_nearest_curvature_that_is_not_negative_is_the_clipped_spectrum():
     """Higham 1988: negative eigenvalues become zero, and with them the distance is least."""
     kk, kn, nn = np.random.default_rng(0).normal(size=(3, 200))
-    found = np.stack(_not_negative(kk, kn, nn))
+    found = np.stack(_not_negative(Blocks(kk, kn, nn)))
     for given, ours in zip(np.stack([kk, kn, nn], axis=1), found.T, strict=True):
         values, vectors = np.linalg.eigh(given[[0, 1, 1, 2]].reshape(2, 2))
         nearest = (vectors * np.maximum(values, 0.0)) @ vectors.T
@@ -151,11 +157,14 @@ def test_a_step_is_taken_where_the_cost_falls_by_a_ten_thousandth_of_what_its_sl
         y=np.zeros(1),
         boxes=[Free()],
         filter=[],
-        slope=lambda at, step, dy: -1.0,
+        slope=lambda at, step: -1.0,
         linearize=lambda v, y: float(v[0][0]),
-        merit=lambda v, y, at: (0.0, values.get(float(v[0][0]), 10.0)),
+        merit=lambda v, y, at: Merit(0.0, values.get(float(v[0][0]), 10.0)),
+        _accepted=lambda at, step, share: Solver._accepted(solver, at, step, share),
+        _accepts=lambda *step: Solver._accepts(solver, *step),
     )
-    assert Solver.advance(solver, 0.0, [np.ones(1)], np.zeros(1)) == length
+    step = NewtonStep([np.ones(1)], np.zeros(1))
+    assert Solver.advance(solver, 0.0, step) == length
     assert solver.taken == length
     assert solver.v[0] == length
     assert solver.filter == []

@@ -22,7 +22,7 @@ from myomorph.core.tension.relaxation import (
     Allowance,
     relaxation_lines,
     relaxations,
-    what_lacks,
+    missing_words,
     what_would_do,
 )
 from myomorph.core.tension.terms.contacts import ContactTask
@@ -206,8 +206,8 @@ def test_a_force_within_45_degrees_of_the_vertical_is_called_so():
         (-0.705, "downward"),
     ):
         force = 200.0 * np.array([np.sqrt(1.0 - share**2), share, 0.0])
-        assert what_lacks((), force, zero, up) == f"no site may touch, but 200 N {way} are needed"
-    assert "a moment of 9 N m is needed beside" in what_lacks(["heel"], 8.0 * up, 9.0 * up, up)
+        assert missing_words((), force, zero, up) == f"no site may touch, but 200 N {way} are needed"
+    assert "a moment of 9 N m is needed beside" in missing_words(["heel"], 8.0 * up, 9.0 * up, up)
 
 
 def test_each_allowance_is_named_with_its_number_and_unit():

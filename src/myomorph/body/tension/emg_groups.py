@@ -1,5 +1,4 @@
-"""Groups of muscles that share joints: synergies of their channels, and a fit of gains as a
-calibration.
+"""Groups of muscles that share joints: synergies of their channels, and a fit as a calibration.
 
 Gains of EMG that torques do not show are usual ones, and so is the level of all where only priors
 would move it.
@@ -10,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.motion.emg_activation import (
@@ -34,7 +34,8 @@ TOLD = 0.5
 """Torques tell a gain where they leave less than this share of the prior's standard deviation of
 its logarithm.
 """
-CROWDED = 2  # Synergies need as many channels
+MIN_CHANNELS = 2
+"""Number of channels that synergies need."""
 SAME = 0.95
 """Cosine between what an unmeasured muscle and measured ones do at the joints, from which on these
 tell of it: both gastrocnemii, hamstrings or vasti have 0.95 and more, soleus and gastrocnemii 0.88,
@@ -42,41 +43,48 @@ rectus femoris and vasti 0.7.
 """
 
 
+HELD = 1e6
+"""Precision of the logarithm of a gain that is held."""
+
+
 def synergy_groups(
     frames: Sequence[TrackedFrames], names: tuple[str, ...], tells: Array, peaks: Array
 ) -> tuple[Group, ...]:
-    """Channels whose muscles share joints, their synergies, and the unmeasured muscles of these
-    joints.
+    """Channels whose muscles share joints, their synergies, and these joints' unmeasured muscles.
+
+    Parameters
+    ----------
+    frames : of all trials
+    names : of the channels
+    tells : (muscles, channels) True where a channel measures a muscle
+    peaks : (channels,) largest envelope over all trials
+
+    Returns
+    -------
+    groups that have synergies and an unmeasured muscle
     """
-    acts = np.asarray(
-        np.array([np.abs(frame.columns).max(axis=0) for frame in frames]).max(axis=0) > 0.0
-    )
+    # (rows, muscles) which muscles act on which rows of the balance
+    acts = np.array([np.abs(frame.columns).max(axis=0) for frame in frames]).max(axis=0) > 0.0
     reach = (acts.astype(float) @ tells) > 0.0
-    measured = np.asarray(tells.any(axis=1))
-    groups = list[Group]()
-    left = list(np.flatnonzero(reach.any(axis=0)))
-    taken = np.zeros(len(measured), dtype=bool)
-    while left:
-        rows = reach[:, left[0]].copy()
-        before = -1
-        while rows.sum() != before:
-            before = int(rows.sum())
-            here = [c for c in left if reach[rows, c].any()]
-            rows |= reach[:, here].any(axis=1)
-        left = [c for c in left if c not in here]
+    taken = np.asarray(tells.any(axis=1)).copy()
+    groups = []
+    remaining = [int(channel) for channel in np.flatnonzero(reach.any(axis=0))]
+    while remaining:
+        rows = _connected_rows(reach, remaining)
+        here = [channel for channel in remaining if reach[rows, channel].any()]
+        remaining = [channel for channel in remaining if channel not in here]
+        muscles = np.flatnonzero(acts[rows].any(axis=0) & ~taken)
+        alive = np.array([channel for channel in here if peaks[channel] > 0.0], dtype=np.int64)
         # Synergies of one channel would be that channel.
-        muscles = np.flatnonzero(acts[rows].any(axis=0) & ~measured & ~taken)
-        alive = np.array([c for c in here if peaks[c] > 0.0], dtype=np.int64)
-        if len(alive) < CROWDED or not len(muscles):
+        if len(alive) < MIN_CHANNELS or not len(muscles):
             continue
         taken[muscles] = True
         values = np.vstack([frame.emg.values[:, alive] for frame in frames])
         if not np.isfinite(values).all(axis=1).any():
             continue
-        synergies = find_synergies(tuple(names[c] for c in alive), values, peaks[alive])
         groups.append(
             Group(
-                synergies=synergies,
+                synergies=find_synergies(tuple(names[c] for c in alive), values, peaks[alive]),
                 channels=alive,
                 muscles=muscles,
                 like=alike(frames, muscles, tells[:, alive]),
@@ -85,7 +93,28 @@ def synergy_groups(
     return tuple(groups)
 
 
-def calibration_of(
+def _connected_rows(reach: NDArray[np.bool_], channels: Sequence[int]) -> NDArray[np.bool_]:
+    """Rows that the first of some channels acts on, and all that share rows with it.
+
+    Parameters
+    ----------
+    reach : (rows, all channels) whether a channel's muscles act on a row
+    channels : some of them
+
+    Returns
+    -------
+    (rows,)
+    """
+    rows = reach[:, channels[0]].copy()
+    count = -1
+    while rows.sum() != count:
+        count = int(rows.sum())
+        here = [channel for channel in channels if reach[rows, channel].any()]
+        rows |= reach[:, here].any(axis=1)
+    return rows
+
+
+def calibration_of(  # page: a fit, and what names its arrays
     tracking: TorqueTracking,
     fit: Fit,
     names: tuple[str, ...],
@@ -93,14 +122,21 @@ def calibration_of(
     delays: Array,
     shapes: Array,
 ) -> EmgCalibration:
-    """A fit as a calibration of the channels."""
+    """Make a calibration of the channels from a fit.
+
+    Parameters
+    ----------
+    names, muscles : of the channels, and of all muscles
+    delays, shapes : (channels,) [s], shape factors
+
+    Returns
+    -------
+    gains with intervals, and activations of muscles that act as measured ones do
+    """
     prior = np.sqrt(np.diag(np.linalg.inv(tracking.prior.precision)))
     spread = np.exp(np.outer(fit.deviation, (-1.96, 1.96)))
-    near = (
-        np.maximum(action_cosines(tracking.frames), 0.0)
-        @ tracking.tells
-        / np.maximum(tracking.tells.sum(axis=0), 1.0)
-    )
+    cosines = np.maximum(action_cosines(tracking.frames), 0.0)
+    near = cosines @ tracking.tells / np.maximum(tracking.tells.sum(axis=0), 1.0)
     synergies = tuple(_twins(group, near, fit.gains, names, muscles) for group in tracking.groups)
     return EmgCalibration(
         channels=names,
@@ -119,15 +155,21 @@ def _twins(
     group: Group, near: Array, gains: Array, names: tuple[str, ...], muscles: tuple[str, ...]
 ) -> SynergyWeights:
     """Activations of muscles that act as measured ones do: the mean of these.
+
     Their own course says more of them than synergies that they share with muscles which act
-    otherwise. `near` (muscles, channels) cosine between what muscles do at the joints.
+    otherwise.
+
+    Parameters
+    ----------
+    near : (muscles, channels) cosine between what muscles do at the joints
+    gains : (channels,)
+    names, muscles : of the channels, and of all muscles
     """
     coupled = near[np.ix_(group.muscles, group.channels)] >= SAME
     told = coupled.any(axis=1)
     scale = group.synergies.scale
-    weights = (
-        coupled[told] / coupled[told].sum(axis=1, keepdims=True) * (gains[group.channels] * scale)
-    )
+    share = coupled[told] / coupled[told].sum(axis=1, keepdims=True)
+    weights = share * (gains[group.channels] * scale)
     courses = Synergies(
         channels=tuple(names[c] for c in group.channels),
         scale=scale,
@@ -138,28 +180,48 @@ def _twins(
 
 
 def some_names(names: Sequence[str]) -> str:
-    """A few names for a line."""
+    """Join a few names for a line."""
     return ", ".join(names[:6]) + (" ..." if len(names) > 6 else "")
 
 
-HELD = 1e6  # Precision of the logarithm of a gain that is held
-
-
 def kept_level(tracking: TorqueTracking, level: Prior, delays: Array, shapes: Array) -> Prior:
-    """The prior of gains: that in which all share a usual level, unless torques are more likely
-    otherwise. Muscles without EMG are expected to work as those beside them. Where hardly anything
-    else says how large gains are (unmeasured contact forces), that alone would make them small.
-    `level`: the prior whose common level is known; `tracking` has the one whose level is not.
+    """Choose the prior of gains: a usual level of all, unless torques are more likely otherwise.
+
+    Muscles without EMG are expected to work as those beside them. Where hardly anything else says
+    how large gains are (unmeasured contact forces), that alone would make them small.
+
+    Parameters
+    ----------
+    level : the prior whose common level is known; `tracking` has the one whose level is not
+    delays, shapes : (channels,) [s], shape factors
+
+    Returns
+    -------
+    one of the two
     """
     free = tracking.fit(delays, shapes)
-    kept = tracking.fit(delays, shapes, level)
-    return tracking.prior if kept.misfit - free.misfit > LIKELIHOOD_95 else level
+    usual = tracking.fit(delays, shapes, level)
+    return tracking.prior if usual.misfit - free.misfit > LIKELIHOOD_95 else level
 
 
 def settled_fit(tracking: TorqueTracking, prior: Prior, delays: Array, shapes: Array) -> Fit:
-    """The most probable gains, where those that torques do not show are the usual ones beside those
-    that they do. `prior`: that of `kept_level`; deviations are by that of `tracking`, whose common
-    level is not known.
+    """Find gains, those that torques do not show as usual beside those that they do.
+
+    The mean of the silent ones, given the others, is that of a normal distribution,
+
+        mean_s - P_ss^-1 P_st (log g_t - mean_t)
+
+    with its precision P.
+
+    Parameters
+    ----------
+    prior : that of `kept_level`; deviations are by that of `tracking`, whose common level is not
+        known
+    delays, shapes : (channels,) [s], shape factors
+
+    Returns
+    -------
+    gains, offsets and weights, with their cost
     """
     deviation = tracking.fit(delays, shapes).deviation
     fit = tracking.fit(delays, shapes, prior)
@@ -168,11 +230,11 @@ def settled_fit(tracking: TorqueTracking, prior: Prior, delays: Array, shapes: A
     silent = (deviation >= TOLD * spread) & (spread > 2.0 * NEAR_MAXIMUM)
     if not silent.any():
         return fit._replace(deviation=deviation)
-    apart = (np.log(fit.gains) - prior.mean)[~silent]
-    beside = np.linalg.solve(
-        prior.precision[np.ix_(silent, silent)], prior.precision[np.ix_(silent, ~silent)] @ apart
-    )
+    difference = (np.log(fit.gains) - prior.mean)[~silent]
+    P = prior.precision
+    shift = np.linalg.solve(P[np.ix_(silent, silent)], P[np.ix_(silent, ~silent)] @ difference)
     mean = prior.mean.copy()
-    mean[silent] = np.minimum(mean[silent] - beside, prior.upper[silent])
-    held = Prior(mean, prior.precision + HELD * np.diag(silent.astype(float)), prior.upper)
+    mean[silent] = np.minimum(mean[silent] - shift, prior.upper[silent])
+    precision = P + HELD * np.diag(silent.astype(float))
+    held = Prior(mean=mean, precision=precision, upper=prior.upper)
     return tracking.fit(delays, shapes, held)._replace(deviation=deviation)

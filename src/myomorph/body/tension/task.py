@@ -1,6 +1,4 @@
-"""The tensions of one recording as a whole: contacts and EMG prepared, the problem solved, warnings
-computed.
-"""
+"""The tensions of one recording as a whole: contacts and EMG, the problem, and warnings."""
 
 from __future__ import annotations
 
@@ -48,7 +46,7 @@ from myomorph.core.tension.solve import (
 )
 from myomorph.core.tension.tension import Tension, TensionOptions, passive_notes
 from myomorph.core.tension.terms.actuators import default_reserves
-from myomorph.core.tension.terms.contacts import ContactOptions
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.core.tension.terms.emg import EmgTarget
 from myomorph.core.tension.terms.term import Term
 
@@ -59,89 +57,127 @@ OBJECT_RESIDUAL = 0.01
 """Optimal force of what holds an object beside its contacts, as a share of that of a body's
 residuals.
 """
-AT_ONCE = 8  # Instants between two reports of progress
-# Muscles from which on solutions near the optimum are not asked for: that takes seconds an instant
-# there
+AT_ONCE = 8
+"""Number of instants between two reports of progress."""
 LARGE = 250
+"""Number of muscles from which on solutions near the optimum are not asked for: they take seconds
+per instant there.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class EmgRecording:
-    """EMG that takes part in the tensions."""
+    """EMG that takes part in the tensions.
+
+    Attributes
+    ----------
+    muscles : channel to the muscles it was measured on
+    maxima : envelope of channels in maximum voluntary contractions
+    calibration : delays and gains from elsewhere, as of all trials of a subject; None finds them on
+        this recording
+    """
 
     emg: Emg
-    muscles: Mapping[str, tuple[str, ...]]  # channel to the muscles it was measured on
-    maxima: Mapping[str, float]  # envelope of channels in maximum voluntary contractions
+    muscles: Mapping[str, tuple[str, ...]]
+    maxima: Mapping[str, float]
     options: EmgOptions
-    # delays and gains from elsewhere, as of all trials of a subject; None finds them on this
-    # recording
     calibration: EmgCalibration | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class EmgTargets:
-    """What EMG shows of a recording."""
+    """What EMG shows of a recording.
 
-    target: EmgTarget | None  # None where no channel is of a muscle, or channels disagree
+    Attributes
+    ----------
+    target : None where no channel is of a muscle, or channels disagree
+    """
+
+    target: EmgTarget | None
     calibration: EmgCalibration | None
     notes: tuple[str, ...] = ()
 
     def conflicts(self, model: Model, tension: Tension) -> tuple[EmgConflict, ...]:
-        """Where EMG and torques contradict each other."""
+        """Stretches in which EMG and torques contradict each other."""
         return () if self.target is None else emg_conflicts(model, tension, self.target)
 
 
 @dataclass(frozen=True, eq=False)
 class ContactWarnings:
-    """Warnings about the contact forces of a solution."""
+    """Warnings about the contact forces of a solution.
 
-    # what the data leave open, None where no instant was asked for
+    Attributes
+    ----------
+    intervals : what the data leave open, None where no instant was asked for
+    infeasible : frames whose contacts cannot carry the motion
+    """
+
     intervals: ContactIntervals | None
-    infeasible: tuple[Relaxation, ...]  # frames whose contacts cannot carry the motion
+    infeasible: tuple[Relaxation, ...]
 
     def table(self) -> Table:
-        """Forces with what the data leave open: `<group>_fx`, `<group>_fx_low`, `<group>_fx_high`,
-        ... [N].
+        """Contact forces with what the data leave open [N].
+
+        Columns are `<group>_fx`, `<group>_fx_low`, `<group>_fx_high`, ...
         """
-        asked = self.intervals
-        assert asked is not None
-        endings = ("", "_low", "_high")
+        intervals = self.intervals
+        assert intervals is not None
         names = tuple(
             f"{group}_f{axis}{ending}"
-            for group in asked.groups
+            for group in intervals.groups
             for axis in "xyz"
-            for ending in endings
+            for ending in ("", "_low", "_high")
         )
-        values = np.stack([asked.forces, asked.low, asked.high], axis=3).reshape(len(asked), -1)
+        values = np.stack([intervals.forces, intervals.low, intervals.high], axis=3)
         return Table(
-            asked.time,
+            intervals.time,
             names,
-            values,
+            values.reshape(len(intervals), -1),
             facts=FrozenMap({"name": "What the data leave open of contact forces"}),
         )
 
 
 @dataclass(frozen=True, eq=False)
 class TensionTask:
-    """The tension problem of a recording."""
+    """The tension problem of a recording.
+
+    Attributes
+    ----------
+    torques : of those external forces alone that are known exactly
+    actuators : beside the model's own
+    setting : contacts, where their forces are asked for
+    emg : what EMG shows, where it takes part
+    wrenches : external forces that act as they were measured, at the motion's times
+    terms : further costs
+    recruitment : costs that need all joint torques, which are known only once contact forces are;
+        None for none
+    """
 
     model: Model
     motion: Motion
-    torques: Series  # of those external forces alone that are known exactly
+    torques: Series
     options: TensionOptions
-    actuators: tuple[Actuator, ...]  # beside the model's own
-    setting: ContactSetting | None  # contacts, where their forces are asked for
-    emg: EmgTargets | None  # what EMG shows, where it takes part
-    # external forces that act as they were measured, at the motion's times
+    actuators: tuple[Actuator, ...]
+    setting: ContactSetting | None
+    emg: EmgTargets | None
     wrenches: Wrenches | None
-    terms: tuple[Term, ...] = ()  # further costs
-    # costs that need all joint torques, which are known only once contact forces are; None for none
+    terms: tuple[Term, ...] = ()
     recruitment: RecruitmentOptions | None = None
 
     def solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
-        """The tensions; where it can be asked what it leaves open of contact forces, the problem
-        that found these. With contacts, joint loads and co-contraction are costs of the tensions
-        under the contact forces.
+        """Solve for the tensions.
+
+        With contacts, joint loads and co-contraction are costs of the tensions under the contact
+        forces.
+
+        Parameters
+        ----------
+        advance : called with the number of frames just done
+
+        Returns
+        -------
+        the tensions, and the problem that contact forces come from, where it can be asked what it
+        leaves open of them
         """
         tension, solution = self._solved(advance)
         if self.recruitment is None:
@@ -155,20 +191,43 @@ class TensionTask:
         return with_contacts(again, tension), solution
 
     def _solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
-        contacts = None if self.setting is None else self.setting.task
-        emg = None if self.emg is None else self.emg.target
-        arguments = (self.model, self.motion, self.torques, self.options, self.actuators)
-        # What contacts leave open is asked of the power criterion and rigid tendons alone.
-        closed = self.options.tendons == "elastic" or self.options.recruitment == "minmax"
-        if contacts is None or contacts.options.formulation == "sequential" or closed:
-            return (
-                solve_tension(*arguments, advance, contacts=contacts, emg=emg, terms=self.terms),
-                None,
-            )
-        return solve_contacts(TensionInputs(*arguments, contacts, emg, self.terms), advance)
+        """Solve without the costs that need contact forces first."""
+        inputs = TensionInputs(
+            model=self.model,
+            motion=self.motion,
+            torques=self.torques,
+            options=self.options,
+            actuators=self.actuators,
+            contacts=None if self.setting is None else self.setting.task,
+            emg=None if self.emg is None else self.emg.target,
+            terms=self.terms,
+        )
+        if self._can_be_asked(inputs.contacts):
+            return solve_contacts(inputs, advance)
+        tension = solve_tension(
+            inputs.model,
+            inputs.motion,
+            inputs.torques,
+            inputs.options,
+            inputs.actuators,
+            advance,
+            contacts=inputs.contacts,
+            emg=inputs.emg,
+            terms=inputs.terms,
+        )
+        return tension, None
+
+    def _can_be_asked(self, contacts: ContactTask | None) -> bool:
+        """Tell whether the problem can be asked what it leaves open of contact forces.
+
+        That is asked of the power criterion and rigid tendons alone.
+        """
+        if contacts is None or contacts.options.formulation == "sequential":
+            return False
+        return self.options.tendons == "rigid" and self.options.recruitment != "minmax"
 
     def notes(self, tension: Tension) -> tuple[str, ...]:
-        """What is to be known of the solution, one line each."""
+        """Say what a reader of the solution has to know, one line each."""
         notes = passive_notes(tension)
         if self.setting is not None and self.options.recruitment == "minmax":
             notes += (
@@ -180,20 +239,21 @@ class TensionTask:
         return notes
 
     def reactions(self, tension: Tension, frame: str) -> Table:
-        """Loads of all joints, in the axes of a frame (see `joint_reactions`)."""
+        """Find the loads of all joints, in the axes of a frame (see `joint_reactions`)."""
         inputs = (self.model, self.motion, tension, self.wrenches)
         return joint_reactions(*inputs, frame=frame, actuators=self.actuators).table(
             joint_labels(self.model)
         )
 
     def joint_contacts(self, tension: Tension, points: JointPoints) -> JointContactForces:
-        """Forces at contact points of joints."""
+        """Find forces at contact points of joints."""
         inputs = (self.model, self.motion, tension, self.wrenches)
         return joint_contact_forces(*inputs, points.points, actuators=self.actuators)
 
     def contact_groups(self, tension: Tension) -> Table:
-        """Force of every contact, its sites together, on the body in ground: `<group>_fx`, `_fy`,
-        `_fz`, `_f` [N].
+        """Force of every contact, its sites together, on the body in ground [N].
+
+        Columns are `<group>_fx`, `_fy`, `_fz`, `_f`.
         """
         assert tension.contacts is not None
         sites = tension.contacts.sites
@@ -209,16 +269,14 @@ class TensionTask:
         return Table(tension.time, names, values.reshape(len(values), -1), facts=facts)
 
     def loads(self, tension: Tension) -> tuple[Wrenches, Series]:
-        """All external forces, those of estimated contacts included, and the generalized forces
-        that they leave.
-        """
+        """Join measured forces with estimated ones, and find the torques that they leave."""
         assert self.setting is not None
         assert tension.contacts is not None
         loads = all_loads(self.setting.exact, tension.contacts)
         return loads, inverse_dynamics(self.model, self.motion, loads)
 
 
-def tension_task(
+def tension_task(  # page: what a recording has, most of it optional
     model: Model,
     motion: Motion,
     torques: Series,
@@ -231,10 +289,15 @@ def tension_task(
     recruitment: RecruitmentOptions | None = None,
 ) -> TensionTask:
     """Set up the tension problem of a recording.
-    `torques`: of the measured external forces (frames, coordinates) [N m or N]; `actuators`: beside
-    the model's own; `measured`: forces of plates, at the motion's times; `plan`: contacts whose
-    forces are to be estimated, None for none; `emg`: EMG that takes part, None for none;
-    `recruitment`: costs beside the effort, None for none.
+
+    Parameters
+    ----------
+    torques : of the measured external forces (frames, coordinates) [N m or N]
+    actuators : beside the model's own
+    measured : forces of plates, at the motion's times
+    plan : contacts whose forces are to be estimated, None for none
+    emg : EMG that takes part, None for none
+    recruitment : costs beside the effort, None for none
     """
     setting = None
     wrenches = measured.wrenches
@@ -245,25 +308,19 @@ def tension_task(
             torques = inverse_dynamics(model, motion, wrenches)
     targets = None
     if emg is not None:
-        contacts = None if setting is None else setting.task
-        targets = emg_targets_of(
-            emg,
-            TensionInputs(
-                model=model,
-                motion=motion,
-                torques=torques,
-                options=options,
-                actuators=actuators,
-                contacts=contacts,
-            ),
+        inputs = TensionInputs(
+            model=model,
+            motion=motion,
+            torques=torques,
+            options=options,
+            actuators=actuators,
+            contacts=None if setting is None else setting.task,
         )
+        targets = emg_targets_of(emg, inputs)
+    wanted = recruitment is not None and bool(recruitment.joint_load or recruitment.co_contraction)
     terms: tuple[Term, ...] = ()
-    later = None
-    if recruitment is not None and (recruitment.joint_load or recruitment.co_contraction):
-        if plan is None:
-            terms = recruitment_terms(model, motion, torques, wrenches, recruitment)
-        else:
-            later = recruitment
+    if recruitment is not None and wanted and plan is None:
+        terms = recruitment_terms(model, motion, torques, wrenches, recruitment)
     return TensionTask(
         model=model,
         motion=motion,
@@ -274,17 +331,16 @@ def tension_task(
         emg=targets,
         wrenches=wrenches,
         terms=terms,
-        recruitment=later,
+        recruitment=recruitment if wanted and plan is not None else None,
     )
 
 
 def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
     """Targets of activations, with delay and gains of this recording (see `calibrate_emg`)."""
-    emg = recorded.emg
     muscles = recorded.muscles
-    chosen = recorded.options
+    options = recorded.options
     if not muscles:
-        names = ", ".join(emg.names)
+        names = ", ".join(recorded.emg.names)
         note = (
             "EMG takes no part: no channel's name contains a muscle; name them in emg_muscles"
             f" ({names})"
@@ -292,55 +348,81 @@ def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
         return EmgTargets(None, None, (note,))
     calibration = recorded.calibration
     if calibration is None:
-        trial = EmgTrial(
-            motion=inputs.motion, torques=inputs.torques, emg=emg, contacts=inputs.contacts
-        )
-        maxima = {name: item for name, item in recorded.maxima.items() if name in muscles}
-        calibration = calibrate_emg(
-            inputs.model, [trial], muscles, chosen, inputs.options, inputs.actuators, maxima
-        )
+        calibration = _calibrated(recorded, inputs)
     # Gains of all trials may lack a channel that is noise, or absent, in another trial.
-    lacking = [name for name in muscles if name not in calibration.channels]
-    notes = (
-        (f"EMG of {', '.join(lacking)} takes no part: its gains were not found",) if lacking else ()
-    )
+    missing = [name for name in muscles if name not in calibration.channels]
+    notes: tuple[str, ...] = ()
+    if missing:
+        notes = (f"EMG of {', '.join(missing)} takes no part: its gains were not found",)
     known = {name: muscle for name, muscle in muscles.items() if name in calibration.channels}
     target = emg_targets(
-        emg, known or muscles, inputs.model, inputs.motion.time, chosen, calibration
+        recorded.emg, known or muscles, inputs.model, inputs.motion.time, options, calibration
     )
-    used = target if target.weight or chosen.mode == "driven" else None
     return EmgTargets(
-        used, calibration, (*notes, *held_out_line(calibration), *calibration.warnings)
+        target=target if target.weight or options.mode == "driven" else None,
+        calibration=calibration,
+        notes=(*notes, *held_out_line(calibration), *calibration.warnings),
+    )
+
+
+def _calibrated(recorded: EmgRecording, inputs: TensionInputs) -> EmgCalibration:
+    """Find delays and gains on the recording itself."""
+    trial = EmgTrial(
+        motion=inputs.motion,
+        torques=inputs.torques,
+        emg=recorded.emg,
+        contacts=inputs.contacts,
+    )
+    muscles = recorded.muscles
+    maxima = {name: maximum for name, maximum in recorded.maxima.items() if name in muscles}
+    return calibrate_emg(
+        inputs.model,
+        [trial],
+        muscles,
+        recorded.options,
+        inputs.options,
+        inputs.actuators,
+        maxima,
     )
 
 
 def added_reserves(
     model: Model, options: TensionOptions, objects: Collection[str] = ()
 ) -> tuple[Actuator, ...]:
-    """A weak reserve for every free coordinate; what holds an object is weaker still: nothing but
-    its contacts does.
+    """Add a weak reserve to every free coordinate.
+
+    What holds an object is weaker still: nothing but its contacts does.
+
+    Parameters
+    ----------
+    objects : names of their bodies
     """
+    reserves = default_reserves(model, options.reserve, options.residual)
     return tuple(
-        (
-            replace(reserve, optimal_force=OBJECT_RESIDUAL * reserve.optimal_force)
-            if reserve.body in objects
-            else reserve
-        )
-        for reserve in default_reserves(model, options.reserve, options.residual)
+        replace(reserve, optimal_force=OBJECT_RESIDUAL * reserve.optimal_force)
+        if reserve.body in objects
+        else reserve
+        for reserve in reserves
     )
 
 
 def contact_warnings(
     solution: ContactSolution, frames: Sequence[int], advance: Callable[[int], None]
 ) -> ContactWarnings:
-    """Find what the data leave open at some instants, and frames that contacts do not carry."""
+    """Ask at some instants what the data leave open, and of all frames whether contacts carry them.
+
+    Parameters
+    ----------
+    frames : numbers of the instants
+    advance : called with the number of instants just done
+    """
     options = CertificateOptions(
-        near=CertificateOptions.near if len(solution.found.muscles) <= LARGE else 0.0
+        near=CertificateOptions.near if len(solution.tension.muscles) <= LARGE else 0.0
     )
     intervals = contact_intervals(*solution, frames, options, advance, AT_ONCE) if frames else None
     return ContactWarnings(intervals, relaxations(*solution))
 
 
 def evenly_spaced(count: int, frames: int) -> list[int]:
-    """Numbers of at most so many frames, evenly spaced from the first to the last."""
+    """Choose at most so many frames, evenly spaced from the first to the last."""
     return np.unique(np.linspace(0, frames - 1, min(count, frames)).round().astype(int)).tolist()

@@ -2,12 +2,14 @@
 
 Columns of A are the generalized forces of one unit of each unknown: a muscle's moment arms times
 its force per unit activation, an actuator's direction times its optimal force. What falls on a
-coordinate that a coupler drives is handed on to the coordinates it follows: tau_free = tau + C^T
-tau_dependent with C = d(dependent)/d(free). Closed loops are taken alike: of the coordinates they
-tie, some follow the others (`rigid.loops.loop_basis`), so that loads of the loop's own joint drop
-out. Rows of locked and prescribed coordinates are left out, for whatever holds them there takes any
-load. Rows that terms add stand behind those of the coordinates, each with an unknown of its own
-behind all others.
+coordinate that a coupler drives is handed on to the coordinates it follows,
+
+    tau_free = tau + C^T tau_dependent,   C = d(dependent)/d(free).
+
+Closed loops are taken alike: of the coordinates they tie, some follow the others
+(`rigid.loops.loop_basis`), so that loads of the loop's own joint drop out. Rows of locked and
+prescribed coordinates are left out, for whatever holds them there takes any load. Rows that terms
+add stand behind those of the coordinates, each with an unknown of its own behind all others.
 """
 
 from __future__ import annotations
@@ -31,32 +33,74 @@ from myomorph.core.tension.terms.term import Rows
 
 
 class Links(NamedTuple):
-    """How generalized forces on all coordinates become entries on the rows of A and b."""
+    """How generalized forces on all coordinates become entries on the rows of A and b.
 
-    variable: NDArray[np.int64]  # (links,) the column that a link belongs to
-    source: NDArray[np.int64]  # (links,) entry it reads
-    # (links,) number, in `driven`, of the coordinate that hands it on, -1 for none
+    Attributes
+    ----------
+    variable : (links,) the column that a link belongs to
+    source : (links,) the entry of the terms that it reads
+    dependent : (links,) number, in `driven`, of the coordinate that hands it on, -1 for none
+    follows : (links,) coordinate of the row it ends in
+    target : (links,) entry of A it is added to
+    row : (coordinates,) row of each coordinate in the order of elimination, -1 for none
+    driven : (dependents,) coordinates that follow others: by a coupler, then by a loop
+    """
+
+    variable: NDArray[np.int64]
+    source: NDArray[np.int64]
     dependent: NDArray[np.int64]
-    follows: NDArray[np.int64]  # (links,) coordinate of the row it ends in
-    target: NDArray[np.int64]  # (links,) entry of A it is added to
-    # (coordinates,) row of each coordinate in the order of elimination, -1 for none
+    follows: NDArray[np.int64]
+    target: NDArray[np.int64]
     row: NDArray[np.int64]
-    # (dependents,) coordinates that follow others: by a coupler, then by a loop
     driven: NDArray[np.int64]
+
+
+class LinkedEntries(NamedTuple):
+    """Links before the rows have their order, and the entries of A that they end in.
+
+    Attributes
+    ----------
+    links : (links, 5) columns `variable` ... `target` of `Links`
+    places : (2, entries) row and column of every entry of A
+    """
+
+    links: NDArray[np.int64]
+    places: NDArray[np.int64]
+
+
+class BalancedRows(NamedTuple):
+    """Coordinates whose equations are kept.
+
+    Attributes
+    ----------
+    names : of the coordinates, one per row
+    of_coordinate : (coordinates,) row of each coordinate, -1 for none
+    """
+
+    names: tuple[str, ...]
+    of_coordinate: NDArray[np.int64]
 
 
 @read_only
 class Assembly:
-    """The pattern of A, and what fills it frame by frame."""
+    """The pattern of A, and what fills it frame by frame.
+
+    Attributes
+    ----------
+    rows : names of the coordinates that are free and follow no other, one per row
+    links : from entries to A; entries are those of the terms, one term after the other
+    pattern : of A
+    extra_place : (extra entries,) where in A the entries of the rows that terms add lie, then one
+        for the unknown of each such row
+    extra_row : (extra rows,) the rows of b that they are
+    """
 
     tree: Tree
-    rows: tuple[str, ...]  # names of the coordinates that are free and follow no other, one per row
-    links: Links  # from entries to A; entries are those of the terms, one term after the other
+    rows: tuple[str, ...]
+    links: Links
     pattern: Pattern
-    # (extra entries,) where in A the entries of the rows that terms add lie, then one for each such
-    # row's own unknown
     extra_place: NDArray[np.int64]
-    extra_row: NDArray[np.int64]  # (extra rows,) the rows of b that they are
+    extra_row: NDArray[np.int64]
 
     @property
     def coordinate_row(self) -> NDArray[np.int64]:
@@ -65,61 +109,76 @@ class Assembly:
         return self.links.row[[names.index(row) for row in self.rows]]
 
 
-def assemble(
+def assemble(  # page: each says another thing of the pattern
     tree: Tree,
     entries: Sequence[tuple[int, int]],
     unknowns: int,
+    *,
     extra: Sequence[Rows] = (),
     basis: LoopBasis | None = None,
     only: Collection[str] | None = None,
 ) -> Assembly:
-    """The pattern of A from those of the terms.
-    `entries` (unknown, coordinate) of every generalized force of unknowns, a coordinate of -1 for
-    one that is not used; `unknowns`: how many the terms bring in; `extra`: rows that terms add;
-    `basis`: which coordinates follow which, of a model that closes loops; `only`: the coordinates
-    whose equations are kept, where not all are.
+    """Pattern of A from those of the terms.
+
+    Parameters
+    ----------
+    entries : (unknown, coordinate) of every generalized force of unknowns, a coordinate of -1 for
+        one that is not used
+    unknowns : number of unknowns that the terms bring in
+    extra : rows that terms add
+    basis : which coordinates follow which, of a model that closes loops
+    only : coordinates whose equations are kept, where not all are
+
+    Raises
+    ------
+    BadModel : no coordinate is free
     """
-    model = tree.model
     by_loops = np.zeros(0, np.int64) if basis is None else basis.dependent
-    rows, row_of = _rows(model, by_loops, only)
+    rows = _balanced_rows(tree.model, by_loops, only)
     reach = _reach(tree, basis)
-    table, places = _linked(
-        [(unknown, reach[j] if j >= 0 else []) for unknown, j in entries], row_of
-    )
-    first = np.cumsum([0, *(len(row) for row in extra)]) + len(rows)
-    own = np.arange(first[-1] - len(rows))
-    shared = [np.array([first[number] + row.row, row.column]) for number, row in enumerate(extra)]
-    row, column = np.hstack([places, *shared, [len(rows) + own, unknowns + own]]).astype(np.int64)
-    shape = pattern(row, column, (int(first[-1]), unknowns + len(own)))
-    table[:, 4] = shape.place[table[:, 4]]
+    ends = [(unknown, reach[j] if j >= 0 else []) for unknown, j in entries]
+    linked = _linked(ends, rows.of_coordinate)
+
+    added = sum(len(part) for part in extra)
+    extra_places = _extra_places(extra, len(rows.names), unknowns)
+    row, column = np.hstack([linked.places, extra_places]).astype(np.int64)
+    shape = pattern(row, column, (len(rows.names) + added, unknowns + added))
+
     rank = np.argsort(shape.order)
-    driven = np.concatenate([tree.arrays.coupler_coordinate, by_loops])
-    columns = np.ascontiguousarray(table.T)
-    row_rank = np.where(row_of >= 0, rank[row_of], -1)
-    links = Links(
-        variable=columns[0],
-        source=columns[1],
-        dependent=columns[2],
-        follows=columns[3],
-        target=columns[4],
-        row=row_rank,
-        driven=driven,
-    )
+    links = linked.links.copy()
+    links[:, 4] = shape.place[links[:, 4]]
+    variable, source, dependent, follows, target = np.ascontiguousarray(links.T)
     return Assembly(
         tree=tree,
-        rows=rows,
-        links=links,
+        rows=rows.names,
+        links=Links(
+            variable=variable,
+            source=source,
+            dependent=dependent,
+            follows=follows,
+            target=target,
+            row=np.where(rows.of_coordinate >= 0, rank[rows.of_coordinate], -1),
+            driven=np.concatenate([tree.arrays.coupler_coordinate, by_loops]),
+        ),
         pattern=shape,
-        extra_place=shape.place[places.shape[1] :],
-        extra_row=rank[len(rows) :],
+        extra_place=shape.place[linked.places.shape[1] :],
+        extra_row=rank[len(rows.names) :],
     )
 
 
-def _rows(
+def _balanced_rows(
     model: Model, by_loops: NDArray[np.int64], only: Collection[str] | None
-) -> tuple[tuple[str, ...], NDArray[np.int64]]:
-    """Names of the coordinates whose equations are kept, and the row (coordinates,) of each, -1 for
-    none.
+) -> BalancedRows:
+    """Choose the coordinates whose equations are kept.
+
+    Parameters
+    ----------
+    by_loops : (dependents,) coordinates that follow others because of closed loops
+    only : coordinates whose equations are kept, where not all are
+
+    Raises
+    ------
+    BadModel : no coordinate is free
     """
     names = model.coordinate_names
     rows = tuple(
@@ -133,30 +192,62 @@ def _rows(
         )
     row_of = np.full(len(names), -1, np.int64)
     row_of[[names.index(row) for row in rows]] = np.arange(len(rows))
-    return rows, row_of
+    return BalancedRows(rows, row_of)
 
 
 def _linked(
     sources: list[tuple[int, list[tuple[int, int]]]], row_of: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Columns variable ... target of `Links` (links, 5), and row and column (2, entries) of every
-    entry of A.
+) -> LinkedEntries:
+    """Links from the entries of the terms to entries of A.
+
+    Parameters
+    ----------
+    sources : of each entry of the terms, its unknown and the ends of `_reach` of its coordinate
+    row_of : (coordinates,) row of each coordinate, -1 for none
     """
     places: dict[tuple[int, int], int] = {}
     links = []
     for source, (variable, ends) in enumerate(sources):
-        for dependent, index in ends:
-            if row_of[index] >= 0:
-                target = places.setdefault((int(row_of[index]), variable), len(places))
-                links.append((variable, source, dependent, index, target))
-    return np.array(links, np.int64).reshape(-1, 5), np.array(list(places), np.int64).reshape(
-        -1, 2
-    ).T
+        for dependent, coordinate in ends:
+            if row_of[coordinate] >= 0:
+                place = (int(row_of[coordinate]), variable)
+                target = places.setdefault(place, len(places))
+                links.append((variable, source, dependent, coordinate, target))
+    return LinkedEntries(
+        links=np.array(links, np.int64).reshape(-1, 5),
+        places=np.array(list(places), np.int64).reshape(-1, 2).T,
+    )
+
+
+def _extra_places(extra: Sequence[Rows], balanced: int, unknowns: int) -> NDArray[np.int64]:
+    """Entries of the rows that terms add, behind the others, then those of their own unknowns.
+
+    Parameters
+    ----------
+    extra : rows that terms add
+    balanced : number of rows of coordinates
+    unknowns : number of unknowns that the terms bring in
+
+    Returns
+    -------
+    (2, entries) row and column in A
+    """
+    counts = [len(rows) for rows in extra]
+    first = balanced + np.cumsum([0, *counts])
+    entries = [
+        np.array([start + rows.row, rows.column])
+        for start, rows in zip(first[:-1], extra, strict=True)
+    ]
+    added = np.arange(sum(counts))
+    return np.hstack([*entries, [balanced + added, unknowns + added]]).astype(np.int64)
 
 
 def _reach(tree: Tree, basis: LoopBasis | None) -> list[list[tuple[int, int]]]:
-    """(number of the dependent or -1, coordinate followed) pairs that each coordinate's torque is
-    handed on along.
+    """Coordinates that the torque of each coordinate is handed on to.
+
+    Returns
+    -------
+    of each coordinate, pairs of a number in `Links.driven`, or -1, and the coordinate followed
     """
     arrays = tree.arrays
     follows: dict[int, set[int]] = {}
@@ -179,8 +270,14 @@ def _reach(tree: Tree, basis: LoopBasis | None) -> list[list[tuple[int, int]]]:
 
 @inner
 def _coupling(T, L, c, slopes, C):
-    """C (dependents, coordinates): derivatives of each of `L.driven` in those it ends in, from
-    slopes of loops.
+    """Slopes of the coordinates that follow others, over those they end in.
+
+    Parameters
+    ----------
+    T, L : arrays of the tree, `Links`
+    c : (coordinates,) values
+    slopes : (dependents of loops, coordinates)
+    C : (dependents, coordinates) filled
     """
     couplers = T.coupler_coordinate.shape[0]
     for d in range(slopes.shape[0]):
@@ -212,12 +309,22 @@ def _coupling(T, L, c, slopes, C):
 @kernel
 def fold(T, L, coordinates, slopes, entries, forces, anyway, torques, values, right, left):
     """Fill A and b of every frame.
-    `T`, `L`: arrays of the tree, `Links`; `coordinates` (frames, coordinates) all values; `slopes`
-    (frames, dependents of loops, coordinates); `entries` (frames, entries) generalized forces of
-    unit forces; `forces` (frames, variables) force of a unit of each variable; `anyway` (frames,
-    leading variables) forces that act whatever the variables are; `torques` (frames, coordinates)
-    of inverse dynamics; `values` (frames, entries of A), `right` (frames, rows) of all that has to
-    be balanced, and `left`, the same without what acts anyway, filled.
+
+        A[r, i] = sum over links of C entry force_i
+    b = tau + C^T tau_dependent - what acts anyway
+
+    Parameters
+    ----------
+    T, L : arrays of the tree, `Links`
+    coordinates : (frames, coordinates) values of all
+    slopes : (frames, dependents of loops, coordinates)
+    entries : (frames, entries) generalized forces of unit forces
+    forces : (frames, variables) force of a unit of each variable
+    anyway : (frames, leading variables) forces that act whatever the variables are
+    torques : (frames, coordinates) of inverse dynamics
+    values : (frames, entries of A) filled
+    right : (frames, rows) filled with all that has to be balanced
+    left : (frames, rows) filled with the same without what acts anyway
     """
     C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
     for frame in range(coordinates.shape[0]):
@@ -225,11 +332,11 @@ def fold(T, L, coordinates, slopes, entries, forces, anyway, torques, values, ri
         for j in range(L.row.shape[0]):
             if L.row[j] >= 0:
                 right[frame, L.row[j]] = torques[frame, j]
-        for index in range(L.driven.shape[0]):
-            dependent = torques[frame, L.driven[index]]
+        for number in range(L.driven.shape[0]):
+            dependent = torques[frame, L.driven[number]]
             for j in range(L.row.shape[0]):
-                if L.row[j] >= 0 and C[index, j] != 0.0:
-                    right[frame, L.row[j]] += C[index, j] * dependent
+                if L.row[j] >= 0 and C[number, j] != 0.0:
+                    right[frame, L.row[j]] += C[number, j] * dependent
         for index in range(right.shape[1]):
             left[frame, index] = right[frame, index]
         for index in range(values.shape[1]):

@@ -1,11 +1,10 @@
-"""Unmeasured contacts, in the step of muscle tensions: where, when, how ready, and what is known of
-them.
-"""
+"""Unmeasured contacts for muscle tensions: sites, intervals, activations, measured forces."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,44 +34,69 @@ NAME_SITES = "name sites in a contact file (--contacts FILE.toml)"
 
 @dataclass(frozen=True, eq=False)
 class ContactSetting:
-    """Contacts of a recording, ready for the tension problem."""
+    """Contacts of a recording, ready for the tension problem.
+
+    Attributes
+    ----------
+    exact : measured forces that act as they were measured, None where there are none
+    """
 
     task: ContactTask
     contacts: Contacts
-    # measured forces that act as they were measured, None where there are none
     exact: Wrenches | None
     notes: tuple[str, ...] = ()
 
 
 @read_only
 class Measurements:
-    """What a recording shows of contacts beside the motion."""
+    """What a recording shows of contacts beside the motion.
 
-    recorded: Motion  # the motion before it was filtered
-    wrenches: Wrenches | None = None  # forces of plates on bodies, at the motion's times
-    # plates, plate_time: the plates themselves, where their outlines are known, and the clock of
-    # their forces [s]
+    Attributes
+    ----------
+    recorded : the motion before it was filtered
+    wrenches : forces of plates on bodies, at the motion's times
+    plates : the plates themselves, where their outlines are known
+    plate_time : (samples,) clock of their forces [s]
+    cutoff : of the motion's filter [Hz]
+    standing : the motion with feet that stay on the floor, for finding contacts; None where the
+        motion itself shows them
+    """
+
+    recorded: Motion
+    wrenches: Wrenches | None = None
     plates: Sequence[ForcePlate] = ()
     plate_time: Array | None = None
-    cutoff: float | None = None  # of that filter [Hz]
-    # the motion with feet that stay on the floor, for finding contacts; None where the motion
-    # itself shows them
+    cutoff: float | None = None
     standing: Motion | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class RaisedContact:
+    """Contact of a site that rests on something else than the floor, by the motion.
+
+    Attributes
+    ----------
+    activation : (frames,)
+    """
+
+    contacts: Contacts
+    activation: Array
 
 
 def set_contacts(
     plan: ContactPlan, model: Model, motion: Motion, known: Measurements, options: ContactOptions
 ) -> ContactSetting:
-    """Sites, touches and activations of a motion, and what measured forces show of them."""
+    """Find sites, contact intervals and activations of a motion, and what measured forces show.
+
+    Raises
+    ------
+    BadData : the model has no site, or contacts are reported for a site that it does not have
+    """
     measured = known.wrenches
     if plan.stairs is not None:
         return _on_stairs(plan.stairs, plan, model, motion, measured, options)
     standing = known.standing or motion
-    feet = _soles(plan, model)
-    seen = None if plan.measured == "hidden" else measured
-    feet, floor = (
-        rest_on_floor(model, standing, feet, plate_height(model, seen)) if feet else (feet, None)
-    )
+    feet, floor = _feet_and_floor(plan, model, standing, measured)
     sites = (*feet, *plan.sites)
     if not sites:
         raise BadData(
@@ -81,49 +105,86 @@ def set_contacts(
     heard = None
     if plan.sound is not None:
         heard = heard_contacts(plan.sound, model, motion, sites, known.recorded, known.cutoff)
-    height = None if floor is None else floor.height
-    reported = [
-        values
-        for values in (plan.reported, None if heard is None else heard.contacts)
-        if values is not None
-    ]
+
+    reported = [] if plan.reported is None else [plan.reported]
+    reported += [] if heard is None else [heard.contacts]
     raised = _raised(plan, reported, model, motion, feet)
-    reported += [contacts for contacts, _ in raised.values()]
+    reported += [site.contacts for site in raised.values()]
+    visible = None if plan.measured == "hidden" else measured
     contacts = _all_contacts(
-        plan, reported, model, standing, sites, seen, ContactStateOptions(floor=height)
+        plan, reported, model, standing, sites, visible, ContactStateOptions(floor=floor)
     )
-    elsewhere: tuple[str, ...] = ()
-    if plan.reported is not None:
-        elsewhere = (
-            *never_during(plan.reported, known.recorded.time),
-            *unreported_feet(plan.reported, feet),
-        )
-    ready = contact_activations(model, standing, sites, contacts, ActivationOptions(floor=height))
-    ready = _with(ready, {name: activation for name, (_, activation) in raised.items()})
-    if plan.measured == "exact" and measured is not None:
-        ready = without_measured(model, ready, sites, measured)
-    shared: tuple[SharedWrench, ...] = ()
-    plates = known.plates if any(len(plate.forces) for plate in known.plates) else measured
-    if plan.measured == "shared" and plates is not None:
-        shared = shared_wrenches(model, motion, sites, contacts, plates, known.plate_time)
+
+    ready = contact_activations(model, standing, sites, contacts, ActivationOptions(floor=floor))
+    ready = _replaced(ready, {name: site.activation for name, site in raised.items()})
     exact = measured if plan.measured == "exact" else None
+    if exact is not None:
+        ready = without_measured(model, ready, sites, exact)
     if heard is not None:
         # Their forces are known already.
-        ready = _with(ready, dict.fromkeys(heard.sites, 0.0))
+        ready = _replaced(ready, dict.fromkeys(heard.sites, 0.0))
         exact = heard.impacts if exact is None else exact.and_others(heard.impacts)
-    warnings = (
-        misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
-    )
     task = ContactTask(
         sites=sites,
         activations=ready,
-        measured=shared,
+        measured=_shared(plan, model, motion, sites, contacts, known),
         options=options,
         preferred=preferred_directions(model, motion, sites),
     )
     return ContactSetting(
-        task=task, contacts=contacts, exact=exact, notes=(*contacts.warnings, *elsewhere, *warnings)
+        task=task,
+        contacts=contacts,
+        exact=exact,
+        notes=(*contacts.warnings, *_notes(plan, model, motion, known, feet)),
     )
+
+
+class _Soles(NamedTuple):
+    """Sites under the feet, and the floor's height [m], None where there are no feet."""
+
+    sites: tuple[Site, ...]
+    floor: float | None
+
+
+def _feet_and_floor(
+    plan: ContactPlan, model: Model, motion: Motion, measured: Wrenches | None
+) -> _Soles:
+    """Put the sites under the feet on the floor, as far as feet take part."""
+    feet = _soles(plan, model)
+    if not feet:
+        return _Soles((), None)
+    visible = None if plan.measured == "hidden" else measured
+    resting, floor = rest_on_floor(model, motion, feet, plate_height(model, visible))
+    return _Soles(resting, floor.height)
+
+
+def _shared(
+    plan: ContactPlan,
+    model: Model,
+    motion: Motion,
+    sites: tuple[Site, ...],
+    contacts: Contacts,
+    known: Measurements,
+) -> tuple[SharedWrench, ...]:
+    """Share forces that plates measured for several sites together, where the plan says so."""
+    with_forces = any(len(plate.forces) for plate in known.plates)
+    plates = known.plates if with_forces else known.wrenches
+    if plan.measured != "shared" or plates is None:
+        return ()
+    return shared_wrenches(model, motion, sites, contacts, plates, known.plate_time)
+
+
+def _notes(
+    plan: ContactPlan, model: Model, motion: Motion, known: Measurements, feet: tuple[Site, ...]
+) -> tuple[str, ...]:
+    """Say which reported contacts lie elsewhere, and which measured forces are misplaced."""
+    notes: tuple[str, ...] = ()
+    if plan.reported is not None:
+        notes += never_during(plan.reported, known.recorded.time)
+        notes += unreported_feet(plan.reported, feet)
+    if feet and known.wrenches is not None:
+        notes += misplaced_forces(model, motion, feet, known.wrenches)
+    return notes
 
 
 def _on_stairs(
@@ -134,8 +195,9 @@ def _on_stairs(
     measured: Wrenches | None,
     options: ContactOptions,
 ) -> ContactSetting:
-    """Paws on steps: the cells tell touches, and forces for the sites on each step together.
-    Loads that are given beside act as they are; then only steps that these leave out are shared.
+    """Set paws on steps: their cells tell contacts, and forces for the sites on each step together.
+
+    Loads of a file act as they are; then only steps that these leave out are shared.
     """
     paws = stairs.paws_in(model, motion)
     contacts = stairs_contacts(paws)
@@ -144,8 +206,12 @@ def _on_stairs(
     known: set[str] = set()
     if exact is not None:
         ready = without_measured(model, ready, paws.sites, exact)
-        pairs = ((step.name, site.body) for step in paws.steps for site in paws.sites)
-        known = {step for step, body in pairs if f"{step}_{body}" in exact.names}
+        known = {
+            step.name
+            for step in paws.steps
+            for site in paws.sites
+            if f"{step.name}_{site.body}" in exact.names
+        }
     task = ContactTask(
         sites=paws.sites,
         activations=ready,
@@ -157,51 +223,62 @@ def _on_stairs(
 
 
 def during(contacts: Contacts, start: float, stop: float) -> Contacts:
-    """Touches that always last, cut to a motion's start and stop [s]."""
-    touches = (
+    """Cut contacts that always last to a motion's start and stop [s]."""
+    intervals = [
         replace(
             interval,
             start=max(interval.start, start) if interval.start <= -FOREVER else interval.start,
             stop=min(interval.stop, stop) if interval.stop >= FOREVER else interval.stop,
         )
         for interval in contacts.intervals
-    )
-    return replace(contacts, intervals=tuple(touches))
+    ]
+    return replace(contacts, intervals=tuple(intervals))
 
 
 def unreported_feet(reported: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
-    """Soles that a file leaves out while it tells of others: who took their lines away meant that
-    they never touch.
+    """Note the soles that a file leaves out while it has others.
+
+    Who took their lines away meant that they never touch.
     """
     names = [item.name for item in feet]
-    lacking = [name for name in names if name not in reported.sites]
-    if not lacking or len(lacking) == len(names):
+    missing = [name for name in names if name not in reported.sites]
+    if not missing or len(missing) == len(names):
         return ()
-    return (f"no contact interval is specified for {', '.join(lacking)}: found from the motion",)
+    return (f"no contact interval is specified for {', '.join(missing)}: found from the motion",)
 
 
 def never_during(reported: Contacts, time: Array) -> tuple[str, ...]:
-    """What to say of sites whose touches all lie before or after a motion (frames,)."""
+    """Note the sites whose contacts all lie before or after a motion.
+
+    Parameters
+    ----------
+    time : (frames,) of the motion [s]
+
+    Returns
+    -------
+    one note per site
+    """
     start = float(time[0])
     stop = float(time[-1])
-    texts = []
+    notes = []
     for name in reported.sites:
-        touches = reported.of(name)
-        if touches and all(touch.stop < start or touch.start > stop for touch in touches):
-            spans = (
-                f"{min(touch.start for touch in touches):g} to"
-                f" {max(touch.stop for touch in touches):g} s"
-            )
-            texts.append(
-                f"'{name}' is specified to touch at {spans}, the motion is {start:g} to {stop:g} s:"
-                " it never touches"
-            )
-    return tuple(texts)
+        contacts = reported.of(name)
+        elsewhere = all(contact.stop < start or contact.start > stop for contact in contacts)
+        if not contacts or not elsewhere:
+            continue
+        first = min(contact.start for contact in contacts)
+        last = max(contact.stop for contact in contacts)
+        notes.append(
+            f"'{name}' is specified to touch at {first:g} to {last:g} s, the motion is {start:g}"
+            f" to {stop:g} s: it never touches"
+        )
+    return tuple(notes)
 
 
 def _soles(plan: ContactPlan, model: Model) -> tuple[Site, ...]:
-    """Sites under the feet, where they are asked for; none for a model without feet whose sites are
-    named.
+    """Sites under the feet, where they are asked for.
+
+    There are none of a model without feet whose sites are named.
     """
     if not plan.feet:
         return ()
@@ -222,33 +299,49 @@ def _all_contacts(
     measured: Wrenches | None,
     options: ContactStateOptions,
 ) -> Contacts:
-    """Touches that files and sound tell; those of every other site from plates and motion."""
-    names = tuple(site.name for site in sites)
+    """Join contacts that files and sound report with those of plates and motion."""
     known = {name for contacts in reported for name in contacts.sites}
-    for name in sorted(known):
-        if name not in names:
-            raise BadData(
-                f"contact intervals are specified for '{name}', but the contact sites are"
-                f" {', '.join(names)}"
-            )
-    by_motion = tuple(
+    _refuse_unknown_sites(known, sites)
+    by_motion = [
         site
         for site in sites
         if plan.when.get(site.name, "motion") == "motion" and site.name not in known
-    )
+    ]
     standing = tuple(site for site in by_motion if site.against == GROUND)
     holding = tuple(site for site in by_motion if site.against != GROUND)
-    result = [find_contacts(model, motion, standing, options, measured)] if standing else []
-    result += [find_holds(model, motion, holding)] if holding else []
-    parts = (*reported, *result)
+    parts = [*reported]
+    if standing:
+        parts.append(find_contacts(model, motion, standing, options, measured))
+    if holding:
+        parts.append(find_holds(model, motion, holding))
+    return _joined(parts, sites)
+
+
+def _refuse_unknown_sites(names: set[str], sites: Sequence[Site]) -> None:
+    """Raise where contacts are reported for sites that do not exist."""
+    existing = [site.name for site in sites]
+    for name in sorted(names):
+        if name not in existing:
+            raise BadData(
+                f"contact intervals are specified for '{name}', but the contact sites are"
+                f" {', '.join(existing)}"
+            )
+
+
+def _joined(parts: Sequence[Contacts], sites: Sequence[Site]) -> Contacts:
+    """Contacts of all sites.
+
+    Tables seldom name the surface: that of a site against a body is this body.
+    """
     against = {site.name: site.against for site in sites}
-    # Tables seldom tell the surface; of a site against a body it is that body.
-    touches = tuple(
-        replace(touch, surface=against[touch.site]) if touch.surface == GROUND else touch
-        for part in parts
-        for touch in part.intervals
-    )
-    return Contacts(names, touches, tuple(text for part in parts for text in part.warnings))
+    intervals = []
+    warnings: list[str] = []
+    for part in parts:
+        warnings += part.warnings
+        for contact in part.intervals:
+            surface = against[contact.site] if contact.surface == GROUND else contact.surface
+            intervals.append(replace(contact, surface=surface))
+    return Contacts(tuple(site.name for site in sites), tuple(intervals), tuple(warnings))
 
 
 def _raised(
@@ -257,20 +350,23 @@ def _raised(
     model: Model,
     motion: Motion,
     soles: Sequence[Site],
-) -> dict[str, tuple[Contacts, Array]]:
-    """Touches and activations (frames,) of sites that rest on something else than the floor, as the
-    motion tells.
+) -> dict[str, RaisedContact]:
+    """Contacts of sites that rest on something else than the floor, by the motion.
+
+    Sites that a file or sound reports are left out.
     """
     known = {name for contacts in reported for name in contacts.sites}
-    return {
-        site.name: raised_contacts(model, motion, site, soles, plan.surfaces[site.name])
-        for site in plan.sites
-        if site.name in plan.surfaces and site.against == GROUND and site.name not in known
-    }
+    raised = {}
+    for site in plan.sites:
+        if site.name in plan.surfaces and site.against == GROUND and site.name not in known:
+            surface = plan.surfaces[site.name]
+            contacts, activation = raised_contacts(model, motion, site, soles, surface)
+            raised[site.name] = RaisedContact(contacts, activation)
+    return raised
 
 
-def _with(ready: Series, columns: Mapping[str, Array | float]) -> Series:
-    """The activations with other columns of some sites."""
+def _replaced(ready: Series, columns: Mapping[str, Array | float]) -> Series:
+    """Replace the activations of some sites: by name, (frames,) or one for all frames."""
     values = np.array(ready.values)
     for name, column in columns.items():
         values[:, ready.names.index(name)] = column
@@ -278,28 +374,55 @@ def _with(ready: Series, columns: Mapping[str, Array | float]) -> Series:
 
 
 def all_loads(exact: Wrenches | None, estimated: ContactForces) -> Wrenches:
-    """Every force that acted on the bodies, one load a body: measured ones and those of contacts."""
+    """Every force that acted on the bodies, one load per body: measured ones and of contacts.
+
+    Parameters
+    ----------
+    exact : measured forces, None where there are none
+    estimated : forces at contact sites
+    """
     result = estimated.wrenches("body")
     if exact is None:
         return result
     bodies = tuple(dict.fromkeys((*exact.bodies, *result.bodies)))
-    summed = np.zeros((3, len(result), len(bodies), 3))
+    forces = np.zeros((len(result), len(bodies), 3))
+    points = np.zeros_like(forces)
+    torques = np.zeros_like(forces)
     for j, body in enumerate(bodies):
-        parts = [
-            (values, i)
-            for values in (exact, result)
-            for i, other in enumerate(values.bodies)
-            if other == body
-        ]
-        force = np.stack([part.forces[:, i] for part, i in parts])
-        point = np.nan_to_num(np.stack([part.points[:, i] for part, i in parts]))
-        torque = np.stack([part.torques[:, i] for part, i in parts])
-        size = np.linalg.norm(force, axis=2, keepdims=True)
-        share = size / np.where(size.sum(axis=0) > 0.0, size.sum(axis=0), 1.0)
-        middle = (share * point).sum(axis=0)
-        summed[:, :, j] = (
-            force.sum(axis=0),
-            middle,
-            (torque + np.cross(point - middle, force)).sum(axis=0),
-        )
-    return Wrenches(result.time, bodies, bodies, *summed)
+        load = _load_on(body, (exact, result))
+        forces[:, j] = load.force
+        points[:, j] = load.point
+        torques[:, j] = load.torque
+    return Wrenches(
+        time=result.time,
+        names=bodies,
+        bodies=bodies,
+        forces=forces,
+        points=points,
+        torques=torques,
+    )
+
+
+class _BodyLoad(NamedTuple):
+    """Force [N], its point [m] and torque about it [N m], (frames, 3) each."""
+
+    force: Array
+    point: Array
+    torque: Array
+
+
+def _load_on(body: str, loads: Sequence[Wrenches]) -> _BodyLoad:
+    """Sum of all loads on a body, at the mean of their points weighted by their sizes."""
+    parts = [(part, i) for part in loads for i, other in enumerate(part.bodies) if other == body]
+    # (loads, frames, 3)
+    force = np.stack([part.forces[:, i] for part, i in parts])
+    point = np.nan_to_num(np.stack([part.points[:, i] for part, i in parts]))
+    torque = np.stack([part.torques[:, i] for part, i in parts])
+    size = np.linalg.norm(force, axis=2, keepdims=True)
+    share = size / np.where(size.sum(axis=0) > 0.0, size.sum(axis=0), 1.0)
+    middle = (share * point).sum(axis=0)
+    return _BodyLoad(
+        force=force.sum(axis=0),
+        point=middle,
+        torque=(torque + np.cross(point - middle, force)).sum(axis=0),
+    )

@@ -1,11 +1,10 @@
-"""What EMG and torques cannot both have: stretches where muscles leave their EMG, or reserves bear
-what EMG leaves.
-"""
+"""Conflicts of EMG and torques: muscles that leave their EMG, reserves that bear the rest."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,31 +14,40 @@ from myomorph.core.muscles.path import compile_paths
 from myomorph.core.tension.tension import RESERVE, Tension
 from myomorph.core.tension.terms.emg import EmgTarget
 
-# Distance of an activation from its EMG that counts as a conflict, beyond the slack of driven
-# muscles
 APART = 0.1
-SHORTEST = 0.03  # Stretches that are shorter count for nothing [s]
-BORNE = 0.05  # Share of a joint's largest torque from which on a reserve bears too much of it
+"""Distance of an activation from its EMG, beyond the slack, that is a conflict."""
+MIN_DURATION = 0.03
+"""Stretches that are shorter count for nothing [s]."""
+BORNE = 0.05
+"""Share of a joint's largest torque from which on a reserve bears too much of it."""
 
 
 @dataclass(frozen=True)
 class EmgConflict:
-    """One stretch of time."""
+    """One stretch of time in which EMG and torques contradict each other.
 
-    muscle: str  # with EMG; "" where a reserve bears what muscles and EMG leave
-    coordinate: str  # of the reserve, "" of a muscle
-    # start, stop, worst: times, the last that of the largest difference [s]
+    Attributes
+    ----------
+    muscle : with EMG; "" where a reserve bears what muscles and EMG leave
+    coordinate : of the reserve, "" of a muscle
+    start, stop : of the stretch [s]
+    worst : time of the largest difference [s]
+    emg : activation by EMG then; of a reserve the torque wanted [N m or N]
+    found : activation by the solution then; of a reserve its torque [N m or N]
+    """
+
+    muscle: str
+    coordinate: str
     start: float
     stop: float
     worst: float
-    # emg, found: activation by EMG and by the solution then; of a reserve the torque wanted and the
-    # reserve's [N m or N]
     emg: float
     found: float
 
 
 def emg_conflicts(model: Model, tension: Tension, target: EmgTarget) -> tuple[EmgConflict, ...]:
     """Stretches in which EMG and torques contradict each other, by muscle and then by reserve.
+
     Muscles count where they are more than `APART` from their EMG (driven ones: beyond the slack),
     reserves of coordinates that muscles with EMG cross where they bear more than `BORNE` of the
     largest torque.
@@ -48,84 +56,120 @@ def emg_conflicts(model: Model, tension: Tension, target: EmgTarget) -> tuple[Em
 
 
 def _by_muscle(tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
+    """Yield stretches in which muscles leave their EMG."""
     limit = APART + (target.slack if target.mode == "driven" else 0.0)
     for name, measured in zip(target.muscles, target.activations.T, strict=True):
         result = tension.activations[:, tension.muscles.index(name)]
-        yield from _stretches(
-            tension.time, np.abs(result - measured), limit, (name, ""), (measured, result)
-        )
+        distance = np.abs(result - measured)
+        for stretch in _stretches(tension.time, distance, limit):
+            yield EmgConflict(
+                muscle=name,
+                coordinate="",
+                start=stretch.start,
+                stop=stretch.stop,
+                worst=float(tension.time[stretch.worst]),
+                emg=float(measured[stretch.worst]),
+                found=float(result[stretch.worst]),
+            )
 
 
 def _by_reserve(model: Model, tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
-    paths = compile_paths(model)
-    measured = [model.muscle_names.index(name) for name in target.muscles]
-    crossed = {
-        model.coordinate_names[int(j)]
-        for m, j in zip(paths.arm_muscle, paths.arm_coordinate, strict=True)
-        if int(m) in measured
-    }
+    """Yield stretches in which reserves bear too much of what muscles with EMG should."""
+    crossed = _crossed_coordinates(model, target.muscles)
     known = np.isfinite(target.activations).any(axis=1)
-    for name, values in zip(tension.reserve_names, tension.reserves.T, strict=True):
+    for name, torques in zip(tension.reserve_names, tension.reserves.T, strict=True):
         coordinate = name.removeprefix(RESERVE)
-        if (
-            not name.startswith(RESERVE)
-            or coordinate not in crossed
-            or coordinate not in tension.coordinates
-        ):
+        balanced = coordinate in crossed and coordinate in tension.coordinates
+        if not (name.startswith(RESERVE) and balanced):
             continue
         wanted = tension.torques[:, tension.coordinates.index(coordinate)]
         largest = float(np.nanmax(np.abs(wanted), initial=0.0))
-        borne = np.where(known, np.abs(values), 0.0)
-        limit = max(BORNE * largest, 1e-9)
-        yield from _stretches(tension.time, borne, limit, ("", coordinate), (wanted, values))
+        borne = np.where(known, np.abs(torques), 0.0)
+        for stretch in _stretches(tension.time, borne, max(BORNE * largest, 1e-9)):
+            yield EmgConflict(
+                muscle="",
+                coordinate=coordinate,
+                start=stretch.start,
+                stop=stretch.stop,
+                worst=float(tension.time[stretch.worst]),
+                emg=float(wanted[stretch.worst]),
+                found=float(torques[stretch.worst]),
+            )
 
 
-def _stretches(
-    time: Array, apart: Array, limit: float, names: tuple[str, str], values: tuple[Array, Array]
-) -> Iterator[EmgConflict]:
-    """Stretches in which what is apart (frames,) is beyond a limit; `values`: by EMG and by the
-    solution (frames,).
+def _crossed_coordinates(model: Model, muscles: Sequence[str]) -> set[str]:
+    """Names of the coordinates that muscles have moment arms about."""
+    paths = compile_paths(model)
+    numbers = [model.muscle_names.index(name) for name in muscles]
+    columns = paths.arm_coordinate[np.isin(paths.arm_muscle, numbers)]
+    return {model.coordinate_names[int(column)] for column in columns}
+
+
+class Stretch(NamedTuple):
+    """A stretch of time: where it begins and ends [s], and its worst frame."""
+
+    start: float
+    stop: float
+    worst: int
+
+
+def _stretches(time: Array, distance: Array, limit: float) -> Iterator[Stretch]:
+    """Yield stretches in which a distance is beyond a limit.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    distance : (frames,) NaN where it is not known
+    limit : in the unit of the distance
     """
-    for first, stop in runs(np.nan_to_num(apart) > limit):
-        if time[stop - 1] - time[first] >= SHORTEST:
-            worst = first + int(np.argmax(apart[first:stop]))
-            times = time[[first, stop - 1, worst]].tolist()
-            yield EmgConflict(*names, *times, *(float(item[worst]) for item in values))
+    for first, stop in runs(np.nan_to_num(distance) > limit):
+        if time[stop - 1] - time[first] >= MIN_DURATION:
+            yield Stretch(
+                start=float(time[first]),
+                stop=float(time[stop - 1]),
+                worst=first + int(np.argmax(distance[first:stop])),
+            )
 
 
 def conflict_line(conflicts: Sequence[EmgConflict], table: str) -> tuple[str, ...]:
-    """One line for all conflicts, the largest first; () for none."""
-    muscles = sorted(
-        (conflict for conflict in conflicts if conflict.muscle),
-        key=lambda conflict: -abs(conflict.found - conflict.emg),
-    )
-    reserves = sorted(
-        (conflict for conflict in conflicts if conflict.coordinate),
-        key=lambda conflict: -abs(conflict.found),
-    )
+    """Say all conflicts in one line, the largest first; () for none.
+
+    Parameters
+    ----------
+    table : name of the file that lists them
+    """
+    muscles = [conflict for conflict in conflicts if conflict.muscle]
+    reserves = [conflict for conflict in conflicts if conflict.coordinate]
     parts = []
-    names = dict.fromkeys(muscle.muscle for muscle in muscles)
-    if names:
-        worst = [
-            next(muscle for muscle in muscles if muscle.muscle == name) for name in list(names)[:3]
-        ]
-        text = ", ".join(
-            f"{conflict.muscle} {conflict.found:.2f} where EMG says {conflict.emg:.2f} at"
-            f" {conflict.worst:.3g} s"
-            for conflict in worst
-        )
-        parts.append(
-            f"{len(names)} muscles leave their EMG ({text}{' ...' if len(names) > 3 else ''})"
-        )
-    joints = dict.fromkeys(reserve.coordinate for reserve in reserves)
-    if joints:
-        one = reserves[0]
-        parts.append(
-            f"reserves of {len(joints)} coordinates bear what EMG leaves ({one.coordinate}"
-            f" {abs(one.found):.3g} of {abs(one.emg):.3g} at {one.worst:.3g} s)"
-        )
+    if muscles:
+        parts.append(_of_muscles(muscles))
+    if reserves:
+        parts.append(_of_reserves(reserves))
+    if not parts:
+        return ()
+    return (f"EMG and torques contradict each other: {'; '.join(parts)}; see {table}",)
+
+
+def _of_muscles(conflicts: Sequence[EmgConflict]) -> str:
+    """Clause on muscles that leave their EMG, with the worst conflict of three of them."""
+    ordered = sorted(conflicts, key=lambda conflict: -abs(conflict.found - conflict.emg))
+    worst: dict[str, EmgConflict] = {}
+    for conflict in ordered:
+        worst.setdefault(conflict.muscle, conflict)
+    text = ", ".join(
+        f"{conflict.muscle} {conflict.found:.2f} where EMG says {conflict.emg:.2f} at"
+        f" {conflict.worst:.3g} s"
+        for conflict in list(worst.values())[:3]
+    )
+    more = " ..." if len(worst) > 3 else ""
+    return f"{len(worst)} muscles leave their EMG ({text}{more})"
+
+
+def _of_reserves(conflicts: Sequence[EmgConflict]) -> str:
+    """Clause on reserves that bear what EMG leaves, with the greatest of them."""
+    joints = {conflict.coordinate for conflict in conflicts}
+    greatest = min(conflicts, key=lambda conflict: -abs(conflict.found))
     return (
-        (f"EMG and torques contradict each other: {'; '.join(parts)}; see {table}",)
-        if parts
-        else ()
+        f"reserves of {len(joints)} coordinates bear what EMG leaves ({greatest.coordinate}"
+        f" {abs(greatest.found):.3g} of {abs(greatest.emg):.3g} at {greatest.worst:.3g} s)"
     )

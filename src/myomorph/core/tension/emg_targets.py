@@ -1,6 +1,4 @@
-"""How EMG takes part in muscle tensions: options, and what calibrated envelopes tell of
-activations.
-"""
+"""How EMG takes part in muscle tensions: options, and activations by calibrated envelopes."""
 
 from __future__ import annotations
 
@@ -26,11 +24,11 @@ class EmgOptions:
     ----------
     mode : "soft": a cost keeps activations near EMG; "driven": they follow it but for the slack
     weight : of the soft cost, in units of the effort of one muscle; None chooses the largest with
-        which channels that are left out come out as well as without EMG, and 0 where these disagree
+        which held-out channels come out as well as without EMG, and 0 where these disagree
     slack : of driven muscles [activation]
     delay : electromechanical delay [s]; None finds it where gains are fitted, else takes the usual
         one
-    gains : "fitted": one gain a channel, so that the muscles that EMG drives bear the joint
+    gains : "fitted": one gain per channel, so that the muscles that EMG drives bear the joint
         torques; "normalized": envelopes are activations already
     offsets : whether a channel may have an activation at rest too
     shape : factor A of (exp(A e) - 1) / (exp(A) - 1), 0 for a straight line; None finds one for all
@@ -79,7 +77,7 @@ class EmgOptions:
             raise BadData(f"shape factor {self.shape:g} of EMG: expected -10 to 0")
 
 
-def emg_targets(
+def emg_targets(  # page: the calibration and options are optional
     emg: Emg,
     channels: ChannelMap,
     model: Model,
@@ -87,60 +85,90 @@ def emg_targets(
     options: EmgOptions | None = None,
     calibration: EmgCalibration | None = None,
 ) -> EmgTarget:
-    """Activations that EMG tells, at the motion's times, with delay and gain applied.
-    Each muscle takes the mean of the channels that tell of it and are known at that time. Dead
-    stretches are unknown, negative values 0 (see `emg_checks.envelope_faults` for what to tell the
-    user). `channels`: channel of `emg` to muscles of the model; channels that are not named are not
-    used; `time` (frames,) of the motion [s]; `calibration`: delays and gains of at least these
-    channels, by `calibrate_emg`; None takes envelopes as activations, `options.delay` late.
+    """Activations by EMG, at the motion's times, with delay and gain applied.
+
+    Each muscle takes the mean of its channels that are known at that time. Dead stretches are
+    unknown, negative values 0 (see `emg_checks.envelope_faults` for warnings).
+
+    Parameters
+    ----------
+    channels : channel of `emg` to muscles of the model; channels that are not named are not used
+    time : (frames,) of the motion [s]
+    calibration : delays and gains of at least these channels, by `calibrate_emg`; None takes
+        envelopes as activations, `options.delay` late
+
+    Returns
+    -------
+    activations of the muscles that channels measure, and of others by synergies
+
+    Raises
+    ------
+    BadData : no channel measures a muscle, or EMG is unfit
+    UnknownName : a channel is not in the EMG or the calibration, or a muscle not in the model
     """
     options = options or EmgOptions()
     muscles = mapped_muscles(emg, channels, model)
     refuse_unfit(emg, time, channels)
     clean = without_faults(emg, envelope_faults(emg))
     if calibration is None:
-        calibration = uncalibrated(
-            tuple(channels), USUAL if options.delay is None else options.delay
-        )
+        delay = USUAL if options.delay is None else options.delay
+        calibration = uncalibrated(tuple(channels), delay)
     for channel in channels:
         index_of("EMG channel", channel, calibration.channels, "the calibration")
-    told = calibration.applied(clean, time)
-    values = np.full((len(time), len(muscles)), np.nan)
-    for m, muscle in enumerate(muscles):
-        columns = np.array(
-            [told[channel] for channel, names in channels.items() if muscle in names]
-        )
-        known = np.isfinite(columns)
-        count = known.sum(axis=0)
-        values[:, m] = np.where(
-            count > 0, np.where(known, columns, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan
-        )
+    by_channel = calibration.applied(clean, time)
+    activations = np.full((len(time), len(muscles)), np.nan)
+    for column, muscle in enumerate(muscles):
+        measured = [by_channel[channel] for channel, names in channels.items() if muscle in names]
+        activations[:, column] = _mean_of_known(np.array(measured))
+
     others = None
     weight = calibration.weight if options.weight is None else options.weight
     if options.unmeasured == "synergies" and calibration.synergies and weight:
         others = calibration.extrapolated(clean, time)
-    others_weight = options.unmeasured_weight or calibration.others_weight
     return EmgTarget(
         muscles=muscles,
-        activations=values,
+        activations=activations,
         mode=options.mode,
         weight=weight,
         slack=options.slack,
         others=others,
-        others_weight=others_weight,
+        others_weight=options.unmeasured_weight or calibration.others_weight,
     )
 
 
+def _mean_of_known(values: Array) -> Array:
+    """Mean over rows of what is known.
+
+    Parameters
+    ----------
+    values : (channels, frames) NaN where unknown
+
+    Returns
+    -------
+    (frames,) NaN where no channel is known
+    """
+    known = np.isfinite(values)
+    count = known.sum(axis=0)
+    total = np.where(known, values, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
 def mapped_muscles(emg: Emg, channels: ChannelMap, model: Model) -> tuple[str, ...]:
-    """Muscles that the channels measure, in the model's order."""
-    told: set[str] = set()
+    """Muscles that the channels measure, in the model's order.
+
+    Raises
+    ------
+    BadData : no channel measures a muscle
+    UnknownName : a channel is not in the EMG, or a muscle not in the model
+    """
+    measured: set[str] = set()
     for channel, names in channels.items():
         index_of("EMG channel", channel, emg.names, "the EMG")
         for name in names:
             index_of(f"muscle of EMG channel '{channel}'", name, model.muscle_names)
-        told |= set(names)
-    if not told:
+        measured |= set(names)
+    if not measured:
         raise BadData(
             "no EMG channel tells of a muscle: name them as emg_muscles = { channel = ['muscle'] }"
         )
-    return tuple(name for name in model.muscle_names if name in told)
+    return tuple(name for name in model.muscle_names if name in measured)

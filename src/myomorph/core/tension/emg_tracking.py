@@ -1,13 +1,13 @@
-"""What joint torques say of EMG gains: a regression of measured torques on muscles driven by their
-envelopes.
+"""EMG gains by joint torques: a regression of torques on muscles driven by envelopes.
 
-At frame k the free coordinates balance
+At frame j the free coordinates balance
 
-    tau_k = sum_c g_c b_ck + sum_u w_u . h_k B_uk + eps_k,    b_ck = sum_m share_mc B_mk s(e_c(t_k - d))
+    tau_j = sum_c g_c b_cj + sum_u w_u . h_j B_uj + eps_j
+    b_cj = sum_m share_mc B_mj s(e_c(t_j - d))
 
 with B_m the generalized force of one unit of activation of muscle m, e envelopes, s their shape, h
 the courses of the synergies of the measured channels and w the weights, 0 or more, of unmeasured
-muscles. eps has the covariance C_k = diag(sigma^2) + N_k N_k^T of an error of each torque and of
+muscles. eps has the covariance C_j = diag(sigma^2) + N_j N_j^T of an error of each torque and of
 what else may act: how far unmeasured muscles leave their synergies, actuators, and forces of
 unmeasured contacts. No effort is in it: co-contraction costs nothing.
 """
@@ -24,83 +24,167 @@ import scipy
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.series import Emg, Motion, Series
 from myomorph.core.motion.emg_activation import Synergies, independent_samples, shaped, shifted
-from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.problem import TensionInputs, TensionProblem, tension_problem
 from myomorph.core.tension.terms.actuators import default_reserves
 from myomorph.core.tension.terms.contacts import ContactTask
 
-LOUD = 10.0  # How many times the RMS of the torques an unmeasured contact may make of them
+LOUD = 10.0
+"""Torques that an unmeasured contact may make, as a multiple of the RMS of all torques."""
+
+
+UNMEASURED = 0.1
+"""Distance of an unmeasured muscle from its synergies, standard deviation [activation]."""
+UNKNOWN = 0.3
+"""The same of a measured muscle while its channels are silent."""
+NEAR = 0.5
+WEIGHT = 0.03
+"""How far the weights of an unmeasured muscle lie from those of muscles that act as it does: share,
+and activation.
+"""
+LIKE = 4.0
+"""Power of the cosine between what two muscles do at the joints in the share of one for the other.
+"""
+REST = 0.05
+"""Activation at rest: scale of a half-normal prior."""
+LEVEL = 0.4
+COMMON = 1.0
+SHARED = 0.7
+APART = 0.5
+"""Prior of gains: median of the activation at a channel's largest envelope where every channel is
+in units of its own; median of the gain where all are in common units, as of maximum contractions;
+standard deviations of the logarithm of what all channels share, and of each about it. Torque
+decides where it says anything; this decides where it does not.
+"""
+ALIKE = 1.5
+"""Largest envelopes that differ by no more than this factor are each channel's own unit."""
+AT_MAXIMUM = 0.9
+NEAR_MAXIMUM = 0.2
+"""Median of the activation in a maximum voluntary contraction, and standard deviation of its
+logarithm.
+"""
+SURE = 0.01
+ROUGH = 0.1
+"""Error of a torque in shares of its RMS: the least that is believed, and a first guess."""
+KEPT = 0.01
+MAX_NOISE = 0.5
+"""Of a correction for noise: share of the normal matrix that it leaves, and of a channel that it
+may take.
+"""
+ROUNDS = 5
+CLOCK = 0.01
+EARLIER = 0.6
+"""Courses of synergies: step of their clock, and how far it begins before the motion [s]."""
 
 
 @read_only
 class TrackedFrames:
-    """What the balance of some frames of a trial is made of."""
+    """The balance of some frames of a trial.
 
-    time: Array  # (frames,) [s]
-    columns: Array  # (frames, rows, muscles) generalized force of one unit of activation [N m or N]
-    torques: Array  # (frames, rows) to be balanced [N m or N]
-    # (frames, rows, others) what else may act, in units of its standard deviation [N m or N]
+    Attributes
+    ----------
+    time : (frames,) [s]
+    columns : (frames, rows, muscles) generalized force of one unit of activation [N m or N]
+    torques : (frames, rows) to be balanced [N m or N]
+    others : (frames, rows, others) what else may act, in units of its standard deviation [N m or N]
+    emg : envelopes, its channels those that are calibrated
+    gram : (muscles, muscles) products of what muscles do at all joints, rows that are left out here
+        included
+    """
+
+    time: Array
+    columns: Array
+    torques: Array
     others: Array
-    emg: Emg  # envelopes, its channels those that are calibrated
-    # (muscles, muscles) products of what muscles do at all joints, rows that are left out here
-    # included
+    emg: Emg
     gram: Array
 
 
 def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Series]:
-    """Every so many frames of a motion with velocities and what else it has, and of its torques."""
+    """Thin a motion, with velocities and what else it has, and its torques.
+
+    Parameters
+    ----------
+    every : distance of the frames that are left
+    """
     return motion.frames(slice(None, None, every)), torques.frames(slice(None, None, every))
 
 
 def tracked_frames(inputs: TensionInputs, emg: Emg, tells: Array, every: int) -> TrackedFrames:
-    """Every so many frames, on rows that tell of muscles under EMG; `tells` (muscles, channels)
-    which tells which.
+    """Balance of every so many frames, on rows that tell of muscles under EMG.
+
+    Parameters
+    ----------
+    tells : (muscles, channels) True where a channel measures a muscle
+    every : distance of the frames that are read
+
+    Returns
+    -------
+    frames whose balance is known
     """
-    few, wanted = few_frames(inputs.motion, inputs.torques, every)
-    touching = (
-        None if inputs.contacts is None else _thinned(inputs.contacts, slice(None, None, every))
-    )
-    problem = tension_problem(replace(inputs, motion=few, torques=wanted, contacts=touching))
-    balance = problem.balance(0, len(few))
+    motion, torques = few_frames(inputs.motion, inputs.torques, every)
+    contacts = inputs.contacts
+    if contacts is not None:
+        contacts = _thinned(contacts, slice(None, None, every))
+    problem = tension_problem(replace(inputs, motion=motion, torques=torques, contacts=contacts))
+    balance = problem.balance(0, len(motion))
     rows = problem.assembly.coordinate_row
-    whole = problem.separable.dense(balance.values)[:, rows]
+    columns = problem.separable.dense(balance.values)[:, rows]
     right = balance.right[:, rows]
-    count = len(problem.muscles.strength)
+    others = _other_forces(problem, inputs, columns, right)
+
     # Frames that are not known (a body not in sight) say nothing of how large the others are.
-    known = np.nan_to_num(whole)
-    size = np.sqrt(np.mean(right[np.isfinite(right)] ** 2)) + 1e-12
-    others = [np.zeros((len(few), len(rows), 0))]
-    if problem.contacts is not None:
-        amplitudes = whole[:, :, problem.unknowns.of(problem.contacts)]
-        largest = np.abs(known[:, :, problem.unknowns.of(problem.contacts)]).max(
-            axis=(0, 1), initial=0.0
-        )
-        others.append(amplitudes * (LOUD * size / np.maximum(largest, 1e-12)))
-    added = default_reserves(inputs.model) if inputs.actuators is None else inputs.actuators
-    names = {actuator.name for actuator in added}
-    place = problem.unknowns.of(problem.actuators)
-    own = [index for index, name in enumerate(problem.unknowns.names[place]) if name not in names]
-    others.append(whole[:, :, place][:, :, own])
-    reached = (
-        np.abs(known[:, :, :count][:, :, tells.any(axis=1)]).max(axis=(0, 2), initial=0.0) > 0.0
-    )
-    # Unmeasured contacts act on all rows at once, so that one row says something of the others.
-    kept = reached if touching is None else np.ones(len(rows), dtype=bool)
-    acting = np.concatenate(others, axis=2)[:, kept]
-    good = np.isfinite(whole[:, kept]).all(axis=(1, 2)) & np.isfinite(right[:, kept]).all(axis=1)
-    muscles = known[:, :, :count].reshape(-1, count)
-    gram = muscles.T @ muscles
+    of_muscles = np.nan_to_num(columns)[:, :, : len(problem.muscles.strength)]
+    gram = of_muscles.reshape(-1, of_muscles.shape[2])
+    measured = of_muscles[:, :, tells.any(axis=1)]
+    chosen = np.abs(measured).max(axis=(0, 2), initial=0.0) > 0.0
+    if contacts is not None:
+        # Unmeasured contacts act on all rows at once, so that one row says something of the others.
+        chosen = np.ones(len(rows), dtype=bool)
+    good = np.isfinite(columns[:, chosen]).all(axis=(1, 2))
+    good &= np.isfinite(right[:, chosen]).all(axis=1)
     return TrackedFrames(
-        time=few.time[good],
-        columns=whole[good][:, kept, :count],
-        torques=right[good][:, kept],
-        others=acting[good],
+        time=motion.time[good],
+        columns=columns[good][:, chosen, : of_muscles.shape[2]],
+        torques=right[good][:, chosen],
+        others=others[:, chosen][good],
         emg=emg,
-        gram=gram,
+        gram=gram.T @ gram,
     )
+
+
+def _other_forces(
+    problem: TensionProblem, inputs: TensionInputs, columns: Array, right: Array
+) -> Array:
+    """Generalized forces of what else may act, in units of its standard deviation.
+
+    These are forces of unmeasured contacts, and actuators of the model's own.
+
+    Parameters
+    ----------
+    columns : (frames, rows, unknowns) A
+    right : (frames, rows) b
+
+    Returns
+    -------
+    (frames, rows, others) [N m or N]
+    """
+    others = [np.zeros((*right.shape, 0))]
+    if problem.contacts is not None:
+        rms = np.sqrt(np.mean(right[np.isfinite(right)] ** 2)) + 1e-12
+        amplitudes = columns[:, :, problem.unknowns.of(problem.contacts)]
+        largest = np.abs(np.nan_to_num(amplitudes)).max(axis=(0, 1), initial=0.0)
+        others.append(amplitudes * (LOUD * rms / np.maximum(largest, 1e-12)))
+    added = default_reserves(inputs.model) if inputs.actuators is None else inputs.actuators
+    added_names = {actuator.name for actuator in added}
+    place = problem.unknowns.of(problem.actuators)
+    names = problem.unknowns.names[place]
+    of_model = [index for index, name in enumerate(names) if name not in added_names]
+    others.append(columns[:, :, place][:, :, of_model])
+    return np.concatenate(others, axis=2)
 
 
 def _thinned(contacts: ContactTask, chosen: slice) -> ContactTask:
-    """The same contacts at fewer instants."""
+    """Contacts at fewer instants."""
     preferred = None if contacts.preferred is None else contacts.preferred[chosen]
     measured = tuple(
         replace(wrench, forces=wrench.forces[chosen], moments=wrench.moments[chosen])
@@ -114,48 +198,15 @@ def _thinned(contacts: ContactTask, chosen: slice) -> ContactTask:
     )
 
 
-# How far an unmeasured muscle leaves what synergies say of it, standard deviation [activation]
-UNMEASURED = 0.1
-UNKNOWN = 0.3  # The same of a measured muscle while its channels are silent
-NEAR = 0.5
-WEIGHT = 0.03
-"""How far the weights of an unmeasured muscle lie from those of muscles that act as it does: share,
-and activation.
-"""
-# Power of the cosine between what two muscles do at the joints, by which one counts for the other
-LIKE = 4.0
-REST = 0.05  # Activation at rest: scale of a half-normal prior
-LEVEL = 0.4
-COMMON = 1.0
-SHARED = 0.7
-APART = 0.5
-"""Prior of gains: median of the activation at a channel's largest envelope where every channel is
-in units of its own; median of the gain where all are in common units, as of maximum contractions;
-standard deviations of the logarithm of what all channels share, and of each about it. Torque
-decides where it says anything; this decides where it does not.
-"""
-# Largest envelopes that differ by no more than this factor are taken to be each channel's unit
-ALIKE = 1.5
-AT_MAXIMUM = 0.9
-NEAR_MAXIMUM = 0.2
-"""Median of the activation in a maximum voluntary contraction, and standard deviation of its
-logarithm.
-"""
-SURE = 0.01
-ROUGH = 0.1  # Error of a torque in shares of its RMS: least that is believed, and first guess
-KEPT = 0.01
-MAX_NOISE = 0.5
-"""Of a correction for noise: share of the normal matrix that it leaves, and of a channel that it
-may take.
-"""
-ROUNDS = 5
-CLOCK = 0.01
-EARLIER = 0.6
-"""Of the courses of synergies: step of their clock, and how far it begins before the motion [s]."""
-
-
 class Prior(NamedTuple):
-    """Normal prior of the logarithm of gains (channels,): mean, precision, and upper bound."""
+    """Normal prior of the logarithms of gains.
+
+    Attributes
+    ----------
+    mean : (channels,)
+    precision : (channels, channels)
+    upper : (channels,) bounds
+    """
 
     mean: Array
     precision: Array
@@ -163,81 +214,127 @@ class Prior(NamedTuple):
 
 
 def gain_prior(peaks: Array, maxima: Array, shared: float = SHARED) -> Prior:
-    """Prior of log gains (channels,).
-    `peaks` (channels,) largest envelope over all trials; `maxima` (channels,) envelope in a maximum
-    voluntary contraction, NaN where none was measured; `shared`: standard deviation of what all
-    channels share.
+    """Prior of the logarithms of gains.
+
+    Parameters
+    ----------
+    peaks : (channels,) largest envelope over all trials
+    maxima : (channels,) envelope in a maximum voluntary contraction, NaN where none was measured
+    shared : standard deviation of what all channels share
+
+    Returns
+    -------
+    mean, precision and upper bound
     """
     known = np.isfinite(maxima)
     alive = peaks > 0.0
     largest = np.where(known, maxima, np.where(alive, peaks, 1.0))
-    own = np.ptp(np.log(peaks[alive])) < np.log(ALIKE) if alive.any() else True
-    usual = np.log(LEVEL) - np.log(largest) if own else np.full(len(peaks), np.log(COMMON))
+    alike_units = np.ptp(np.log(peaks[alive])) < np.log(ALIKE) if alive.any() else True
+    if alike_units:
+        usual = np.log(LEVEL) - np.log(largest)
+    else:
+        usual = np.full(len(peaks), np.log(COMMON))
     upper = -np.log(largest)
     mean = np.where(known, np.log(AT_MAXIMUM) + upper, np.minimum(usual, upper))
     level = np.where(known, 0.0, shared)
     spread = np.where(known, NEAR_MAXIMUM, APART)
     covariance = np.diag(spread**2) + np.outer(level, level)
-    return Prior(mean, np.linalg.inv(covariance), upper)
+    return Prior(mean=mean, precision=np.linalg.inv(covariance), upper=upper)
 
 
 class Fit(NamedTuple):
-    """The most probable gains and what belongs to them."""
+    """The most probable gains.
 
-    cost: float  # minus the logarithm of the posterior, at the errors of torques that were assumed
-    # gains, offsets: (channels,)
+    Attributes
+    ----------
+    cost : minus the logarithm of the posterior, at the errors of torques that were assumed
+    gains, offsets : (channels,)
+    parameters : (parameters,) gains, offsets where channels may have any, weights of the synergies
+        in muscles without EMG
+    deviation : (channels,) standard deviation of the gains' logarithms
+    misfit : the part of the cost that is of torques, without that of the priors
+    """
+
+    cost: float
     gains: Array
     offsets: Array
-    # gains, offsets where channels may have any, weights of the synergies in muscles without EMG
     parameters: Array
-    deviation: Array  # (channels,) standard deviation of the gains' logarithms
-    misfit: float  # the part of the cost that is of torques, without that of the priors
+    deviation: Array
+    misfit: float
 
 
 @read_only
 class Group:
-    """Unmeasured muscles that share joints with some channels, and these channels' synergies."""
+    """Unmeasured muscles that share joints with some channels, and these channels' synergies.
 
-    synergies: Synergies  # of the channels
-    # channels, muscles: their columns among all channels, and all muscles
+    Attributes
+    ----------
+    synergies : of the channels
+    channels : their columns among all channels
+    muscles : numbers of the unmeasured muscles
+    like : (muscles, channels) how much of an unmeasured muscle's activation each channel's is, see
+        `alike`
+    """
+
+    synergies: Synergies
     channels: np.ndarray
     muscles: np.ndarray
-    # (muscles, channels) how much of an unmeasured muscle's activation each channel's is, see
-    # `alike`
     like: Array
 
 
 def action_cosines(frames: Sequence[TrackedFrames]) -> Array:
-    """(muscles, muscles) cosine between what muscles do at the joints over all frames."""
+    """Cosine between what muscles do at the joints over all frames.
+
+    Parameters
+    ----------
+    frames : of all trials
+
+    Returns
+    -------
+    (muscles, muscles)
+    """
     product = np.asarray(sum(frame.gram for frame in frames))
     size = np.sqrt(np.maximum(np.diag(product), 1e-300))
     return np.asarray(product / np.outer(size, size))
 
 
 def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) -> Array:
-    """(muscles, channels) shares in which channels stand for unmeasured muscles: by what these do
-    at the joints. `tells` (all muscles, channels) True where a channel measures a muscle.
+    """Shares in which channels stand for unmeasured muscles, by what these do at the joints.
+
+    Parameters
+    ----------
+    frames : of all trials
+    muscles : numbers of the unmeasured muscles
+    tells : (all muscles, channels) True where a channel measures a muscle
+
+    Returns
+    -------
+    (muscles, channels)
     """
     cosine = np.maximum(action_cosines(frames)[muscles], 0.0)
     near = (cosine @ tells) / np.maximum(tells.sum(axis=0), 1.0)
     strong = near**LIKE
-    return (
-        strong
-        / np.maximum(strong.sum(axis=1, keepdims=True), 1e-300)
-        * near.max(axis=1, keepdims=True)
-    )
+    total = np.maximum(strong.sum(axis=1, keepdims=True), 1e-300)
+    return strong / total * near.max(axis=1, keepdims=True)
 
 
 class TorqueTracking:
     """The regression over all trials.
-    `frames`: of all trials; `tells` (muscles, channels) True where a channel measures a muscle;
-    `groups`: synergies for unmeasured muscles; `prior`: of the gains; `offsets`: whether channels
-    may have an activation at rest; `errors`: of the torques, and what a frame is worth, where they
-    are known from elsewhere; `noise` (channels,) standard deviation of noise in the envelopes; it
-    makes gains smaller unless that is corrected.
+
+    Parameters
+    ----------
+    frames : of all trials
+    tells : (muscles, channels) True where a channel measures a muscle
+    groups : synergies for unmeasured muscles
+    prior : of the gains
+    offsets : whether channels may have an activation at rest
+    errors : (rows,) of the torques [N m or N], and what a frame is worth, where they are known from
+        elsewhere
+    noise : (channels,) standard deviation of noise in the envelopes; it makes gains smaller unless
+        that is corrected
     """
 
-    def __init__(
+    def __init__(  # page: the data of the regression and its options
         self,
         frames: Sequence[TrackedFrames],
         tells: Array,
@@ -255,10 +352,9 @@ class TorqueTracking:
         self.measured = np.flatnonzero(tells.any(axis=1))
         torques = np.vstack([frame.torques for frame in frames])
         self._rms = np.sqrt(np.mean(torques**2, axis=0))
-        self._least = np.maximum(
-            SURE * self._rms, 1e-6 * max(float(self._rms.max(initial=0.0)), 1e-6)
-        )
-        self.errors = errors or (np.maximum(ROUGH * self._rms, self._least), 0.1)
+        largest = max(float(self._rms.max(initial=0.0)), 1e-6)
+        self._min_errors = np.maximum(SURE * self._rms, 1e-6 * largest)
+        self.errors = errors or (np.maximum(ROUGH * self._rms, self._min_errors), 0.1)
         self._white: list[tuple[Array, Array]] = []
         self.noise = np.zeros(tells.shape[1]) if noise is None else noise
         self._excess = np.zeros(tells.shape[1])
@@ -266,40 +362,52 @@ class TorqueTracking:
         self._log_gains = np.minimum(prior.mean, prior.upper)
 
     def learn_errors(self, delays: Array, shapes: Array, prior: Prior | None = None) -> None:
-        """Errors of the torques from what is left of them, by expectation maximization at a delay
-        and shape.
+        """Estimate the errors of the torques from what is left of them.
+
+        By expectation maximization, with the delays and shapes held.
+
+        Parameters
+        ----------
+        delays : (channels,) [s]
+        shapes : (channels,) shape factors
+        prior : of the gains, that of the regression by default
         """
         for _ in range(ROUNDS):
             self.whiten(delays)
             fit = self.fit(delays, shapes, prior)
-            sigma, share = self.errors
+            sigma, worth = self.errors
             squares = np.zeros_like(sigma)
             count = 0
-            worth = []
+            worths: list[float] = []
             excess = np.zeros_like(self._excess)
             for index, frame in enumerate(self.frames):
                 good, covariance = self._covariance(frame, delays)
                 left = self._left(index, fit, delays, shapes)[good]
                 inverse = np.linalg.inv(covariance)
                 error = sigma**2 * np.einsum("kij,kj->ki", inverse, left)
-                rest = sigma**2 - sigma**4 * np.einsum("kii->ki", inverse)
-                squares = squares + np.sum(error**2 + rest, axis=0)
+                variance = sigma**2 - sigma**4 * np.einsum("kii->ki", inverse)
+                squares = squares + np.sum(error**2 + variance, axis=0)
                 count = count + len(left)
                 mixed = self._mixed(frame, delays)[good]
                 excess += np.sum(np.einsum("krc,kr->kc", mixed, error / sigma**2) ** 2, axis=0)
-                worth += [
-                    independent_samples(e, e) / len(e)
-                    for e in error.T
-                    if len(e) > 8 and np.std(e) > 0.0
-                ]
-            sigma = np.maximum(np.sqrt(np.maximum(squares, 0.0) / max(count, 1)), self._least)
-            self.errors = (sigma, float(np.median(worth)) if worth else share)
+                worths += _worths(error)
+            sigma = np.maximum(np.sqrt(np.maximum(squares, 0.0) / max(count, 1)), self._min_errors)
+            self.errors = (sigma, float(np.median(worths)) if worths else worth)
             self._excess = excess * self.noise**2
         self.whiten(delays)
 
     def fit(self, delays: Array, shapes: Array, prior: Prior | None = None) -> Fit:
-        """The most probable gains at delays (channels,) [s] and shape factors (channels,), by a
-        prior.
+        """Most probable gains at some delays and shapes.
+
+        Parameters
+        ----------
+        delays : (channels,) [s]
+        shapes : (channels,) shape factors
+        prior : of the gains, that of the regression by default
+
+        Returns
+        -------
+        gains, offsets and weights, with their cost
         """
         designs = [
             self._rows(columns, index, delays, shapes)
@@ -321,17 +429,21 @@ class TorqueTracking:
         )
 
     def _covariance(self, tracked_frames: TrackedFrames, delays: Array) -> tuple[np.ndarray, Array]:
-        """Frames (frames,) in which some channel is known, and C of these (frames, rows, rows)."""
+        """Frames in which some channel is known, and the covariance C of their torques.
+
+        Returns
+        -------
+        (frames,) which frames, and (chosen frames, rows, rows)
+        """
         known = np.isfinite(shifted(tracked_frames.emg, tracked_frames.time, delays))
         good: np.ndarray = np.asarray(known.any(axis=1))
         silent = (known[good].astype(float) @ self.tells[self.measured].T) == 0.0
         spread = np.full((int(good.sum()), tracked_frames.columns.shape[2]), UNMEASURED)
         spread[:, self.measured] = np.where(silent, UNKNOWN, 0.0)
-        doubt = self._mixed(tracked_frames, delays)[good] * (np.exp(self._log_gains) * self.noise)
-        acting = np.concatenate(
-            [tracked_frames.columns[good] * spread[:, None], tracked_frames.others[good], doubt],
-            axis=2,
-        )
+        noise = np.exp(self._log_gains) * self.noise
+        of_noise = self._mixed(tracked_frames, delays)[good] * noise
+        of_muscles = tracked_frames.columns[good] * spread[:, None]
+        acting = np.concatenate([of_muscles, tracked_frames.others[good], of_noise], axis=2)
         return good, acting @ acting.transpose(0, 2, 1) + np.diag(self.errors[0] ** 2)
 
     def _mixed(self, tracked_frames: TrackedFrames, delays: Array) -> Array:
@@ -342,15 +454,25 @@ class TorqueTracking:
         )
 
     def _shares(self, known: Array) -> Array:
-        """(frames, measured, channels) of the known channels (frames, channels) in each muscle's
-        activation.
+        """Shares of the known channels in each muscle's activation.
+
+        Parameters
+        ----------
+        known : (frames, channels)
+
+        Returns
+        -------
+        (frames, measured muscles, channels)
         """
         tells = self.tells[self.measured]
         return known[:, None] * tells / np.maximum(known.astype(float) @ tells.T, 1.0)[..., None]
 
     def whiten(self, delays: Array) -> None:
-        """Columns and torques in units of what is unknown: L^-1 A, L^-1 tau with C = L L^T; 0 where
-        no EMG is.
+        """Fill L^-1 A and L^-1 tau with C = L L^T, 0 without EMG.
+
+        Parameters
+        ----------
+        delays : (channels,) [s]
         """
         self._white = []
         for frame in self.frames:
@@ -362,7 +484,17 @@ class TorqueTracking:
             self._white.append((white[..., :-1], white[..., -1]))
 
     def _rows(self, columns: Array, index: int, delays: Array, shapes: Array) -> Array:
-        """Generalized force of one unit of each parameter, (frames, rows, parameters)."""
+        """Generalized force of one unit of each parameter.
+
+        Parameters
+        ----------
+        columns : (frames, rows, muscles) of one unit of activation, whitened or not
+        index : number of the trial
+
+        Returns
+        -------
+        (frames, rows, parameters)
+        """
         frames = self.frames[index]
         envelopes = shifted(frames.emg, frames.time, delays)
         known = np.isfinite(envelopes)
@@ -378,37 +510,53 @@ class TorqueTracking:
         return np.concatenate(parts, axis=2)
 
     def _left(self, index: int, fit: Fit, delays: Array, shapes: Array) -> Array:
-        """Torques (frames, rows) that the fit leaves."""
+        """Torques (frames, rows) that a fit leaves."""
         rows = self._rows(self.frames[index].columns, index, delays, shapes)
         return self.frames[index].torques - rows @ fit.parameters
 
     def _ridge(self, size: int, prior: Prior) -> Array:
-        """Precision of the prior of offsets and weights (parameters, parameters), gains aside.
+        """Precision of the prior of offsets and weights, gains aside.
+
         The weights of an unmeasured muscle are near those of the measured muscles that act as it
         does.
+
+        Parameters
+        ----------
+        size : number of parameters
+
+        Returns
+        -------
+        (parameters, parameters)
         """
         count = self.tells.shape[1]
         rows = [np.eye(size)[count : 2 * count] / REST] if self.offsets else []
         start = count * (2 if self.offsets else 1)
+        usual_gains = np.exp(np.minimum(prior.mean, prior.upper))
         for group in self.groups:
-            shape = (len(group.muscles), len(group.synergies))
-            part = np.zeros((shape[0] * shape[1], size))
-            part[:, start : start + len(part)] = np.eye(len(part))
-            like = np.einsum(
-                "uc,sc->usc", group.like, group.synergies.vectors * group.synergies.scale
-            )
-            like = like.reshape(-1, len(group.channels))
+            weights = len(group.muscles) * len(group.synergies)
+            part = np.zeros((weights, size))
+            part[:, start : start + weights] = np.eye(weights)
+            vectors = group.synergies.vectors * group.synergies.scale
+            like = np.einsum("uc,sc->usc", group.like, vectors).reshape(-1, len(group.channels))
             part[:, group.channels] = -like
-            usual = like @ np.exp(np.minimum(prior.mean, prior.upper)[group.channels])
+            usual = like @ usual_gains[group.channels]
             rows.append(part / (NEAR * usual + WEIGHT)[:, None])
-            start += len(part)
-        whole = np.vstack([np.zeros((0, size)), *rows])
-        return whole.T @ whole
+            start += weights
+        root = np.vstack([np.zeros((0, size)), *rows])
+        return root.T @ root
 
     def _corrected(self, matrix: Array, ridge: Array) -> Array:
-        """Normal matrix (parameters, parameters) without what noise of the envelopes adds to it, as
-        far as that goes. Where channels say little more than their noise, all of it cannot be taken
-        off.
+        """Subtract from the normal matrix what noise of the envelopes adds to it, as far as it can.
+
+        Where channels say little more than their noise, all of it cannot be taken off.
+
+        Parameters
+        ----------
+        matrix, ridge : (parameters, parameters) of the torques and of the prior
+
+        Returns
+        -------
+        (parameters, parameters)
         """
         if not self._excess.any():
             return matrix
@@ -422,43 +570,26 @@ class TorqueTracking:
         return result
 
     def _most_probable(self, matrix: Array, slope: Array, square: float, prior: Prior) -> Fit:
-        """Gauss-Newton steps on the prior of log gains; each is a non-negative least squares
-        problem.
+        """Gauss-Newton steps on the prior of log gains.
+
+        Each is a non-negative least squares problem.
+
+        Parameters
+        ----------
+        matrix, slope, square : of the squares |A x - tau|^2 = x^T matrix x - 2 slope^T x + square
         """
-        mean, precision, upper = prior
+        mean, precision, _ = prior
         count = len(mean)
-        size = len(slope)
-        ridge = self._ridge(size, prior)
+        ridge = self._ridge(len(slope), prior)
         matrix = self._corrected(matrix, ridge)
-        # From the gains of the last fit, which are near where delays differ little.
-        log_gains = self._log_gains
-        x = np.zeros(size)
-        for _ in range(20):
-            gains = np.exp(log_gains)
-            whole = matrix + ridge
-            right = slope.copy()
-            whole[:count, :count] += precision / np.outer(gains, gains)
-            right[:count] += (precision @ (1.0 - log_gains + mean)) / gains
-            x = _bounded(
-                whole, right, np.concatenate([np.exp(upper), np.full(size - count, np.inf)])
-            )
-            # The prior is straightened about the step before: steps are kept to a factor of 3.
-            moved = np.log(np.clip(x[:count] / gains, 1.0 / 3.0, 3.0)) + log_gains
-            done = float(np.abs(moved - log_gains).max(initial=0.0)) < 1e-5
-            log_gains = np.minimum(moved, upper)
-            if done:
-                break
-        gains = np.exp(log_gains)
+        x, log_gains = self._steps(matrix + ridge, slope, prior)
         self._log_gains = log_gains
+        gains = np.exp(log_gains)
         x[:count] = gains
-        apart = log_gains - mean
+        distance = log_gains - mean
         misfit = 0.5 * float(square - 2.0 * slope @ x + x @ matrix @ x)
-        cost = misfit + 0.5 * float(apart @ precision @ apart) + 0.5 * float(x @ ridge @ x)
-        free = np.flatnonzero((x > 0.0) | (np.arange(size) < count))
-        scale = np.concatenate([gains, np.ones(size - count)])[free]
-        curved = (matrix + ridge)[np.ix_(free, free)] * np.outer(scale, scale)
-        curved[:count, :count] += precision
-        deviation = np.sqrt(np.diag(np.linalg.inv(curved))[:count])
+        cost = misfit + 0.5 * float(distance @ precision @ distance) + 0.5 * float(x @ ridge @ x)
+        deviation = _deviation(matrix + ridge, x, gains, precision)
         offsets = x[count : 2 * count] if self.offsets else np.zeros(count)
         weights = slice(count + self.offsets * count, None)
         x[weights] = np.minimum(x[weights], 1.0)
@@ -471,9 +602,73 @@ class TorqueTracking:
             misfit=misfit,
         )
 
+    def _steps(self, matrix: Array, slope: Array, prior: Prior) -> tuple[Array, Array]:
+        """Step to the most probable parameters from the gains of the last fit.
+
+        These are near where delays differ little.
+
+        Parameters
+        ----------
+        matrix, slope : (parameters, parameters) and (parameters,) of the squares, ridge included
+
+        Returns
+        -------
+        (parameters,) and (channels,) logarithms of gains
+        """
+        mean, precision, upper = prior
+        count = len(mean)
+        bounds = np.concatenate([np.exp(upper), np.full(len(slope) - count, np.inf)])
+        log_gains = self._log_gains
+        x = np.zeros(len(slope))
+        for _ in range(20):
+            gains = np.exp(log_gains)
+            curved = matrix.copy()
+            right = slope.copy()
+            curved[:count, :count] += precision / np.outer(gains, gains)
+            right[:count] += (precision @ (1.0 - log_gains + mean)) / gains
+            x = _bounded(curved, right, bounds)
+            # The prior is straightened about the step before: steps are kept to a factor of 3.
+            moved = np.log(np.clip(x[:count] / gains, 1.0 / 3.0, 3.0)) + log_gains
+            converged = float(np.abs(moved - log_gains).max(initial=0.0)) < 1e-5
+            log_gains = np.minimum(moved, upper)
+            if converged:
+                break
+        return x, log_gains
+
+
+def _worths(error: Array) -> list[float]:
+    """Share of independent frames in the errors of each row (frames, rows), where they tell."""
+    return [
+        independent_samples(values, values) / len(values)
+        for values in error.T
+        if len(values) > 8 and np.std(values) > 0.0
+    ]
+
+
+def _deviation(matrix: Array, x: Array, gains: Array, precision: Array) -> Array:
+    """Spread of the logarithms of gains, given the parameters that are off their bounds.
+
+    Parameters
+    ----------
+    matrix : (parameters, parameters) normal matrix, ridge included
+    x : (parameters,) gains first
+    gains : (channels,)
+    precision : (channels, channels) of the prior
+
+    Returns
+    -------
+    (channels,)
+    """
+    count = len(gains)
+    free = np.flatnonzero((x > 0.0) | (np.arange(len(x)) < count))
+    scale = np.concatenate([gains, np.ones(len(x) - count)])[free]
+    curved = matrix[np.ix_(free, free)] * np.outer(scale, scale)
+    curved[:count, :count] += precision
+    return np.sqrt(np.diag(np.linalg.inv(curved))[:count])
+
 
 def _courses(tracked_frames: TrackedFrames, group: Group) -> Emg:
-    """Courses of a group's synergies on a coarse clock of the EMG, as far as delays may reach."""
+    """Courses of a group's synergies on a coarse clock, as far as delays may reach."""
     step = max(int(CLOCK / max(float(np.median(np.diff(tracked_frames.emg.time))), 1e-6)), 1)
     first, last = np.searchsorted(
         tracked_frames.emg.time, [tracked_frames.time[0] - EARLIER, tracked_frames.time[-1] + CLOCK]
@@ -488,8 +683,17 @@ def _courses(tracked_frames: TrackedFrames, group: Group) -> Emg:
 
 
 def _bounded(matrix: Array, right: Array, upper: Array) -> Array:
-    """The least x^T M x / 2 - r^T x with 0 <= x <= upper; the bounds above are few, and met one
-    after the other.
+    """Least x^T M x / 2 - r^T x with 0 <= x <= upper.
+
+    The bounds above are few, and met one after the other.
+
+    Parameters
+    ----------
+    matrix, right, upper : (n, n), (n,) and (n,) M, r and the upper bounds
+
+    Returns
+    -------
+    (n,)
     """
     held = np.zeros(len(right), dtype=bool)
     while True:

@@ -1,5 +1,4 @@
-"""Forces at the contact points of a joint: how the force that a joint transmits is shared among
-places that only push.
+"""Forces at the contact points of a joint: its force shared among places that only push.
 
 The medial and lateral condyles of a knee are the usual case. Two points on a line give the
 two-point method: the force along their normal and the moment about the axis across their line, the
@@ -11,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -64,11 +64,15 @@ class ContactPoint:
 
 @dataclass(frozen=True)
 class JointPoints:
-    """Contact points of a model's joints."""
+    """Contact points of a model's joints.
 
-    points: tuple[ContactPoint, ...]  # of one joint after the other
-    # what is to be known of them, one line each: where they were not taken from the joint's own
-    # bone
+    Attributes
+    ----------
+    points : of one joint after the other
+    notes : one line each on points that were not taken from the joint's own bone
+    """
+
+    points: tuple[ContactPoint, ...]
     notes: tuple[str, ...] = ()
 
 
@@ -108,27 +112,45 @@ class JointContactForces(Labelled):
 
     def __post_init__(self) -> None:
         frames = len(self.time)
-        each = (len(self.time), len(self.joints))
-        freeze(self, time=(-1,), forces=(frames, len(self.points)), totals=each, shear=each)
-        freeze(self, unbalanced_forces=each, unbalanced_moments=each)
+        of_joints = (frames, len(self.joints))
+        freeze(
+            self,
+            time=(-1,),
+            forces=(frames, len(self.points)),
+            totals=of_joints,
+            shear=of_joints,
+            unbalanced_forces=of_joints,
+            unbalanced_moments=of_joints,
+        )
 
     def __len__(self) -> int:
         return len(self.time)
 
     def of(self, joint: str, point: str = "") -> Array:
-        """Force at a point of a joint, or the size of the joint's whole force, (frames,) [N];
-        raises `UnknownName`.
+        """Force at a point of a joint, or the size of the joint's whole force.
+
+        Parameters
+        ----------
+        joint, point : by name; no point for the whole force
+
+        Returns
+        -------
+        (frames,) [N]
+
+        Raises
+        ------
+        UnknownName : no joint, or no point of it, has that name
         """
         check_name("joint", joint, self.joints, "the contact forces")
         if not point:
             return self.totals[:, self.joints.index(joint)]
-        own = {
-            name: index
-            for index, (name, of) in enumerate(zip(self.points, self.joint_of, strict=True))
-            if of == joint
-        }
-        check_name("contact point", point, own, f"joint '{joint}'")
-        return self.forces[:, own[point]]
+        columns = {self.points[column]: column for column in self._columns_of(joint)}
+        check_name("contact point", point, columns, f"joint '{joint}'")
+        return self.forces[:, columns[point]]
+
+    def _columns_of(self, joint: str) -> list[int]:
+        """Columns of the points of a joint."""
+        return [column for column, other in enumerate(self.joint_of) if other == joint]
 
     @property
     def point_columns(self) -> tuple[str, ...]:
@@ -138,19 +160,20 @@ class JointContactForces(Labelled):
         )
 
     def loads(self) -> Series:
-        """Totals and forces at the points, `total_<joint>` and `<point>_<joint>` joint by joint
-        [N].
+        """Totals and forces at the points, joint by joint [N].
+
+        Columns are `total_<joint>` and `<point>_<joint>`.
         """
         names: list[str] = []
         columns: list[Array] = []
         for j, joint in enumerate(self.joints):
-            numbers = [number for number, item in enumerate(self.joint_of) if item == joint]
-            names += [f"total_{joint}", *(self.point_columns[number] for number in numbers)]
-            columns += [self.totals[:, j], *(self.forces[:, number] for number in numbers)]
+            of_points = self._columns_of(joint)
+            names += [f"total_{joint}", *(self.point_columns[column] for column in of_points)]
+            columns += [self.totals[:, j], *(self.forces[:, column] for column in of_points)]
         return Series(self.time, tuple(names), np.stack(columns, axis=1))
 
     def table(self) -> Table:
-        """Loads, and beside them what the points do not carry [N], [N m]."""
+        """Write loads, and beside them what the points do not carry [N], [N m]."""
         loads = self.loads()
         kinds = ("shear", "unbalanced_force", "unbalanced_moment")
         rest = (self.shear, self.unbalanced_forces, self.unbalanced_moments)
@@ -161,7 +184,12 @@ class JointContactForces(Labelled):
         )
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], points, joints."""
+        """Instants [s], points and joints, by dimension.
+
+        Returns
+        -------
+        (times,) numbers or names, by dimension
+        """
         return {
             "time": self.time,
             "joint_contact": self.point_columns,
@@ -169,7 +197,7 @@ class JointContactForces(Labelled):
         }
 
 
-def joint_contact_forces(
+def joint_contact_forces(  # page: as of `joint_reactions`, and the points
     model: Model,
     motion: Motion,
     tension: Tension | Series | None,
@@ -179,9 +207,10 @@ def joint_contact_forces(
     actuators: Sequence[Actuator] | None = None,
     patella: Patella = "lever",
 ) -> JointContactForces:
-    """Forces at given contact points of joints.
+    """Find forces at contact points of joints.
 
-        minimise  |sum_i (r_i - c) x n_i f_i - M|^2   subject to  f >= 0,  sum_i n_i f_i = F along the mean normal
+        minimise    |sum_i (r_i - c) x n_i f_i - M|^2
+        subject to  f >= 0,  sum_i n_i f_i = F along the mean normal
 
     with the joint's force F and its moment M about the middle c of the points r_i, both as they act
     on the joint's child, and normals n_i. Of M only the axes count about which the points make
@@ -202,9 +231,9 @@ def joint_contact_forces(
 
     Raises
     ------
-    BadData : where no point is given, two of a joint have one name, or normals of a joint point
-        against each other
-    UnknownName : where the model lacks a joint or a frame
+    BadData : no points, two of a joint with one name, or normals of a joint point against each
+        other
+    UnknownName : a joint or a frame is not in the model
 
     Examples
     --------
@@ -212,8 +241,8 @@ def joint_contact_forces(
     >>> model = mm.read_model("arm.osim")
     >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
     >>> ends = [("upper", (0.0, 0.0, 0.02)), ("lower", (0.0, 0.0, -0.02))]
-    >>> points = [mm.ContactPoint("elbow", name, "", place, (0.0, -1.0, 0.0)) for name, place in ends]
-    >>> mm.joint_contact_forces(model, motion, None, None, points).point_columns
+    >>> points = [mm.ContactPoint("elbow", name, "", place, (0.0, -1.0, 0.0)) for name, place in
+    ends] >>> mm.joint_contact_forces(model, motion, None, None, points).point_columns
     ('upper_elbow', 'lower_elbow')
     """
     if not points:
@@ -222,17 +251,25 @@ def joint_contact_forces(
     for point in points:
         check_name("joint", point.joint, known, f"contact point '{point.name}': the model")
     joints = tuple(dict.fromkeys(point.joint for point in points))
-    asked = (model, motion, tension, wrenches, joints)
-    reactions = joint_reactions(*asked, frame="ground", actuators=actuators, patella=patella)
+    reactions = joint_reactions(
+        model,
+        motion,
+        tension,
+        wrenches,
+        joints,
+        frame="ground",
+        actuators=actuators,
+        patella=patella,
+    )
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     ordered = []
-    results = []
+    shared = []
     for j, joint in enumerate(joints):
         joint_points = [point for point in points if point.joint == joint]
-        places, normals = _in_ground(tree, poses, known[joint], joint_points)
         ordered += joint_points
-        results.append(
+        places, normals = _in_ground(tree, poses, known[joint], joint_points)
+        shared.append(
             shared_force(
                 reactions.forces[:, j],
                 reactions.moments[:, j],
@@ -241,17 +278,16 @@ def joint_contact_forces(
                 normals,
             )
         )
-    forces, shear, pulled, moments = zip(*results, strict=True)
     return JointContactForces(
         time=reactions.time,
         joints=joints,
         points=tuple(point.name for point in ordered),
         joint_of=tuple(point.joint for point in ordered),
-        forces=np.hstack(forces),
+        forces=np.hstack([of_joint.forces for of_joint in shared]),
         totals=np.linalg.norm(reactions.forces, axis=2),
-        shear=np.stack(shear, axis=1),
-        unbalanced_forces=np.stack(pulled, axis=1),
-        unbalanced_moments=np.stack(moments, axis=1),
+        shear=np.stack([of_joint.shear for of_joint in shared], axis=1),
+        unbalanced_forces=np.stack([of_joint.pulled for of_joint in shared], axis=1),
+        unbalanced_moments=np.stack([of_joint.moment for of_joint in shared], axis=1),
         weight=model.weight,
     )
 
@@ -259,7 +295,16 @@ def joint_contact_forces(
 def _in_ground(
     tree: Tree, poses: Poses, joint: Joint, points: Sequence[ContactPoint]
 ) -> tuple[Array, Array]:
-    """Points [m] and unit normals of one joint in ground (frames, points, 3)."""
+    """Points and unit normals of one joint in ground.
+
+    Returns
+    -------
+    (frames, points, 3) [m] and (frames, points, 3)
+
+    Raises
+    ------
+    BadData : two points have one name, a frame does not exist, or a normal has no direction
+    """
     names = [point.name for point in points]
     twice = next((name for name in names if names.count(name) > 1), "")
     if twice:
@@ -284,6 +329,7 @@ def _in_ground(
 
 
 def _unit(point: ContactPoint) -> Array:
+    """Scale the normal of a point (3,) to unit length, in the axes of its frame."""
     normal = np.asarray(point.normal, dtype=np.float64)
     size = float(np.linalg.norm(normal))
     if not 1e-9 < size < np.inf:
@@ -294,7 +340,7 @@ def _unit(point: ContactPoint) -> Array:
 
 
 def _down(tree: Tree, poses: Poses, joint: Joint, point: ContactPoint) -> Array:
-    """(frames, 3) from the joint's center to that of the next joint on its child, in ground."""
+    """Direction (frames, 3) from the joint to the next joint on its child, in ground."""
     way = long_axis(tree.model, joint)
     if way is None:
         raise BadData(
@@ -305,48 +351,119 @@ def _down(tree: Tree, poses: Poses, joint: Joint, point: ContactPoint) -> Array:
     return poses.rotations[:, tree.body_index[joint.child]] @ way
 
 
+class SharedForce(NamedTuple):
+    """Force of a joint shared among its points.
+
+    Attributes
+    ----------
+    forces : (frames, points) push of each along its normal [N]
+    shear : (frames,) force across the mean normal [N]
+    pulled : (frames,) force along the mean normal that would have to pull [N]
+    moment : (frames,) size of the moment that is left [N m]
+    """
+
+    forces: Array
+    shear: Array
+    pulled: Array
+    moment: Array
+
+
 def shared_force(
     force: Array, moment: Array, center: Array, points: Array, normals: Array
-) -> tuple[Array, Array, Array, Array]:
-    """A joint's force among points that push, frame by frame.
-    `force`, `moment` (frames, 3) on the child, the moment about `center` [N], [N m]; `center`,
-    `points`, `normals` (frames, 3) and (frames, points, 3) in the same axes [m]; normals of unit
-    length. Returns forces (frames, points), shear (frames,), the force that would pull (frames,)
-    [N], the moment left (frames,) [N m].
+) -> SharedForce:
+    """Share a joint's force among points that push, frame by frame.
+
+    Parameters
+    ----------
+    force, moment : (frames, 3) on the child, the moment about `center` [N], [N m]
+    center : (frames, 3) in the same axes [m]
+    points, normals : (frames, points, 3) in the same axes [m], normals of unit length
+
+    Returns
+    -------
+    NaN in frames whose force or moment is not known
+
+    Raises
+    ------
+    BadData : normals point against each other
     """
-    mean = normals.sum(axis=1)
-    size = np.linalg.norm(mean, axis=1)
-    if (size < 0.1 * points.shape[1]).any():
+    mean = _mean_normal(normals)
+    middle = points.mean(axis=1)
+    offsets = points - middle[:, None]
+    spread = np.maximum(np.sqrt((offsets**2).sum(axis=2).mean(axis=1)), 1e-9)
+    about_middle = moment + np.cross(center - middle, force)
+    arms = np.cross(offsets, normals)
+    along = np.einsum("fi,fi->f", force, mean)
+    across = force - along[:, None] * mean
+
+    forces = np.full(points.shape[:2], np.nan)
+    pulled = np.full(len(points), np.nan)
+    left = np.full(len(points), np.nan)
+    for f in np.flatnonzero(np.isfinite(along) & np.isfinite(about_middle).all(axis=1)):
+        axes = _balanced_axes(arms[f], spread[f])
+        rows = _rows(normals[f], mean[f], axes, arms[f], spread[f])
+        wanted = np.zeros(len(rows))
+        wanted[0] = FORCE_ALONG_NORMAL * along[f]
+        wanted[1:4] = across[f]
+        wanted[4 : 4 + axes.shape[1]] = axes.T @ about_middle[f] / spread[f]
+        forces[f] = scipy.optimize.nnls(rows, wanted)[0]
+        pulled[f] = max(0.0, -along[f])
+        left[f] = np.linalg.norm(axes.T @ (about_middle[f] - arms[f].T @ forces[f]))
+    return SharedForce(
+        forces=forces, shear=np.linalg.norm(across, axis=1), pulled=pulled, moment=left
+    )
+
+
+def _mean_normal(normals: Array) -> Array:
+    """Direction (frames, 3) along the sum of normals (frames, points, 3)."""
+    total = normals.sum(axis=1)
+    size = np.linalg.norm(total, axis=1)
+    if (size < 0.1 * normals.shape[1]).any():
         raise BadData(
             "the normals of a joint's contact points point against each other: expected one side"
             " that pushes"
         )
-    mean = mean / size[:, None]
-    middle = points.mean(axis=1)
-    beside = points - middle[:, None]
-    spread = np.maximum(np.sqrt((beside**2).sum(axis=2).mean(axis=1)), 1e-9)
-    about = moment + np.cross(center - middle, force)
-    arms = np.cross(beside, normals)
-    frames, count = points.shape[:2]
-    forces = np.full((frames, count), np.nan)
-    pulled = np.full(frames, np.nan)
-    left = np.full(frames, np.nan)
-    along = np.einsum("fi,fi->f", force, mean)
-    across = force - along[:, None] * mean
-    for f in np.flatnonzero(np.isfinite(along) & np.isfinite(about).all(axis=1)):
-        U, sizes, _ = np.linalg.svd(arms[f].T)
-        axes = U[:, : len(sizes)][:, sizes > max(FLAT * sizes[0], 1e-9 * spread[f])]
-        sideways = normals[f] - np.outer(normals[f] @ mean[f], mean[f])
-        rows = [
-            FORCE_ALONG_NORMAL * (normals[f] @ mean[f])[None],
-            sideways.T,
-            axes.T @ arms[f].T / spread[f],
-        ]
-        wanted = [FORCE_ALONG_NORMAL * along[f : f + 1], across[f], axes.T @ about[f] / spread[f]]
-        if count > 1 + axes.shape[1]:
-            rows = [*rows, EVEN * np.eye(count)]
-            wanted = [*wanted, np.zeros(count)]
-        forces[f] = scipy.optimize.nnls(np.vstack(rows), np.concatenate(wanted))[0]
-        pulled[f] = max(0.0, -along[f])
-        left[f] = np.linalg.norm(axes.T @ (about[f] - arms[f].T @ forces[f]))
-    return forces, np.linalg.norm(across, axis=1), pulled, left
+    return total / size[:, None]
+
+
+def _balanced_axes(arms: Array, spread: float) -> Array:
+    """Axes about which the points make moments.
+
+    Parameters
+    ----------
+    arms : (points, 3) moment of one unit of force at each point [m]
+    spread : root mean square distance of the points from their middle [m]
+
+    Returns
+    -------
+    (3, axes) unit vectors
+    """
+    U, sizes, _ = np.linalg.svd(arms.T)
+    strong = sizes > max(FLAT * sizes[0], 1e-9 * spread)
+    return U[:, : len(sizes)][:, strong]
+
+
+def _rows(normals: Array, mean: Array, axes: Array, arms: Array, spread: float) -> Array:
+    """Rows of the least squares problem of one frame: force along and across, and moments.
+
+    Parameters
+    ----------
+    normals, arms : (points, 3) of unit forces
+    mean : (3,) mean normal
+    axes : (3, axes) about which moments count
+    spread : length by which moments are divided [m]
+
+    Returns
+    -------
+    (rows, points)
+    """
+    count = len(normals)
+    sideways = normals - np.outer(normals @ mean, mean)
+    rows = [
+        FORCE_ALONG_NORMAL * (normals @ mean)[None],
+        sideways.T,
+        axes.T @ arms.T / spread,
+    ]
+    if count > 1 + axes.shape[1]:
+        rows.append(EVEN * np.eye(count))
+    return np.vstack(rows)

@@ -1,12 +1,12 @@
-"""Contact points of knees: the lowest places of the femur's condyles on the model's own bone, or
-usual distances.
-"""
+"""Contact points of knees: lowest places of condyles on the bone, or usual distances."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadModel
@@ -27,9 +27,12 @@ from myomorph.core.rigid.knees import (
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.joint_contact import ContactPoint, JointPoints
 
-# Depth of the part of a condyle whose middle is its lowest place, of the distance from hip to knee
 LOWEST = 0.0075
-CONDYLES = 0.1  # Height of the condyles above their lowest place, of the distance from hip to knee
+"""Depth of the part of a condyle whose middle is its lowest place, as a share of the distance from
+hip to knee.
+"""
+CONDYLES = 0.1
+"""Height of the condyles above their lowest place, of the distance from hip to knee."""
 HALF_SPACING = 0.057
 """Distance of a contact point from the knee's center, of that from hip to knee, where there is no
 bone: half of the 46 mm between the lowest places of the condyles over the 406 mm of the femur of
@@ -47,9 +50,19 @@ def knee_points(model: Model, surfaces: Mapping[str, Surface]) -> JointPoints:
 
     Source: Lerner et al. 2015; bones of Rajagopal et al. 2016.
 
-    `model`: whose knees are the joints between a body called femur or thigh and one called tibia or
-    shank; `surfaces`: meshes by `Mesh.file`, in their own units, as far as they are there. Returns
-    the points, and a note on each knee without a bone of its own.
+    Parameters
+    ----------
+    model : whose knees are the joints between a body called femur or thigh and one called tibia or
+        shank
+    surfaces : meshes by `Mesh.file`, in their own units, as far as they are there
+
+    Returns
+    -------
+    the points, and a note on each knee without a bone of its own
+
+    Raises
+    ------
+    BadModel : the model has no knee, or a knee has no side, hip or ankle
 
     Examples
     --------
@@ -68,8 +81,8 @@ def knee_points(model: Model, surfaces: Mapping[str, Surface]) -> JointPoints:
     points: list[ContactPoint] = []
     notes: list[str] = []
     for knee in knees:
-        result, note = _of_knee(model, knee, surfaces)
-        points += result
+        of_knee, note = _of_knee(model, knee, surfaces)
+        points += of_knee
         notes += [note] if note else []
     return JointPoints(tuple(points), tuple(notes))
 
@@ -78,54 +91,104 @@ def _of_knee(
     model: Model, knee: Joint, surfaces: Mapping[str, Surface]
 ) -> tuple[list[ContactPoint], str]:
     """Both points of a knee and a note, "" where its own bone told them."""
-    side = split_side(knee.child)[1] or split_side(knee.name)[1]
-    hip = next((joint for joint in model.joints if joint.child == knee.parent), None)
-    down = long_axis(model, knee)
-    poses = flexed(model, knee)
-    if not side or hip is None or down is None:
-        lacking = (
-            "no side in its name"
-            if not side
-            else "no hip above it"
-            if hip is None
-            else "no ankle below it"
-        )
-        raise BadModel(
-            f"joint '{knee.name}': has {lacking}, so its contact points must be given in a file"
-        )
-    if poses is None:
-        raise BadModel(
-            f"joint '{knee.name}' does not turn, so its contact points must be given in a file"
-        )
+    axes = _axes(model, knee)
     center = knee.child_frame.translation
-    length = float(np.linalg.norm(knee.parent_frame.translation - hip.child_frame.translation))
-    lateral = _lateral(model, knee, poses, down, side)
     bone, note = _bone(model, knee, surfaces)
     if bone is None:
-        places = [center + sign * HALF_SPACING * length * lateral for sign in (-1.0, 1.0)]
+        offset = HALF_SPACING * axes.length
+        places = [center + sign * offset * axes.lateral for sign in (-1.0, 1.0)]
         note = (
             f"{knee.name}: no mesh of '{knee.parent}' lies beside the model: its contact points are"
-            f" taken {2000 * HALF_SPACING * length:.0f} mm apart around the joint's center,"
+            f" taken {2000 * offset:.0f} mm apart around the joint's center,"
             f" {2 * HALF_SPACING:.3f} of the distance from hip to knee; medial and lateral force"
             " are worth no more than that"
         )
     else:
-        places = _lowest(model, knee, poses, bone, down, lateral, length)
-    normal = tuple(float(item) for item in down)
-    return [
+        places = _lowest(model, knee, axes, bone)
+    points = [
         ContactPoint(
             joint=knee.name,
             name=name,
             frame=knee.child,
-            point=tuple(float(item) for item in place),
-            normal=normal,
-        )  # type: ignore[arg-type]
+            point=_triple(place),
+            normal=_triple(axes.down),
+        )
         for name, place in zip(("medial", "lateral"), places, strict=True)
-    ], note
+    ]
+    return points, note
+
+
+def _triple(vector: Array) -> tuple[float, float, float]:
+    """Take the components of a vector (3,)."""
+    x, y, z = vector
+    return float(x), float(y), float(z)
+
+
+@dataclass(frozen=True, eq=False)
+class KneeAxes:
+    """Directions on the tibia, and the size of the thigh.
+
+    Attributes
+    ----------
+    poses : of the bodies at flexions of the knee
+    down, lateral : (3,) along the tibia, and across it away from the other leg
+    length : distance from hip to knee [m]
+    """
+
+    poses: Poses
+    down: Array
+    lateral: Array
+    length: float
+
+
+def _axes(model: Model, knee: Joint) -> KneeAxes:
+    """Find the directions of a knee.
+
+    Raises
+    ------
+    BadModel : the knee has no side in its name, no hip, no ankle, or does not turn
+    """
+    side = split_side(knee.child)[1] or split_side(knee.name)[1]
+    hip = next((joint for joint in model.joints if joint.child == knee.parent), None)
+    down = long_axis(model, knee)
+    poses = flexed(model, knee)
+    if not side:
+        raise _unfit(knee, "has no side in its name")
+    if hip is None:
+        raise _unfit(knee, "has no hip above it")
+    if down is None:
+        raise _unfit(knee, "has no ankle below it")
+    if poses is None:
+        raise BadModel(
+            f"joint '{knee.name}' does not turn, so its contact points must be given in a file"
+        )
+    thigh = knee.parent_frame.translation - hip.child_frame.translation
+    return KneeAxes(
+        poses=poses,
+        down=down,
+        lateral=_lateral(model, knee, poses, down, side),
+        length=float(np.linalg.norm(thigh)),
+    )
+
+
+def _unfit(knee: Joint, reason: str) -> BadModel:
+    """Error of a knee whose contact points cannot be found."""
+    return BadModel(f"joint '{knee.name}': {reason}, so its contact points must be given in a file")
 
 
 def _lateral(model: Model, knee: Joint, poses: Poses, down: Array, side: str) -> Array:
-    """Unit vector on the tibia, across its length, that points away from the other leg."""
+    """Direction on the tibia, across its length, that points away from the other leg.
+
+    Parameters
+    ----------
+    poses : of the bodies at flexions of the knee
+    down : (3,) along the tibia
+    side : "right" or "left"
+
+    Returns
+    -------
+    (3,)
+    """
     index = compile_tree(model).body_index
     up = model.up
     tibia = poses.rotations[0, index[knee.child]]
@@ -143,8 +206,11 @@ def _lateral(model: Model, knee: Joint, poses: Poses, down: Array, side: str) ->
 
 
 def _bone(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[Array | None, str]:
-    """Vertices of the femur in its own frame [m]; None without a mesh. With a note where it is the
-    other side's.
+    """Vertices of the femur in its own frame, with a note where they are the other side's.
+
+    Returns
+    -------
+    (vertices, 3) [m], None without a mesh
     """
     vertices = _vertices(model.body(knee.parent), surfaces)
     if vertices is not None:
@@ -165,29 +231,52 @@ def _bone(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[A
 
 
 def _vertices(body: Body, surfaces: Mapping[str, Surface]) -> Array | None:
-    """Those of the mesh that draws a body with most of them."""
+    """Vertices (vertices, 3) of the mesh that draws a body with most of them."""
     return max((surface.vertices for surface in body_meshes(body, surfaces)), key=len, default=None)
 
 
-def _lowest(
-    model: Model, knee: Joint, poses: Poses, bone: Array, down: Array, lateral: Array, length: float
-) -> list[Array]:
-    """Mean lowest place of the medial and of the lateral condyle, on the tibia."""
+def _lowest(model: Model, knee: Joint, axes: KneeAxes, bone: Array) -> list[Array]:
+    """Mean lowest place of the medial and of the lateral condyle, on the tibia.
+
+    Parameters
+    ----------
+    bone : (vertices, 3) of the femur in its frame [m]
+
+    Returns
+    -------
+    two of (3,) [m]
+    """
     index = compile_tree(model).body_index
     femur = index[knee.parent]
     tibia = index[knee.child]
-    sums = [np.zeros(3), np.zeros(3)]
-    for place in range(len(FLEXIONS)):
-        ground = bone @ poses.rotations[place, femur].T + poses.origins[place, femur]
-        seen = (ground - poses.origins[place, tibia]) @ poses.rotations[place, tibia]
-        depth = seen @ down
-        across = seen @ lateral
-        region = depth > depth.max() - CONDYLES * length
-        middle = 0.5 * (across[region].min() + across[region].max())
-        for i, half in enumerate((across < middle, across >= middle)):
-            half_region = region & half
-            weights = np.maximum(
-                depth[half_region] - depth[half_region].max() + LOWEST * length, 0.0
-            )
-            sums[i] += weights @ seen[half_region] / weights.sum()
-    return [part / len(FLEXIONS) for part in sums]
+    origins = axes.poses.origins
+    rotations = axes.poses.rotations
+    medial = np.zeros(3)
+    lateral = np.zeros(3)
+    for flexion in range(len(FLEXIONS)):
+        ground = bone @ rotations[flexion, femur].T + origins[flexion, femur]
+        seen = (ground - origins[flexion, tibia]) @ rotations[flexion, tibia]
+        depth = seen @ axes.down
+        across = seen @ axes.lateral
+        condyles = depth > depth.max() - CONDYLES * axes.length
+        middle = 0.5 * (across[condyles].min() + across[condyles].max())
+        medial += _deepest(seen, depth, condyles & (across < middle), axes.length)
+        lateral += _deepest(seen, depth, condyles & (across >= middle), axes.length)
+    return [medial / len(FLEXIONS), lateral / len(FLEXIONS)]
+
+
+def _deepest(places: Array, depth: Array, region: NDArray[np.bool_], length: float) -> Array:
+    """Mean of the deepest places of a region, the deeper the more.
+
+    Parameters
+    ----------
+    places, depth : (vertices, 3) and (vertices,) [m]
+    region : (vertices,)
+    length : of the thigh [m]
+
+    Returns
+    -------
+    (3,) [m]
+    """
+    weights = np.maximum(depth[region] - depth[region].max() + LOWEST * length, 0.0)
+    return weights @ places[region] / weights.sum()

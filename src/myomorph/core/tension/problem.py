@@ -1,4 +1,4 @@
-"""The tension problem of all frames: the sum of its terms, who solves it, and what comes out."""
+"""The tension problem of all frames: the sum of its terms, its solution and the result."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.contacts import ContactForces
-from myomorph.core.model.errors import BadData, BadModel, UnknownName
+from myomorph.core.model.errors import BadData, BadModel, check_name
 from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.core.motion.sync import refuse_other_times
@@ -43,7 +43,7 @@ from myomorph.core.tension.terms.term import (
 
 @dataclass(frozen=True, eq=False)
 class TensionInputs:
-    """What `solve_tension` takes, which says what each is."""
+    """Arguments of `solve_tension`, which says what each is."""
 
     model: Model
     motion: Motion
@@ -55,14 +55,19 @@ class TensionInputs:
     terms: Sequence[Term] = ()
 
     def enabled_actuators(self) -> tuple[Actuator, ...]:
-        """The model's own and those that are added, which replace those of the same name."""
+        """Join the model's own actuators with those added, which replace those of the same name.
+
+        Raises
+        ------
+        BadModel : two actuators have one name
+        """
         model = self.model
         added = self.actuators
         if added is None:
             added = default_reserves(model, self.options.reserve, self.options.residual)
         replaced = {actuator.name for actuator in added}
-        kept = [actuator for actuator in model.actuators if actuator.name not in replaced]
-        enabled = tuple(actuator for actuator in (*kept, *added) if actuator.enabled)
+        remaining = [actuator for actuator in model.actuators if actuator.name not in replaced]
+        enabled = tuple(actuator for actuator in (*remaining, *added) if actuator.enabled)
         names = [actuator.name for actuator in enabled]
         if len(set(names)) != len(names):
             twice = next(name for name in names if names.count(name) > 1)
@@ -73,11 +78,16 @@ class TensionInputs:
 
 
 def tension_problem(inputs: TensionInputs, only: Collection[str] | None = None) -> TensionProblem:
-    """What `solve_tension` solves with rigid tendons, set up but not solved; errors are those of
-    it. With contacts it is the problem that finds their forces, with passive forces by
+    """Set up what `solve_tension` solves with rigid tendons.
+
+    With contacts it is the problem that finds their forces, with passive forces by
     `ContactOptions.contact_passive`. Further terms may speak of contacts and muscles alike: with
-    any, one problem finds both by the options as they are. `only`: coordinates whose equations are
-    kept, where not all are.
+    any, one problem finds both by the options as they are.
+
+    Parameters
+    ----------
+    inputs : errors are those of `solve_tension`
+    only : coordinates whose equations are kept, where not all are
     """
     if inputs.contacts is not None and not inputs.terms and inputs.options.tendons == "rigid":
         options = replace(inputs.options, passive=inputs.contacts.options.contact_passive)
@@ -86,6 +96,17 @@ def tension_problem(inputs: TensionInputs, only: Collection[str] | None = None) 
 
 
 def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
+    """Torques in the order of the model's coordinates, 0 of those that need none.
+
+    Returns
+    -------
+    (frames, coordinates) [N m or N]
+
+    Raises
+    ------
+    BadData : torques are of other times than the motion
+    UnknownName : a free coordinate has no torque
+    """
     refuse_other_times("torques", torques.time, motion.time)
     needed = set(free_coordinates(tree.model))
     columns = {name: i for i, name in enumerate(torques.names)}
@@ -94,7 +115,7 @@ def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
         if name in columns:
             result[:, j] = torques.values[:, columns[name]]
         elif name in needed:
-            raise UnknownName("coordinate", name, torques.names, "the table of torques")
+            check_name("coordinate", name, torques.names, "the table of torques")
     return result
 
 
@@ -117,11 +138,31 @@ class Balance(NamedTuple):
     viscous: Array
     torques: Array
 
+    def of(self, frames: slice) -> Balance:
+        """Balance of some of the frames."""
+        return Balance._make(array[frames] for array in self)
 
-SolvedSeparable = tuple[Array, Array, Array, np.ndarray, np.ndarray]
+
+class SolvedSeparable(NamedTuple):
+    """Solution of the separable problem in some frames.
+
+    Attributes
+    ----------
+    x : (frames, unknowns)
+    multipliers : (frames, rows)
+    residual : (frames,) equilibrium residual max |b - A x|
+    iterations : (frames,)
+    status : (frames,) index into `STATUS_NAMES`
+    """
+
+    x: Array
+    multipliers: Array
+    residual: Array
+    iterations: np.ndarray
+    status: np.ndarray
 
 
-def solve_frames(
+def solve_frames(  # page: what `solve_separable` takes, most of it optional
     shared: Separable,
     values: Array,
     right: Array,
@@ -131,26 +172,38 @@ def solve_frames(
     links: Links | None = None,
     warm: Array | None = None,
 ) -> SolvedSeparable:
-    """Unknowns (frames, n), multipliers (frames, rows), residual, iterations and status; see
-    `solve_separable`.
+    """Solve the separable problem of some frames; see `solve_separable`.
+
+    Parameters
+    ----------
+    values : (frames, entries) of A
+    right : (frames, rows) b
+    penalties : (1 or frames, 3, unknowns) l, h and k
+    targets : (1 or frames, unknowns) t, 0 by default
+    links : between frames, none by default
+    warm : (rows,) multipliers to begin with, afterwards those of the last frame
+
+    Returns
+    -------
+    unknowns, multipliers, residual, iterations and status of each frame
     """
     frames = len(right)
     count = len(shared.weight)
-    x = np.empty((frames, count))
-    y = np.empty(right.shape)
-    residual = np.empty(frames)
-    iterations = np.empty(frames, np.int64)
-    status = np.empty(frames, np.int8)
+    solved = SolvedSeparable(
+        x=np.empty((frames, count)),
+        multipliers=np.empty(right.shape),
+        residual=np.empty(frames),
+        iterations=np.empty(frames, np.int64),
+        status=np.empty(frames, np.int8),
+    )
     if targets is None:
         targets = np.zeros((1, count))
     if links is None:
         links = no_links()
     if warm is None:
         warm = np.zeros(right.shape[1])
-    solve_separable(
-        shared, values, right, targets, penalties, links, warm, x, y, residual, iterations, status
-    )
-    return x, y, residual, iterations, status
+    solve_separable(shared, values, right, targets, penalties, links, warm, *solved)
+    return solved
 
 
 def _adjoining_slices(counts: Sequence[int]) -> tuple[slice, ...]:
@@ -202,29 +255,23 @@ class TensionProblem:
         self.actuators = ActuatorTerm(tree, enabled_actuators, exponent)
         self.terms = self._all_terms(inputs)
 
-        parts = [term.variables() for term in self.terms]
-        variables = joined(parts)
-        places = _adjoining_slices([len(part) for part in parts])
-        self.unknowns = Unknowns(
-            names=variables.names,
-            muscles=model.muscle_names,
-            time=self._time,
-            terms=self.terms,
-            places=places,
-        )
-        asked_rows = [(term, term.rows(self.unknowns)) for term in self.terms]
-        self._row_terms = [(term, rows) for term, rows in asked_rows if rows is not None]
-        self.rows = [rows for _, rows in self._row_terms]
+        variables = [term.variables() for term in self.terms]
+        self.unknowns = self._all_unknowns(variables)
+        rows = [(term, term.rows(self.unknowns)) for term in self.terms]
+        self._row_terms = [(term, added) for term, added in rows if added is not None]
+        self.rows = [added for _, added in self._row_terms]
 
         basis = loop_basis(tree, self.coordinates) if model.loops else None
         self._slopes = loop_slopes(basis, self.coordinates)
-        entries = [
-            (place.start + unknown, coordinate)
-            for term, place in zip(self.terms, places, strict=True)
-            for unknown, coordinate in term.entries()
-        ]
-        self.assembly = assemble(tree, entries, len(variables), self.rows, basis, only)
-        self.separable = self._separable(variables)
+        self.assembly = assemble(
+            tree,
+            self._entries(),
+            len(self.unknowns),
+            extra=self.rows,
+            basis=basis,
+            only=only,
+        )
+        self.separable = self._separable(joined(variables))
         self.penalties = self._all_penalties()
         self.smooth = self._smoothing()
         self.window = CHUNK if self.smooth is None else self.smooth.window
@@ -238,6 +285,24 @@ class TensionProblem:
         if inputs.emg is not None:
             terms.append(inputs.emg)
         return (*terms, *inputs.terms)
+
+    def _all_unknowns(self, variables: Sequence[Variables]) -> Unknowns:
+        """Unknowns of all terms, one term after the other."""
+        return Unknowns(
+            names=joined(variables).names,
+            muscles=self.muscles.names,
+            time=self._time,
+            terms=self.terms,
+            places=_adjoining_slices([len(part) for part in variables]),
+        )
+
+    def _entries(self) -> list[tuple[int, int]]:
+        """Unknown and coordinate of every generalized force of unknowns."""
+        return [
+            (place.start + unknown, coordinate)
+            for term, place in zip(self.terms, self.unknowns.places, strict=True)
+            for unknown, coordinate in term.entries()
+        ]
 
     def _separable(self, variables: Variables) -> Separable:
         """Weights, exponents and bounds of all unknowns, checked.
@@ -281,13 +346,20 @@ class TensionProblem:
         return separable._replace(first=full, capped=len(self.muscles.strength), peak=1.0)
 
     def _all_penalties(self) -> IntervalPenalties:
-        asked = [term.penalties(self.unknowns) for term in self.terms]
-        penalties = [penalty for penalty in asked if penalty is not None]
+        """Sum the interval penalties of all terms."""
+        parts = [term.penalties(self.unknowns) for term in self.terms]
+        penalties = [part for part in parts if part is not None]
         return added_up(penalties, self.unknowns, len(self.separable.weight))
 
     def _smoothing(self) -> Smoothing | None:
-        asked = [term.smoothing(self.unknowns) for term in self.terms]
-        linking = [smoothing for smoothing in asked if smoothing is not None]
+        """Find the links between frames of the only term that has any.
+
+        Raises
+        ------
+        BadData : more than one term links frames
+        """
+        parts = [term.smoothing(self.unknowns) for term in self.terms]
+        linking = [part for part in parts if part is not None]
         if len(linking) > 1:
             raise BadData(f"{len(linking)} terms of the tension problem link frames: expected one")
         return linking[0] if linking else None
@@ -312,11 +384,9 @@ class TensionProblem:
     @property
     def amplitudes(self) -> Array:
         """(frames, generators) of contacts, filled by `solve`."""
-        return (
-            self._others[:, :0]
-            if self.contacts is None
-            else self._others[:, self._place(self.contacts)]
-        )
+        if self.contacts is None:
+            return self._others[:, :0]
+        return self._others[:, self._place(self.contacts)]
 
     @property
     def x(self) -> Array:
@@ -324,17 +394,26 @@ class TensionProblem:
         return self.x_of(slice(None))
 
     def x_of(self, frames: slice | np.ndarray) -> Array:
-        """The unknowns of some frames, and those of rows."""
+        """Copy the unknowns of some frames, and those of rows.
+
+        Parameters
+        ----------
+        frames : a slice, or (chosen,) their numbers
+
+        Returns
+        -------
+        (chosen, unknowns and those of rows)
+        """
         return np.concatenate([self._activations[frames], self._others[frames]], axis=1)
 
     def _place(self, term: Term) -> slice:
-        """Where the unknowns of a term lie behind the activations."""
+        """Place of the unknowns of a term behind the activations."""
         muscles = self._activations.shape[1]
         place = self.unknowns.of(term)
         return slice(place.start - muscles, place.stop - muscles)
 
     def balance(self, start: int, stop: int) -> Balance:
-        """What the frames start ... stop - 1 have to balance."""
+        """Balance of the frames start ... stop - 1, and the forces of their muscles."""
         part = slice(start, stop)
         frames = Frames(part, np.ascontiguousarray(self.coordinates[part]), self._rates[part])
         columns = [term.columns(frames) for term in self.terms]
@@ -349,7 +428,7 @@ class TensionProblem:
             self._slopes[part],
             np.hstack([column.entries for column in columns]),
             np.hstack([column.forces for column in columns]),
-            _given(columns),
+            _acting_anyway(columns),
             self._torques[part],
             values,
             required,
@@ -378,26 +457,27 @@ class TensionProblem:
             return
         filled = [term.row_values(rows, frames) for term, rows in self._row_terms]
         units = np.concatenate([rows.unit for rows in self.rows])
-        own = np.broadcast_to(-units, (len(frames), len(units)))
-        values[:, self.assembly.extra_place] = np.hstack([*(S for S, _ in filled), own])
+        of_e = np.broadcast_to(-units, (len(frames), len(units)))
+        values[:, self.assembly.extra_place] = np.hstack([*(S for S, _ in filled), of_e])
         right[:, self.assembly.extra_row] = np.hstack([target for _, target in filled])
 
     def solve(self, start: int, stop: int) -> None:
-        """Solve the frames start ... stop - 1, with a margin on both sides where frames are
-        linked.
+        """Solve the frames start ... stop - 1.
+
+        Where frames are linked, a margin on both sides is solved too.
         """
         margin = 0 if self.smooth is None else self.smooth.margin
         begin = max(start - margin, 0)
         end = min(stop + margin, len(self._time))
         balance = self.balance(begin, end)
-        x, _, residual, iterations, status = self.solved(balance, begin)
+        solved = self.solved(balance, begin)
 
         part = slice(start, stop)
-        kept = slice(start - begin, stop - begin)
-        self._residual[part] = residual[kept]
-        self._iterations[part] = iterations[kept]
-        self._status[part] = status[kept]
-        self._store(part, x[kept], Balance(*(array[kept] for array in balance)))
+        without_margin = slice(start - begin, stop - begin)
+        self._residual[part] = solved.residual[without_margin]
+        self._iterations[part] = solved.iterations[without_margin]
+        self._status[part] = solved.status[without_margin]
+        self._store(part, solved.x[without_margin], balance.of(without_margin))
 
     def solve_all(self, progress: Callable[[int], None] | None = None) -> Tension:
         """Solve all frames; `progress` is called with the number of frames just done."""
@@ -405,9 +485,12 @@ class TensionProblem:
         return self.result()
 
     def renew(self, coordinates: Array, rates: Array, torques: Array) -> None:
-        """Put other frames in the place of those that were given, as many.
-        `coordinates`, `rates`, `torques` (frames, coordinates) consistent, torques of inverse
-        dynamics [N m or N].
+        """Put other frames, as many, in the place of those of the inputs.
+
+        Parameters
+        ----------
+        coordinates, rates : (frames, coordinates) consistent [rad or m], [rad/s or m/s]
+        torques : (frames, coordinates) of inverse dynamics [N m or N]
         """
         self.coordinates[:] = coordinates
         self._rates[:] = rates
@@ -417,47 +500,60 @@ class TensionProblem:
     def solved(
         self, balance: Balance, begin: int = 0, warm: Array | None = None
     ) -> SolvedSeparable:
-        """Unknowns of some frames (frames, n), multipliers (frames, rows), residual, iterations and
-        status. `balance`: what to balance in the frames from `begin` on; `warm` (rows,) multipliers
-        to begin with, afterwards those of the last frame; None for none.
+        """Solve some frames without storing the result.
+
+        Parameters
+        ----------
+        balance : of the frames from `begin` on
+        warm : (rows,) multipliers to begin with, afterwards those of the last frame; None for none
+
+        Returns
+        -------
+        unknowns, multipliers, residual, iterations and status of each frame
         """
-        links = (
-            None if self.smooth is None else self.smooth.links(begin, begin + len(balance.right))
-        )
-        penalties = self.penalties[begin : begin + len(balance.right)]
+        end = begin + len(balance.right)
         return solve_frames(
-            self.separable, balance.values, balance.right, penalties, links=links, warm=warm
+            self.separable,
+            balance.values,
+            balance.right,
+            self.penalties[begin:end],
+            links=None if self.smooth is None else self.smooth.links(begin, end),
+            warm=warm,
         )
 
     def _store(self, part: slice, x: Array, balance: Balance) -> None:
-        """Keep what was found in some frames."""
+        """Keep the solution of some frames.
+
+        Parameters
+        ----------
+        part : the frames
+        x : (frames, unknowns)
+        """
         muscles = self._forces.shape[1]
-        self._activations[part], self._others[part] = x[:, :muscles], x[:, muscles:]
-        self._forces[part] = balance.active * x[:, :muscles] + balance.passive + balance.viscous
+        activations = x[:, :muscles]
+        self._activations[part] = activations
+        self._others[part] = x[:, muscles:]
+        self._forces[part] = balance.active * activations + balance.passive + balance.viscous
         self._balanced[part] = balance.torques
         if self.muscles.viscous:
             self._viscous[part] = balance.viscous
         if self.options.passive:
             self._passive[part] = balance.passive
         if self.contacts is not None:
-            place = (part, self.coordinates[part], self.amplitudes[part])
-            self._contact_forces[:, part] = self.contacts.forces_of(*place)
+            self._contact_forces[:, part] = self.contacts.forces_of(
+                part, self.coordinates[part], self.amplitudes[part]
+            )
 
     def result(self) -> Tension:
-        """What was found, as a value."""
-        peaks = PassivePeaks(*np.zeros((2, self._forces.shape[1])))
+        """Tensions, reserves and contact forces of all frames, as a value."""
+        muscles = self.assembly.tree.model.muscle_names
+        peaks = PassivePeaks(share=np.zeros(len(muscles)), time=np.zeros(len(muscles)))
         if self.options.passive:
             peaks = passive_peaks(self._passive, self.muscles.strength, self._time)
-        all_names = self.assembly.tree.model.muscle_names
-        outcome = None
-        if self.contacts is not None:
-            sites = self.contacts.generators.sites
-            ready = self.contacts.activations
-            outcome = ContactForces(self._time, sites, ready, *self._contact_forces)
         controls = self._others[:, self._place(self.actuators)]
         return Tension(
             time=self._time,
-            muscles=all_names,
+            muscles=muscles,
             activations=self._activations,
             forces=self._forces,
             reserve_names=tuple(actuator.name for actuator in self.actuators.actuators),
@@ -469,20 +565,42 @@ class TensionProblem:
             iterations=self._iterations,
             lower=self.muscles.lower,
             upper=self.muscles.upper,
-            overstretched=tuple(all_names[i] for i in np.flatnonzero(peaks.share > 1.0)),
+            overstretched=tuple(muscles[i] for i in np.flatnonzero(peaks.share > 1.0)),
             options=self.options,
             viscous=self._viscous,
             passive_share=peaks.share,
             passive_time=peaks.time,
-            contacts=outcome,
+            contacts=self._contacts_found(),
+        )
+
+    def _contacts_found(self) -> ContactForces | None:
+        """Join the forces at contact sites of all frames; None without contacts."""
+        if self.contacts is None:
+            return None
+        forces, points, torques = self._contact_forces
+        return ContactForces(
+            time=self._time,
+            sites=self.contacts.generators.sites,
+            activations=self.contacts.activations,
+            forces=forces,
+            points=points,
+            torques=torques,
         )
 
 
-def _given(columns: Sequence[Columns]) -> Array:
-    """Forces that act whatever the unknowns are, (frames, unknowns up to the last that has any)."""
-    last = max(
-        (index for index, column in enumerate(columns) if column.given is not None), default=-1
-    )
+def _acting_anyway(columns: Sequence[Columns]) -> Array:
+    """Join forces that act whatever the unknowns are.
+
+    Parameters
+    ----------
+    columns : of all terms
+
+    Returns
+    -------
+    (frames, unknowns up to the last term that has any) [N, N m]
+    """
+    with_forces = [index for index, column in enumerate(columns) if column.given is not None]
+    last = max(with_forces, default=-1)
     parts = [
         np.zeros_like(column.forces) if column.given is None else column.given
         for column in columns[: last + 1]
@@ -492,22 +610,35 @@ def _given(columns: Sequence[Columns]) -> Array:
 
 @read_only
 class TensionFrame:
-    """What one frame gives."""
+    """Result of one frame.
 
-    # activations, forces: (muscles,) NaN where the frame was not solved; along the tendons [N]
+    Attributes
+    ----------
+    activations : (muscles,) NaN where the frame was not solved
+    forces : (muscles,) along the tendons [N], NaN where the frame was not solved
+    reserves : (actuators,) their forces [N] and torques [N m]
+    balanced : (rows,) what muscles and actuators had to give together, in the order of
+        `OnlineTension.rows`
+    status : index into `STATUS_NAMES`
+    equilibrium_residual : greatest torque or force left unbalanced [N m or N]
+    """
+
     activations: Array
     forces: Array
-    reserves: Array  # (actuators,) their forces [N] and torques [N m]
-    # (rows,) what muscles and actuators had to give together, in the order of `OnlineTension.rows`
+    reserves: Array
     balanced: Array
-    status: int  # index into `STATUS_NAMES`
-    equilibrium_residual: float  # greatest torque or force left unbalanced [N m or N]
+    status: int
+    equilibrium_residual: float
 
 
 class OnlineTension:
-    """The problem of `solve_tension`, set up once.
-    `actuators`: as of `solve_tension`. `muscles`, `actuators`: names; `rows`: names of the
-    coordinates that are balanced; `lower`, `upper` (muscles,) bounds of the activations.
+    """The problem of `solve_tension`, set up once and solved frame by frame.
+
+    Attributes
+    ----------
+    muscles, actuators : names
+    rows : names of the coordinates that are balanced
+    lower, upper : (muscles,) bounds of the activations
     """
 
     def __init__(
@@ -522,18 +653,18 @@ class OnlineTension:
                 " tensions frame by frame do not take: use 'myomorph tension' after the recording"
             )
         rest = np.array([[coordinate.default for coordinate in model.coordinates]])
-        still = Motion(
+        at_rest = Motion(
             time=np.zeros(1),
             names=model.coordinate_names,
             values=rest,
             velocities=np.zeros_like(rest),
         )
-        none = Series(np.zeros(1), model.coordinate_names, np.zeros_like(rest))
+        no_torques = Series(np.zeros(1), model.coordinate_names, np.zeros_like(rest))
         self._problem = tension_problem(
             TensionInputs(
                 model=model,
-                motion=still,
-                torques=none,
+                motion=at_rest,
+                torques=no_torques,
                 options=options or TensionOptions(),
                 actuators=actuators,
             )
@@ -549,23 +680,30 @@ class OnlineTension:
         self._warm = np.zeros(len(self._problem.assembly.pattern.order))
 
     def solve(self, coordinates: Array, rates: Array, torques: Array) -> TensionFrame:
-        """Share torques of a frame among muscles; all (1, coordinates), consistent, of inverse
-        dynamics [N m or N].
+        """Share the torques of a frame among muscles.
+
+        Parameters
+        ----------
+        coordinates, rates : (1, coordinates) consistent [rad or m], [rad/s or m/s]
+        torques : (1, coordinates) of inverse dynamics [N m or N]
+
+        Returns
+        -------
+        activations, forces and reserves, and whether they are an optimum
         """
         self._problem.renew(coordinates, rates, torques)
         balance = self._problem.balance(0, 1)
-        x, _, residual, _, status = self._problem.solved(balance, 0, self._warm)
-        if status[0] != OPTIMAL:
+        solved = self._problem.solved(balance, 0, self._warm)
+        status = int(solved.status[0])
+        if status != OPTIMAL:
             self._warm[:] = 0.0
         muscles = len(self.muscles)
-        activations = x[0, :muscles]
-        forces = balance.active[0] * activations + balance.passive[0] + balance.viscous[0]
-        reserves = x[0, muscles:] * self._optimal_forces
+        activations = solved.x[0, :muscles]
         return TensionFrame(
             activations=activations,
-            forces=forces,
-            reserves=reserves,
+            forces=balance.active[0] * activations + balance.passive[0] + balance.viscous[0],
+            reserves=solved.x[0, muscles:] * self._optimal_forces,
             balanced=balance.torques[0],
-            status=int(status[0]),
-            equilibrium_residual=float(residual[0]),
+            status=status,
+            equilibrium_residual=float(solved.residual[0]),
         )

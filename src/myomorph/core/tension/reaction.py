@@ -1,11 +1,10 @@
-"""Joint reactions: the force and moment that a joint's mechanism carries, from tensions, motion and
-external forces.
+"""Joint reactions: the force and moment that a joint's mechanism carries.
 
 As OpenSim's JointReaction analysis defines them (Steele, DeMers, Schwartz and Delp 2012): with the
 bodies that hang on a joint taken as free,
 
-    reaction = sum over them of (rate of momentum - gravity - external - muscles - actuators on
-    bodies - bushings)
+    reaction = sum over them of (rate of momentum - gravity - external - muscles
+               - actuators on bodies - bushings)
 
 so that it holds all that the joint transmits, forces along its own coordinates (reserves, springs,
 residuals of coordinates) included. What acts on a coordinate is not a load on a body: it is a part
@@ -17,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -51,24 +50,49 @@ from myomorph.core.rigid.tree import Tree, compile_tree
 from myomorph.core.tension.tension import Tension
 from myomorph.core.tension.terms.actuators import default_reserves
 
+On = Literal["child", "parent"]
+Patella = Literal["lever", "string"]
+
 
 def no_wrenches(tree: Tree, frames: int) -> Array:
-    """Nothing on any body: (frames, bodies, 6) of zeros, force and its moment about the ground's
-    origin in ground.
+    """Make wrenches of nothing: force, and its moment about the ground's origin, in ground.
+
+    Parameters
+    ----------
+    frames : number of frames
+
+    Returns
+    -------
+    (frames, bodies, 6) [N], [N m]
     """
     return np.zeros((frames, len(tree.arrays.parent), 6))
 
 
 def about_origin(force: Array, point: Array, torque: Array | float = 0.0) -> Array:
-    """Force (..., 3) at a point with a free torque, as force and moment about the ground's origin
-    (..., 6).
+    """Move a force with a free torque to the ground's origin.
+
+    Parameters
+    ----------
+    force, point, torque : (..., 3) in ground [N], [m], [N m]
+
+    Returns
+    -------
+    (..., 6) force, and moment about the origin
     """
     return np.concatenate([force, torque + np.cross(point, force)], axis=-1)
 
 
 def of_muscles(paths: Paths, pulls: Array, tensions: Array) -> Array:
-    """What muscles of given tensions do to bodies, (frames, bodies, 6) [N], [N m].
-    `pulls` (frames, pairs, 6) as of `Paths.pulls`; `tensions` (frames, muscles) [N].
+    """Wrenches of muscles of known tensions on bodies.
+
+    Parameters
+    ----------
+    pulls : (frames, pairs, 6) as of `Paths.pulls`
+    tensions : (frames, muscles) [N]
+
+    Returns
+    -------
+    (frames, bodies, 6) [N], [N m]
     """
     result = no_wrenches(paths.tree, len(pulls))
     share = pulls * tensions[:, paths.pull_muscle, None]
@@ -78,85 +102,125 @@ def of_muscles(paths: Paths, pulls: Array, tensions: Array) -> Array:
 
 
 def of_actuators(tree: Tree, poses: Poses, actuators: Sequence[Actuator], forces: Array) -> Array:
-    """What actuators that push or turn bodies do to them, (frames, bodies, 6); those of coordinates
-    do nothing to one. `forces` (frames, actuators) [N or N m].
+    """Wrenches of actuators on the bodies that they push or turn; those of coordinates have none.
+
+    Parameters
+    ----------
+    forces : (frames, actuators) [N or N m]
+
+    Returns
+    -------
+    (frames, bodies, 6) [N], [N m]
     """
     result = no_wrenches(tree, len(forces))
     for actuator, force in zip(actuators, forces.T, strict=True):
         if actuator.kind == "coordinate":
             continue
-        body = tree.body_number(actuator.body or GROUND, f"for '{actuator.name}' the model")
-        other = (
-            tree.body_number(actuator.other_body, f"for '{actuator.name}' the model")
-            if actuator.other_body
-            else -1
-        )
-        R = poses.rotations
-        p = poses.origins
-        direction = np.broadcast_to(
-            actuator.direction / (np.linalg.norm(actuator.direction) or 1.0), (len(forces), 3)
-        )
-        if not actuator.direction_is_global:
-            direction = np.einsum("fij,fj->fi", R[:, body], direction)
-        at = (
-            actuator.point if actuator.point_is_global else R[:, body] @ actuator.point + p[:, body]
-        )
-        if actuator.kind == "torque":
-            wrench = np.concatenate([np.zeros_like(direction), force[:, None] * direction], axis=1)
-            opposite = -wrench
-        elif actuator.kind == "point":
-            wrench = about_origin(force[:, None] * direction, at)
-            opposite = None
-        else:
-            far = max(other, 0)
-            end = (
-                actuator.other_point
-                if actuator.point_is_global
-                else R[:, far] @ actuator.other_point + p[:, far]
-            )
-            apart = at - end
-            push = force[:, None] * apart / np.linalg.norm(apart, axis=1, keepdims=True)
-            wrench = about_origin(push, at)
-            opposite = about_origin(-push, end)
+        where = f"for '{actuator.name}' the model"
+        body = tree.body_number(actuator.body or GROUND, where)
+        other = tree.body_number(actuator.other_body, where) if actuator.other_body else -1
+        wrench, opposite = _actuator_wrenches(poses, actuator, body, max(other, 0), force)
         result[:, body] += wrench
         if other >= 0 and opposite is not None:
             result[:, other] += opposite
     return result
 
 
+def _actuator_wrenches(
+    poses: Poses, actuator: Actuator, body: int, other: int, force: Array
+) -> tuple[Array, Array | None]:
+    """Wrenches of an actuator on its body and on the body that reacts, None of a single point.
+
+    Parameters
+    ----------
+    body, other : numbers
+    force : (frames,) [N or N m]
+
+    Returns
+    -------
+    (frames, 6) each [N], [N m]
+    """
+    point = _actuator_point(poses, actuator, body, actuator.point)
+    if actuator.kind == "point_to_point":
+        end = _actuator_point(poses, actuator, other, actuator.other_point)
+        line = point - end
+        push = force[:, None] * line / np.linalg.norm(line, axis=1, keepdims=True)
+        return about_origin(push, point), about_origin(-push, end)
+
+    unit = actuator.direction / (np.linalg.norm(actuator.direction) or 1.0)
+    direction = np.broadcast_to(unit, (len(force), 3))
+    if not actuator.direction_is_global:
+        direction = np.einsum("fij,fj->fi", poses.rotations[:, body], direction)
+    load = force[:, None] * direction
+    if actuator.kind == "point":
+        return about_origin(load, point), None
+    wrench = np.concatenate([np.zeros_like(direction), load], axis=1)
+    return wrench, -wrench
+
+
+def _actuator_point(poses: Poses, actuator: Actuator, body: int, point: Array) -> Array:
+    """Move a point (3,) of an actuator into ground, (frames, 3) or (3,) [m]."""
+    if actuator.point_is_global:
+        return point
+    return poses.rotations[:, body] @ point + poses.origins[:, body]
+
+
 def of_bushings(tree: Tree, poses: Poses, bushings: Sequence[Bushing], rates: Array) -> Array:
-    """What bushings do to bodies, (frames, bodies, 6) [N], [N m]; `rates` (frames, coordinates),
-    consistent.
+    """Wrenches of bushings on bodies.
+
+    Parameters
+    ----------
+    rates : (frames, coordinates) consistent [rad/s or m/s]
+
+    Returns
+    -------
+    (frames, bodies, 6) [N], [N m]
     """
     result = no_wrenches(tree, len(rates))
     for bushing in bushings:
-        q, B = deflection(tree, poses, bushing)
-        stiffness = np.concatenate([bushing.rotational_stiffness, bushing.translational_stiffness])
-        damping = np.concatenate([bushing.rotational_damping, bushing.translational_damping])
-        load = -(stiffness * q + damping * np.einsum("fij,fj->fi", B, rates))
         first = tree.body_index[bushing.body_1]
         second = tree.body_index[bushing.body_2]
-        axes = poses.rotations[:, first] @ bushing.pose_1.rotation
-        point = poses.origins[:, second] + poses.rotations[:, second] @ bushing.pose_2.translation
-        # The generalized forces of the angles are E^T times the moment along the first frame's
-        # axes.
-        slopes = np.swapaxes(angular_velocities(q[:, 0], q[:, 1]), 1, 2)
-        moment = np.linalg.solve(slopes, load[:, :3, None])[..., 0]
-        wrench = about_origin(
-            np.einsum("fij,fj->fi", axes, load[:, 3:]), point, np.einsum("fij,fj->fi", axes, moment)
-        )
+        wrench = _bushing_wrench(tree, poses, bushing, rates)
         result[:, second] += wrench
         result[:, first] -= wrench
     return result
 
 
+def _bushing_wrench(tree: Tree, poses: Poses, bushing: Bushing, rates: Array) -> Array:
+    """Wrench of a bushing on its second body (frames, 6); `rates` (frames, coordinates)."""
+    q, B = deflection(tree, poses, bushing)
+    stiffness = np.concatenate([bushing.rotational_stiffness, bushing.translational_stiffness])
+    damping = np.concatenate([bushing.rotational_damping, bushing.translational_damping])
+    load = -(stiffness * q + damping * np.einsum("fij,fj->fi", B, rates))
+    # The generalized forces of the angles are E^T times the moment along the first frame's axes.
+    slopes = np.swapaxes(angular_velocities(q[:, 0], q[:, 1]), 1, 2)
+    moment = np.linalg.solve(slopes, load[:, :3, None])[..., 0]
+
+    first = tree.body_index[bushing.body_1]
+    second = tree.body_index[bushing.body_2]
+    axes = poses.rotations[:, first] @ bushing.pose_1.rotation
+    point = poses.origins[:, second] + poses.rotations[:, second] @ bushing.pose_2.translation
+    return about_origin(
+        np.einsum("fij,fj->fi", axes, load[:, 3:]),
+        point,
+        np.einsum("fij,fj->fi", axes, moment),
+    )
+
+
 def of_wrenches(tree: Tree, wrenches: Wrenches) -> Array:
-    """What external forces do to bodies, (frames, bodies, 6); where there is no force its point
-    does not matter.
+    """Wrenches of external forces on bodies; where there is no force its point does not matter.
+
+    Parameters
+    ----------
+    wrenches : in ground
+
+    Returns
+    -------
+    (frames, bodies, 6) [N], [N m]
     """
     result = no_wrenches(tree, len(wrenches))
-    still = (wrenches.forces == 0.0).all(axis=2)[..., None]
-    points = np.where(still, 0.0, wrenches.points)
+    without_force = (wrenches.forces == 0.0).all(axis=2)[..., None]
+    points = np.where(without_force, 0.0, wrenches.points)
     for index, body in enumerate(wrenches.bodies):
         wrench = about_origin(
             wrenches.forces[:, index], points[:, index], wrenches.torques[:, index]
@@ -165,14 +229,11 @@ def of_wrenches(tree: Tree, wrenches: Wrenches) -> Array:
     return result
 
 
-On = Literal["child", "parent"]
-Patella = Literal["lever", "string"]
-
-
 @read_only
 class JointReactions:
-    """Loads of joints over time, each on one of its bodies, at the joint's point, in the axes of
-    one frame.
+    """Loads of joints over time.
+
+    Each is that on one of the joint's bodies, at the joint's point, in the axes of one frame.
 
     Attributes
     ----------
@@ -201,12 +262,26 @@ class JointReactions:
         return len(self.time)
 
     def of(self, joint: str) -> Array:
-        """Force in one joint (frames, 3) [N]; raises `UnknownName`."""
+        """Force in one joint.
+
+        Parameters
+        ----------
+        joint : by name
+
+        Returns
+        -------
+        (frames, 3) [N]
+
+        Raises
+        ------
+        UnknownName : no joint has that name
+        """
         return self.forces[:, index_of("joint", joint, self.joints, "the reactions")]
 
     def table(self, labels: Mapping[str, str] | None = None) -> Table:
-        """The loads as OpenSim's JointReaction writes them: `<joint>_on_<body>_in_<frame>_fx` ...
-        `_pz`.
+        """Table of the loads as OpenSim's JointReaction writes them.
+
+        Its columns are `<joint>_on_<body>_in_<frame>_fx` ... `_pz`.
 
         Parameters
         ----------
@@ -230,7 +305,7 @@ class JointReactions:
         )
 
 
-def joint_reactions(
+def joint_reactions(  # page: what OpenSim's analysis has as settings
     model: Model,
     motion: Motion,
     tension: Tension | Series | None,
@@ -243,7 +318,7 @@ def joint_reactions(
     accelerations: Literal["motion", "forces"] = "motion",
     patella: Patella = "lever",
 ) -> JointReactions:
-    """Force and moment that every joint transmits.
+    """Find force and moment that every joint transmits.
 
     Source: Steele et al. 2012; Sherman, Seth and Delp 2011.
 
@@ -251,14 +326,14 @@ def joint_reactions(
     ----------
     model : whose joints are asked for
     motion : with velocities and accelerations, at the times of the tensions
-    tension : what `solve_tension` found, its contact forces included; or forces of muscles and
+    tension : result of `solve_tension`, its contact forces included; or forces of muscles and
         actuators by name [N or N m], of all muscles that are switched on; None where no muscle
         takes part
     wrenches : external forces in ground at the motion's times
     joints : names, a joint may come twice; all joints in tree order by default
-    on : the body that the load acts on, one for all or one a joint
+    on : the body that the load acts on, one for all or one per joint
     frame : "child", "parent", "ground", a body or a named frame, in whose axes it is; one for all
-        or one a joint
+        or one per joint
     actuators : those beside the model's own that `tension` has forces of; by default reserves and
         residuals as `solve_tension` adds them
     accelerations : "motion": those of the motion, what forces leave unbalanced is taken as carried
@@ -274,47 +349,30 @@ def joint_reactions(
 
     Raises
     ------
-    BadData : where derivatives are missing, or times differ
-    UnknownName : where a joint, body, frame, muscle or actuator is not in the model or in the
-        forces
+    BadData : derivatives are missing, or times differ
+    UnknownName : a joint, body, frame, muscle or actuator is not in the model or in the forces
 
     Examples
     --------
     >>> import myomorph as mm
     >>> model = mm.read_model("arm.osim")
     >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
-    >>> found = mm.joint_reactions(model, motion, None, joints=["elbow"], frame="ground")
-    >>> found.joints, found.forces.shape
+    >>> reactions = mm.joint_reactions(model, motion, None, joints=["elbow"], frame="ground")
+    >>> reactions.joints, reactions.forces.shape
     (('elbow',), (61, 1, 3))
     """
     tree = compile_tree(model)
-    arrays = motion_arrays(tree, motion)
-    c, cdot, cddot = arrays
-    refuse_open(tree, c)
-    joint_names = tuple(joint.name for joint in model.joints)
-    requested = [
-        model.joints[index_of("joint", name, joint_names)] for name in joints or joint_names
-    ]
+    applied = _AppliedLoads(tree, motion)
+    names = tuple(joint.name for joint in model.joints)
+    requested = [model.joints[index_of("joint", name, names)] for name in joints or names]
     sides = _per_joint(on, len(requested), "on")
     frame_names = _per_joint(frame, len(requested), "frame")
 
-    poses = forward_kinematics(tree, c)
-    applied = _AppliedLoads(tree, motion, poses, c, cdot)
     applied.add_external(wrenches, getattr(tension, "contacts", None))
     applied.add_tension(tension, actuators, patella)
-    if accelerations == "forces":
-        cddot, multipliers = forward_accelerations(
-            tree, arrays, applied.bodies, applied.generalized()
-        )
-    elif accelerations == "motion":
-        multipliers = balancing_multipliers(tree, arrays, applied.bodies, applied.generalized())
-    else:
-        raise BadData(f"unknown accelerations '{accelerations}': there are 'motion', 'forces'")
-
-    on_bodies = applied.bodies + applied.lever + loop_wrenches(tree, c, multipliers)
-    carried = joint_wrenches(tree, c, cdot, cddot, on_bodies)
+    carried = applied.carried(accelerations)
     loads = [
-        _joint_load(tree, poses, joint, side, frame_name, carried)
+        _joint_load(tree, applied.poses, joint, side, frame_name, carried)
         for joint, side, frame_name in zip(requested, sides, frame_names, strict=True)
     ]
     return JointReactions(
@@ -335,22 +393,47 @@ def caused_motion(
     wrenches: Wrenches | None = None,
     actuators: Sequence[Actuator] = (),
 ) -> Motion:
-    """The motion with the accelerations that all forces together cause, of all coordinates in the
-    model's order. `motion`: with velocities and accelerations, of which only those of prescribed
-    coordinates are read; `forces`: of muscles and actuators by name [N or N m], of all muscles that
-    are switched on; None where none acts; `wrenches`, `actuators`: as of `joint_reactions`.
+    """Motion with the accelerations that all forces together cause, of all coordinates.
+
+    Coordinates are in the model's order.
+
+    Parameters
+    ----------
+    motion : with velocities and accelerations, of which only those of prescribed coordinates are
+        read
+    forces : of muscles and actuators by name [N or N m], of all muscles that are switched on; None
+        where none acts
+    wrenches, actuators : as of `joint_reactions`
     """
     tree = compile_tree(model)
-    arrays = motion_arrays(tree, motion)
-    c, cdot, _ = arrays
-    refuse_open(tree, c)
-    loads = _AppliedLoads(tree, motion, forward_kinematics(tree, c), c, cdot)
-    loads.add_external(wrenches, None)
-    loads.add_tension(forces, actuators)
-    cddot, _ = forward_accelerations(tree, arrays, loads.bodies, loads.generalized())
-    return replace(
-        motion, names=model.coordinate_names, values=c, velocities=cdot, accelerations=cddot
+    applied = _AppliedLoads(tree, motion)
+    applied.add_external(wrenches, None)
+    applied.add_tension(forces, actuators)
+    accelerations, _ = forward_accelerations(
+        tree, applied.arrays, applied.bodies, applied.generalized()
     )
+    return replace(
+        motion,
+        names=model.coordinate_names,
+        values=applied.c,
+        velocities=applied.cdot,
+        accelerations=accelerations,
+    )
+
+
+class NamedForces(NamedTuple):
+    """Forces of a result or a table, in the order of the model.
+
+    Attributes
+    ----------
+    actuators : that have forces
+    forces : (frames, actuators) [N or N m]
+    tensions : (frames, muscles) [N]
+    """
+
+    actuators: list[Actuator]
+    forces: Array
+    tensions: Array
 
 
 class _AppliedLoads:
@@ -358,6 +441,8 @@ class _AppliedLoads:
 
     Attributes
     ----------
+    arrays : of the motion: c, cdot and cddot, (frames, coordinates) each, consistent
+    poses : of the bodies
     bodies : (frames, bodies, 6) wrenches
     along : (frames, coordinates) forces of actuators of coordinates
     moved : (frames, coordinates) of muscles through points that move in their bodies, gathered
@@ -365,15 +450,16 @@ class _AppliedLoads:
         that moves the model
     """
 
-    def __init__(self, tree: Tree, motion: Motion, poses: Poses, c: Array, cdot: Array):
+    def __init__(self, tree: Tree, motion: Motion):
         self.tree = tree
         self.motion = motion
-        self.poses = poses
-        self.c = c
-        self.cdot = cdot
-        self.bodies = of_bushings(tree, poses, tree.model.bushings, cdot)
-        self.along = np.zeros_like(c)
-        self.moved = np.zeros_like(c)
+        self.arrays = motion_arrays(tree, motion)
+        self.c, self.cdot, _ = self.arrays
+        refuse_open(tree, self.c)
+        self.poses = forward_kinematics(tree, self.c)
+        self.bodies = of_bushings(tree, self.poses, tree.model.bushings, self.cdot)
+        self.along = np.zeros_like(self.c)
+        self.moved = np.zeros_like(self.c)
         self.lever: Array | float = 0.0
 
     def add_external(self, wrenches: Wrenches | None, contacts: object) -> None:
@@ -384,6 +470,7 @@ class _AppliedLoads:
             self._add_wrenches(contacts.wrenches("site"))
 
     def _add_wrenches(self, wrenches: Wrenches) -> None:
+        """Add forces on bodies, at the motion's times."""
         external_arrays(self.tree, self.motion, wrenches)
         self.bodies += of_wrenches(self.tree, wrenches)
 
@@ -393,39 +480,42 @@ class _AppliedLoads:
         actuators: Sequence[Actuator] | None,
         patella: Patella = "string",
     ) -> None:
+        """Add forces of muscles and actuators, where there are any."""
         if tension is None:
             return
         refuse_other_times("tensions", tension.time, self.motion.time)
-        helpers, forces, tensions = self._named(tension, actuators)
+        named = self._named(tension, actuators)
         if self.tree.model.muscles:
-            paths = compile_paths(self.tree.model)
-            pulls, work = paths.pulls(self.c)
-            self.bodies += of_muscles(paths, pulls, tensions)
-            if patella == "lever":
-                self.lever = of_muscles(
-                    paths, with_lever(paths, self.c, pulls, work) - pulls, tensions
-                )
-            for number in np.flatnonzero(paths.arm_free & work.any(axis=0)):
-                self.moved[:, paths.arm_coordinate[number]] += (
-                    work[:, number] * tensions[:, paths.arm_muscle[number]]
-                )
-        self.bodies += of_actuators(self.tree, self.poses, helpers, forces)
-        for helper, force in zip(helpers, forces.T, strict=True):
-            if helper.kind == "coordinate":
-                self.along[
-                    :, index_of("coordinate", helper.coordinate, self.tree.model.coordinate_names)
-                ] += force
+            self._add_muscles(named.tensions, patella)
+        self.bodies += of_actuators(self.tree, self.poses, named.actuators, named.forces)
+        names = self.tree.model.coordinate_names
+        for actuator, force in zip(named.actuators, named.forces.T, strict=True):
+            if actuator.kind == "coordinate":
+                self.along[:, index_of("coordinate", actuator.coordinate, names)] += force
+
+    def _add_muscles(self, tensions: Array, patella: Patella) -> None:
+        """Add tensions of muscles (frames, muscles) [N]."""
+        paths = compile_paths(self.tree.model)
+        pulls, work = paths.pulls(self.c)
+        self.bodies += of_muscles(paths, pulls, tensions)
+        if patella == "lever":
+            change = with_lever(paths, self.c, pulls, work) - pulls
+            self.lever = of_muscles(paths, change, tensions)
+        for number in np.flatnonzero(paths.arm_free & work.any(axis=0)):
+            self.moved[:, paths.arm_coordinate[number]] += (
+                work[:, number] * tensions[:, paths.arm_muscle[number]]
+            )
 
     def _named(
         self, tension: Tension | Series, actuators: Sequence[Actuator] | None
-    ) -> tuple[list[Actuator], Array, Array]:
-        """Actuators with forces (frames, actuators), and tensions (frames, muscles)."""
+    ) -> NamedForces:
+        """Order forces of a result, or of a table by name."""
         model = self.tree.model
         added = default_reserves(model, 1.0, 1.0) if actuators is None else actuators
-        known = {values.name: values for values in (*model.actuators, *added)}
+        known = {actuator.name: actuator for actuator in (*model.actuators, *added)}
         if isinstance(tension, Tension):
             names = tension.reserve_names
-            values = tension.reserves
+            forces = tension.reserves
             order = [
                 index_of("muscle", name, tension.muscles, "the table of forces")
                 for name in model.muscle_names
@@ -433,31 +523,60 @@ class _AppliedLoads:
             tensions = tension.forces[:, order]
         else:
             names = tuple(name for name in tension.names if name not in model.muscle_names)
-            values = (
-                np.stack([tension[name] for name in names], axis=1)
-                if names
-                else np.zeros((len(tension), 0))
-            )
-            tensions = np.zeros((len(tension), len(model.muscles)))
-            for m, muscle in enumerate(model.muscles):
-                if muscle.enabled:
-                    column = index_of("muscle", muscle.name, tension.names, "the table of forces")
-                    tensions[:, m] = tension.values[:, column]
+            nothing = np.zeros((len(tension), 0))
+            columns = [tension[name][:, None] for name in names]
+            forces = np.concatenate([nothing, *columns], axis=1)
+            tensions = _tensions_by_name(model, tension)
         for name in names:
             check_name("actuator", name, known, "the model with the actuators given")
-        return [known[name] for name in names], values, tensions
+        return NamedForces(
+            actuators=[known[name] for name in names], forces=forces, tensions=tensions
+        )
 
     def generalized(self) -> Array:
-        """Forces along coordinates (frames, coordinates), gathered, that act on no body."""
+        """Gather forces along coordinates (frames, coordinates) that act on no body."""
         tree = self.tree
-        springs = joint_forces(
-            tree, self.c, self.cdot, [bushing.name for bushing in tree.model.bushings]
-        )
+        bushings = [bushing.name for bushing in tree.model.bushings]
+        springs = joint_forces(tree, self.c, self.cdot, bushings)
         return gathered(tree, self.c, self.along + springs) + self.moved
+
+    def carried(self, accelerations: str) -> JointWrenches:
+        """Wrenches of all joints on their child bodies, about the ground's origin.
+
+        Parameters
+        ----------
+        accelerations : "motion" or "forces", see `joint_reactions`
+
+        Raises
+        ------
+        BadData : other accelerations
+        """
+        tree = self.tree
+        _, _, cddot = self.arrays
+        if accelerations == "forces":
+            cddot, multipliers = forward_accelerations(
+                tree, self.arrays, self.bodies, self.generalized()
+            )
+        elif accelerations == "motion":
+            multipliers = balancing_multipliers(tree, self.arrays, self.bodies, self.generalized())
+        else:
+            raise BadData(f"unknown accelerations '{accelerations}': there are 'motion', 'forces'")
+        on_bodies = self.bodies + self.lever + loop_wrenches(tree, self.c, multipliers)
+        return joint_wrenches(tree, self.c, self.cdot, cddot, on_bodies)
+
+
+def _tensions_by_name(model: Model, forces: Series) -> Array:
+    """Tensions (frames, muscles) [N] of a table, 0 of muscles that are switched off."""
+    tensions = np.zeros((len(forces), len(model.muscles)))
+    for m, muscle in enumerate(model.muscles):
+        if muscle.enabled:
+            column = index_of("muscle", muscle.name, forces.names, "the table of forces")
+            tensions[:, m] = forces.values[:, column]
+    return tensions
 
 
 def _per_joint(values: str | Sequence[str], count: int, argument: str) -> list[str]:
-    """One value a joint, from one for all or one a joint."""
+    """Repeat one value for all joints, or take one per joint."""
     if isinstance(values, str):
         return [values] * count
     if len(values) == 1:
@@ -520,11 +639,21 @@ class FrameMotion:
     origins: Array
 
     def components(self, vectors: Array) -> Array:
-        """Components along the frame's axes (frames, 3) of vectors in ground (frames, 3)."""
+        """Components of vectors along the frame's axes.
+
+        Parameters
+        ----------
+        vectors : (frames, 3) in ground
+
+        Returns
+        -------
+        (frames, 3)
+        """
         return np.einsum("fji,fj->fi", self.rotations, vectors)
 
 
 def _joint_end(joint: Joint, side: str) -> JointEnd:
+    """Find one of a joint's two bodies; `side` "child" or "parent"."""
     if side == "child":
         return JointEnd(body=joint.child, pose=joint.child_frame, sign=1.0)
     if side == "parent":
@@ -593,8 +722,9 @@ def frame_in_ground(tree: Tree, poses: Poses, name: str) -> FrameMotion:
 
 @lru_cache(maxsize=4)
 def _named_frames(tree: Tree) -> Mapping[str, tuple[str, Transform]]:
-    """Body and pose on it of all frames that have a name; a call asks for those of one tree many
-    times.
+    """Body and pose on it of all frames that have a name.
+
+    They are kept, as a call asks for those of one tree many times.
     """
     fixed = {item: (item, Transform.identity()) for item in tree.body_index}
     for joint in reversed(tree.model.joints):

@@ -1,6 +1,4 @@
-"""Costs beside the effort, as options and terms: joint loads and co-contraction of muscles on both
-sides of a joint.
-"""
+"""Costs beside the effort, as options and terms: joint loads, and co-contraction of joints."""
 
 from __future__ import annotations
 
@@ -20,7 +18,8 @@ from myomorph.core.tension.terms.term import Term
 
 KNEES = "knees"
 ALL = "all"
-KNEE_LOAD = 0.02  # Default weight of the load of knees (docs/decisions/0029-knees-that-bend.md)
+KNEE_LOAD = 0.02
+"""Default weight of the load of knees (docs/decisions/0029-knees-that-bend.md)."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +57,11 @@ class RecruitmentOptions:
                 raise BadData(f"{names} without {weight}: give {weight} above 0")
 
     def settled(self, model: Model, options: TensionOptions, external: bool) -> RecruitmentOptions:
-        """The options with a default weight of joint loads; `external`: whether the external forces
-        are known.
+        """Options with the default weight of joint loads where none is set.
+
+        Parameters
+        ----------
+        external : whether the external forces are known
         """
         if self.joint_load is not None:
             return self
@@ -75,21 +77,43 @@ def recruitment_terms(
     wrenches: Wrenches | None,
     options: RecruitmentOptions,
 ) -> tuple[Term, ...]:
-    """The terms that options ask for; errors are those of `crossed_joints` and `CoContractionTerm`."""
+    """Make the terms that options ask for.
+
+    Raises
+    ------
+    BadData : joint loads of knees, and no muscle crosses one; further errors are those of
+        `crossed_joints` and `CoContractionTerm`
+    """
     terms: list[Term] = []
     if options.joint_load:
-        joints = {KNEES: loaded_knees(model), ALL: ()}.get(options.joint_load_joints)
-        if options.joint_load_joints == KNEES and not joints:
-            raise BadData(
-                f"joint_load: no muscle crosses a knee of '{model.name}': name joints in"
-                " joint_load_joints"
-            )
-        joints = _names(options.joint_load_joints) if joints is None else joints
+        joints = _loaded_joints(model, options.joint_load_joints)
         terms.append(joint_load_term(model, motion, wrenches, options.joint_load, joints))
     if options.co_contraction:
-        coordinates = _names(options.co_contraction_coordinates)
-        terms.append(CoContractionTerm(model, motion, torques, options.co_contraction, coordinates))
+        terms.append(
+            CoContractionTerm(
+                model,
+                motion,
+                torques,
+                level=options.co_contraction,
+                coordinates=_names(options.co_contraction_coordinates),
+            )
+        )
     return tuple(terms)
+
+
+def _loaded_joints(model: Model, text: str) -> tuple[str, ...]:
+    """Names of the joints whose load counts, none for all that a muscle crosses."""
+    if text == ALL:
+        return ()
+    if text != KNEES:
+        return _names(text)
+    knees = loaded_knees(model)
+    if not knees:
+        raise BadData(
+            f"joint_load: no muscle crosses a knee of '{model.name}': name joints in"
+            " joint_load_joints"
+        )
+    return knees
 
 
 def loaded_knees(model: Model) -> tuple[str, ...]:
@@ -108,15 +132,20 @@ def joint_load_term(
     weight: float,
     joints: Sequence[str] = (),
 ) -> JointLoadTerm:
-    """The term of joint loads.
-    `motion`: with velocities and accelerations; `wrenches`: external forces at the motion's times,
-    None for none; `weight`: of one body weight squared in units of the effort a^2 of one muscle;
-    `joints`: names; none for all that a muscle crosses.
+    """Make the term of joint loads.
+
+    Parameters
+    ----------
+    motion : with velocities and accelerations
+    wrenches : external forces at the motion's times, None for none
+    weight : of one body weight squared, in units of the effort a^2 of one muscle
+    joints : names; none for all that a muscle crosses
     """
     chosen = crossed_joints(model, joints)
-    alone = joint_reactions(model, motion, None, wrenches, joints=chosen, frame="ground").forces
-    return JointLoadTerm(model, chosen, alone, weight)
+    without_muscles = joint_reactions(model, motion, None, wrenches, joints=chosen, frame="ground")
+    return JointLoadTerm(model, chosen, without_muscles.forces, weight=weight)
 
 
 def _names(text: str) -> tuple[str, ...]:
+    """Names in a text, separated by commas."""
     return tuple(item.strip() for item in text.split(",") if item.strip())

@@ -1,15 +1,15 @@
-"""Contacts that cannot carry the motion: which frames, and the smallest relaxation that would make
-them able to.
+"""Contacts that cannot carry the motion: the frames, and the smallest relaxation that would do.
 
 What carries a subject as a whole is in the equations of motion of its root, where muscles have no
 part. Where the contacts leave more there than residuals may give, a linear program asks for the
 least that would have to be allowed,
 
-    minimise  sum_k c_k |r_k|   subject to  E z + sum_k D_k r_k + R w = b,   z >= 0,  |w| <= limits
+    minimise    sum_i c_i |r_i|
+    subject to  E z + sum_i D_i r_i + R w = b,   z >= 0,  |w| <= limits
 
-with relaxations r: force at a site that is said not to touch, force across a cone beyond its
-friction, force beyond a site's greatest, a pull at a site that only pushes, and, dearest, a
-residual. The sum of sizes (1-norm) makes few of them differ from 0, so that the answer has a name.
+with relaxations r: force at a site that does not touch, force across a cone beyond its friction,
+force beyond a site's greatest, a pull at a site that only pushes, and, dearest, a residual. The sum
+of sizes (1-norm) makes few of them differ from 0, so that the answer has a name.
 """
 
 from __future__ import annotations
@@ -41,19 +41,57 @@ from myomorph.core.tension.terms.contacts import ContactTerm
 Kind = Literal["contact", "friction", "most", "pull", "residual"]
 
 
+COSTS: dict[Kind, float] = {
+    "contact": 1.0,
+    "friction": 1.0,
+    "most": 1.0,
+    "pull": 2.0,
+    "residual": 3.0,
+}
+"""Cost of one newton, of a residual's newton meter too."""
+NEAR = 0.1
+"""A contact costs twice as much where its site is by this share of the center of mass' height
+farther from where it touches than the nearest site is, and more with the square of that.
+"""
+MIN_WEIGHT = 0.1
+"""Share of the whole weight that a light object is taken to have, so that noise of what is held is
+not blamed.
+"""
+MIN_FORCE = 1e-9
+"""Forces below this share of the weight are rounding."""
+MIN_SIZE = 1e-6
+"""Relaxations below this share of the weight are none."""
+RESIDUAL_SHARE = 0.05
+"""Residual force at a root from which a frame is marked, as a share of its subject's weight (Hicks
+et al. 2015 ask for less than that of the greatest external force).
+"""
+MOMENT_SHARE = 0.05
+"""Residual moment, as a share of the weight times the height of the center of mass."""
+NAMED = 0.01
+"""Relaxations smaller than this share of the weight are not named beside greater ones."""
+
+
 @dataclass(frozen=True)
 class Allowance:
-    """One thing that would have to be allowed."""
+    """One thing that would have to be allowed.
 
-    # "contact": sites that do not touch; "friction": more than the cones'; "most": more than the
-    # sites' greatest force; "pull": force the other way; "residual": a force or moment from nowhere
+    Attributes
+    ----------
+    kind : "contact": sites that do not touch; "friction": more than the cones'; "most": more than
+        the sites' greatest force; "pull": force the other way; "residual": a force or moment from
+        nowhere
+    where : the group of the sites, or the body that floats
+    force : its size, of a "friction" across the cone beyond what was allowed [N], 0 for a moment
+        alone
+    moment : of a residual [N m]
+    needed : of a "friction" the coefficient that would do, of a "contact" how far the nearest of
+        its sites is above where they touch at other times [m]
+    """
+
     kind: Kind
-    where: str  # the group of the sites, or the body that floats
-    # its size, of a "friction" across the cone beyond what was allowed [N], 0 for a moment alone
+    where: str
     force: float
-    moment: float = 0.0  # of a residual [N m]
-    # of a "friction" the coefficient that would do, of a "contact" how far the nearest of its sites
-    # is above where they touch at other times [m]
+    moment: float = 0.0
     needed: float = 0.0
 
     @property
@@ -62,30 +100,42 @@ class Allowance:
         return max(self.force, self.moment)
 
 
-def what_lacks(touching: Sequence[str], force: Array, moment: Array, up: Array) -> str:
-    """What is wrong, as a clause: who may touch, and what is left over.
-    `force`, `moment` (3,) that contacts leave [N], [N m]; `up` (3,) unit vector against gravity.
+def missing_words(touching: Sequence[str], force: Array, moment: Array, up: Array) -> str:
+    """Clause on what is wrong: who may touch, and what is left over.
+
+    Parameters
+    ----------
+    touching : names of the sites that may carry force
+    force, moment : (3,) that contacts leave [N], [N m]
+    up : (3,) unit vector against gravity
+
+    Returns
+    -------
+    such as "no site may touch, but 700 N upward are needed"
     """
     upward = float(force @ up)
     size = float(np.linalg.norm(force))
-    turn = float(np.linalg.norm(moment))
-    way = "upward" if upward > 0.7 * size else "downward" if upward < -0.7 * size else "sideways"
-    needed = (
-        f"{size:.0f} N {way} are needed"
-        if size >= turn
-        else f"a moment of {turn:.0f} N m is needed"
-    )
+    torque = float(np.linalg.norm(moment))
+    way = "sideways"
+    if upward > 0.7 * size:
+        way = "upward"
+    elif upward < -0.7 * size:
+        way = "downward"
+    needed = f"a moment of {torque:.0f} N m is needed"
+    if size >= torque:
+        needed = f"{size:.0f} N {way} are needed"
     if not touching:
         return f"no site may touch, but {needed}"
     return f"sites that touch cannot carry the motion, {needed} beside them"
 
 
 def what_would_do(allowances: Sequence[Allowance]) -> str:
-    """What would have to be allowed, as a clause."""
+    """Clause on what would have to be allowed."""
     return " and ".join(_words(allowance) for allowance in allowances) + " would do"
 
 
 def _words(allowance: Allowance) -> str:
+    """Name one thing that would have to be allowed."""
     if allowance.kind == "contact":
         return (
             f"contact of '{allowance.where}' ({1000.0 * allowance.needed:.0f} mm above its support)"
@@ -103,37 +153,23 @@ def _words(allowance: Allowance) -> str:
     return f"{allowance.moment:.0f} N m at '{allowance.where}' from nowhere"
 
 
-COSTS: dict[Kind, float] = {
-    "contact": 1.0,
-    "friction": 1.0,
-    "most": 1.0,
-    "pull": 2.0,
-    "residual": 3.0,
-}
-"""Cost of one newton, of a residual's newton meter too."""
-NEAR = 0.1
-"""A contact costs twice as much where its site is by this share of the center of mass' height
-farther from where it touches than the nearest site is, and more with the square of that.
-"""
-
-LEAST = 0.1
-"""Share of the whole weight that a light object is taken to have, so that noise of what is held is
-not blamed.
-"""
-STILL = np.zeros(3)
-
-
 class Roots:
     """The equations of motion of all bodies that float, in all frames.
-    `bodies`: that float; `weights` (bodies,) of the subject or object that each carries, of small
-    ones `LEAST` of the whole `weight` [N]; generalized forces of unit forces, `residuals` (frames,
-    rows, 6 bodies): and of moments at the bodies' mass centers, `pushes` (frames, rows,
-    generators): along the generators of the sites' cones, `axes` (frames, rows, 3 sites): along the
-    ground's axes at the middles of the sites; `heights` (frames, sites) of the middles above where
-    the sites of their group touch, in the median, above where any do for a group that never touches
-    [m]; `center`: median height of the center of mass above the lowest of these places [m]; `z`
-    (frames, generators) forces of the solution [N]; `left` (frames, 6 bodies) forces and moments
-    that contacts leave [N], [N m].
+
+    Attributes
+    ----------
+    bodies : that float
+    weights : (bodies,) of the subject or object that each carries, of small ones `MIN_WEIGHT` of
+        the whole `weight` [N]
+    residuals : (frames, rows, 6 bodies) generalized forces of unit forces and of unit moments at
+        the bodies' mass centers
+    pushes : (frames, rows, generators) the same along the generators of the sites' cones
+    axes : (frames, rows, 3 sites) the same along the ground's axes at the middles of the sites
+    heights : (frames, sites) of the middles above where the sites of their group touch, in the
+        median, above where any do for a group that never touches [m]
+    center : median height of the center of mass above the lowest of these levels [m]
+    z : (frames, generators) forces of the solution [N]
+    left : (frames, 6 bodies) forces and moments that contacts leave [N], [N m]
     """
 
     def __init__(self, problem: TensionProblem, contacts: ContactTerm, tension: Tension):
@@ -151,28 +187,19 @@ class Roots:
         self.up = tree.model.up
         self.weight = tree.model.weight
         self.weights = np.maximum(
-            [subject_weight(tree, body) for body in self.bodies], LEAST * self.weight
+            [subject_weight(tree, body) for body in self.bodies], MIN_WEIGHT * self.weight
         )
-        self.residuals = self._residuals()
-        self.pushes = self._dense(generators)
-        middles = [
-            Site(
-                name=s.name,
-                body=s.body,
-                points=s.points.mean(axis=0)[None],
-                cone=Cone(None),
-                against=s.against,
-            )
-            for s in generators.sites
-        ]
-        between = compile_cones(tree, middles)
-        self.axes = self._dense(between)
-        _, places, _, _ = between.evaluate(c)
-        heights = places @ self.up
+        self.residuals = self._residual_columns()
+        self.pushes = self._generator_columns(generators)
+        middles = compile_cones(tree, [_middle(site) for site in generators.sites])
+        self.axes = self._generator_columns(middles)
+
+        heights = middles.evaluate(c).places @ self.up
         levels = _levels(heights, contacts)
         self.heights = np.maximum(heights - levels, 0.0)
         center = np.nanmedian(center_of_mass(tree, self.poses) @ self.up) - float(levels.min())
         self.center = max(float(center), 1e-3)
+
         self.z = np.nan_to_num(problem.amplitudes * contacts.amounts)
         # What muscles and reserves give together is, at a root, what contacts and residuals do.
         names = tree.model.coordinate_names
@@ -181,79 +208,130 @@ class Roots:
         self.left = np.linalg.solve(self.residuals, missing[..., None])[..., 0]
 
     def direction(self, frame: int, site: int) -> Array:
-        """A cone's direction in ground (3,)."""
+        """Direction of a cone.
+
+        Parameters
+        ----------
+        frame, site : numbers
+
+        Returns
+        -------
+        (3,) in ground
+        """
         cone = self.contacts.generators.sites[site].cone
         assert cone.direction is not None
         if cone.frame == GROUND:
             return np.array(cone.direction)
-        return (
-            self.poses.rotations[frame, self.problem.assembly.tree.body_index[cone.frame]]
-            @ cone.direction
-        )
+        body = self.problem.assembly.tree.body_index[cone.frame]
+        return self.poses.rotations[frame, body] @ cone.direction
 
-    def _dense(self, generators: ConeGenerators) -> Array:
-        entries, _, _, _ = generators.evaluate(self.problem.coordinates)
+    def _generator_columns(self, generators: ConeGenerators) -> Array:
+        """Generalized forces (frames, rows, generators) of unit forces along generators."""
+        entries = generators.evaluate(self.problem.coordinates).entries
         return self._spread(entries, generators.arrays.coordinate, generators.arrays.first)
 
-    def _residuals(self) -> Array:
+    def _residual_columns(self) -> Array:
+        """Generalized forces (frames, rows, 6 bodies) of unit residuals."""
         tree = self.problem.assembly.tree
         c = self.problem.coordinates
-        added = [
-            reserve
-            for reserve in default_reserves(tree.model, 1.0, 1.0)
-            if reserve.kind != "coordinate"
-        ]
-        P = compile_body_actuators(tree, added)
+        reserves = default_reserves(tree.model, 1.0, 1.0)
+        residuals = [reserve for reserve in reserves if reserve.kind != "coordinate"]
+        P = compile_body_actuators(tree, residuals)
         entries = np.empty((len(c), len(P.coordinate)))
         body_directions(tree.arrays, P, np.array(c, order="C"), entries)
         return self._spread(entries, P.coordinate, P.start)
 
     def _spread(self, entries: Array, coordinate: np.ndarray, start: np.ndarray) -> Array:
-        """Entries (frames, entries) as (frames, rows, columns); those of a column from its `start`
-        (columns + 1,).
+        """Write entries out on the rows of the roots.
+
+        Parameters
+        ----------
+        entries : (frames, entries)
+        coordinate : (entries,) of each
+        start : (columns + 1,) where the entries of a column begin
+
+        Returns
+        -------
+        (frames, rows, columns)
         """
-        owner = np.repeat(np.arange(len(start) - 1), np.diff(start))
+        column = np.repeat(np.arange(len(start) - 1), np.diff(start))
         result = np.zeros((len(entries), len(self._rows), len(start) - 1))
         for i, j in enumerate(self._rows):
-            mine = coordinate == j
-            result[:, i, owner[mine]] = entries[:, mine]
+            on_row = coordinate == j
+            result[:, i, column[on_row]] = entries[:, on_row]
         return result
 
 
+def _middle(site: Site) -> Site:
+    """One point in the middle of a site, that may push any way."""
+    return Site(
+        name=site.name,
+        body=site.body,
+        points=site.points.mean(axis=0)[None],
+        cone=Cone(None),
+        against=site.against,
+    )
+
+
 def _levels(heights: Array, contacts: ContactTerm) -> Array:
-    """Height (sites,) at which each site's group touches."""
+    """Height at which each site's group touches, in the median.
+
+    Parameters
+    ----------
+    heights : (frames, sites) of the sites' middles [m]
+
+    Returns
+    -------
+    (sites,) [m]
+    """
     groups = np.array([site.group for site in contacts.generators.sites])
     touching = contacts.activations > 0.0
-    every = float(np.nanmedian(heights[touching] if touching.any() else heights.min(axis=1)))
-    levels = np.full(len(groups), every)
+    at_touch = heights[touching] if touching.any() else heights.min(axis=1)
+    levels = np.full(len(groups), float(np.nanmedian(at_touch)))
     for group in set(groups.tolist()):
-        mine = groups == group
-        if touching[:, mine].any():
-            levels[mine] = np.nanmedian(heights[:, mine][touching[:, mine]])
+        members = groups == group
+        if touching[:, members].any():
+            levels[members] = np.nanmedian(heights[:, members][touching[:, members]])
     return levels
 
 
 @read_only
 class _Column:
-    """A variable of the program."""
+    """A variable of the program.
 
-    # kind, place: what it relaxes, and the number of the generator, site, or component of a
-    # residual
+    Attributes
+    ----------
+    kind, place : what it relaxes, and the number of the generator, site, or component of a residual
+    allowed : whether it is allowed anyway
+    push : (3,) force of one unit, for those at sites [1]
+    column : (rows,) generalized forces of one unit
+    price : of one unit's size
+    low, high : bounds
+    start : where the program begins
+    """
+
     kind: Kind
     place: int
-    given: bool  # whether it is allowed anyway
-    push: Array  # (3,) force of one unit, for those at sites [1]
-    column: Array  # (rows,) generalized forces of one unit
-    price: float  # of one unit's size
-    # low, high, at: bounds, and where the program begins
-    low: float
-    high: float
-    at: float
+    allowed: bool
+    push: Array
+    column: Array
+    start: float
+    price: float = 0.0
+    low: float = 0.0
+    high: float = np.inf
 
 
 def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowance, ...]:
-    """The relaxation of least cost of a frame, greatest first; `limits` (bodies, 2) of residuals
-    [N], [N m].
+    """Relaxation of least cost of a frame, greatest first.
+
+    Parameters
+    ----------
+    frame : number
+    limits : (bodies, 2) of residuals [N], [N m]
+
+    Returns
+    -------
+    what would have to be allowed, nothing where the contacts could carry the motion
     """
     columns = [
         *_residuals(roots, frame, limits),
@@ -262,28 +340,18 @@ def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowa
     ]
     matrix = np.array([column.column for column in columns]).T
     rows, count = matrix.shape
-    sites = roots.contacts.generators.sites
-    touching = roots.contacts.activations[frame] > 0.0
-    bounded = [site.cone.direction is not None and np.isfinite(site.cone.most) for site in sites]
-    limited = np.flatnonzero(touching & bounded).tolist()
+    limited = _limited_sites(roots, frame)
     # Each greatest force: sum of normal forces = what is allowed + what is beyond.
     A = np.zeros((rows + len(limited), count + 2 * len(limited)))
     A[:rows, :count] = matrix
-    start = np.array([column.at for column in columns])
-    normals = [_normals(roots, columns, number) for number in limited]
-    for r, index in enumerate(limited):
-        most = sites[index].cone.most
-        now = float(normals[r] @ start)
-        A[rows + r, :count] = normals[r]
+    start = np.array([column.start for column in columns])
+    normals = [_normals(roots, columns, site) for site in limited]
+    for r, (site, normal) in enumerate(zip(limited, normals, strict=True)):
+        A[rows + r, :count] = normal
         A[rows + r, count + 2 * r : count + 2 * r + 2] = -1.0
-        still = np.zeros(rows)
-        columns.append(_Column("most", index, True, STILL, still, 0.0, -most, most, min(now, most)))
-        columns.append(
-            _Column(
-                "most", index, False, STILL, still, COSTS["most"], 0.0, np.inf, max(now - most, 0.0)
-            )
-        )
-    x = np.array([column.at for column in columns])
+        columns += _greatest_force(roots, site, float(normal @ start), rows)
+
+    x = np.array([column.start for column in columns])
     low = np.array([column.low for column in columns])
     high = np.array([column.high for column in columns])
     price = np.array([column.price for column in columns])
@@ -291,170 +359,243 @@ def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowa
     return _allowances(roots, frame, columns, points[0])
 
 
+def _limited_sites(roots: Roots, frame: int) -> list[int]:
+    """Numbers of the sites that touch and have a greatest force along their cones."""
+    touching = roots.contacts.activations[frame] > 0.0
+    cones = [site.cone for site in roots.contacts.generators.sites]
+    bounded = [cone.direction is not None and np.isfinite(cone.most) for cone in cones]
+    return [int(site) for site in np.flatnonzero(touching & bounded)]
+
+
+def _greatest_force(roots: Roots, site: int, force: float, rows: int) -> list[_Column]:
+    """Force of a site up to its greatest, and beyond; `force` that of the solution [N]."""
+    max_force = roots.contacts.generators.sites[site].cone.most
+    nothing = np.zeros(rows)
+    within = _Column(
+        kind="most",
+        place=site,
+        allowed=True,
+        push=np.zeros(3),
+        column=nothing,
+        start=min(force, max_force),
+        low=-max_force,
+        high=max_force,
+    )
+    beyond = _Column(
+        kind="most",
+        place=site,
+        allowed=False,
+        push=np.zeros(3),
+        column=nothing,
+        start=max(force - max_force, 0.0),
+        price=COSTS["most"],
+    )
+    return [within, beyond]
+
+
 def _residuals(roots: Roots, frame: int, limits: Array) -> list[_Column]:
-    """What residuals give within their limits, and what would go beyond."""
+    """Residuals within their limits (bodies, 2) [N], [N m], and beyond."""
     result = []
     for i, amount in enumerate(roots.left[frame]):
         # A box inside the ball of the limit.
-        most = float(limits.reshape(-1)[i // 3]) / np.sqrt(3.0)
-        given = float(np.clip(amount, -most, most))
+        max_size = float(limits.reshape(-1)[i // 3]) / np.sqrt(3.0)
+        within = float(np.clip(amount, -max_size, max_size))
         column = roots.residuals[frame, :, i]
-        result.append(_Column("residual", i, True, STILL, column, 0.0, -most, most, given))
+        result.append(
+            _Column(
+                kind="residual",
+                place=i,
+                allowed=True,
+                push=np.zeros(3),
+                column=column,
+                start=within,
+                low=-max_size,
+                high=max_size,
+            )
+        )
         for sign in (1.0, -1.0):
-            push = sign * np.eye(3)[i % 3]
-            over = max(sign * (amount - given), 0.0)
             result.append(
                 _Column(
-                    "residual", i, False, push, sign * column, COSTS["residual"], 0.0, np.inf, over
+                    kind="residual",
+                    place=i,
+                    allowed=False,
+                    push=sign * np.eye(3)[i % 3],
+                    column=sign * column,
+                    start=max(sign * (amount - within), 0.0),
+                    price=COSTS["residual"],
                 )
             )
     return result
 
 
 def _generators(roots: Roots, frame: int) -> list[_Column]:
-    """Forces inside the cones of sites that touch, and of those that do not."""
+    """List forces inside the cones of sites that touch, and of those that do not."""
     generators = roots.contacts.generators
-    _, _, pushes, _ = generators.evaluate(roots.problem.coordinates[frame : frame + 1])
+    pushes = generators.evaluate(roots.problem.coordinates[frame : frame + 1]).pushes[0]
     result = []
-    for e in range(len(generators)):
-        index = int(generators.site[e])
-        touches = bool(roots.contacts.activations[frame, index] > 0.0)
-        farther = float(roots.heights[frame, index] - roots.heights[frame].min()) / (
-            NEAR * roots.center
-        )
-        price = (
-            COSTS["contact"] * (1.0 + farther**2) * max(float(np.linalg.norm(pushes[0, e])), 1e-3)
-        )
-        price = 0.0 if touches else price
-        ways = (1.0, -1.0) if generators.lower[e] < 0.0 else (1.0,)
-        for sign in ways:
-            at = max(sign * float(roots.z[frame, e]), 0.0) if touches else 0.0
+    for e, push in enumerate(pushes):
+        site = int(generators.site[e])
+        touches = bool(roots.contacts.activations[frame, site] > 0.0)
+        price = 0.0 if touches else _contact_price(roots, frame, site, push)
+        for sign in (1.0, -1.0) if generators.lower[e] < 0.0 else (1.0,):
             result.append(
                 _Column(
-                    "contact",
-                    e,
-                    touches,
-                    sign * pushes[0, e],
-                    sign * roots.pushes[frame, :, e],
-                    price,
-                    0.0,
-                    np.inf,
-                    at,
+                    kind="contact",
+                    place=e,
+                    allowed=touches,
+                    push=sign * push,
+                    column=sign * roots.pushes[frame, :, e],
+                    start=max(sign * float(roots.z[frame, e]), 0.0) if touches else 0.0,
+                    price=price,
                 )
             )
     return result
 
 
+def _contact_price(roots: Roots, frame: int, site: int, push: Array) -> float:
+    """Price of one unit of a generator of a site that does not touch; `push` (3,) its force."""
+    heights = roots.heights[frame]
+    farther = float(heights[site] - heights.min()) / (NEAR * roots.center)
+    return COSTS["contact"] * (1.0 + farther**2) * max(float(np.linalg.norm(push)), 1e-3)
+
+
 def _beyond_cones(roots: Roots, frame: int) -> list[_Column]:
-    """Forces across cones beyond friction, and pulls, at the middles of sites that touch."""
+    """List forces across cones beyond friction, and pulls, at the middles of touching sites."""
     result = []
-    for number in np.flatnonzero(roots.contacts.activations[frame] > 0.0).tolist():
-        cone = roots.contacts.generators.sites[number].cone
+    for site in np.flatnonzero(roots.contacts.activations[frame] > 0.0).tolist():
+        cone = roots.contacts.generators.sites[site].cone
         if cone.direction is None:
             continue
-        direction = roots.direction(frame, number)
-        middle = roots.axes[frame, :, 3 * number : 3 * number + 3]
+        direction = roots.direction(frame, site)
+        middle = roots.axes[frame, :, 3 * site : 3 * site + 3]
         ways: list[tuple[Kind, Array]] = [("pull", -direction)]
         if np.isfinite(cone.friction):
-            one = np.linalg.svd(direction[None])[2][1:]
-            ways += [("friction", sign * across) for across in one for sign in (1.0, -1.0)]
+            tangents = np.linalg.svd(direction[None])[2][1:]
+            ways += [("friction", sign * across) for across in tangents for sign in (1.0, -1.0)]
         for kind, push in ways:
             result.append(
-                _Column(kind, number, False, push, middle @ push, COSTS[kind], 0.0, np.inf, 0.0)
+                _Column(
+                    kind=kind,
+                    place=site,
+                    allowed=False,
+                    push=push,
+                    column=middle @ push,
+                    start=0.0,
+                    price=COSTS[kind],
+                )
             )
     return result
 
 
 def _normals(roots: Roots, columns: Sequence[_Column], site: int) -> Array:
-    """Force along a site's cone of one unit of each variable."""
+    """Force (columns,) along a site's cone of one unit of each variable."""
     owner = roots.contacts.generators.site
     normal = roots.contacts.generators.normal
-    mine = [column.kind == "contact" and int(owner[column.place]) == site for column in columns]
     return np.array(
-        [normal[column.place] if own else 0.0 for column, own in zip(columns, mine, strict=True)]
+        [
+            normal[column.place]
+            if column.kind == "contact" and int(owner[column.place]) == site
+            else 0.0
+            for column in columns
+        ]
     )
 
 
 def _allowances(
-    roots: Roots, frame: int, columns: list[_Column], x: Array
+    roots: Roots, frame: int, columns: Sequence[_Column], x: Array
 ) -> tuple[Allowance, ...]:
-    """What of a solution goes beyond what is allowed anyway, added up by kind and group of sites."""
+    """Sum what goes beyond what is allowed anyway, by kind and group of sites.
+
+    Parameters
+    ----------
+    columns : variables of the program
+    x : (columns,) their values
+    """
+    results = [*_beyond_at_sites(roots, frame, columns, x), *_beyond_at_roots(roots, columns, x)]
+    sizeable = [result for result in results if result.size > MIN_SIZE * roots.weight]
+    return tuple(sorted(sizeable, key=lambda item: -item.size))
+
+
+def _beyond_at_roots(roots: Roots, columns: Sequence[_Column], x: Array) -> list[Allowance]:
+    """Residuals of each body that floats beyond their limits; `x` (columns,)."""
+    beyond = np.zeros((2 * len(roots.bodies), 3))
+    for column, amount in zip(columns, x, strict=True):
+        if column.kind == "residual" and not column.allowed:
+            beyond[column.place // 3] += amount * column.push
+    sizes = np.array([float(np.linalg.norm(vector)) for vector in beyond]).reshape(-1, 2)
+    return [
+        Allowance(kind="residual", where=body, force=float(force), moment=float(moment))
+        for body, (force, moment) in zip(roots.bodies, sizes, strict=True)
+    ]
+
+
+def _beyond_at_sites(
+    roots: Roots, frame: int, columns: Sequence[_Column], x: Array
+) -> list[Allowance]:
+    """Sum forces beyond what is allowed, by kind and group of sites; `x` (columns,)."""
     sites = roots.contacts.generators.sites
     owner = roots.contacts.generators.site
-    residual = np.zeros((len(roots.bodies), 2, 3))
     beyond = dict[tuple[Kind, str], Array]()
-    carried = {site.group: STILL for site in sites}
+    carried = {site.group: np.zeros(3) for site in sites}
     heights = dict[str, float]()
     for column, amount in zip(columns, x, strict=True):
         if column.kind == "residual":
-            residual.reshape(-1, 3)[column.place // 3] += (
-                0.0 if column.given else amount * column.push
-            )
             continue
-        place = int(owner[column.place]) if column.kind == "contact" else column.place
-        group = sites[place].group
+        site = int(owner[column.place]) if column.kind == "contact" else column.place
+        group = sites[site].group
         carried[group] = carried[group] + amount * column.push
-        if not column.given and amount > 1e-9 * roots.weight:
-            push = amount * (np.array([1.0, 0.0, 0.0]) if column.kind == "most" else column.push)
-            beyond[column.kind, group] = beyond.get((column.kind, group), STILL) + push
-            heights[group] = min(float(roots.heights[frame, place]), heights.get(group, np.inf))
+        if column.allowed or amount <= MIN_FORCE * roots.weight:
+            continue
+        push = np.array([1.0, 0.0, 0.0]) if column.kind == "most" else column.push
+        sum_before = beyond.get((column.kind, group), np.zeros(3))
+        beyond[column.kind, group] = sum_before + amount * push
+        heights[group] = min(float(roots.heights[frame, site]), heights.get(group, np.inf))
+
     results = []
     for (kind, group), force in beyond.items():
-        needed = heights[group] if kind == "contact" else 0.0
-        if kind == "friction":
-            direction = roots.direction(
-                frame, next(index for index, site in enumerate(sites) if site.group == group)
-            )
-            along = float(carried[group] @ direction)
-            across = float(np.linalg.norm(carried[group] - along * direction))
-            needed = across / along if along > 1e-6 * roots.weight else np.inf
-        results.append(
-            Allowance(
-                kind=kind,
-                where=group,
-                force=float(np.linalg.norm(force)),
-                moment=0.0,
-                needed=needed,
-            )
-        )
-    for body, (force, moment) in zip(roots.bodies, residual, strict=True):
-        results.append(
-            Allowance(
-                kind="residual",
-                where=body,
-                force=float(np.linalg.norm(force)),
-                moment=float(np.linalg.norm(moment)),
-            )
-        )
-    kept = [result for result in results if result.size > 1e-6 * roots.weight]
-    return tuple(sorted(kept, key=lambda item: -item.size))
+        needed = 0.0
+        if kind == "contact":
+            needed = heights[group]
+        elif kind == "friction":
+            needed = _needed_friction(roots, frame, group, carried[group])
+        size = float(np.linalg.norm(force))
+        results.append(Allowance(kind=kind, where=group, force=size, needed=needed))
+    return results
 
 
-RESIDUAL_SHARE = 0.05
-"""Residual force at a root from which a frame is marked, as a share of its subject's weight (Hicks
-et al. 2015 ask for less than that of the greatest external force).
-"""
-# Residual moment, as a share of the weight times the height of the center of mass above the floor
-MOMENT_SHARE = 0.05
-NAMED = 0.01  # Relaxations smaller than this share of the weight are not named beside greater ones
+def _needed_friction(roots: Roots, frame: int, group: str, force: Array) -> float:
+    """Coefficient of friction with which a group carries a force (3,) [N]."""
+    sites = roots.contacts.generators.sites
+    first = next(number for number, site in enumerate(sites) if site.group == group)
+    direction = roots.direction(frame, first)
+    along = float(force @ direction)
+    across = float(np.linalg.norm(force - along * direction))
+    return across / along if along > MIN_SIZE * roots.weight else np.inf
 
 
 @read_only
 class Relaxation:
-    """A frame whose contacts cannot carry the motion."""
+    """A frame whose contacts cannot carry the motion.
+
+    Attributes
+    ----------
+    frame, time : number, and time [s]
+    force, moment : (3,) what contacts leave at the roots together, in ground [N]; moments about the
+        bodies' mass centers [N m]
+    touching : sites that may carry force
+    allowances : what would do, greatest first
+    size : sum of all their sizes, over the weight of the model
+    sentence : all that in one line
+    """
 
     frame: int
     time: float
-    # (3,) what contacts leave at the roots together, in ground; moments about the bodies' mass
-    # centers [N]
     force: Array
-    # (3,) what contacts leave at the roots together, in ground; moments about the bodies' mass
-    # centers [N m]
     moment: Array
-    touching: tuple[str, ...]  # sites that may carry force
-    allowances: tuple[Allowance, ...]  # what would do, greatest first
-    size: float  # sum of all their sizes, over the weight of the model
-    sentence: str  # all that in one line
+    touching: tuple[str, ...]
+    allowances: tuple[Allowance, ...]
+    size: float
+    sentence: str
 
 
 def relaxations(
@@ -464,18 +605,27 @@ def relaxations(
     moment: float = MOMENT_SHARE,
 ) -> tuple[Relaxation, ...]:
     """Frames whose contacts cannot carry the motion, and the smallest relaxation of each.
+
     Frames that lack input are left out, and those in which residuals are large though contacts
-    could do without them; a model that does not float has none. `problem`, `tension`: as
-    `tension_problem` sets it up with contacts, solved, and what it found.
+    could do without them; a model that does not float has none.
+
+    Parameters
+    ----------
+    problem, tension : with contacts, solved, and its result
+    residual : residual force from which a frame is marked, as a share of its subject's weight
+    moment : residual moment, as a share of the weight times the height of the center of mass
+
+    Raises
+    ------
+    BadData : the problem has no contacts
     """
     if problem.contacts is None:
         raise BadData(
             "there are no contacts that could carry the motion: give contacts to the tension"
             " problem"
         )
-    held = {
-        name for joint in floating_joints(problem.assembly.tree.model) for name in joint.coordinates
-    }
+    floating = floating_joints(problem.assembly.tree.model)
+    held = {name for joint in floating for name in joint.coordinates}
     if not held or not held <= set(problem.assembly.rows):
         return ()
     roots = Roots(problem, problem.contacts, tension)
@@ -483,54 +633,50 @@ def relaxations(
     left = roots.left.reshape(len(tension), -1, 2, 3)
     beyond = (np.linalg.norm(left, axis=3) > limits).any(axis=(1, 2))
     marked = np.flatnonzero((tension.status != MISSING) & beyond)
-    results = []
-    for frame in marked.tolist():
-        allowed = smallest_relaxation(roots, frame, limits)
-        if not allowed:
-            # The contacts could carry it, at more effort than the residuals that were taken
-            # instead.
-            continue
-        force, turn = left[frame].sum(axis=0)
-        sites = problem.contacts.generators.sites
-        touching = tuple(
-            site.name
-            for index, site in enumerate(sites)
-            if problem.contacts.activations[frame, index] > 0.0
-        )
-        named = (
-            tuple(allowance for allowance in allowed if allowance.size > NAMED * roots.weight)
-            or allowed[:1]
-        )
-        time = float(tension.time[frame])
-        lacking = what_lacks(touching, force, turn, roots.up)
-        size = sum(allowance.size for allowance in allowed) / roots.weight
-        results.append(
-            Relaxation(
-                frame=frame,
-                time=time,
-                force=force,
-                moment=turn,
-                touching=touching,
-                allowances=named,
-                size=size,
-                sentence=f"{time:.2f} s: {lacking}: {what_would_do(named)}",
-            )
-        )
-    return tuple(results)
+    results = [_relaxation(roots, tension, frame, limits) for frame in marked.tolist()]
+    return tuple(relaxation for relaxation in results if relaxation is not None)
+
+
+def _relaxation(roots: Roots, tension: Tension, frame: int, limits: Array) -> Relaxation | None:
+    """Smallest relaxation of a frame, with its sentence; `limits` (bodies, 2) [N], [N m].
+
+    There is none where the contacts could carry the motion, at more effort than the residuals that
+    were taken instead.
+    """
+    allowances = smallest_relaxation(roots, frame, limits)
+    if not allowances:
+        return None
+    force, moment = roots.left[frame].reshape(-1, 2, 3).sum(axis=0)
+    activations = roots.contacts.activations[frame]
+    touching = tuple(
+        site.name
+        for site, activation in zip(roots.contacts.generators.sites, activations, strict=True)
+        if activation > 0.0
+    )
+    large = tuple(item for item in allowances if item.size > NAMED * roots.weight)
+    named = large or allowances[:1]
+    time = float(tension.time[frame])
+    missing = missing_words(touching, force, moment, roots.up)
+    return Relaxation(
+        frame=frame,
+        time=time,
+        force=force,
+        moment=moment,
+        touching=touching,
+        allowances=named,
+        size=sum(item.size for item in allowances) / roots.weight,
+        sentence=f"{time:.2f} s: {missing}: {what_would_do(named)}",
+    )
 
 
 def relaxation_lines(relaxations: Sequence[Relaxation]) -> tuple[str, ...]:
-    """One line for each run of neighbouring frames that the same would help: that of the frame that
-    lacks most.
+    """One line for each run of neighbouring frames that the same would help.
+
+    It is that of the frame that needs most.
     """
     runs: list[list[Relaxation]] = []
     for relaxation in relaxations:
-        last = runs[-1][-1] if runs else None
-        if (
-            last is not None
-            and relaxation.frame == last.frame + 1
-            and _names(relaxation) == _names(last)
-        ):
+        if runs and _continues(runs[-1][-1], relaxation):
             runs[-1].append(relaxation)
         else:
             runs.append([relaxation])
@@ -542,5 +688,11 @@ def relaxation_lines(relaxations: Sequence[Relaxation]) -> tuple[str, ...]:
     return tuple(lines)
 
 
+def _continues(last: Relaxation, relaxation: Relaxation) -> bool:
+    """Tell whether a relaxation is that of the next frame, and the same would help."""
+    return relaxation.frame == last.frame + 1 and _names(relaxation) == _names(last)
+
+
 def _names(relaxation: Relaxation) -> tuple[tuple[str, str], ...]:
+    """Kinds and places of what would have to be allowed."""
     return tuple(sorted((part.kind, part.where) for part in relaxation.allowances))

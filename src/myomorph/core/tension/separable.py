@@ -1,14 +1,14 @@
-"""The separable problem as arrays: pattern of A, what all frames share, links, and Cholesky factors
-in an envelope.
+"""The separable problem as arrays: pattern of A, shared data, links, and envelope factors.
 
-What variables do at given multipliers, in closed form: alone, reached by the one number s = (A^T
-y)_i (see `dual.py`),
+What variables do at given multipliers, in closed form: alone, reached by the one number
+s = (A^T y)_i (see `dual.py`),
 
     minimise  w |x - t|^p + k dist(x, [l, h])^2 - s x   subject to  lower <= x <= upper,
 
 and below a common bound of the first variables, the greatest activation as a cost,
 
-    minimise  peak beta + sum_i c_i(x_i)   subject to  A x = b,  lower <= x <= upper,  x_i <= beta for the capped ones,
+    minimise    peak beta + sum_i c_i(x_i)
+    subject to  A x = b,  lower <= x <= upper,  x_i <= beta for the capped ones,
 
 the min/max criterion of muscle recruitment (Rasmussen, Damsgaard and Voigt 2001), made unique by
 the costs c_i. For multipliers s = A^T y the bound is where what the capped variables would still
@@ -33,20 +33,28 @@ from myomorph.core.tension.elimination_order import coupled_rows, elimination_or
 
 
 class Separable(NamedTuple):
-    """Pattern and data that all frames share."""
+    """Pattern and data that all frames share.
 
-    # (variables + 1,) entries of column i of A are start[i] ... start[i + 1] - 1
+    Attributes
+    ----------
+    start : (variables + 1,) entries of column i of A are start[i] ... start[i + 1] - 1
+    row : (entries,) their rows, in the order of elimination, ascending in each column
+    first : (rows,) in the envelope of A D A^T, the first column of each row
+    weight, exponent : (variables,) w and p of the cost w |x|^p
+    lower, upper : (variables,) bounds
+    capped : number of leading variables that lie under a common bound besides
+    peak : cost of one unit of that bound, 0 for no such bound
+    """
+
     start: NDArray[np.int64]
-    # (entries,) their rows, in the order of elimination, ascending in each column
     row: NDArray[np.int64]
-    first: NDArray[np.int64]  # (rows,) in the envelope of A D A^T, the first column of each row
-    # weight, exponent, lower, upper: (variables,)
+    first: NDArray[np.int64]
     weight: Array
     exponent: Array
     lower: Array
     upper: Array
-    capped: int = 0  # the first so many variables lie under a common bound besides
-    peak: float = 0.0  # what one unit of that bound costs, 0 for no such bound
+    capped: int = 0
+    peak: float = 0.0
 
     @property
     def column(self) -> NDArray[np.int64]:
@@ -54,29 +62,49 @@ class Separable(NamedTuple):
         return np.repeat(np.arange(len(self.weight)), np.diff(self.start))
 
     def dense(self, values: Array) -> Array:
-        """A (frames, rows, variables) from its entries (frames, entries)."""
+        """Write A out from its entries.
+
+        Parameters
+        ----------
+        values : (frames, entries)
+
+        Returns
+        -------
+        (frames, rows, variables)
+        """
         A = np.zeros((len(values), len(self.first), len(self.weight)))
         A[:, self.row, self.column] = values
         return A
 
 
 class Links(NamedTuple):
-    """Variables that should change little from frame to frame: stiffness_k w_i (amount_k -
-    amount_(k-1))^2.
+    """Variables that should change little from one frame to the next.
+
+    The cost gains stiffness_j w_i (amount_j - amount_(j-1))^2 for each linked variable i and each
+    pair of neighbouring frames.
+
+    Attributes
+    ----------
+    first : the variables first ... first + linked - 1 are linked
+    scale : (frames, linked) amount of one unit of the variable, 0 where it takes no part
+    amount : (frames, linked) room for the amounts as other frames see them
+    stiffness : (frames - 1,) between a frame and the next, in units of the variables' weights
+    over : factor of over-relaxation, 1 to 2
+    sweeps : maximum number of passes over the frames
+    tolerance : change of an amount at which passes end
     """
 
-    first: int  # variables first ... first + linked - 1 are linked
-    scale: Array  # (frames, linked) amount of one unit of the variable, 0 where it takes no part
-    amount: Array  # (frames, linked) room for the amounts as other frames see them
-    # (frames - 1,) between a frame and the next, in units of the variables' weights
+    first: int
+    scale: Array
+    amount: Array
     stiffness: Array
-    over: float  # factor of over-relaxation, 1 to 2
-    sweeps: int  # most passes over the frames
-    tolerance: float  # change of an amount at which passes end
+    over: float
+    sweeps: int
+    tolerance: float
 
 
 def no_links() -> Links:
-    """Frames that do not know of each other."""
+    """Links of frames that do not know of each other."""
     return Links(
         first=0,
         scale=np.zeros((0, 0)),
@@ -90,43 +118,69 @@ def no_links() -> Links:
 
 @read_only
 class Pattern:
-    """Where A (rows, variables) may differ from zero, and an order of its rows with a small
-    envelope.
+    """Where A (rows, variables) may differ from 0, and an order of its rows with a small envelope.
+
+    Attributes
+    ----------
+    start, row, first : as of `Separable`
+    order : (rows,) the rows in the order of elimination
+    place : (entries,) position of each of the caller's entries in the kernel's order
     """
 
     start: NDArray[np.int64]
     row: NDArray[np.int64]
     first: NDArray[np.int64]
-    order: NDArray[np.int64]  # (rows,) the rows in the order of elimination
-    place: NDArray[np.int64]  # (entries,) position of the caller's k-th entry in the kernel's order
+    order: NDArray[np.int64]
+    place: NDArray[np.int64]
 
 
 def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Pattern:
-    """Pattern of a matrix of `shape` (rows, variables) from `rows`, `columns` (entries,), each
-    place at most once.
+    """Pattern of a matrix A, its rows in an order that keeps the envelope of A A^T small.
+
+    It is the reverse order of Cuthill and McKee.
+
+    Parameters
+    ----------
+    rows, columns : (entries,) where the matrix may differ from 0, each position at most once
+    shape : (rows, variables) of the matrix
+
+    Returns
+    -------
+    pattern whose rows are in the order of elimination
     """
     n, variables = shape
     neighbors = coupled_rows(rows, columns, n)
     order = elimination_order(neighbors)
     rank = np.empty(n, np.int64)
     rank[order] = np.arange(n)
+
     first = np.arange(n, dtype=np.int64)
     for row, coupled in enumerate(neighbors):
         first[rank[row]] = min(rank[row], *rank[coupled])
+
     sorted_entries = np.lexsort((rank[rows], columns))
     place = np.empty(len(rows), np.int64)
     place[sorted_entries] = np.arange(len(rows))
-    start = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=variables))]).astype(
-        np.int64
-    )
+    counts = np.bincount(columns, minlength=variables)
     return Pattern(
-        start=start, row=rank[rows][sorted_entries], first=first, order=order, place=place
+        start=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        row=rank[rows][sorted_entries],
+        first=first,
+        order=order,
+        place=place,
     )
 
 
 @inner(fastmath={"reassoc", "contract"})
 def factorize(M, first, floor):
-    """Cholesky factor of M in its envelope, in place; pivots below `floor` are raised to it."""
+    """Factorize M = L L^T inside its envelope, in place; pivots below `floor` are raised to it.
+
+    Parameters
+    ----------
+    M : (rows, rows) symmetric, of which the lower triangle is read and becomes L
+    first : (rows,) first column of each row inside the envelope
+    floor : (rows,) least pivots
+    """
     n = M.shape[0]
     for i in range(n):
         for j in range(first[i], i):
@@ -142,7 +196,14 @@ def factorize(M, first, floor):
 
 @inner
 def back_substitute(M, first, z):
-    """Solve with the factor M, in place of z."""
+    """Solve L L^T z = right-hand side, in place.
+
+    Parameters
+    ----------
+    M : (rows, rows) the factor L of `factorize`
+    first : (rows,) first column of each row inside the envelope
+    z : (rows,) the right-hand side, then the solution
+    """
     n = M.shape[0]
     for i in range(n):
         total = z[i]
@@ -157,8 +218,13 @@ def back_substitute(M, first, z):
 
 @inner
 def _pulled(w, p, target, near, pull, x, s):
-    """Zero of p w |v - target|^(p - 1) sign + 2 pull (v - near) - s, which lies between `near` and
-    x.
+    """Value of a variable that an interval penalty pulls, of any exponent.
+
+    It is the zero v, between `near` and x, of
+
+        p w |v - target|^(p - 1) sign(v - target) + 2 pull (v - near) - s
+
+    by Newton steps, each bisected where it leaves the bracket.
     """
     low = min(near, x)
     high = max(near, x)
@@ -180,9 +246,7 @@ def _pulled(w, p, target, near, pull, x, s):
 
 @inner
 def _cubic(w, low, high, pull, target, s):
-    """`_bent` of the exponent 3, by roots: it is common, and general powers would take most of its
-    time.
-    """
+    """Do as `_bent` of the exponent 3, by roots: it is common, and powers take long."""
     size = np.sqrt(abs(s) / (3.0 * w))
     x = target + (size if s > 0.0 else -size)
     slope = min((1.0 if size < 1e-3 else 0.5) / (3.0 * w * max(size, 1e-30)), 1e8 / w)
@@ -196,8 +260,14 @@ def _cubic(w, low, high, pull, target, s):
 
 @inner
 def _bent(w, p, low, high, pull, target, s):
-    """Value at the reduced multiplier s, and its slope, of a variable that is pulled or whose
-    exponent is not 2.
+    """Value of a variable, and its slope over s, where it is pulled or its exponent is not 2.
+
+    Parameters
+    ----------
+    w, p : weight and exponent of the cost w |x - target|^p
+    low, high, pull : l, h and k of its interval penalty
+    target : t
+    s : the reduced multiplier (A^T y)_i
     """
     if p == 2.0:
         x = target + 0.5 * s / w
@@ -227,8 +297,17 @@ def _bent(w, p, low, high, pull, target, s):
 
 @inner
 def response(w, p, least, greatest, low, high, pull, target, s):
-    """Value x at the reduced multiplier s, and dx/ds there (0 on a bound).
-    Scalars, and little of its own, so that the compiler makes it a part of the loops that call it.
+    """Value x of a variable at the reduced multiplier s, and dx/ds there (0 on a bound).
+
+    It is small and has scalars only, so that the compiler makes it a part of loops that call it.
+
+    Parameters
+    ----------
+    w, p : weight and exponent of the cost w |x - target|^p
+    least, greatest : bounds of x
+    low, high, pull : l, h and k of its interval penalty
+    target : t
+    s : the reduced multiplier (A^T y)_i
     """
     if p == 2.0 and pull == 0.0:
         x = target + 0.5 * s / w
@@ -244,27 +323,47 @@ def response(w, p, least, greatest, low, high, pull, target, s):
 
 @inner
 def marginal_cost(w, p, low, high, pull, target, x):
-    """c'(x) and c''(x) of w |x - target|^p + pull dist(x, [low, high])^2."""
-    apart = x - target
+    """First and second derivative of the cost w |x - target|^p + pull dist(x, [low, high])^2.
+
+    Parameters
+    ----------
+    w, p, low, high, pull, target : as of `response`
+    x : where they are taken
+    """
+    distance = x - target
     if p == 2.0:
-        slope = 2.0 * w * apart
-        bend = 2.0 * w
+        slope = 2.0 * w * distance
+        curvature = 2.0 * w
     else:
-        size = abs(apart)
+        size = abs(distance)
         slope = w * p * size ** (p - 1.0)
-        slope = slope if apart > 0.0 else -slope
-        bend = w * p * (p - 1.0) * max(size, 1e-9) ** (p - 2.0)
+        slope = slope if distance > 0.0 else -slope
+        curvature = w * p * (p - 1.0) * max(size, 1e-9) ** (p - 2.0)
     if pull > 0.0 and not low <= x <= high:
         slope += 2.0 * pull * (x - (low if x < low else high))
-        bend += 2.0 * pull
-    return slope, bend
+        curvature += 2.0 * pull
+    return slope, curvature
 
 
 @inner
 def gain(S, targets, penalty, s, ds, t, beta):
-    """What the capped variables gain by a higher bound at s + t ds, and how fast that falls."""
+    """Gain of the capped variables by a higher bound, and how fast it falls with the bound.
+
+    Parameters
+    ----------
+    S : `Separable`
+    targets : (variables,) t
+    penalty : (3, variables) l, h and k
+    s, ds : (variables,) reduced multipliers and their direction
+    t : step along ds
+    beta : the common bound
+
+    Returns
+    -------
+    sum_i max(0, s_i + t ds_i - c_i'(beta)) and the sum of c_i'' over its terms above 0
+    """
     total = 0.0
-    bend = 0.0
+    fall = 0.0
     for i in range(S.capped):
         if S.upper[i] > beta:
             slope, curvature = marginal_cost(
@@ -279,13 +378,21 @@ def gain(S, targets, penalty, s, ds, t, beta):
             more = s[i] + t * ds[i] - slope
             if more > 0.0:
                 total += more
-                bend += curvature
-    return total, bend
+                fall += curvature
+    return total, fall
 
 
 @inner
 def ceiling(S, targets, penalty, s, ds, t):
-    """The common bound at the reduced multipliers s + t ds; infinite where it costs nothing."""
+    """Find the common bound at the reduced multipliers s + t ds; infinite where it costs nothing.
+
+    It is the beta at which the gain of the capped variables is the cost `peak` of a higher bound,
+    by Newton steps, each bisected where it leaves the bracket.
+
+    Parameters
+    ----------
+    S, targets, penalty, s, ds, t : as of `gain`
+    """
     if not S.peak > 0.0:
         return np.inf
     low = 0.0
@@ -295,14 +402,14 @@ def ceiling(S, targets, penalty, s, ds, t):
         high = max(high, S.upper[i])
     beta = low
     for _ in range(100):
-        total, bend = gain(S, targets, penalty, s, ds, t, beta)
+        total, fall = gain(S, targets, penalty, s, ds, t, beta)
         if total > S.peak:
             low = beta
         else:
             high = beta
         if high - low <= 1e-15:
             break
-        step = (total - S.peak) / bend if bend > 0.0 else np.inf
+        step = (total - S.peak) / fall if fall > 0.0 else np.inf
         if abs(step) <= 1e-16:
             break
         beta = beta + step if low < beta + step < high else 0.5 * (low + high)
@@ -311,10 +418,20 @@ def ceiling(S, targets, penalty, s, ds, t):
 
 @inner
 def add_common_motion(S, values, targets, penalty, s, roof, M):
-    """Add to M what the variables on the bound do together: A_B 1 (A_B 1)^T / sum_B c''."""
-    total, bend = gain(S, targets, penalty, s, s, 0.0, roof)
+    """Add to M what the variables B on the common bound do together.
+
+        M += (A_B 1) (A_B 1)^T / sum_B c''
+
+    Parameters
+    ----------
+    S, targets, penalty, s : as of `gain`
+    values : (entries,) of A
+    roof : the common bound
+    M : (rows, rows) of which the envelope is filled
+    """
+    total, fall = gain(S, targets, penalty, s, s, 0.0, roof)
     # Where the bound lies on a bound of its own, it does not move.
-    if not bend > 0.0 or abs(total - S.peak) > 1e-6 * S.peak:
+    if not fall > 0.0 or abs(total - S.peak) > 1e-6 * S.peak:
         return
     n = M.shape[0]
     together = np.zeros(n)
@@ -334,4 +451,4 @@ def add_common_motion(S, values, targets, penalty, s, roof, M):
                     together[S.row[a]] += values[a]
     for i in range(n):
         for j in range(S.first[i], i + 1):
-            M[i, j] += together[i] * together[j] / bend
+            M[i, j] += together[i] * together[j] / fall

@@ -1,6 +1,4 @@
-"""Muscle tensions and contact forces: for every frame, the least effort that balances all equations
-of motion.
-"""
+"""Muscle tensions and contact forces: the least effort that balances all motion equations."""
 
 from __future__ import annotations
 
@@ -22,7 +20,7 @@ from myomorph.core.tension.terms.emg import EmgTarget
 from myomorph.core.tension.terms.term import Term
 
 
-def solve_tension(
+def solve_tension(  # page: the terms of one problem, most of them optional
     model: Model,
     motion: Motion,
     torques: Series,
@@ -36,9 +34,9 @@ def solve_tension(
 ) -> Tension:
     """Share the joint torques among muscles with the least effort, frame by frame.
 
-        minimise  sum_m w_m a_m^p + sum_r u_r^p + sum_g c_g z_g^2
-        subject to  R^T F a + D u + J^T G z = tau - R^T (F_passive + F_viscous),  bounds on a, u and
-        z
+        minimise    sum_m w_m a_m^p + sum_r u_r^p + sum_g c_g z_g^2
+        subject to  R^T F a + D u + J^T G z = tau - R^T (F_passive + F_viscous)
+                    bounds on a, u and z
 
     with moment arms R, forces per unit activation F (rigid tendon), directions D of actuators with
     controls u, generators G of contact cones with amplitudes z, and one row for every coordinate
@@ -47,12 +45,13 @@ def solve_tension(
     convex and its solution unique; frames depend on each other only through the smoothness of
     contact forces. See docs/contact-forces.md.
 
-    Source: Crowninshield and Brand 1981.
+    Source: Crowninshield and Brand 1981 for the effort; [D] ch. 4 for muscles and contacts in one
+    problem.
 
     Parameters
     ----------
     model : with muscles
-    motion : with velocities; a coordinate it lacks rests at its default
+    motion : with velocities; a coordinate missing in it rests at its default
     torques : generalized forces of inverse dynamics at the motion's times (frames, coordinates), of
         those external forces alone that are known
     options : exponent, weights and which forces take part; see `TensionOptions`
@@ -73,19 +72,19 @@ def solve_tension(
 
     Raises
     ------
-    BadData : where the motion has no velocities, torques, contacts or EMG are of other times, or
-        loops are open by more than `loops.MAX_OPENING`
-    UnknownName : where torques lack a free coordinate, or an actuator, a site or EMG names what
+    BadData : the motion has no velocities, torques, contacts or EMG are of other times, or the
+        loop-closure error is above `loops.MAX_OPENING`
+    UnknownName : torques of a free coordinate are missing, or an actuator, a site or EMG names what
         does not exist
-    BadModel : where the model has nothing to solve for
+    BadModel : the model has nothing to solve for
 
     Examples
     --------
     >>> import myomorph as mm
     >>> model = mm.read_model("arm.osim")
     >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
-    >>> found = mm.solve_tension(model, motion, mm.inverse_dynamics(model, motion))
-    >>> found.muscles, found.forces.shape, bool(found.optimal.all())
+    >>> tension = mm.solve_tension(model, motion, mm.inverse_dynamics(model, motion))
+    >>> tension.muscles, tension.forces.shape, bool(tension.optimal.all())
     (('flexor', 'extensor'), (61, 2), True)
     """
     inputs = TensionInputs(
@@ -106,64 +105,86 @@ def solve_tension(
 
 
 def _solve_once(inputs: TensionInputs, progress: Callable[[int], None] | None = None) -> Tension:
+    """Solve for muscles and contacts together, on rigid or on elastic tendons."""
     if inputs.options.tendons == "elastic":
         return solve_elastic(inputs, progress)
     return tension_problem(inputs).solve_all(progress)
 
 
 class ContactSolution(NamedTuple):
-    """The problem that found contact forces, and all that it found."""
+    """The problem that contact forces come from, and its whole solution."""
 
     problem: TensionProblem
-    found: Tension
+    tension: Tension
 
 
 def solve_contacts(
     inputs: TensionInputs, progress: Callable[[int], None] | None = None
 ) -> tuple[Tension, ContactSolution]:
-    """`solve_tension` with simultaneous contacts and rigid tendons, and the problem that found
-    their forces. That problem has passive muscle forces by `ContactOptions.contact_passive`. Where
-    the tensions are to have others, they are found once more, under the contact forces.
+    """Do `solve_tension` with simultaneous contacts and rigid tendons.
+
+    The problem that gives contact forces has passive muscle forces by
+    `ContactOptions.contact_passive`. Where the tensions are to have others, they are solved for
+    once more, under the contact forces.
+
+    Returns
+    -------
+    the tensions, and the problem that the contact forces come from
     """
     problem = tension_problem(inputs)
     first = problem.solve_all(progress)
     if problem.options == inputs.options:
         return first, ContactSolution(problem, first)
-    under = replace(inputs, torques=torques_under(problem, inputs.torques), contacts=None)
-    return with_contacts(_solve_once(under), first), ContactSolution(problem, first)
+    torques = torques_under(problem, inputs.torques)
+    tension = _solve_once(replace(inputs, torques=torques, contacts=None))
+    return with_contacts(tension, first), ContactSolution(problem, first)
 
 
 def torques_under(problem: TensionProblem, torques: Series) -> Series:
-    """Joint torques (frames, coordinates) that remain under the contact forces of a solved problem
-    [N m or N].
+    """Joint torques that remain under the contact forces of a solved problem.
+
+    Returns
+    -------
+    (frames, coordinates) [N m or N]
     """
     assert problem.contacts is not None
     names = problem.assembly.tree.model.coordinate_names
-    mine = [index for index, name in enumerate(torques.names) if name in names]
-    carried = problem.contacts.torques_of(problem.coordinates, problem.amplitudes)
-    left = np.array(torques.values)
-    left[:, mine] -= carried[:, [names.index(torques.names[number]) for number in mine]]
-    return Series(torques.time, torques.names, left)
+    columns = [index for index, name in enumerate(torques.names) if name in names]
+    of_contacts = problem.contacts.torques_of(problem.coordinates, problem.amplitudes)
+    remaining = np.array(torques.values)
+    remaining[:, columns] -= of_contacts[:, [names.index(torques.names[i]) for i in columns]]
+    return Series(torques.time, torques.names, remaining)
 
 
-def with_contacts(tension: Tension, found: Tension) -> Tension:
-    """Tensions under contact forces that were found before them; of status and residual the worse
-    counts.
+def with_contacts(tension: Tension, first: Tension) -> Tension:
+    """Tensions under contact forces that an earlier problem gave.
+
+    Of status and residual the worse counts.
+
+    Parameters
+    ----------
+    tension : of the muscles
+    first : with the contact forces
     """
     return replace(
         tension,
-        contacts=found.contacts,
-        status=np.where(found.status > 0, found.status, tension.status),
-        iterations=found.iterations + tension.iterations,
-        equilibrium_residual=np.maximum(found.equilibrium_residual, tension.equilibrium_residual),
+        contacts=first.contacts,
+        status=np.where(first.status > 0, first.status, tension.status),
+        iterations=first.iterations + tension.iterations,
+        equilibrium_residual=np.maximum(first.equilibrium_residual, tension.equilibrium_residual),
     )
 
 
 def _sequential(inputs: TensionInputs, progress: Callable[[int], None] | None) -> Tension:
-    """Contact forces from the six equations of motion of every floating body, then muscles given
-    these forces. It is what [D] ch. 4 argues against and most programs do. The first problem has
-    the costs of contacts and residuals, and joints as ideal torques that cost nothing, which is to
-    leave their equations out; the second has the contact forces as known ones.
+    """Contact forces from the six equations of motion of every floating body, muscles after.
+
+    It is what [D] ch. 4 argues against and most programs do. The first problem has the costs of
+    contacts and residuals, and joints as ideal torques that cost nothing, which is to leave their
+    equations out; the second has the contact forces as known ones.
+
+    Raises
+    ------
+    BadModel : no body floats
     """
     model = inputs.model
     roots = {name for joint in floating_joints(model) for name in joint.coordinates}
@@ -172,9 +193,9 @@ def _sequential(inputs: TensionInputs, progress: Callable[[int], None] | None) -
             f"model '{model.name}' has no body that floats freely: contact forces cannot be found"
             " before muscle tensions; use the simultaneous formulation"
         )
-    first = tension_problem(
-        replace(inputs, model=replace(model, muscles=()), emg=None, terms=()), roots
-    )
-    result = first.solve_all()
-    under = replace(inputs, torques=torques_under(first, inputs.torques), contacts=None)
-    return with_contacts(_solve_once(under, progress), result)
+    without_muscles = replace(inputs, model=replace(model, muscles=()), emg=None, terms=())
+    problem = tension_problem(without_muscles, roots)
+    first = problem.solve_all()
+    torques = torques_under(problem, inputs.torques)
+    tension = _solve_once(replace(inputs, torques=torques, contacts=None), progress)
+    return with_contacts(tension, first)

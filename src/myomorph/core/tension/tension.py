@@ -1,6 +1,4 @@
-"""The tension problem's settings and its result: tensions, contact forces, reserves, how much of
-each muscle's strength its passive force takes up, and how sure they are.
-"""
+"""Settings of the tension problem and its result: tensions, contact forces and reserves."""
 
 from __future__ import annotations
 
@@ -18,31 +16,44 @@ from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.model import index_of
 from myomorph.core.model.quantity import Quantity
 from myomorph.core.muscles.hill import Convention
-from myomorph.core.tension.dual import MISSING as MISSING_INPUT
-from myomorph.core.tension.dual import NOT_DETERMINED, OPTIMAL, STATUS_NAMES
+from myomorph.core.tension.dual import MISSING, NOT_DETERMINED, OPTIMAL, STATUS_NAMES
 from myomorph.core.tension.fiber_quantities import FIBERS
 from myomorph.core.tension.quantities import TENSION
 
-# Fibers as tensions hold them.
+RESERVE = "reserve_"
+RESIDUAL = "residual_"
+"""With what the names of actuators begin that are added by default: of coordinates, and of a body
+that floats.
+"""
+MAX_MISSING = 0.25
+"""Share of the weight, root mean square, from which on forces from nowhere void the result."""
+LARGE = 0.2
+"""Share of the maximum isometric force from which a muscle's passive force is named."""
 FIBERS_OF_TENSION = tuple(
     quantity.replaced(attribute=f"fibers.{quantity.field}") for quantity in FIBERS
 )
+"""Fibers as tensions hold them."""
 
 
 @dataclass(frozen=True)
 class Unreachable:
-    """A muscle whose fibers cannot reach, so that its tendon was taken as rigid."""
+    """A muscle whose fibers cannot reach, so that its tendon was taken as rigid.
+
+    Attributes
+    ----------
+    frame : the first in which they cannot
+    worst : normalized fiber length furthest out: below 0 where the path is shorter than the slack
+        tendon
+    """
 
     muscle: str
-    frame: int  # the first in which they cannot
-    # the normalized fiber length furthest out: below 0 where the path is shorter than the slack
-    # tendon
+    frame: int
     worst: float
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """How sure the solution of the elastic problem is, over all its windows.
+    """Optimality of the solution of the elastic problem, over all its windows.
 
     Attributes
     ----------
@@ -51,7 +62,7 @@ class Certificate:
         force
     steps : most iterations of a window
     second_activations, second_forces : root mean square distance of activations, and of normalized
-        tendon forces, of the solution from another start; NaN where none was asked for
+        tendon forces, of the solution from another start; NaN without one
     """
 
     residual: float
@@ -67,13 +78,13 @@ class Fibers:
 
     Attributes
     ----------
-    certificate : how near the solution is to an optimum
+    certificate : distance of the solution from an optimum
     lengths : of the fibers [m]
     velocities : lengthening of the fibers [m/s]
     tendon_strains : length over slack length less 1, 0 of a rigid tendon
     fiber_powers, tendon_powers : positive where force does work on the outside [W]
-    transient : (frames,) whether a frame is so near to the beginning or to the end that what was
-        before it or comes after it, which nobody knows, can be felt
+    transient : (frames,) whether a frame is so near to the beginning or to the end that it depends
+        on what was before or comes after, which nobody knows
     bridged : (frames,) whether torques or coordinates were missing, so that they were interpolated
     rigid : muscles that were solved with rigid tendons: their class has no other, the model calls
         them so, or their fibers cannot reach
@@ -92,15 +103,6 @@ class Fibers:
     certificate: Certificate
 
 
-RESERVE = "reserve_"
-RESIDUAL = "residual_"
-"""With what the names of actuators begin that are added by default: of coordinates, and of a body
-that floats.
-"""
-# Share of the weight, root mean square, from which on forces that come from nowhere void the result
-MISSING = 0.25
-
-
 @dataclass(frozen=True)
 class TensionOptions:
     """Settings of `solve_tension`.
@@ -111,7 +113,7 @@ class TensionOptions:
         activations a and controls u; "minmax": the least greatest activation, and of all that have
         it the least sum_m w_m a_m^2 (see docs/recruitment.md)
     exponent : p, 1.2 to 20; above 4 controls count with 2, and each activation with a little of its
-        square besides
+        square added
     weights : of muscles in the effort; "equal": w = 1; "volume": w_m in proportion to F0 L0,
         "strength": to F0, with mean 1
     min_activation : lower bound of activations; "zero": activations from 0; "model": from each
@@ -183,7 +185,7 @@ class TensionOptions:
 
 @read_only
 class Tension(Labelled):
-    """Muscle tensions over time, what they could not do, and whether each frame is an optimum.
+    """Muscle tensions over time, reserves, and whether each frame is an optimum.
 
     Attributes
     ----------
@@ -210,8 +212,8 @@ class Tension(Labelled):
         none took part
     passive_share, passive_time : (muscles,) greatest passive force over the maximum isometric
         force, and when [s]; 0 where passive force takes no part
-    contacts : forces found at contact sites, NaN where the frame was not solved; None where none
-        were looked for
+    contacts : forces at contact sites, NaN where the frame was not solved; None where none were
+        asked for
     fibers : fibers and tendons, where tendons were elastic; None with rigid ones
     """
 
@@ -257,21 +259,58 @@ class Tension(Labelled):
 
     @property
     def held(self) -> tuple[Quantity, ...]:
-        """Activations, forces, actuators and torques, what became of each frame, and fibers where
-        tendons stretch.
-        """
+        """Activations, forces, actuators, torques, status of frames, and fibers."""
         return TENSION if self.fibers is None else (*TENSION, *FIBERS_OF_TENSION)
 
     def activation(self, muscle: str) -> Array:
-        """Activation of one muscle, (frames,) from 0 to 1; raises `UnknownName`."""
+        """Activation of one muscle.
+
+        Parameters
+        ----------
+        muscle : by name
+
+        Returns
+        -------
+        (frames,) 0 to 1
+
+        Raises
+        ------
+        UnknownName : no muscle has that name
+        """
         return self.activations[:, index_of("muscle", muscle, self.muscles)]
 
     def force(self, muscle: str) -> Array:
-        """Force of one muscle along its tendon, (frames,) [N]; raises `UnknownName`."""
+        """Force of one muscle along its tendon.
+
+        Parameters
+        ----------
+        muscle : by name
+
+        Returns
+        -------
+        (frames,) [N]
+
+        Raises
+        ------
+        UnknownName : no muscle has that name
+        """
         return self.forces[:, index_of("muscle", muscle, self.muscles)]
 
     def reserve(self, name: str) -> Array:
-        """Torque or force of one reserve, (frames,) [N m or N]; raises `UnknownName`."""
+        """Torque or force of one reserve.
+
+        Parameters
+        ----------
+        name : of the reserve
+
+        Returns
+        -------
+        (frames,) [N m or N]
+
+        Raises
+        ------
+        UnknownName : no reserve has that name
+        """
         return self.reserves[:, index_of("reserve", name, self.reserve_names)]
 
     @property
@@ -287,29 +326,28 @@ class Tension(Labelled):
     @property
     def asked(self) -> np.ndarray:
         """(frames,) whether a frame had all that its solution needs."""
-        return ~np.isin(self.status, (MISSING_INPUT, NOT_DETERMINED))
+        return ~np.isin(self.status, (MISSING, NOT_DETERMINED))
 
     @property
     def undetermined(self) -> np.ndarray:
-        """(frames, muscles) whether a muscle has no tension because what its limb carries is
-        unmeasured.
-        """
+        """(frames, muscles) whether a muscle has no tension: its limb's load is unmeasured."""
         return np.isnan(self.activations) & np.isin(self.status, (OPTIMAL, NOT_DETERMINED))[:, None]
 
     @property
     def pushing(self) -> tuple[str, ...]:
-        """Muscles whose force is below zero in some frame: shortening against their viscosity
-        faster than they pull.
+        """Muscles whose force is below zero in some frame.
+
+        They shorten against their viscosity faster than they pull.
         """
-        slack = (
-            np.nanmin(np.where(np.isnan(self.forces), 0.0, self.forces), axis=0, initial=0.0) < 0.0
-        )
-        return tuple(name for name, pulls in zip(self.muscles, slack, strict=True) if pulls)
+        forces = np.where(np.isnan(self.forces), 0.0, self.forces)
+        pushes = np.nanmin(forces, axis=0, initial=0.0) < 0.0
+        return tuple(name for name, push in zip(self.muscles, pushes, strict=True) if push)
 
     @property
     def large_passive(self) -> tuple[tuple[str, float, float], ...]:
-        """Muscles with much passive force: name, share of the maximum isometric force, time [s],
-        the largest first.
+        """Muscles with much passive force, the largest first.
+
+        Each by its name, the share of the maximum isometric force, and the time [s].
         """
         order = [i for i in np.argsort(-self.passive_share) if self.passive_share[i] > LARGE]
         return tuple(
@@ -323,16 +361,17 @@ class Tension(Labelled):
         return tuple(name for name in self.reserve_names if name.startswith(RESIDUAL))
 
     def summary(self) -> dict[str, int]:
-        """Number of frames by status."""
+        """Count frames by status."""
         return {name: int(np.sum(self.status == index)) for index, name in enumerate(STATUS_NAMES)}
 
 
-LARGE = 0.2  # Share of the maximum isometric force from which a muscle's passive force is named
-
-
 class PassivePeaks(NamedTuple):
-    """Greatest passive force of each muscle over its maximum isometric force, (muscles,), and when
-    [s].
+    """Greatest passive force of each muscle.
+
+    Attributes
+    ----------
+    share : (muscles,) over its maximum isometric force
+    time : (muscles,) when [s]
     """
 
     share: Array
@@ -340,14 +379,25 @@ class PassivePeaks(NamedTuple):
 
 
 def passive_peaks(passive: Array, strength: Array, time: Array) -> PassivePeaks:
-    """The peaks of forces (frames, muscles), over maximum isometric forces (muscles,) [N]."""
+    """Greatest passive force of each muscle, over its maximum isometric force.
+
+    Parameters
+    ----------
+    passive : (frames, muscles) [N]
+    strength : (muscles,) maximum isometric force [N]
+    time : (frames,) [s]
+
+    Returns
+    -------
+    share and time of the greatest force of each muscle
+    """
     share = np.nan_to_num(passive) / np.where(strength > 0.0, strength, 1.0)
     frame = share.argmax(axis=0)
     return PassivePeaks(share[frame, np.arange(len(strength))], time[frame])
 
 
 def passive_notes(tension: Tension) -> tuple[str, ...]:
-    """What passive force does in a result, in a line or two; none where it takes no part."""
+    """Say what passive force does in a result; nothing where it takes no part."""
     if not tension.options.passive:
         return ()
     notes = []
@@ -370,37 +420,40 @@ def passive_notes(tension: Tension) -> tuple[str, ...]:
 
 
 def contact_notes(tension: Tension) -> tuple[str, ...]:
-    """A line where a muscle's passive force in the problem that found contact forces passes all it
-    can pull with.
-    """
+    """Say where passive forces are above what a muscle can pull with, for contact forces."""
     if not tension.overstretched:
         return ()
     count = len(tension.overstretched)
     largest = [item for item in tension.large_passive if item[0] in tension.overstretched][:3]
     worst = ", ".join(f"{name} {share:.1f} times at {time:.2f} s" for name, share, time in largest)
+    more = " ..." if count > 3 else ""
     return (
-        (
-            f"contact forces: passive force above the maximum isometric force in {count} of"
-            f" {len(tension.muscles)} muscles ({worst}{' ...' if count > 3 else ''}): fibers of the"
-            " model do not fit the motion; compare with --no-contact-passive"
-        ),
+        f"contact forces: passive force above the maximum isometric force in {count} of"
+        f" {len(tension.muscles)} muscles ({worst}{more}): fibers of the"
+        " model do not fit the motion; compare with --no-contact-passive",
     )
 
 
 def missing_support(tension: Tension, weight: float) -> tuple[Finding, ...]:
-    """Whether contacts carry a body of this weight [N], or much of what moves it comes from nowhere
-    (its residuals; a moment counts as a force at 1 m).
+    """Warn where contacts do not carry the body and much of what moves it comes from nowhere.
+
+    What comes from nowhere are residuals; a moment counts as a force at 1 m.
+
+    Parameters
+    ----------
+    weight : of the body [N]
     """
     columns = [tension.reserve_names.index(name) for name in tension.residual_names]
-    left = np.linalg.norm(tension.reserves[:, columns], axis=1)
-    size = float(np.sqrt(np.nanmean(left**2))) if np.isfinite(left).any() else 0.0
-    if size <= MISSING * weight:
+    residuals = np.linalg.norm(tension.reserves[:, columns], axis=1)
+    known = np.isfinite(residuals).any()
+    size = float(np.sqrt(np.nanmean(residuals**2))) if known else 0.0
+    if size <= MAX_MISSING * weight:
         return ()
-    worst = int(np.nanargmax(left))
+    worst = int(np.nanargmax(residuals))
     text = (
         f"contacts cannot carry the motion: forces of {size:.0f} N (root mean square;"
-        f" {left[worst]:.0f} N at {tension.time[worst]:.2f} s) come from nowhere, beside a weight"
-        f" of {weight:.0f} N: believe neither contact forces nor torques and tensions (is a support"
-        " missing, --contacts, or the motion too noisy, --cutoff?)"
+        f" {residuals[worst]:.0f} N at {tension.time[worst]:.2f} s) come from nowhere, beside a"
+        f" weight of {weight:.0f} N: believe neither contact forces nor torques and tensions (is a"
+        " support missing, --contacts, or the motion too noisy, --cutoff?)"
     )
     return (Finding("missing support", "contacts", text, size=size),)

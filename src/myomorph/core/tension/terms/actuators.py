@@ -1,6 +1,4 @@
-"""Ideal actuators as a term: controls, generalized forces of unit controls, and reserves where none
-are given.
-"""
+"""Ideal actuators as a term: controls, their generalized forces, and default reserves."""
 
 from __future__ import annotations
 
@@ -8,7 +6,7 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadModel
@@ -28,28 +26,62 @@ POINT_TO_POINT = 2
 _KINDS = {"torque": TORQUE, "point": POINT, "point_to_point": POINT_TO_POINT}
 
 
-class BodyActuators(NamedTuple):
-    """Actuators that push or turn bodies, as the kernel reads them."""
+RESERVE_FORCE = 1.0
+RESIDUAL_FORCE = 10.0
+"""Optimal force of a reserve and of a residual on a body of human size [N], [N m]."""
+ROTATOR_FORCE = 5.0
+"""Optimal force of the reserve of a hip's axial rotation where a model lacks what turns a bent
+thigh outward [N m].
 
-    kind: NDArray[np.int64]  # (actuators,)
-    # body, other: (actuators,) numbers in the tree; -1 where nothing reacts
+Gluteus maximus turns a thigh inward that is bent by 90 degrees. Without its antagonists hamstrings
+must straighten the hip alone, against quadriceps.
+"""
+ROTATORS = ("quadfem", "quadratus", "obturator", "obtur", "gem")
+"""How names of those muscles begin, lower case without underscores: quadratus femoris, obturators,
+gemelli.
+"""
+NEAR_ZERO_COST = 1e-6
+"""Cost of u^2 that controls have besides |u|^p where p > 2: near 0 that power alone has no
+curvature to step by.
+"""
+
+
+class BodyActuators(NamedTuple):
+    """Actuators that push or turn bodies, as the kernel reads them.
+
+    Attributes
+    ----------
+    kind : (actuators,) TORQUE, POINT or POINT_TO_POINT
+    body, other : (actuators,) numbers in the tree; -1 where nothing reacts
+    point, other_point : (actuators, 3) in the bodies' frames, or in ground [m]
+    direction : (actuators, 3) unit vectors in the body's frame, or in ground
+    global_point, global_direction : (actuators,) whether they are in ground
+    start : (actuators + 1,) entries of an actuator are start[a] ... start[a + 1] - 1
+    coordinate : (entries,) the coordinates it can have a part in
+    supports : (bodies, axes) whether an axis lies between the ground and a body
+    """
+
+    kind: NDArray[np.int64]
     body: NDArray[np.int64]
     other: NDArray[np.int64]
-    # point, other_point, direction: (actuators, 3)
     point: Array
     other_point: Array
     direction: Array
-    # global_point, global_direction: (actuators,)
     global_point: NDArray[np.bool_]
     global_direction: NDArray[np.bool_]
-    # (actuators + 1,) entries of an actuator are start[a] ... start[a + 1] - 1
     start: NDArray[np.int64]
-    coordinate: NDArray[np.int64]  # (entries,) the coordinates it can have a part in
-    supports: NDArray[np.bool_]  # (bodies, axes) whether an axis lies between the ground and a body
+    coordinate: NDArray[np.int64]
+    supports: NDArray[np.bool_]
 
 
 def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyActuators:
-    """Torque, point and point-to-point actuators as flat arrays, in the order given."""
+    """Torque, point and point-to-point actuators as flat arrays, in the order given.
+
+    Raises
+    ------
+    UnknownName : an actuator's body is not in the model
+    BadModel : an actuator has no direction
+    """
     bodies = []
     others = []
     coordinates = []
@@ -60,28 +92,16 @@ def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyAct
         others.append(tree.body_number(actuator.other_body, where) if actuator.other_body else -1)
         if actuator.kind != "point_to_point" and not np.linalg.norm(actuator.direction) > 0.0:
             raise BadModel(f"actuator '{actuator.name}' has direction (0, 0, 0)")
-        # What both bodies hang on moves them alike, but need not cancel: a force pair has two
-        # points.
-        supported = tree.supports[
-            [number for number in (bodies[-1], others[-1]) if number >= 0]
-        ].any(axis=0)
-        touched = np.unique(tree.arrays.axis_coordinate[supported])
-        coordinates.extend(touched[touched >= 0].tolist())
+        coordinates += _reached_coordinates(tree, bodies[-1], others[-1])
         start.append(len(coordinates))
-    point = np.array([actuator.point for actuator in actuators], dtype=np.float64).reshape(-1, 3)
-    other_point = np.array(
-        [actuator.other_point for actuator in actuators], dtype=np.float64
-    ).reshape(-1, 3)
-    direction = np.array([actuator.direction for actuator in actuators], dtype=np.float64).reshape(
-        -1, 3
-    )
+    direction = _vectors([actuator.direction for actuator in actuators])
     length = np.linalg.norm(direction, axis=1, keepdims=True)
     return BodyActuators(
         kind=np.array([_KINDS[actuator.kind] for actuator in actuators], np.int64),
         body=np.array(bodies, np.int64),
         other=np.array(others, np.int64),
-        point=point,
-        other_point=other_point,
+        point=_vectors([actuator.point for actuator in actuators]),
+        other_point=_vectors([actuator.other_point for actuator in actuators]),
         direction=direction / np.where(length > 0.0, length, 1.0),
         global_point=np.array([actuator.point_is_global for actuator in actuators], np.bool_),
         global_direction=np.array(
@@ -93,9 +113,32 @@ def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyAct
     )
 
 
+def _vectors(rows: Sequence[ArrayLike]) -> Array:
+    """Stack vectors, (vectors, 3) also where there is none."""
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _reached_coordinates(tree: Tree, body: int, other: int) -> list[int]:
+    """Coordinates that an actuator can have a part in; `other` -1 where nothing reacts.
+
+    What both bodies hang on moves them alike, but need not cancel: a force pair has two points.
+    """
+    numbers = [number for number in (body, other) if number >= 0]
+    supported = tree.supports[numbers].any(axis=0)
+    coordinates = np.unique(tree.arrays.axis_coordinate[supported])
+    return [int(coordinate) for coordinate in coordinates[coordinates >= 0]]
+
+
 @kernel
 def body_directions(T, P, coordinates, out):
-    """Generalized force per unit of force or torque of every body actuator."""
+    """Fill generalized forces per unit of force or torque of every body actuator.
+
+    Parameters
+    ----------
+    T, P : arrays of the tree, `BodyActuators`
+    coordinates : (frames, coordinates)
+    out : (frames, entries) filled, on `P.coordinate`
+    """
     bodies = T.parent.shape[0]
     axes = T.axis_kind.shape[0]
     R = np.empty((bodies, 3, 3))
@@ -135,14 +178,20 @@ def body_directions(T, P, coordinates, out):
 
 @inner
 def _place(P, a, R, p, point, body):
-    """A point of an actuator in ground."""
+    """Point of an actuator in ground."""
     return point if P.global_point[a] else plus(vector(p, body), turned(matrix(R, body), point))
 
 
 @inner
 def _add_work(T, P, w, o, dphi, body, force, moment, column):
-    """Add what a force and its moment about the ground's origin do along the axes that carry a
-    body.
+    """Add the generalized forces of a force and its moment on a body to `column`.
+
+    Parameters
+    ----------
+    T, P : arrays of the tree, `BodyActuators`
+    w, o, dphi : axes, their origins, and slopes over coordinates, as of `body_poses`
+    force, moment : on the body, the moment about the ground's origin
+    column : (coordinates,) added to
     """
     for index in range(w.shape[0]):
         if P.supports[body, index]:
@@ -156,8 +205,9 @@ def _add_work(T, P, w, o, dphi, body, force, moment, column):
 
 
 def free_coordinates(model: Model) -> tuple[str, ...]:
-    """Coordinates whose torque has to be balanced: not locked, not prescribed, not driven by a
-    coupler.
+    """Coordinates whose torque has to be balanced.
+
+    They are neither locked nor prescribed, and no coupler drives them.
     """
     return tuple(
         coordinate.name
@@ -168,66 +218,70 @@ def free_coordinates(model: Model) -> tuple[str, ...]:
     )
 
 
-RESERVE_FORCE = 1.0
-RESIDUAL_FORCE = 10.0
-"""Optimal force of a reserve and of a residual on a body of human size [N], [N m]."""
-ROTATOR_FORCE = 5.0
-"""Optimal force of the reserve of a hip's axial rotation where a model lacks what turns a bent
-thigh outward [N m].
-
-Gluteus maximus turns a thigh inward that is bent by 90 degrees. Without its antagonists hamstrings
-must straighten the hip alone, against quadriceps.
-"""
-ROTATORS = ("quadfem", "quadratus", "obturator", "obtur", "gem")
-"""How names of those muscles begin, lower case without underscores: quadratus femoris, obturators,
-gemelli.
-"""
-
-
 def default_reserves(
     model: Model, reserve: float | None = None, residual: float | None = None
 ) -> tuple[Actuator, ...]:
-    """A weak actuator for every free coordinate, and force and torque on a body that floats.
-    What is weak on a human is not on a mouse: where nothing is told, forces go with the cube and
-    torques with the fourth power of the body's `length_unit`, as weights and their moments do.
-    `ROTATOR_FORCE` stands in for muscles that many models of the leg leave out. `reserve`: optimal
-    force of the coordinates' actuators, named "reserve_<coordinate>" [N m or N]; `residual`:
-    optimal force of what holds a body that is joined to the ground by six free coordinates:
-    "residual_FX" ... "residual_FZ" at its mass center and "residual_MX" ... "residual_MZ", along
-    the ground's axes [N], [N m].
+    """Add a weak actuator to every free coordinate, and force and torque to bodies that float.
+
+    What is weak on a human is not on a mouse: by default forces go with the cube and torques with
+    the fourth power of the body's `length_unit`, as weights and their moments do. `ROTATOR_FORCE`
+    stands in for muscles that many models of the leg leave out.
+
+    Parameters
+    ----------
+    reserve : optimal force of the coordinates' actuators, named "reserve_<coordinate>" [N m or N]
+    residual : optimal force of what holds a body that is joined to the ground by six free
+        coordinates: "residual_FX" ... "residual_FZ" at its mass center and "residual_MX" ...
+        "residual_MZ", along the ground's axes [N], [N m]
+
+    Returns
+    -------
+    residuals first, then reserves in the order of coordinates
     """
     unit = length_unit(compile_tree(model)) if reserve is None or residual is None else 1.0
-    actuators: list[Actuator] = []
     floating = floating_joints(model)
-    held = {name for joint in floating for name in joint.coordinates}
+    actuators: list[Actuator] = []
     for joint in floating:
         ending = "" if len(floating) == 1 else f"_{joint.child}"
-        center = model.body(joint.child).mass_center
-        kinds: tuple[tuple[Literal["point", "torque"], str, int], ...] = (
-            ("point", "F", 3),
-            ("torque", "M", 4),
-        )
-        for kind, letter, power in kinds:
-            strength = RESIDUAL_FORCE * unit**power if residual is None else residual
-            for axis, direction in zip("XYZ", np.eye(3), strict=True):
-                name = f"{RESIDUAL}{letter}{axis}{ending}"
-                push = Actuator(
-                    name, kind, strength, body=joint.child, point=center, direction=direction
-                )
-                actuators.append(push)
+        force = RESIDUAL_FORCE * unit**3 if residual is None else residual
+        torque = RESIDUAL_FORCE * unit**4 if residual is None else residual
+        actuators += _residuals(model, joint, "point", force, ending)
+        actuators += _residuals(model, joint, "torque", torque, ending)
+
+    held = {name for joint in floating for name in joint.coordinates}
     weak = _without_rotators(model)
     for name in free_coordinates(model):
-        if name not in held:
-            power = 3 if model.coordinate(name).motion == "translational" else 4
-            force = ROTATOR_FORCE if name in weak else RESERVE_FORCE
-            strength = force * unit**power if reserve is None else reserve
-            actuators.append(Actuator(f"{RESERVE}{name}", "coordinate", strength, coordinate=name))
+        if name in held:
+            continue
+        power = 3 if model.coordinate(name).motion == "translational" else 4
+        strength = ROTATOR_FORCE if name in weak else RESERVE_FORCE
+        optimal_force = strength * unit**power if reserve is None else reserve
+        actuators.append(Actuator(f"{RESERVE}{name}", "coordinate", optimal_force, coordinate=name))
     return tuple(actuators)
 
 
+def _residuals(
+    model: Model, joint: Joint, kind: Literal["point", "torque"], optimal_force: float, ending: str
+) -> list[Actuator]:
+    """Make forces or torques along the ground's axes that hold the body of a joint."""
+    letter = {"point": "F", "torque": "M"}[kind]
+    return [
+        Actuator(
+            name=f"{RESIDUAL}{letter}{axis}{ending}",
+            kind=kind,
+            optimal_force=optimal_force,
+            body=joint.child,
+            point=model.body(joint.child).mass_center,
+            direction=direction,
+        )
+        for axis, direction in zip("XYZ", np.eye(3), strict=True)
+    ]
+
+
 def _without_rotators(model: Model) -> set[str]:
-    """Coordinates of the hips' axial rotation, by name; none where the model has muscles and
-    rotators among them.
+    """Coordinates of the hips' axial rotation of a model whose rotators are missing.
+
+    There are none where the model has no muscles, or rotators among them.
     """
     plain = [muscle.name.lower().replace("_", "") for muscle in model.muscles]
     if not plain or any(name.startswith(ROTATORS) for name in plain):
@@ -237,14 +291,16 @@ def _without_rotators(model: Model) -> set[str]:
 
 
 def floating_joints(model: Model) -> tuple[Joint, ...]:
-    """Joints to the ground with six free coordinates: each holds a subject or an object that
-    floats.
+    """Joints to the ground with six free coordinates.
+
+    Each holds a subject or an object that floats.
     """
     free = set(free_coordinates(model))
     return tuple(joint for joint in model.joints if joint.parent == GROUND and _floats(joint, free))
 
 
 def _floats(joint: Joint, free: set[str]) -> bool:
+    """Tell whether a joint lets its body move and turn all ways by coordinates of its own."""
     moving = [axis for axis in joint.axes if axis.function.arity]
     used = {name for axis in moving for name in axis.coordinates}
     rotations = sum(axis.kind == "rotation" for axis in moving)
@@ -257,16 +313,15 @@ def _floats(joint: Joint, free: set[str]) -> bool:
     )
 
 
-NEAR_ZERO_COST = 1e-6
-"""Cost of u^2 that controls have besides |u|^p where p > 2: near 0 that power alone has no
-curvature to step by.
-"""
-
-
 class ActuatorTerm(Term):
-    """sum_r |u_r|^p of controls u, with generalized forces D u: reserves, residuals and the model's
-    own actuators. `actuators`: in the order of their controls; `optimal_forces` (actuators,) [N or
-    N m].
+    """sum_r |u_r|^p of controls u, with generalized forces D u.
+
+    The actuators are reserves, residuals and the model's own.
+
+    Attributes
+    ----------
+    actuators : in the order of their controls
+    optimal_forces : (actuators,) [N or N m]
     """
 
     def __init__(self, tree: Tree, actuators: Sequence[Actuator], exponent: float):
@@ -282,24 +337,18 @@ class ActuatorTerm(Term):
         self._bodies = compile_body_actuators(tree, [actuators[i] for i in self._on_bodies])
 
     def variables(self) -> Variables:
-        """Controls, with their effort."""
+        """Bounds and effort of the controls."""
         count = len(self.actuators)
-        names = tuple(actuator.name for actuator in self.actuators)
-        lower, upper = (
-            np.array([[actuator.min_control, actuator.max_control] for actuator in self.actuators])
-            .reshape(-1, 2)
-            .T
-        )
         return Variables(
-            names=names,
+            names=tuple(actuator.name for actuator in self.actuators),
             weight=np.ones(count),
             exponent=np.full(count, self._exponent),
-            lower=lower,
-            upper=upper,
+            lower=np.array([actuator.min_control for actuator in self.actuators], np.float64),
+            upper=np.array([actuator.max_control for actuator in self.actuators], np.float64),
         )
 
     def entries(self) -> Sequence[tuple[int, int]]:
-        """Of actuators on bodies first, then one of each actuator on a coordinate."""
+        """Control and coordinate of actuators on bodies first, then of those on coordinates."""
         names = self._tree.model.coordinate_names
         bodies = self._bodies
         owner = np.repeat(self._on_bodies, np.diff(bodies.start)).astype(np.int64)
@@ -320,7 +369,7 @@ class ActuatorTerm(Term):
         return Columns(np.hstack([filled, ones]), forces)
 
     def penalties(self, unknowns: Unknowns) -> Penalties | None:
-        """A curvature at 0 where the exponent leaves none."""
+        """Add a curvature at 0 where the exponent leaves none."""
         if self._exponent <= 2.0:
             return None
         columns = unknowns.of(self)

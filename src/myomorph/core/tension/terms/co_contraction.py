@@ -1,6 +1,4 @@
-"""Co-contraction as a term: muscles on both sides of a joint give at least a share of what they
-can.
-"""
+"""Co-contraction as a term: both sides of a joint give at least a share of what they can."""
 
 from __future__ import annotations
 
@@ -22,26 +20,37 @@ from myomorph.core.tension.terms.muscles import MuscleTerm
 from myomorph.core.tension.terms.term import LIMIT_COST, Frames, Rows, Term, Unknowns, Variables
 
 WEIGHT = 100.0
-"""Cost of a co-contraction that lacks, squared, in units of the effort a^2 of one muscle: an aim
-and no constraint, so that a joint whose muscles cannot do it still has a solution.
+"""Cost of a missing co-contraction, squared, in units of the effort a^2 of one muscle: an aim and
+no constraint, so that a joint whose muscles cannot do it still has a solution.
 """
-SMALL = 1e-4  # Moment arms below this turn nothing [m]
+MIN_ARM = 1e-4
+"""Moment arms below this turn nothing [m]."""
+MAX_FRAMES_LOOKED_AT = 9
+"""Number of frames, evenly over the motion, whose moment arms tell who turns a joint."""
 
 
 class CoContractionTerm(Term):
-    """At every coordinate that muscles turn both ways, the weaker side gives at least `level` of
-    what it can.
+    """The weaker side of every joint that muscles turn both ways gives at least a share.
 
     With moment arms r and forces F of unit activation, A = min over the sides of sum |r| F, and the
     joint torque tau,
 
         sum_m |r_m| F_m a_m / A >= |tau| / A + 2 level
 
-    as both sides together give |tau| and twice the torque of the weaker side. What lacks costs
+    as both sides together give |tau| and twice the torque of the weaker side. What is missing costs
     `WEIGHT` times its square; more than that costs nothing but its effort.
 
-    `motion`: with velocities; `torques`: joint torques at the motion's times [N m]; `level`: 0 to
-    1; `coordinates`: names; none for all rotations that muscles turn both ways.
+    Parameters
+    ----------
+    motion : with velocities
+    torques : joint torques at the motion's times [N m]
+    level : share of what the weaker side can give, 0 to 1
+    coordinates : names; none for all rotations that muscles turn both ways
+
+    Raises
+    ------
+    BadData : `level` is not above 0 and at most 1, or muscles do not turn a coordinate both ways
+    UnknownName : a coordinate is not free
     """
 
     def __init__(
@@ -61,75 +70,116 @@ class CoContractionTerm(Term):
         for name in coordinates:
             check_name("free coordinate", name, free)
         values, rates = rates_of(self._tree, motion)
-        known = {name: torques[name] for name in torques.names}
-        tau = np.array(
-            [known.get(name, np.zeros(len(motion))) for name in model.coordinate_names]
-        ).T
-        every = np.linspace(0, len(motion) - 1, min(len(motion), 9)).round().astype(int)
-        arms = self._arms(self._paths.evaluate(values[every], rates[every])[2])
-        wanted = [
-            index
-            for index, name in enumerate(model.coordinate_names)
-            if name in (coordinates or free)
-        ]
-        rotates = [number for number in wanted if model.coordinates[number].motion == "rotational"]
-        both = [
-            rotate
-            for rotate in rotates
-            if (arms[:, :, rotate] > SMALL).any(1).all()
-            and (arms[:, :, rotate] < -SMALL).any(1).all()
-        ]
-        if coordinates and len(both) < len(wanted):
-            lacking = next(
-                model.coordinate_names[number] for number in wanted if number not in both
-            )
-            raise BadData(
-                f"muscles do not turn '{lacking}' both ways: there is no co-contraction of it"
-            )
-        if not both:
-            raise BadData(
-                f"muscles of model '{model.name}' turn no joint both ways: there is no"
-                " co-contraction"
-            )
-        self.coordinates = tuple(model.coordinate_names[number] for number in both)
-        self._columns = both
+        looked_at = np.linspace(0, len(motion) - 1, min(len(motion), MAX_FRAMES_LOOKED_AT))
+        frames = looked_at.round().astype(int)
+        arms = self._arms(self._paths.evaluate(values[frames], rates[frames])[2])
+        self._columns = _turned_both_ways(model, arms, coordinates)
+        self.coordinates = tuple(model.coordinate_names[column] for column in self._columns)
         self._crossing = [
-            np.flatnonzero((np.abs(arms[:, :, number]) > SMALL).any(axis=0)) for number in both
+            np.flatnonzero((np.abs(arms[:, :, column]) > MIN_ARM).any(axis=0))
+            for column in self._columns
         ]
-        left = gathered(self._tree, values, tau - joint_forces(self._tree, values, rates))
-        self._torque = np.abs(left[:, both])
+
+        # What springs and bushings of joints give is not asked of muscles.
+        none = np.zeros(len(motion))
+        known = {name: torques[name] for name in torques.names}
+        tau = np.array([known.get(name, none) for name in model.coordinate_names]).T
+        balanced = gathered(self._tree, values, tau - joint_forces(self._tree, values, rates))
+        self._torque = np.abs(balanced[:, self._columns])
 
     def _arms(self, arms: Array) -> Array:
-        """(frames, muscles, coordinates) moment arms; those of a coordinate that leads hold what
-        follows it.
+        """Write moment arms out; those of a coordinate that leads hold what follows it.
+
+        Parameters
+        ----------
+        arms : (frames, entries) in the order of `compile_paths` [m]
+
+        Returns
+        -------
+        (frames, muscles, coordinates) [m]
         """
-        whole = np.zeros((len(arms), len(self._paths.muscles), len(self._tree.model.coordinates)))
-        whole[:, self._paths.arm_muscle, self._paths.arm_coordinate] = arms
-        return whole
+        shape = (len(arms), len(self._paths.muscles), len(self._tree.model.coordinates))
+        result = np.zeros(shape)
+        result[:, self._paths.arm_muscle, self._paths.arm_coordinate] = arms
+        return result
 
     def variables(self) -> Variables:
-        """How far each coordinate passes what is asked for."""
+        """How far each coordinate passes its least co-contraction."""
         count = len(self.coordinates)
-        names = tuple(f"co-contraction of {name} beyond" for name in self.coordinates)
-        ends = np.zeros(count), np.full(count, np.inf)
-        return Variables(names, np.full(count, LIMIT_COST), np.full(count, 2.0), *ends)
+        return Variables(
+            names=tuple(f"co-contraction of {name} beyond" for name in self.coordinates),
+            weight=np.full(count, LIMIT_COST),
+            exponent=np.full(count, 2.0),
+            lower=np.zeros(count),
+            upper=np.full(count, np.inf),
+        )
 
     def rows(self, unknowns: Unknowns) -> Rows:
-        """A row a coordinate, of the muscles that cross it and of what passes."""
+        """One row per coordinate, of the muscles that cross it and of what passes the least."""
         self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))
         first = unknowns.of(self._muscles).start
         beyond = unknowns.of(self).start
-        columns = [np.append(first + of, beyond + j) for j, of in enumerate(self._crossing)]
+        columns = [
+            np.append(first + muscles, beyond + j) for j, muscles in enumerate(self._crossing)
+        ]
         names = tuple(f"co-contraction of {name}" for name in self.coordinates)
         return Rows.of_frames(names, columns, 1.0, WEIGHT, on_forces=True)
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
-        """|r| F / A of each muscle, and |tau| / A + 2 level."""
-        result = self._muscles.forces(frames)
-        turning = self._arms(result.arms)[:, :, self._columns] * result.active[..., None]
-        sides = [np.maximum(sign * turning, 0.0).sum(axis=1) for sign in (1.0, -1.0)]
-        weaker = np.maximum(np.minimum(*sides), 1e-9)
+        """|r| F / A of each muscle, and |tau| / A + 2 level.
+
+        Parameters
+        ----------
+        rows : as `rows` returned them
+        frames : a chunk of the motion
+
+        Returns
+        -------
+        (frames, entries) and (frames, rows)
+        """
+        muscles = self._muscles.forces(frames)
+        turning = self._arms(muscles.arms)[:, :, self._columns] * muscles.active[..., None]
+        flexing = np.maximum(turning, 0.0).sum(axis=1)
+        extending = np.maximum(-turning, 0.0).sum(axis=1)
+        weaker = np.maximum(np.minimum(flexing, extending), 1e-9)
         size = np.abs(turning) / weaker[:, None]
         beyond = -np.ones((len(frames), 1))
-        values = [np.hstack([size[:, of, j], beyond]) for j, of in enumerate(self._crossing)]
+        values = [
+            np.hstack([size[:, crossing, j], beyond]) for j, crossing in enumerate(self._crossing)
+        ]
         return np.hstack(values), self._torque[frames.part] / weaker + 2.0 * self._level
+
+
+def _turned_both_ways(model: Model, arms: Array, coordinates: Sequence[str]) -> list[int]:
+    """Numbers of the rotations that muscles turn both ways.
+
+    Parameters
+    ----------
+    arms : (frames, muscles, coordinates) moment arms in some frames [m]
+    coordinates : names of those that must be turned both ways; none for all that are
+
+    Raises
+    ------
+    BadData : muscles do not turn one of `coordinates` both ways, or turn none so
+    """
+    chosen = coordinates or free_coordinates(model)
+    wanted = [index for index, name in enumerate(model.coordinate_names) if name in chosen]
+    # (coordinates,) whether some muscle turns a coordinate that way in every frame
+    forward = np.asarray((arms > MIN_ARM).any(axis=1)).all(axis=0)
+    backward = np.asarray((arms < -MIN_ARM).any(axis=1)).all(axis=0)
+    both_ways = np.asarray(forward & backward)
+    turned = [
+        index
+        for index in wanted
+        if model.coordinates[index].motion == "rotational" and both_ways[index]
+    ]
+    if coordinates and len(turned) < len(wanted):
+        missing = next(model.coordinate_names[index] for index in wanted if index not in turned)
+        raise BadData(
+            f"muscles do not turn '{missing}' both ways: there is no co-contraction of it"
+        )
+    if not turned:
+        raise BadData(
+            f"muscles of model '{model.name}' turn no joint both ways: there is no co-contraction"
+        )
+    return turned

@@ -1,33 +1,36 @@
 """Contacts as a term: which sites may carry force, cones of force, and how smooth forces are.
 
-With smoothness the cost gains sum_g beta c_g (s_k z_k - s_(k-1) z_(k-1))^2 between frames in which
-a site touches, beta = smoothness (10 ms / dt)^2, so that the rate of recording does not matter.
-What a frame feels of another decays with their distance by the factor r < 1 of r + 1/r = 2 + 1/beta
-or faster (that of an unconstrained force); a window is solved with so many frames before and after
-it that what lies beyond is felt by less than `FELT`, and these are then dropped. So windows need
-not know of each other: memory is that of a window, and threads change nothing.
+With smoothness the cost gains sum_g beta c_g (s_j z_j - s_(j-1) z_(j-1))^2 between frames j in
+which a site touches, beta = smoothness (10 ms / dt)^2, so that the rate of recording does not
+matter. What a frame feels of another decays with their distance by the factor r < 1 of
+r + 1/r = 2 + 1/beta or faster (that of an unconstrained force); a window is solved with so many
+frames before and after it that what lies beyond is felt by less than `FELT`, and these are then
+dropped. So windows need not know of each other: memory is that of a window, and threads change
+nothing.
 
 Forces measured for several sites together, and greatest forces of sites, are terms too:
 
-    sum_g S_g z_g - sd e = measured,  cost e^2        sum_g n_g z_g - most q = 0,  -1 <= q <= 1
+    sum_g S_g z_g - sd e = measured,  cost e^2
+    sum_g n_g z_g - max_force q = 0,  -1 <= q <= 1
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, freeze, read_only
-from myomorph.core.model.contacts import SharedWrench, Site
+from myomorph.core.model.contacts import Cone, SharedWrench, Site
 from myomorph.core.model.errors import BadData, check_choices, check_name
 from myomorph.core.model.model import GROUND
 from myomorph.core.model.series import Series
 from myomorph.core.motion.sync import refuse_other_times
 from myomorph.core.rigid.tree import Tree
-from myomorph.core.tension.terms.cones import ConeGenerators, compile_cones
+from myomorph.core.tension.terms.cones import ConeGenerators, GeneratorForces, compile_cones
 from myomorph.core.tension.terms.term import (
     LIMIT_COST,
     Columns,
@@ -38,6 +41,22 @@ from myomorph.core.tension.terms.term import (
     Unknowns,
     Variables,
 )
+
+FELT = 1e-3
+"""Share of a change beyond a window's margins that may still be felt inside it."""
+CLOSE = 5e-4
+"""Passes over a window end when no force is further from where they lead [body weights]."""
+REFERENCE = 0.01
+"""Time between frames for which the smoothness is stated [s]."""
+MAX_PREFERRED = 0.45
+"""Share of the friction up to which forces may be preferred across the cone: at a half a generator
+would be lost.
+"""
+MEASURED_COST = 1.0
+"""Cost of missing a measured force by one standard deviation, in units of the effort a^2 of one
+muscle.
+"""
+COMPONENTS = ("FX", "FY", "FZ", "MX", "MY", "MZ")
 
 
 @dataclass(frozen=True)
@@ -55,12 +74,12 @@ class ContactOptions:
     contact_passive : with rigid tendons, whether the muscles' passive elastic forces take part
         while contact forces are found; tensions under these forces then follow `passive` (see
         docs/decisions/0019-tension-defaults.md)
-    smoothness : weight of (f_k - f_(k-1))^2 between frames, in units of `compliance`, for frames 10
+    smoothness : weight of (f_j - f_(j-1))^2 between frames, in units of `compliance`, for frames 10
         ms apart
     window : frames that are solved together when forces are smoothed (more where smoothness reaches
         further)
-    sweeps : most passes over a window, each frame given those beside it; they end earlier when
-        nothing changes
+    sweeps : maximum passes over a window, each frame drawn to those beside it; they end earlier
+        when nothing changes
     """
 
     formulation: Literal["simultaneous", "sequential"] = "simultaneous"
@@ -119,22 +138,19 @@ class ContactTask:
                 check_name("contact site", site, names, f"the contacts, for '{wrench.name}',")
 
 
-FELT = 1e-3  # Share of a change beyond a window's margins that may still be felt inside it
-# Passes over a window end when no force is further from where they lead [body weights]
-CLOSE = 5e-4
-REFERENCE = 0.01  # Time between frames for which the smoothness is stated [s]
-MAX_PREFERRED = 0.45
-"""Share of the friction up to which forces may be preferred across the cone: at a half a generator
-would be lost.
-"""
-
-
 class ContactTerm(Term):
-    """gamma sum_g c_g z_g^2 of the amplitudes z of the cones' generators, with generalized forces
-    J^T G z. `task`: as it was given; `generators`: of the cones of all sites; `activations`
-    (frames, sites); `amounts` (frames, generators) force of one unit of a generator's amplitude:
-    activation times weight, more of a generator that is preferred [N]; `cost` (generators,) of
-    amplitude^2.
+    """gamma sum_g c_g z_g^2 of the amplitudes z of cone generators, with forces J^T G z.
+
+    Source: docs/contact-forces.md; linearised cones by their generators as in [D] ch. 4.
+
+    Attributes
+    ----------
+    task : the contacts whose forces are to be found
+    generators : of the cones of all sites
+    activations : (frames, sites)
+    amounts : (frames, generators) force of one unit of a generator's amplitude: activation times
+        weight, more of a generator that is preferred [N]
+    cost : (generators,) of amplitude^2
     """
 
     def __init__(self, tree: Tree, time: Array, task: ContactTask):
@@ -153,101 +169,146 @@ class ContactTerm(Term):
     def variables(self) -> Variables:
         """Amplitudes; bounds are the cones."""
         count = len(self.generators)
-        free = np.full(count, np.inf)
+        unbounded = np.full(count, np.inf)
         return Variables(
             names=self.generators.names,
             weight=self.cost,
             exponent=np.full(count, 2.0),
             lower=self.generators.lower,
-            upper=free,
+            upper=unbounded,
         )
 
     def entries(self) -> Sequence[tuple[int, int]]:
-        """Coordinates that each generator acts on."""
+        """Every generalized force by its generator and coordinate."""
         arrays = self.generators.arrays
         owner = np.repeat(np.arange(len(self.generators)), np.diff(arrays.first))
         return list(zip(owner.tolist(), arrays.coordinate.tolist(), strict=True))
 
     def columns(self, frames: Frames) -> Columns:
         """Generalized forces of unit forces, and the force of a unit amplitude."""
-        return Columns(self.evaluated(frames)[0], self.amounts[frames.part])
+        return Columns(self.evaluated(frames).entries, self.amounts[frames.part])
 
-    def evaluated(self, frames: Frames) -> tuple[Array, Array, Array, Array]:
-        """As of `ConeGenerators.evaluate`."""
+    def evaluated(self, frames: Frames) -> GeneratorForces:
+        """Do `ConeGenerators.evaluate`, once for all who ask for some frames."""
         return frames.once(self, lambda these: self.generators.evaluate(these.coordinates))
 
     def forces_of(self, part: slice, coordinates: Array, amplitudes: Array) -> Array:
-        """Forces, centers of pressure and free torques (3, frames, sites, 3) from amplitudes
-        (frames, generators).
+        """Sum the generators of each site: force, center of pressure and free torque.
+
+        Parameters
+        ----------
+        part : the frames
+        coordinates : (frames, coordinates)
+        amplitudes : (frames, generators)
+
+        Returns
+        -------
+        (3, frames, sites, 3) force [N], center of pressure [m], free torque [N m]
         """
         generators = self.generators
-        _, places, pushes, turns = generators.evaluate(coordinates)
-        size = amplitudes * self.amounts[part]
-        result = np.zeros((3, len(size), len(generators.sites), 3))
-        for number, site in enumerate(generators.sites):
-            mine = generators.site == number
-            numbers = np.unique(generators.point[mine])
-            own = [mine & (generators.point == i) for i in numbers]
-            each = np.stack(
-                [np.einsum("fg,fgi->fi", size[:, item], pushes[:, item]) for item in own], axis=1
-            )
-            if site.cone.direction is None:
-                press = np.linalg.norm(each, axis=2)
-            else:
-                press = np.stack([size[:, item] @ generators.normal[item] for item in own], axis=1)
-            share = np.where(press.sum(axis=1, keepdims=True) > 0.0, press, 1.0)
-            at = places[:, numbers]
-            point = np.einsum("fp,fpi->fi", share / share.sum(axis=1, keepdims=True), at)
-            turned = np.einsum("fg,fgi->fi", size[:, mine], turns[:, mine])
-            result[:, :, number] = (
-                each.sum(axis=1),
-                point,
-                turned + np.cross(at - point[:, None], each).sum(axis=1),
-            )
+        unit = generators.evaluate(coordinates)
+        sizes = amplitudes * self.amounts[part]
+        result = np.zeros((3, len(sizes), len(generators.sites), 3))
+        for number in range(len(generators.sites)):
+            result[:, :, number] = self._force_of_site(number, sizes, unit)
         return result
 
+    def _force_of_site(self, number: int, sizes: Array, unit: GeneratorForces) -> Array:
+        """Force, center of pressure and free torque of one site.
+
+        The center is the mean of the site's points, weighted by their forces along the cone's
+        direction (by their sizes without one).
+
+        Parameters
+        ----------
+        sizes : (frames, generators) forces [N]
+        unit : of one unit of force
+
+        Returns
+        -------
+        (3, frames, 3)
+        """
+        generators = self.generators
+        of_site = generators.site == number
+        points = np.unique(generators.point[of_site])
+        of_points = [of_site & (generators.point == point) for point in points]
+        # (frames, points, 3)
+        forces = np.stack(
+            [np.einsum("fg,fgi->fi", sizes[:, own], unit.pushes[:, own]) for own in of_points],
+            axis=1,
+        )
+        if generators.sites[number].cone.direction is None:
+            press = np.linalg.norm(forces, axis=2)
+        else:
+            press = np.stack([sizes[:, own] @ generators.normal[own] for own in of_points], axis=1)
+        share = np.where(press.sum(axis=1, keepdims=True) > 0.0, press, 1.0)
+        places = unit.places[:, points]
+        center = np.einsum("fp,fpi->fi", share / share.sum(axis=1, keepdims=True), places)
+        torque = np.einsum("fg,fgi->fi", sizes[:, of_site], unit.turns[:, of_site])
+        about_center = np.cross(places - center[:, None], forces).sum(axis=1)
+        return np.stack([forces.sum(axis=1), center, torque + about_center])
+
     def torques_of(self, coordinates: Array, amplitudes: Array) -> Array:
-        """Generalized forces (frames, coordinates) of the contacts, each coordinate by itself."""
+        """Generalized forces of the contacts, each coordinate by itself.
+
+        Parameters
+        ----------
+        coordinates : (frames, coordinates)
+        amplitudes : (frames, generators)
+
+        Returns
+        -------
+        (frames, coordinates) [N m or N]
+        """
         arrays = self.generators.arrays
-        entries, _, _, _ = self.generators.evaluate(coordinates)
+        entries = self.generators.evaluate(coordinates).entries
         shares = entries * np.repeat(amplitudes * self.amounts, np.diff(arrays.first), axis=1)
         return shares @ (arrays.coordinate[:, None] == np.arange(coordinates.shape[1]))
 
     def smoothing(self, unknowns: Unknowns) -> Smoothing | None:
         """Links between frames, None where nothing is smoothed.
+
         The factor of over-relaxation is Young's for the slowest direction of an unconstrained
-        force.
+        force, 2 / (1 + sqrt(1 - j^2)) with the factor j = 2 beta / (1 + 2 beta) of Jacobi's
+        iteration.
         """
         options = self.task.options
         time = unknowns.time
         if options.smoothness == 0.0 or len(time) < 2 or not len(self.generators):
             return None
         stiffness = options.smoothness * (REFERENCE / np.diff(time)) ** 2
-        greatest = float(stiffness.max())
-        half = 1.0 + 0.5 / greatest
+        beta = float(stiffness.max())
+        # r + 1/r = 2 + 1/beta
+        half = 1.0 + 0.5 / beta
         decay = half - np.sqrt(half**2 - 1.0)
         margin = int(np.ceil(np.log(FELT) / np.log(decay)))
-        jacobi = 2.0 * greatest / (1.0 + 2.0 * greatest)
+        jacobi = 2.0 * beta / (1.0 + 2.0 * beta)
         over = 2.0 / (1.0 + np.sqrt(1.0 - jacobi**2))
-        scale = self.amounts / self.generators.weight[self.generators.site]
-        # Changes shrink by over - 1 from pass to pass, so what is left to come is change / (2 -
-        # over).
-        tolerance = CLOSE * (2.0 - float(over))
-        window = max(options.window, 2 * margin)
-        first = unknowns.of(self).start
         return Smoothing(
-            window=window,
+            window=max(options.window, 2 * margin),
             margin=margin,
-            first=first,
-            scale=scale,
+            first=unknowns.of(self).start,
+            scale=self.amounts / self.generators.weight[self.generators.site],
             stiffness=stiffness,
             over=float(over),
             sweeps=options.sweeps,
-            tolerance=tolerance,
+            # Changes shrink by over - 1 from pass to pass, so what is left to come is change /
+            # (2 - over).
+            tolerance=CLOSE * (2.0 - float(over)),
         )
 
 
 def _refuse_unfit(time: Array, task: ContactTask) -> None:
+    """Refuse contacts of other times than the motion, and activations outside 0 to 1.
+
+    Parameters
+    ----------
+    time : (frames,) of the motion [s]
+
+    Raises
+    ------
+    BadData : as said
+    """
     activations = task.activations
     refuse_other_times("activations of contacts", activations.time, time)
     outside = np.argwhere(~((activations.values >= 0.0) & (activations.values <= 1.0)))
@@ -266,139 +327,182 @@ def _refuse_unfit(time: Array, task: ContactTask) -> None:
 
 
 def _preference(task: ContactTask, generators: ConeGenerators) -> Array:
-    """By how much each generator (frames, generators) is favoured, so that a force along what is
-    preferred costs least. Of a pyramid of generators d + mu t_k with costs 1 / w_k the cheapest
-    force is sum_k w_k (d + mu t_k), which is d + p for w_k = 1 + 2 p . t_k / mu, p what is
-    preferred, as sum_k t_k t_k^T = n / 2 of n generators; where generators of torsion, which have
-    no part in it, share the force, the others take more. The cone stays as it is.
+    """By how much each generator is favoured, so that a preferred force costs least.
+
+    Of a pyramid of generators d + mu t_g with costs 1 / w_g the cheapest force is
+    sum_g w_g (d + mu t_g), which is d + p for
+
+        w_g = 1 + 2 p . t_g / mu
+
+    with p what is preferred, as sum_g t_g t_g^T = n / 2 of n generators. Where generators of
+    torsion, which have no part in it, share the force, the others take more. The cone stays as it
+    is.
+
+    Returns
+    -------
+    (frames, generators) w
     """
-    shares = np.ones((len(task.activations), len(generators)))
+    favour = np.ones((len(task.activations), len(generators)))
     if task.preferred is None:
-        return shares
-    for index, site in enumerate(task.sites):
+        return favour
+    for number, site in enumerate(task.sites):
         cone = site.cone
-        if (
-            not cone.takes_preference
-            or cone.direction is None
-            or cone.frame != GROUND
-            or not 0.0 < cone.friction < np.inf
-        ):
+        if cone.direction is None or not _takes_preference(cone):
             continue
-        members = np.flatnonzero((generators.site == index) & (generators.normal != 0.0))
-        across = (generators.arrays.push[members] - cone.direction) / cone.friction
-        preferred = (
-            np.nan_to_num(task.preferred[:, index])
-            * len(members)
-            / np.any(np.abs(across) > 1e-12, axis=1).sum()
-        )
+        pyramid = np.flatnonzero((generators.site == number) & (generators.normal != 0.0))
+        tangents = (generators.arrays.push[pyramid] - cone.direction) / cone.friction
+        with_tangent = np.any(np.abs(tangents) > 1e-12, axis=1).sum()
+        preferred = np.nan_to_num(task.preferred[:, number]) * len(pyramid) / with_tangent
         size = np.linalg.norm(preferred, axis=1, keepdims=True)
-        preferred = preferred * np.minimum(
-            1.0, MAX_PREFERRED * cone.friction / np.maximum(size, 1e-12)
-        )
-        shares[:, members] = 1.0 + 2.0 / cone.friction * preferred @ across.T
-    return shares
+        max_size = MAX_PREFERRED * cone.friction
+        preferred = preferred * np.minimum(1.0, max_size / np.maximum(size, 1e-12))
+        favour[:, pyramid] = 1.0 + 2.0 / cone.friction * preferred @ tangents.T
+    return favour
 
 
-MEASURED_COST = 1.0
-"""Cost of missing a measured force by one standard deviation, in units of the effort a^2 of one
-muscle.
-"""
-COMPONENTS = ("FX", "FY", "FZ", "MX", "MY", "MZ")
+def _takes_preference(cone: Cone) -> bool:
+    """Tell whether a cone is a pyramid, fixed in ground, in which a force may be preferred."""
+    return cone.takes_preference and cone.frame == GROUND and 0.0 < cone.friction < np.inf
 
 
 class MeasuredTerm(Term):
-    """sum ((S f - measured) / sd)^2 of the wrenches that were measured for contacts together, about
-    the origin.
+    """sum ((S f - measured) / sd)^2 of wrenches measured for contacts together.
+
+    Moments are about the ground's origin.
     """
 
     def __init__(self, contacts: ContactTerm):
         self._contacts = contacts
         names = [site.name for site in contacts.task.sites]
-        self._members = [
-            np.flatnonzero(
-                np.isin(contacts.generators.site, [names.index(site) for site in one.sites])
-            )
-            for one in contacts.task.measured
-        ]
+        self._members = []
+        for wrench in contacts.task.measured:
+            sites = [names.index(site) for site in wrench.sites]
+            self._members.append(np.flatnonzero(np.isin(contacts.generators.site, sites)))
 
     def rows(self, unknowns: Unknowns) -> Rows:
-        """Six rows a wrench: force and moment."""
+        """Six rows per wrench: force and moment."""
         measured = self._contacts.task.measured
         first = unknowns.of(self._contacts).start
-        names = tuple(f"{wrench.name} {label}" for wrench in measured for label in COMPONENTS)
-        sd = [
-            s for wrench in measured for s in (*(3 * [wrench.force_sd]), *(3 * [wrench.moment_sd]))
-        ]
-        columns = [first + mine for mine in self._members for _ in COMPONENTS]
-        return Rows.of_frames(names, columns, sd, MEASURED_COST, measured=True)
+        sd: list[float] = []
+        for wrench in measured:
+            sd += 3 * [wrench.force_sd] + 3 * [wrench.moment_sd]
+        return Rows.of_frames(
+            names=tuple(f"{wrench.name} {label}" for wrench in measured for label in COMPONENTS),
+            columns=[first + members for members in self._members for _ in COMPONENTS],
+            unit=sd,
+            weight=MEASURED_COST,
+            measured=True,
+        )
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
-        """What one unit of each amplitude gives; a component that was not measured has none and
-        asks for nothing.
+        """Force and moment of one unit of each amplitude, and what was measured.
+
+        A component that was not measured has no values and asks for nothing.
+
+        Parameters
+        ----------
+        rows : as `rows` returned them
+        frames : a chunk of the motion
+
+        Returns
+        -------
+        (frames, entries) and (frames, rows)
         """
         contacts = self._contacts
-        generators = self._contacts.generators
-        _, places, pushes, turns = contacts.evaluated(frames)
+        unit = contacts.evaluated(frames)
         amounts = contacts.amounts[frames.part][..., None]
-        forces = pushes * amounts
-        moments = np.cross(places[:, generators.point], forces) + turns * amounts
+        forces = unit.pushes * amounts
+        arms = unit.places[:, contacts.generators.point]
+        moments = np.cross(arms, forces) + unit.turns * amounts
         values = [np.zeros((len(frames), 0))]
-        target = np.zeros((len(frames), len(rows)))
-        for index, (measured, mine) in enumerate(
-            zip(contacts.task.measured, self._members, strict=True)
-        ):
-            both = np.concatenate(
-                [measured.forces[frames.part], measured.moments[frames.part]], axis=1
-            )
-            known = np.isfinite(both)
-            target[:, 6 * index : 6 * index + 6] = np.where(known, both, 0.0)
-            for i in range(6):
-                values.append((moments if i >= 3 else forces)[:, mine, i % 3] * known[:, i, None])
-        return np.hstack(values), target
+        targets = [np.zeros((len(frames), 0))]
+        for wrench, members in zip(contacts.task.measured, self._members, strict=True):
+            measured = np.hstack([wrench.forces[frames.part], wrench.moments[frames.part]])
+            known = np.isfinite(measured)
+            targets.append(np.where(known, measured, 0.0))
+            for i in range(3):
+                values.append(forces[:, members, i] * known[:, i, None])
+            for i in range(3):
+                values.append(moments[:, members, i] * known[:, 3 + i, None])
+        return np.hstack(values), np.hstack(targets)
+
+
+class ForceLimit(NamedTuple):
+    """Limit of the force of a site.
+
+    Attributes
+    ----------
+    name : of its row
+    max_force : [N]
+    axis : of ground, -1 for the direction of the site's cone
+    generators : numbers of those that take part
+    """
+
+    name: str
+    max_force: float
+    axis: int
+    generators: NDArray[np.int64]
 
 
 class GreatestForceTerm(Term):
-    """|n . f| <= most of every site that has a greatest force: along its cone, or along each axis
-    of ground.
+    """|n . f| <= greatest force of every site that has one.
+
+    The direction n is that of its cone, or each axis of ground where the cone has none.
     """
 
     def __init__(self, contacts: ContactTerm):
         self._contacts = contacts
-        generators = contacts.generators
-        # Name, greatest force, axis in ground or -1 for the cone's, and generators that take part.
-        self._limits = []
+        self._limits: list[ForceLimit] = []
         for number, site in enumerate(contacts.task.sites):
-            if not np.isfinite(site.cone.most):
-                continue
-            mine = generators.site == number
-            if site.cone.direction is None:
-                three = [(f"{site.name} most {axis}", i) for i, axis in enumerate("XYZ")]
-            else:
-                three = [(f"{site.name} most", -1)]
-                mine = mine & (generators.normal != 0.0)
-            self._limits += [
-                (name, site.cone.most, axis, np.flatnonzero(mine)) for name, axis in three
-            ]
+            if np.isfinite(site.cone.most):
+                self._limits += _limits(contacts.generators, number, site)
 
     def rows(self, unknowns: Unknowns) -> Rows:
-        """One row a limit, whose unknown is the share of the greatest force that is used."""
+        """One row per limit, whose unknown is the share of the greatest force that is used."""
         first = unknowns.of(self._contacts).start
-        names = tuple(name for name, *_ in self._limits)
-        columns = [first + mine for *_, mine in self._limits]
         return Rows.of_frames(
-            names, columns, [most for _, most, _, _ in self._limits], LIMIT_COST, 1.0
+            names=tuple(limit.name for limit in self._limits),
+            columns=[first + limit.generators for limit in self._limits],
+            unit=[limit.max_force for limit in self._limits],
+            weight=LIMIT_COST,
+            bound=1.0,
         )
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
-        """Force of one unit of each amplitude along the direction that is limited."""
-        _, _, pushes, _ = self._contacts.evaluated(frames)
+        """Force of one unit of each amplitude along the direction that is limited, and 0.
+
+        Parameters
+        ----------
+        rows : as `rows` returned them
+        frames : a chunk of the motion
+
+        Returns
+        -------
+        (frames, entries) and (frames, rows)
+        """
+        pushes = self._contacts.evaluated(frames).pushes
         amounts = self._contacts.amounts[frames.part]
         normal = self._contacts.generators.normal
         values = [np.zeros((len(frames), 0))]
-        for _, _, axis, mine in self._limits:
-            along = pushes[:, mine, axis] if axis >= 0 else normal[mine]
-            values.append(along * amounts[:, mine])
+        for limit in self._limits:
+            members = limit.generators
+            along = pushes[:, members, limit.axis] if limit.axis >= 0 else normal[members]
+            values.append(along * amounts[:, members])
         return np.hstack(values), np.zeros((len(frames), len(rows)))
+
+
+def _limits(generators: ConeGenerators, number: int, site: Site) -> list[ForceLimit]:
+    """Limits of a site: along its cone, or each axis of ground where the cone has none."""
+    members = generators.site == number
+    directions = [(f"{site.name} most {axis}", i) for i, axis in enumerate("XYZ")]
+    if site.cone.direction is not None:
+        directions = [(f"{site.name} most", -1)]
+        members = members & (generators.normal != 0.0)
+    numbers = np.flatnonzero(members)
+    return [
+        ForceLimit(name=name, max_force=site.cone.most, axis=axis, generators=numbers)
+        for name, axis in directions
+    ]
 
 
 def contact_terms(contacts: ContactTerm) -> tuple[Term, ...]:

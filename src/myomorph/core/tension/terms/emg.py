@@ -54,25 +54,24 @@ class EmgTarget(Term):
     def penalties(self, unknowns: Unknowns) -> Penalties:
         """L = h near EMG with a soft target, EMG -+ slack with driven muscles.
 
-        Beside a firm target the effort says nothing more of a muscle: w a^p + k (a - t)^2 is least
-        at the EMG where t = EMG + w p EMG^(p-1) / (2 k), so that co-contraction costs nothing. The
-        share k / (1 + k) of that is added: all of it to a firm target, nothing to one that is
-        hardly there.
+        Beside a firm target the effort says nothing more of a muscle: w a^p + s (a - t)^2 is least
+        at the EMG where
+
+            t = EMG + w p EMG^(p-1) / (2 s),
+
+        so that co-contraction costs nothing. The share s / (1 + s) of that is added: all of it to a
+        firm target, nothing to one that is hardly there.
 
         Raises
         ------
-        BadData : where EMG has another number of frames than the motion, or knows of a muscle twice
-        UnknownName : where it knows of a muscle that the model does not have
+        BadData : EMG has another number of frames than the motion, or knows of a muscle twice
+        UnknownName : it knows of a muscle that the model does not have
         """
-        frames = len(unknowns.time)
-        names = self.muscles
-        values = self.activations
-        if self.others is not None:
-            names = (*names, *self.others.names)
-            values = np.hstack([values, self.others.values])
-        if len(values) != frames:
+        names, values = self._all_targets()
+        if len(values) != len(unknowns.time):
             raise BadData(
-                f"EMG has {len(values)} frames, the motion {frames}: both must have the same times"
+                f"EMG has {len(values)} frames, the motion {len(unknowns.time)}: both must have the"
+                " same times"
             )
         columns = [
             index_of("muscle", name, unknowns.muscles, "the model, for EMG,") for name in names
@@ -85,12 +84,24 @@ class EmgTarget(Term):
         weight = np.where(
             measured, self.weight if self.mode == "soft" else STIFFNESS, self.others_weight
         )
+
         effort = unknowns.muscle_term.variables()
+        w = effort.weight[columns]
+        p = effort.exponent[columns]
         held = np.clip(values, 0.0, 1.0)
-        factors = effort.weight[columns]
-        exponents = effort.exponent[columns]
-        firm = values + factors * exponents * held ** (exponents - 1.0) / (2.0 * (1.0 + weight))
+        firm = values + w * p * held ** (p - 1.0) / (2.0 * (1.0 + weight))
         goals = np.where(soft, firm, values)
         slack = np.where(soft, 0.0, self.slack)
-        stiffness = np.where(np.isfinite(values), weight, 0.0)
-        return Penalties(columns=columns, low=goals - slack, high=goals + slack, weight=stiffness)
+        return Penalties(
+            columns=columns,
+            low=goals - slack,
+            high=goals + slack,
+            weight=np.where(np.isfinite(values), weight, 0.0),
+        )
+
+    def _all_targets(self) -> tuple[tuple[str, ...], Array]:
+        """Names and (frames, muscles) activations of EMG, and of what synergies tell."""
+        if self.others is None:
+            return self.muscles, self.activations
+        values = np.hstack([self.activations, self.others.values])
+        return (*self.muscles, *self.others.names), values

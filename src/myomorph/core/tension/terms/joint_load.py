@@ -16,7 +16,7 @@ from myomorph.core.tension.terms.term import Frames, Rows, Term, Unknowns
 
 
 class JointLoadTerm(Term):
-    """weight sum_j |F_j / W|^2 of the forces F_j that joints transmit, with the body's weight W.
+    """weight sum_j |F_j / W|^2 of forces F_j that joints transmit, with the body's weight W.
 
     The bodies that hang on a joint are taken as free, as in `joint_reactions`:
 
@@ -27,9 +27,17 @@ class JointLoadTerm(Term):
 
     Source: Cleather and Bull 2011 for joint loads in the cost; Steele et al. 2012 for F_j.
 
-    `model`: with muscles; `joints`: names, of joints that a muscle crosses (see `crossed_joints`);
-    `alone` (frames, joints, 3) F_j0 in ground [N], as `joint_reactions` without tensions gives it;
-    `weight`: above 0, of one body weight squared in units of the effort a^2 of one muscle.
+    Parameters
+    ----------
+    model : with muscles
+    joints : names, of joints that a muscle crosses (see `crossed_joints`)
+    alone : (frames, joints, 3) F_j0 in ground [N], as `joint_reactions` without tensions gives it
+    weight : above 0, of one body weight squared in units of the effort a^2 of one muscle
+
+    Raises
+    ------
+    BadData : a weight that is not above 0
+    BadModel : a model without mass or gravity
     """
 
     def __init__(self, model: Model, joints: Sequence[str], alone: Array, weight: float):
@@ -51,38 +59,56 @@ class JointLoadTerm(Term):
             raise BadModel(f"model '{model.name}' has no weight to take joint loads in shares of")
 
     def rows(self, unknowns: Unknowns) -> Rows:
-        """Three rows a joint, of the muscles that cross it."""
+        """Three rows per joint, of the muscles that cross it."""
         self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))
         first = unknowns.of(self._muscles).start
-        columns = [first + of for of in self._crossing for _ in range(3)]
+        columns = [first + crossing for crossing in self._crossing for _ in range(3)]
         names = tuple(f"load of {name} {axis}" for name in self.joints for axis in "xyz")
         return Rows.of_frames(names, columns, 1.0, self._weight, on_forces=True)
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
-        """Force per unit activation on the bodies that hang on each joint, and what else the joint
-        carries.
+        """Force per unit activation on the bodies of each joint, and what else the joint carries.
+
+        Parameters
+        ----------
+        rows : as `rows` returned them
+        frames : a chunk of the motion
+
+        Returns
+        -------
+        (frames, entries) and (frames, rows), both in body weights
         """
-        result = self._muscles.forces(frames)
-        own = self._paths.pulls(frames.coordinates)
-        pulls = with_lever(self._paths, frames.coordinates, *own)[..., :3] / self._body_weight
+        muscles = self._muscles.forces(frames)
+        pulls, work = self._paths.pulls(frames.coordinates)
+        pulls = with_lever(self._paths, frames.coordinates, pulls, work)
+        shares = pulls[..., :3] / self._body_weight
         values = []
         targets = []
         for j, (pairs, crossing) in enumerate(zip(self._pairs, self._crossing, strict=True)):
-            unit = np.zeros((len(frames), result.active.shape[1], 3))
+            # (frames, muscles, 3) of one unit of tension
+            unit = np.zeros((len(frames), muscles.active.shape[1], 3))
             for pair in pairs:
-                unit[:, self._paths.pull_muscle[pair]] += pulls[:, pair]
-            values.append(
-                (unit * result.active[..., None])[:, crossing]
-                .transpose(0, 2, 1)
-                .reshape(len(frames), -1)
-            )
-            anyway = np.einsum("kmi,km->ki", unit, result.passive + result.viscous)
+                unit[:, self._paths.pull_muscle[pair]] += shares[:, pair]
+            of_activation = (unit * muscles.active[..., None])[:, crossing]
+            values.append(of_activation.transpose(0, 2, 1).reshape(len(frames), -1))
+            anyway = np.einsum("kmi,km->ki", unit, muscles.passive + muscles.viscous)
             targets.append(self._alone[frames.part, j] / self._body_weight - anyway)
         return np.hstack(values), np.hstack(targets)
 
 
 def crossed_joints(model: Model, joints: Sequence[str] = ()) -> tuple[str, ...]:
-    """Joints by name, checked; without any all that a muscle crosses."""
+    """Joints whose load depends on muscles.
+
+    Parameters
+    ----------
+    joints : names to check; none for all joints that a muscle crosses
+
+    Raises
+    ------
+    BadModel : the model closes loops
+    UnknownName : a joint is not in the model
+    BadData : no muscle crosses a joint
+    """
     if model.loops:
         raise BadModel(
             f"model '{model.name}' has closed loops: joint loads in the cost need a model"
@@ -99,7 +125,12 @@ def crossed_joints(model: Model, joints: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 def _crossing(model: Model) -> dict[str, np.ndarray]:
-    """(muscles,) whether a muscle pulls on bodies that hang on a joint and on others too, by joint."""
+    """Muscles that pull both on bodies that hang on a joint and on others.
+
+    Returns
+    -------
+    by joint, (muscles,) whether a muscle crosses it
+    """
     paths = compile_paths(model)
     muscles = np.arange(len(model.muscles))
     result = {}

@@ -1,6 +1,4 @@
-"""Muscles as a term: activations, their effort, their moment arms times force, and passive and
-viscous force.
-"""
+"""Muscles as a term: activations, effort, moment arms times force, and passive force."""
 
 from __future__ import annotations
 
@@ -10,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import Model
 from myomorph.core.muscles.hill import compile_hill, fill_hill_forces, viscosities
 from myomorph.core.muscles.path import compile_paths
 from myomorph.core.rigid.tree import Tree
@@ -29,27 +28,38 @@ a^2 is added.
 
 
 class MuscleForces(NamedTuple):
-    """What muscles pull with in some frames."""
+    """Moment arms and forces of muscles in some frames.
 
-    arms: Array  # (frames, entries) moment arms [m], in the order of `compile_paths`
-    # active, passive, viscous: (frames, muscles) force per unit activation, passive elastic and
-    # viscous force [N]
+    Attributes
+    ----------
+    arms : (frames, entries) moment arms [m], in the order of `compile_paths`
+    active : (frames, muscles) force per unit activation [N]
+    passive, viscous : (frames, muscles) passive elastic and viscous force [N]
+    """
+
+    arms: Array
     active: Array
     passive: Array
     viscous: Array
 
 
 class MuscleTerm(Term):
-    """sum_m w_m a_m^p of activations a, with generalized forces R^T (F a + F_passive + F_viscous).
-    `strength` (muscles,) maximum isometric force [N]; `viscous`: whether a muscle has viscosity
-    that takes part; `lower`, `upper` (muscles,) bounds of the activations, 0 of muscles that are
-    switched off.
+    """sum_m w_m a_m^p of activations a, with forces R^T (F a + F_passive + F_viscous).
+
+    Source: Crowninshield and Brand 1981 for the effort.
+
+    Attributes
+    ----------
+    names : of the muscles
+    strength : (muscles,) maximum isometric force [N]
+    viscous : whether a muscle has viscosity that takes part
+    lower, upper : (muscles,) bounds of the activations, 0 of muscles that are switched off
     """
 
     def __init__(self, tree: Tree, options: TensionOptions):
         muscles = tree.model.muscles
         self._options = options
-        self._names = tree.model.muscle_names
+        self.names = tree.model.muscle_names
         self._hill = compile_hill(tree.model, options.convention)
         self._paths = compile_paths(tree.model)
         self._enabled = np.array([muscle.enabled for muscle in muscles], dtype=np.bool_)
@@ -59,28 +69,29 @@ class MuscleTerm(Term):
             [muscle.max_isometric_force for muscle in muscles], dtype=np.float64
         )
         # A muscle that is switched off has no force, so its activation must not be free.
-        least = [
-            muscle.min_activation if options.min_activation == "model" else 0.0
-            for muscle in muscles
-        ]
-        self.lower = np.where(self._enabled, least, 0.0)
+        lower = np.zeros(len(muscles))
+        if options.min_activation == "model":
+            lower = np.array([muscle.min_activation for muscle in muscles], dtype=np.float64)
+        self.lower = np.where(self._enabled, lower, 0.0)
         self.upper = np.where(self._enabled, [muscle.max_activation for muscle in muscles], 0.0)
-        self._weight = np.ones(len(muscles))
+        self._weight = self._effort_weights(tree.model)
+
+    def _effort_weights(self, model: Model) -> Array:
+        """(muscles,) weights w of the effort."""
+        options = self._options
+        weight = np.ones(len(model.muscles))
         if options.weights != "equal" and self._enabled.any():
-            size = self.strength * (
-                [muscle.optimal_fiber_length for muscle in muscles]
-                if options.weights == "volume"
-                else 1.0
-            )
-            self._weight = size / size[self._enabled].mean()
-        if options.recruitment == "minmax":
-            self._weight = SECOND_STAGE * self._weight
+            size = self.strength
+            if options.weights == "volume":
+                size = size * [muscle.optimal_fiber_length for muscle in model.muscles]
+            weight = size / size[self._enabled].mean()
+        return SECOND_STAGE * weight if options.recruitment == "minmax" else weight
 
     def variables(self) -> Variables:
         """Activations, with the effort."""
         exponent = np.full(len(self._weight), self._options.exponent)
         return Variables(
-            names=self._names,
+            names=self.names,
             weight=self._weight,
             exponent=exponent,
             lower=self.lower,
@@ -88,7 +99,7 @@ class MuscleTerm(Term):
         )
 
     def penalties(self, unknowns: Unknowns) -> Penalties | None:
-        """A curvature at 0 where the exponent leaves none."""
+        """Add a curvature at 0 where the exponent leaves none."""
         if self._options.exponent <= HIGHEST_POWER:
             return None
         columns = unknowns.of(self)
@@ -103,8 +114,9 @@ class MuscleTerm(Term):
         )
 
     def entries(self) -> Sequence[tuple[int, int]]:
-        """Moment arms; those about a coordinate already hold what reaches the muscle through
-        couplers.
+        """Muscle and coordinate of each moment arm.
+
+        Moment arms about a coordinate already hold what reaches the muscle through couplers.
         """
         paths = self._paths
         return [
@@ -117,13 +129,16 @@ class MuscleTerm(Term):
     def columns(self, frames: Frames) -> Columns:
         """Moment arms, active forces, and passive and viscous forces."""
         result = self.forces(frames)
-        return Columns(result.arms, result.active, result.passive + result.viscous)
+        return Columns(
+            entries=result.arms, forces=result.active, given=result.passive + result.viscous
+        )
 
     def forces(self, frames: Frames) -> MuscleForces:
         """Moment arms and forces of some frames."""
         return frames.once(self, self._forces)
 
     def _forces(self, frames: Frames) -> MuscleForces:
+        """Moment arms and forces of some frames, computed."""
         options = self._options
         shape = (len(frames), len(self.strength))
         lengths, speeds, arms = self._paths.evaluate(frames.coordinates, frames.rates)

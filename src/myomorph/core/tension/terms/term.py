@@ -1,7 +1,7 @@
-"""What a term of the tension problem is, and what it may add. The problem is the sum of its terms.
+"""A term of the tension problem, and what it may add. The problem is the sum of its terms.
 
-    minimise  sum_i w_i |x_i|^p_i + k_i dist(x_i, [l_i, h_i])^2   subject to  A x = b,  lower <= x
-    <= upper
+    minimise    sum_i w_i |x_i|^p_i + k_i dist(x_i, [l_i, h_i])^2
+    subject to  A x = b,  lower <= x <= upper
 
 A term may bring unknowns in (with weights w, exponents p and bounds), generalized forces of these
 unknowns (columns of the equations of motion), rows (linear costs and constraints on any unknowns)
@@ -37,7 +37,7 @@ class Variables:
 
     Attributes
     ----------
-    names : one each
+    names : one per unknown
     weight, exponent : (unknowns,) w > 0 and p > 1 of the cost w |x|^p
     lower, upper : (unknowns,) bounds, may be infinite
     """
@@ -53,7 +53,7 @@ class Variables:
 
 
 def joined(parts: Sequence[Variables]) -> Variables:
-    """The unknowns of several terms, one after the other."""
+    """Join the unknowns of several terms, one term after the other."""
     return Variables(
         names=tuple(name for part in parts for name in part.names),
         weight=np.concatenate([part.weight for part in parts]),
@@ -88,15 +88,21 @@ class Unknowns:
 
     @property
     def muscle_term(self) -> Term:
-        """The term of the muscles; its `columns` have their forces of full activation, and those
-        that act anyway.
+        """The term of the muscles.
+
+        Its `columns` have their forces of full activation, and those that act anyway.
         """
         return self.terms[0]
 
     def of(self, term: Term) -> slice:
-        """Places of the unknowns that a term brings in."""
-        for each_term, place in zip(self.terms, self.places, strict=True):
-            if each_term is term:
+        """Places of the unknowns that a term brings in.
+
+        Raises
+        ------
+        BadData : the term is not a part of the problem
+        """
+        for other, place in zip(self.terms, self.places, strict=True):
+            if other is term:
                 return place
         raise BadData(
             f"a term refers to the unknowns of {type(term).__name__}, which is not a part of the"
@@ -104,11 +110,19 @@ class Unknowns:
         )
 
     def row(self, factors: Mapping[str, float]) -> Array:
-        """(unknowns,) a linear function of the unknowns, from the factors of those that are in it.
+        """Linear function of the unknowns, from the factors of those that are in it.
+
+        Parameters
+        ----------
+        factors : by name of the unknown
+
+        Returns
+        -------
+        (unknowns,)
 
         Raises
         ------
-        UnknownName : where no unknown has that name
+        UnknownName : no unknown has that name
         """
         result = np.zeros(len(self.names))
         for name, factor in factors.items():
@@ -130,16 +144,22 @@ class Frames:
         self.part = part
         self.coordinates = coordinates
         self.rates = rates
-        self._made: dict[int, object] = {}
+        self._values: dict[int, object] = {}
 
     def __len__(self) -> int:
         return len(self.coordinates)
 
     def once(self, owner: Term, make: Callable[[Frames], T]) -> T:
-        """What a term computes of these frames, once for all who ask."""
-        if id(owner) not in self._made:
-            self._made[id(owner)] = make(self)
-        return self._made[id(owner)]  # type: ignore[return-value]
+        """Compute a value of these frames once, for all who ask.
+
+        Parameters
+        ----------
+        owner : the term whose value it is, one value per term
+        make : called with these frames, the first time
+        """
+        if id(owner) not in self._values:
+            self._values[id(owner)] = make(self)
+        return self._values[id(owner)]  # type: ignore[return-value]
 
 
 class Columns(NamedTuple):
@@ -161,12 +181,13 @@ class Columns(NamedTuple):
 
 @read_only
 class Rows:
-    """Linear functions of the unknowns, each with an unknown e of its own: S x - unit e = target,
-    cost weight e^2.
+    """Linear functions of the unknowns, each with an unknown e of its own.
+
+        S x - unit e = target,   cost weight e^2
 
     Attributes
     ----------
-    names : one a row
+    names : one per row
     row, column : (entries,) where S may differ from 0: which row, which unknown
     values : (entries,) or (frames, entries) of S there
     target : (rows,) or (frames, rows)
@@ -195,8 +216,9 @@ class Rows:
 
     @classmethod
     def cost(cls, name: str, L: ArrayLike, m: ArrayLike, weight: float) -> Rows:
-        """Weight |L x - m|^2, that is 1/2 x^T H x + c^T x and a constant with H = 2 weight L^T L, c
-        = -2 weight L^T m.
+        """Rows of the cost weight |L x - m|^2.
+
+        It is 1/2 x^T H x + c^T x and a constant, with H = 2 weight L^T L and c = -2 weight L^T m.
 
         Parameters
         ----------
@@ -208,17 +230,17 @@ class Rows:
 
     @classmethod
     def equal(cls, name: str, A: ArrayLike, b: ArrayLike) -> Rows:
-        """A x = b; A (rows, unknowns), b (rows,) or (frames, rows)."""
+        """Rows of the equations A x = b; A (rows, unknowns), b (rows,) or (frames, rows)."""
         return cls._dense(name, S=A, target=b, weight=1.0, lower=0.0, upper=0.0)
 
     @classmethod
     def at_most(cls, name: str, G: ArrayLike, h: ArrayLike) -> Rows:
-        """G x <= h; G (rows, unknowns), h (rows,) or (frames, rows)."""
+        """Rows of G x <= h; G (rows, unknowns), h (rows,) or (frames, rows)."""
         # G x + slack = h: the slack, -e, is at least 0 and costs next to nothing.
         return cls._dense(name, S=G, target=h, weight=LIMIT_COST, lower=-np.inf, upper=0.0)
 
     @classmethod
-    def of_frames(
+    def of_frames(  # page: the fields of rows that are alike in all frames
         cls,
         names: tuple[str, ...],
         columns: Sequence[NDArray[np.int64]],
@@ -232,12 +254,16 @@ class Rows:
 
         Parameters
         ----------
-        names : one a row
+        names : one per row
         columns : of each row, the unknowns that it has factors of
-        unit : what one unit of e stands for, in the unit of the target; one for all or one a row
+        unit : what one unit of e stands for, in the unit of the target; one for all or one per row
         weight : cost of e^2, in units of the effort a^2 of one muscle
         bound : e lies between -bound and bound
         measured, on_forces : see `Rows`
+
+        Returns
+        -------
+        rows whose values and targets are 0
         """
         count = len(names)
         row = np.repeat(np.arange(count), [len(column) for column in columns])
@@ -260,8 +286,16 @@ class Rows:
     def _dense(
         cls, name: str, S: ArrayLike, target: ArrayLike, weight: float, lower: float, upper: float
     ) -> Rows:
-        """S x - e = target; S (rows, unknowns), target (rows,) or (frames, rows), the rest alike in
-        all rows.
+        """Rows S x - e = target, the rest alike in all rows.
+
+        Parameters
+        ----------
+        S : (rows, unknowns)
+        target : (rows,) or (frames, rows)
+
+        Raises
+        ------
+        BadData : another number of targets than rows, or a weight that is not above 0
         """
         S = np.atleast_2d(np.asarray(S, dtype=np.float64))
         target = np.atleast_1d(np.asarray(target, dtype=np.float64))
@@ -305,8 +339,9 @@ class Penalties:
 
 @read_only
 class Smoothing:
-    """How unknowns of neighbouring frames are linked: stiffness_k w_i (scale_k x_k - scale_(k-1)
-    x_(k-1))^2.
+    """Links between unknowns of neighbouring frames.
+
+    The cost gains stiffness_j w_i (scale_j x_j - scale_(j-1) x_(j-1))^2 of each linked unknown i.
 
     Attributes
     ----------
@@ -316,7 +351,7 @@ class Smoothing:
     scale : (frames, linked) amount of one unit, 0 where an unknown takes no part
     stiffness : (frames - 1,) between a frame and the next, in units of the unknowns' weights
     over : factor of over-relaxation, 1 to 2
-    sweeps : most passes over a window
+    sweeps : maximum number of passes over a window
     tolerance : change of an amount at which passes end
     """
 
@@ -348,18 +383,18 @@ class Smoothing:
 class Term:
     """A part of the tension problem. A term overrides what it adds; the rest adds nothing.
 
-    What is asked of a term: once, when the problem is set up, `variables`, `entries`, `rows`,
-    `penalties` and `smoothing`; chunk by chunk of frames, from several threads, `columns` and
-    `row_values`.
+    The problem calls `variables`, `entries`, `rows`, `penalties` and `smoothing` once, when it is
+    set up; `columns` and `row_values` chunk by chunk of frames, from several threads.
     """
 
     def variables(self) -> Variables:
-        """The unknowns that it brings in."""
+        """Unknowns that it brings in."""
         return Variables()
 
     def entries(self) -> Sequence[tuple[int, int]]:
-        """(own unknown, coordinate) of every generalized force of its unknowns; a coordinate of -1
-        takes none.
+        """Unknown and coordinate of every generalized force of its unknowns.
+
+        Unknowns are counted from its own first; a coordinate of -1 takes none.
         """
         return ()
 
@@ -373,7 +408,17 @@ class Term:
         return None
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
-        """Values (frames, entries) and targets (frames, rows) of its rows in some frames."""
+        """Values and targets of its rows in some frames.
+
+        Parameters
+        ----------
+        rows : as `rows` returned them
+        frames : a chunk of the motion
+
+        Returns
+        -------
+        (frames, entries) values of S and (frames, rows) targets
+        """
         values = rows.values[frames.part] if rows.values.ndim == 2 else rows.values
         target = rows.target[frames.part] if rows.target.ndim == 2 else rows.target
         return (
@@ -392,17 +437,29 @@ class Term:
 
 @read_only
 class IntervalPenalties:
-    """The interval penalties of all terms, kept for those unknowns alone that differ from frame to
-    frame.
+    """Interval penalties of all terms, kept by frame for those unknowns alone that need it.
+
+    Attributes
+    ----------
+    base : (3, unknowns) l, h and k of all frames
+    columns : (changing,) unknowns that have others in each frame
+    values : (frames, 3, changing) l, h and k of these
     """
 
-    base: Array  # (3, unknowns) l, h and k of all frames
-    columns: NDArray[np.int64]  # (changing,) unknowns that have others in each frame
-    values: Array  # (frames, 3, changing) l, h and k of these
+    base: Array
+    columns: NDArray[np.int64]
+    values: Array
 
     def __getitem__(self, frames: slice | NDArray[np.int64]) -> Array:
-        """Those of some frames for `solve_separable`, (frames, 3, unknowns), or (1, 3, unknowns) if
-        all are alike.
+        """Penalties of some frames for `solve_separable`.
+
+        Parameters
+        ----------
+        frames : a slice, or (chosen,) their numbers
+
+        Returns
+        -------
+        (chosen, 3, unknowns), or (1, 3, unknowns) if all frames are alike
         """
         if not len(self.columns):
             return self.base[None].copy()  # read-only arrays would compile the solver once more
@@ -420,6 +477,10 @@ def added_up(parts: Sequence[Penalties], unknowns: Unknowns, count: int) -> Inte
     parts : penalties of one term each
     unknowns : of all terms
     count : number of unknowns, those of rows included
+
+    Returns
+    -------
+    penalties of all unknowns
 
     Raises
     ------

@@ -14,7 +14,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Series
 from myomorph.core.tension.dual import STALLED
-from myomorph.core.tension.elastic.windows import FASTEST, solved_every
+from myomorph.core.tension.elastic.windows import MAX_RATE, solved_every
 from myomorph.core.tension.fiber_quantities import (
     FIBER_LENGTH,
     FIBER_POWER,
@@ -181,7 +181,7 @@ def fiber_notes(tension: Tension) -> tuple[str, ...]:
     every = solved_every(tension.time)
     if every > 1 and tension.contacts is None:
         notes.append(
-            f"one in {every} frames was solved ({FASTEST:.0f} a second at most); activations"
+            f"one in {every} frames was solved ({MAX_RATE:.0f} a second at most); activations"
             " between them are interpolated, and forces so too, changed as little as balances the"
             " torques"
         )

@@ -160,7 +160,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     if solution is not None:
         notes += _write_warnings(trial, solution, output)
         # Where the tensions have passive force too, their own notes say it.
-        notes = (*(() if tension.options.passive else contact_notes(solution.found)), *notes)
+        notes = (*(() if tension.options.passive else contact_notes(solution.tension)), *notes)
     findings = missing_support(
         tension, trial.model.mass * float(np.linalg.norm(trial.model.gravity))
     )
@@ -333,7 +333,7 @@ def _write_warnings(
     """What is left open and what contacts cannot carry, as files; returns the latter, one line a
     stretch of time.
     """
-    frames = evenly_spaced(trial.options[TensionTables].intervals, len(solution.found))
+    frames = evenly_spaced(trial.options[TensionTables].intervals, len(solution.tension))
     with progress(f"{trial.name}: what is left open", len(frames)) as advance:
         warnings = contact_warnings(solution, frames, advance)
     contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
