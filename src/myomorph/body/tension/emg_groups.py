@@ -126,6 +126,8 @@ def calibration_of(  # page: a fit, and what names its arrays
 
     Parameters
     ----------
+    tracking : the regression over all trials
+    fit : the most probable gains
     names, muscles : of the channels, and of all muscles
     delays, shapes : (channels,) [s], shape factors
 
@@ -192,6 +194,7 @@ def kept_level(tracking: TorqueTracking, level: Prior, delays: Array, shapes: Ar
 
     Parameters
     ----------
+    tracking : the regression over all trials
     level : the prior whose common level is known; `tracking` has the one whose level is not
     delays, shapes : (channels,) [s], shape factors
 
@@ -215,6 +218,7 @@ def settled_fit(tracking: TorqueTracking, prior: Prior, delays: Array, shapes: A
 
     Parameters
     ----------
+    tracking : the regression over all trials
     prior : that of `kept_level`; deviations are by that of `tracking`, whose common level is not
         known
     delays, shapes : (channels,) [s], shape factors

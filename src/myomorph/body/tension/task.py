@@ -292,10 +292,14 @@ def tension_task(  # page: what a recording has, most of it optional
 
     Parameters
     ----------
+    model : of the body
+    motion : coordinates over time
     torques : of the measured external forces (frames, coordinates) [N m or N]
+    options : settings
     actuators : beside the model's own
     measured : forces of plates, at the motion's times
     plan : contacts whose forces are to be estimated, None for none
+    contact_options : how contact forces are chosen
     emg : EMG that takes part, None for none
     recruitment : costs beside the effort, None for none
     """
@@ -395,6 +399,8 @@ def added_reserves(
 
     Parameters
     ----------
+    model : of the body
+    options : settings
     objects : names of their bodies
     """
     reserves = default_reserves(model, options.reserve, options.residual)
@@ -413,6 +419,7 @@ def contact_warnings(
 
     Parameters
     ----------
+    solution : the problem with contacts, and its result
     frames : numbers of the instants
     advance : called with the number of instants just done
     """

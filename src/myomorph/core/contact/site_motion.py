@@ -1,5 +1,4 @@
-"""How sites move over the floor: places, speeds against a floor that may be a belt, and where the
-floor is.
+"""Motion of sites over the floor: positions, speeds against a floor that may be a belt, the floor.
 
 A body that only inertial sensors see is where its feet say: the lowest is on a level floor and does
 not slide,
@@ -33,38 +32,85 @@ from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.kinematics import Poses, forward_kinematics
 from myomorph.core.rigid.tree import Tree, compile_tree
 
-STILL = 0.1  # A site at rest moves slower than this, over the speed sqrt(g height)
-RESTS = 0.3  # A group of sites that is never slower than this, over the same speed, does not rest
-BELT = 0.15  # Soles that all glide along faster than this, over the same speed, stand on a belt
-CLUSTER = 0.25  # Share of samples that the narrowest interval about the floor holds
+STILL = 0.1
+"""A site at rest moves slower than this, over the speed sqrt(g height)."""
+RESTS = 0.3
+"""A group of sites that is never slower than this, over the same speed, does not rest."""
+BELT = 0.15
+"""Soles that all glide along faster than this, over the same speed, stand on a belt."""
+CLUSTER = 0.25
+"""Share of samples that the narrowest interval about the floor holds."""
+
+
+JOINED = 0.35
+"""Frequency below which velocities by feet say more, above which accelerations do: the ratio of
+their errors [Hz].
+"""
+CUTOFF = 5.0
+DRIFT = 0.3
+"""Half power of the low-pass of the velocity that feet on the ground give the root, and of what
+heights mend [Hz].
+"""
+HIGH = 0.05
+FAST = 0.1
+"""Height over the lowest corner, over the height of the center of mass, and speed over that of
+Froude number 1, at which a corner's weight is 1/e.
+"""
+BARELY = 1e-4
+TRIFLE = 1e-9
+"""Weight of the lowest corner however fast it is, and of rest, so that the path is determined in
+every frame.
+"""
+LOWER = 0.005
+"""A corner of a sole must be lower than the one that stands by so much to take over, while frames
+arrive [m].
+"""
+ROUNDS = 4
+"""How often weights follow from the path and the path from weights."""
 
 
 @read_only
 class SiteMotion:
-    """Sites over a motion, in ground."""
+    """Sites over a motion, in ground.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    up : (3,) against gravity
+    places : (frames, sites, 3) mean of each site's points [m]
+    lowest : (frames, sites) height of each site's lowest point along `up` [m]
+    velocities : (frames, sites, 3) of `places` [m/s]
+    height : of the center of mass over the lowest site, median of all frames: the length that
+        thresholds are relative to, so that a mouse and a man are judged alike [m]
+    carried : (frames,) vertical force that the center of mass needs, over the weight of the model
+    """
 
     time: Array
-    up: Array  # (3,) against gravity
-    places: Array  # (frames, sites, 3) mean of each site's points [m]
-    lowest: Array  # (frames, sites) height of each site's lowest point along `up` [m]
-    velocities: Array  # (frames, sites, 3) of `places` [m/s]
-    # of the center of mass over the lowest site, median of all frames: the length that thresholds
-    # are relative to, so that a mouse and a man are judged alike [m]
+    up: Array
+    places: Array
+    lowest: Array
+    velocities: Array
     height: float
-    # (frames,) vertical force that the center of mass needs, over the weight of the model
     carried: Array
 
     @property
     def pace(self) -> float:
-        """Speed that thresholds are relative to: sqrt(g height), whose Froude number is 1 [m/s]."""
+        """Speed that thresholds are relative to: sqrt(g height), of Froude number 1 [m/s]."""
         return float(np.sqrt(STANDARD_GRAVITY * self.height))
 
     def beside(self, points: Array) -> Array:
-        """Horizontal distance of each site to points (frames, 3), as centers of pressure (frames,
-        sites) [m].
+        """Horizontal distance of each site to points, as centers of pressure.
+
+        Parameters
+        ----------
+        points : (frames, 3) [m]
+
+        Returns
+        -------
+        (frames, sites) [m]
         """
-        apart = self.places - points[:, None]
-        return np.linalg.norm(apart - (apart @ self.up)[..., None] * self.up, axis=2)
+        offset = self.places - points[:, None]
+        return np.linalg.norm(offset - (offset @ self.up)[..., None] * self.up, axis=2)
 
 
 @read_only
@@ -82,60 +128,88 @@ class Floor:
 
 
 def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMotion:
-    """Places and speeds of sites; frames in which the motion is NaN are NaN.
+    """Positions and speeds of sites; frames in which the motion is NaN are NaN.
+
     In a model of several subjects and objects only those count whose the sites are.
+
+    Raises
+    ------
+    BadData : no frame of the motion is whole
     """
     if not np.isfinite(motion.values).all(axis=1).any():
         raise BadData("no frame of the motion is without gaps: contacts cannot be found")
     tree = compile_tree(model)
     up = model.up
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    owner = np.repeat(np.arange(len(sites)), [len(site.points) for site in sites])
-    bodies = np.array([tree.body_index[sites[int(number)].body] for number in owner], np.int64)
+    site_of = np.repeat(np.arange(len(sites)), [len(site.points) for site in sites])
+    bodies = np.array([tree.body_index[sites[int(number)].body] for number in site_of], np.int64)
     points = poses.points(bodies, np.concatenate([site.points for site in sites]))
-    places = np.stack(
-        [points[:, owner == index].mean(axis=1) for index in range(len(sites))], axis=1
-    )
-    lowest = np.stack(
-        [(points[:, owner == index] @ up).min(axis=1) for index in range(len(sites))], axis=1
-    )
+    of_sites = [points[:, site_of == number] for number in range(len(sites))]
+    places = np.stack([corners.mean(axis=1) for corners in of_sites], axis=1)
+    lowest = np.stack([(corners @ up).min(axis=1) for corners in of_sites], axis=1)
+
     center = center_of(tree, poses, np.isin(tree.roots, tree.roots[bodies])) @ up
     rises = _slope(motion.time, _slope(motion.time, center))
     gravity = float(np.linalg.norm(model.gravity)) or STANDARD_GRAVITY
-    height = float(np.nanmedian(center - np.min(lowest, axis=1)))
     return SiteMotion(
         time=motion.time,
         up=up,
         places=places,
         lowest=lowest,
         velocities=_slope(motion.time, places),
-        height=height,
+        height=float(np.nanmedian(center - np.min(lowest, axis=1))),
         carried=1.0 + rises / gravity,
     )
 
 
-def center_of(tree: Tree, poses: Poses, own: NDArray[np.bool_]) -> Array:
-    """Center of mass (frames, 3) of some bodies."""
-    numbers = np.flatnonzero(own)
+def center_of(tree: Tree, poses: Poses, chosen: NDArray[np.bool_]) -> Array:
+    """Center of mass of some bodies.
+
+    Parameters
+    ----------
+    tree : of the model
+    poses : of the bodies
+    chosen : (bodies,)
+
+    Returns
+    -------
+    (frames, 3) [m]
+    """
+    numbers = np.flatnonzero(chosen)
     mass = tree.arrays.mass[numbers]
     centers = poses.points(numbers, tree.arrays.mass_center[numbers])
     return np.einsum("b,fbi->fi", mass, centers) / max(float(mass.sum()), 1e-300)
 
 
 def _slope(time: Array, values: Array) -> Array:
-    """First derivative over time by second-order differences, zero with fewer than three frames."""
+    """Differentiate by second-order differences, zero with fewer than three frames.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    values : (frames, ...)
+
+    Returns
+    -------
+    (frames, ...)
+    """
     if len(time) < 3:
         return np.zeros_like(values)
     return np.gradient(values, time, axis=0)
 
 
 def floor_under(sites: SiteMotion, height: float | None = None) -> Floor:
-    """The floor that sites rest on: where the lowest of them stays while it is slow, and a belt's
-    speed. The height is the middle of the narrowest interval that holds a quarter of the lowest
-    sites' heights, so that neither a swing, nor a toe that a stiff model foot pushes through the
-    floor, moves it. A belt's velocity is the median horizontal one of the lowest sites; below
-    `BELT` sqrt(g height) the floor is at rest. `height`: of the floor where it is known, as from
-    plates [m].
+    """Find the floor that sites rest on: where the lowest stays while it is slow, or a belt.
+
+    The height is the middle of the narrowest interval that holds a quarter of the lowest sites'
+    heights, so that neither a swing, nor a toe that a stiff model foot pushes through the floor,
+    moves it. A belt's velocity is the median horizontal one of the lowest sites; below `BELT`
+    sqrt(g height) the floor is at rest.
+
+    Parameters
+    ----------
+    sites : one per column
+    height : of the floor where it is known, as from plates [m]
     """
     known = np.isfinite(sites.lowest).all(axis=1)
     rows = np.flatnonzero(known)
@@ -155,8 +229,9 @@ def floor_under(sites: SiteMotion, height: float | None = None) -> Floor:
 
 
 def plate_height(model: Model, plates: Wrenches | None) -> float | None:
-    """Height of loaded plates' centers of pressure, the median along up; None where there is none
-    [m]. Points that a force table writes at exactly zero while it is unloaded do not count.
+    """Height of loaded plates' centers of pressure [m], the median; None where there is none.
+
+    Points that a force table writes at exactly zero while it is unloaded do not count.
     """
     if plates is None:
         return None
@@ -168,7 +243,16 @@ def plate_height(model: Model, plates: Wrenches | None) -> float | None:
 
 
 def cluster(values: Array) -> float:
-    """Median of the values (n,) inside the narrowest interval that holds a share `CLUSTER` of them."""
+    """Median of the values inside the narrowest interval that holds a share `CLUSTER` of them.
+
+    Parameters
+    ----------
+    values : (n,)
+
+    Returns
+    -------
+    in the unit of the values
+    """
     ordered = np.sort(values)
     count = max(1, round(CLUSTER * len(ordered)))
     widths = ordered[count - 1 :] - ordered[: len(ordered) - count + 1]
@@ -179,8 +263,7 @@ def cluster(values: Array) -> float:
 def rest_on_floor(
     model: Model, motion: Motion, sites: Sequence[Site], height: float | None = None
 ) -> tuple[tuple[Site, ...], Floor]:
-    """Sites moved along the floor's normal so that each lies on it while its group rests, and that
-    floor.
+    """Move sites along the floor's normal so that each lies on it while its group rests.
 
     How thick a sole is, no model has; shoes and markers' places make some centimetres of it. A
     group rests in the frames in which it is low and its sites, on the mean, are slow against the
@@ -224,63 +307,58 @@ def rest_on_floor(
     for number, site in enumerate(sites):
         members = [j for j, other in enumerate(sites) if other.group == site.group]
         pace = speed[:, members].mean(axis=1)
-        rests.append(_resting(gap[:, members].mean(axis=1), pace, STILL * moving.pace))
-        if len(rests[number]) and pace[rests[number]].min() < RESTS * moving.pace:
-            shifts[number] = np.median(gap[rests[number], number])
+        frames = _resting(gap[:, members].mean(axis=1), pace, STILL * moving.pace)
+        rests.append(frames)
+        if len(frames) and pace[frames].min() < RESTS * moving.pace:
+            shifts[number] = np.median(gap[frames, number])
     # A foot that swings throughout has the sole of the one that stands.
     known = np.isfinite(shifts)
     shifts[~known] = shifts[known].mean() if known.any() else 0.0
     moved = []
-    for number, site in enumerate(sites):
-        rotations = poses.rotations[rests[number], tree.body_index[site.body]]
-        down = -np.einsum("fji,j->fi", rotations, moving.up).sum(axis=0)
-        size = float(np.linalg.norm(down))
-        moved.append(
-            replace(site, points=site.points + shifts[number] * down / size) if size > 0.0 else site
-        )
+    for site, shift, frames in zip(sites, shifts, rests, strict=True):
+        rotations = poses.rotations[frames, tree.body_index[site.body]]
+        moved.append(_shifted(site, shift, rotations, moving.up))
     return tuple(moved), floor
 
 
-def _resting(height: Array, speed: Array, still: float) -> Ints:
-    """Frames in which a group is among its lowest 40 % and still, or at least the 5 % of those that
-    are slowest.
+def _shifted(site: Site, shift: float, rotations: Array, up: Array) -> Site:
+    """Shift a site down along the floor's normal.
+
+    Parameters
+    ----------
+    shift : [m]
+    rotations : (frames, 3, 3) of its body while it rests; none leave it where it is
+    up : (3,) in ground
+    """
+    down = -np.einsum("fji,j->fi", rotations, up).sum(axis=0)
+    size = float(np.linalg.norm(down))
+    return replace(site, points=site.points + shift * down / size) if size > 0.0 else site
+
+
+def _resting(height: Array, speed: Array, max_speed: float) -> Ints:
+    """Frames in which a group is among its lowest 40 % and slow.
+
+    At least the 5 % of those that are slowest.
+
+    Parameters
+    ----------
+    height, speed : (frames,) of the group [m], [m/s]
+    max_speed : [m/s]
+
+    Returns
+    -------
+    (resting,) numbers
     """
     known = np.flatnonzero(np.isfinite(height) & np.isfinite(speed))
     if not len(known):
         return known
     low = known[height[known] <= np.percentile(height[known], 40.0)]
-    limit = max(still, float(np.percentile(speed[low], 5.0)))
+    limit = max(max_speed, float(np.percentile(speed[low], 5.0)))
     return low[speed[low] <= limit]
 
 
-JOINED = 0.35
-"""Frequency below which velocities by feet say more, above which accelerations do: the ratio of
-their errors [Hz].
-"""
-CUTOFF = 5.0
-DRIFT = 0.3
-"""Half power of the low-pass of the velocity that feet on the ground give the root, and of what
-heights mend [Hz].
-"""
-HIGH = 0.05
-FAST = 0.1
-"""Height over the lowest corner, over the height of the center of mass, and speed over that of
-Froude number 1, at which a corner's weight is 1/e.
-"""
-BARELY = 1e-4
-TRIFLE = 1e-9
-"""Weight of the lowest corner however fast it is, and of rest, so that the path is determined in
-every frame.
-"""
-LOWER = 0.005
-"""A corner of a sole must be lower than the one that stands by so much to take over, while frames
-arrive [m].
-"""
-STEPS = 4  # Times that weights follow from the path and the path from weights
-
-
 def root_places(model: Model) -> tuple[str, ...]:
-    """Translations of a floating root whose feet can show where it is; () for a model without."""
+    """Find translations of a floating root whose feet can show where it is; () without."""
     slides = tuple(
         name
         for name in floating_coordinates(model)
@@ -290,10 +368,20 @@ def root_places(model: Model) -> tuple[str, ...]:
 
 
 def walked(model: Model, motion: Motion, accelerations: Array | None = None) -> Motion:
-    """The motion of a model with `root_places`, these found from the feet, and from accelerations
-    (frames, 3) of a point near the root, without gravity, NaN where unknown [m/s^2]. A belt's speed
-    is not seen: a walk on a treadmill goes over ground. Flight is bridged, without accelerations
-    too low.
+    """Find the translations of a root from the feet, and from accelerations.
+
+    A belt's speed is not seen: a walk on a treadmill goes over ground. Flight is bridged, without
+    accelerations too low.
+
+    Parameters
+    ----------
+    model : with `root_places`
+    motion : coordinates over time
+    accelerations : (frames, 3) of a point near the root, without gravity, NaN where unknown [m/s^2]
+
+    Returns
+    -------
+    the motion with these translations
     """
     names = root_places(model)
     tree = compile_tree(model)
@@ -302,9 +390,8 @@ def walked(model: Model, motion: Motion, accelerations: Array | None = None) -> 
     rest = Motion(motion.time[:1], model.coordinate_names, tree.defaults[None])
     values = np.array(motion.values)
     values[:, columns] = [model.coordinate(name).default for name in names]
-    moving = site_motion(
-        model, replace(motion, values=values, velocities=None, accelerations=None), sites
-    )
+    in_place = replace(motion, values=values, velocities=None, accelerations=None)
+    moving = site_motion(model, in_place, sites)
     heights = (moving.places - site_motion(model, rest, sites).places) @ moving.up
     unknown = np.full((len(motion), 3), np.nan)
     path = _path(moving, heights, unknown if accelerations is None else accelerations)
@@ -314,9 +401,10 @@ def walked(model: Model, motion: Motion, accelerations: Array | None = None) -> 
 
 
 class OnlineFootPath:
-    """The same while frames arrive: the root goes so that the lowest corner of the soles stays
-    where it is. Another corner takes over where it is lower by `LOWER`, so that two of one height
-    do not change places.
+    """`walked` while frames arrive: the lowest corner of the soles stays where it is.
+
+    Another corner takes over where it is lower by `LOWER`, so that two of one height do not change
+    places.
     """
 
     def __init__(self, model: Model):
@@ -333,7 +421,16 @@ class OnlineFootPath:
         self._foothold = np.zeros(3)
 
     def placed(self, pose: Array) -> Array:
-        """The pose (coordinates,) with the root where the feet have carried it."""
+        """Put the root where the feet have carried it.
+
+        Parameters
+        ----------
+        pose : (coordinates,) [rad or m]
+
+        Returns
+        -------
+        (coordinates,)
+        """
         if not np.isfinite(pose).all():
             return pose
         pose = np.array(pose)
@@ -354,11 +451,17 @@ class OnlineFootPath:
         return pose
 
     def _corners(self, pose: Array) -> Array:
+        """Corners of the soles (corners, 3) in ground [m], at a pose (coordinates,)."""
         return forward_kinematics(self._tree, pose[None]).points(self._bodies, self._points)[0]
 
 
 def _directions(tree: Tree, names: tuple[str, ...]) -> Array:
-    """(3, 3) ways that a foot goes by each translation, one a column."""
+    """Directions in which a foot goes by each translation.
+
+    Returns
+    -------
+    (3, 3) one per column
+    """
     values = np.tile(tree.defaults, (4, 1))
     for row, name in enumerate(names):
         values[row, tree.model.coordinate_names.index(name)] += 1.0
@@ -367,15 +470,24 @@ def _directions(tree: Tree, names: tuple[str, ...]) -> Array:
 
 
 def _path(moving: SiteMotion, heights: Array, accelerations: Array) -> Array:
-    """(frames, 3) by which the root moves, from the soles' corners and their heights (frames,
-    corners).
+    """Path of the root from the soles' corners.
+
+    Parameters
+    ----------
+    moving : of the corners, the root in place
+    heights : (frames, corners) over those of the default pose [m]
+    accelerations : (frames, 3) NaN where unknown [m/s^2]
+
+    Returns
+    -------
+    (frames, 3) [m]
     """
     known = np.isfinite(heights).all(axis=1) & np.isfinite(moving.velocities).all(axis=(1, 2))
     heights = np.nan_to_num(heights)
     rates = np.nan_to_num(moving.velocities)
     path = -heights.min(axis=1)[:, None] * moving.up
     velocity = None
-    for _ in range(STEPS):
+    for _ in range(ROUNDS):
         over = heights - heights.min(axis=1, keepdims=True)
         weights = np.exp(-((over / (HIGH * moving.height)) ** 2))
         if velocity is not None:
@@ -391,13 +503,23 @@ def _path(moving: SiteMotion, heights: Array, accelerations: Array) -> Array:
 def _smooth(
     moving: SiteMotion, weights: Array, rates: Array, heights: Array, accelerations: Array
 ) -> Array:
-    """The path (frames, 3) of least cost for weights (frames, corners)."""
+    """Path of least cost for weights of the corners.
+
+    Parameters
+    ----------
+    weights, heights : (frames, corners)
+    rates : (frames, corners, 3) velocities of the corners, the root in place [m/s]
+    accelerations : (frames, 3) [m/s^2]
+
+    Returns
+    -------
+    (frames, 3) [m]
+    """
     shares = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
     total = shares.sum(axis=1)
     time = moving.time
-    velocity = _low_pass(
-        time, total, -(shares[..., None] * rates).sum(axis=1), CUTOFF, accelerations
-    )
+    of_feet = -(shares[..., None] * rates).sum(axis=1)
+    velocity = _low_pass(time, total, of_feet, CUTOFF, accelerations)
     path = np.zeros_like(velocity)
     path[1:] = np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time)[:, None], axis=0)
     low = (shares * (heights + (path @ moving.up)[:, None])).sum(axis=1)
@@ -407,37 +529,51 @@ def _smooth(
 def _low_pass(
     time: Array, weights: Array, weighted: Array, cutoff: float, rates: Array | None = None
 ) -> Array:
-    """Values (frames, columns) of least int w (x - x_0)^2 + x''^2 / (2 pi f)^4 dt; `weighted` are w
-    x_0. Where rates (frames, columns) are known, (x' - rate)^2 / (2 pi `JOINED`)^2 takes the place
-    of the second derivative.
+    """Low-pass weighted values: the x of least int w (x - x_0)^2 + x''^2 / (2 pi f)^4 dt.
+
+    Where rates are known, (x' - rate)^2 / (2 pi `JOINED`)^2 takes the place of the second
+    derivative.
+
+    Parameters
+    ----------
+    time, weights : (frames,) [s], w
+    weighted : (frames, columns) w x_0
+    cutoff : f [Hz]
+    rates : (frames, columns)
+
+    Returns
+    -------
+    (frames, columns) x
     """
-    # Half a second to import, which few trials need.
-    count = len(time)
     step = float(np.median(np.diff(time)))
     # Rows of the band: the second diagonal above the main one first, the main one last.
-    band = np.zeros((3, count))
+    band = np.zeros((3, len(time)))
     right = np.array(weighted)
     band[2] = weights + TRIFLE
-    between = (
-        np.full(weighted[1:].shape, np.nan) if rates is None else 0.5 * (rates[1:] + rates[:-1])
-    )
+    between = np.full(weighted[1:].shape, np.nan)
+    if rates is not None:
+        between = 0.5 * (rates[1:] + rates[:-1])
     known = np.asarray(np.isfinite(between).all(axis=1))
     joined = 2.0 * np.pi * JOINED
-    _add_squares(band, right, np.array([-1.0, 1.0]) / (joined * step), known, between / joined)
-    _add_squares(
-        band,
-        right,
-        np.array([1.0, -2.0, 1.0]) / (2.0 * np.pi * cutoff * step) ** 2,
-        ~(known[1:] & known[:-1]),
-    )
+    first_difference = np.array([-1.0, 1.0]) / (joined * step)
+    second_difference = np.array([1.0, -2.0, 1.0]) / (2.0 * np.pi * cutoff * step) ** 2
+    _add_squares(band, right, first_difference, known, between / joined)
+    _add_squares(band, right, second_difference, ~(known[1:] & known[:-1]))
     return np.asarray(scipy.linalg.solveh_banded(band, right))
 
 
 def _add_squares(
     band: Array, right: Array, stencil: Array, used: np.ndarray, targets: Array | None = None
 ) -> None:
-    """Add squares of a difference, less its targets (rows, columns), to a banded normal matrix,
-    where it is used.
+    """Add squares of a difference, less its targets, to a banded normal matrix, where it is used.
+
+    Parameters
+    ----------
+    band : (3, frames) upper diagonals, added to
+    right : (frames, columns) added to
+    stencil : (points,) factors of neighbouring frames
+    used : (rows,) whether a difference counts
+    targets : (rows, columns), 0 by default
     """
     rows = len(used)
     for i, left in enumerate(stencil):

@@ -1,8 +1,7 @@
-"""When sites touch: by force plates, by how sites move over the floor, or by several sources
-together.
+"""Contact intervals of sites: by force plates, by motion over the floor, or by several sources.
 
-How ready a site is to carry force (its activation) follows from the same motion; so does the
-preferred direction.
+The activation of a site (how far it may carry force) follows from the same motion, and so does the
+preferred direction of its force.
 """
 
 from __future__ import annotations
@@ -27,18 +26,29 @@ from myomorph.core.rigid.tree import compile_tree
 Bools = NDArray[np.bool_]
 
 PLATES = "plates"
-KINEMATICS = "kinematics"  # Sources of contact intervals
-# A touch that lasts as long beside those of a more trusted source is one of its own [s]
+KINEMATICS = "kinematics"
+"""Sources of contact intervals."""
 LASTING = 0.4
+"""A contact that lasts as long beside those of a more trusted source is one of its own [s]."""
+MIN_UNSUPPORTED = 0.1
+"""Times without a site that could carry the body are named when they last longer [s]."""
+GUESSED_CONFIDENCE = 0.5
+"""Confidence of a contact of the nearest site, where none is near enough."""
+
+
+PIVOT = 0.3
+"""Height of the virtual pivot point above the center of mass, over the height of that above the
+floor.
+"""
 
 
 @dataclass(frozen=True)
 class ContactStateOptions:
-    """When a site touches. Lengths count from `SiteMotion.height`, speeds from sqrt(g height).
+    """Thresholds of contact. Lengths count from `SiteMotion.height`, speeds from sqrt(g height).
 
     Attributes
     ----------
-    low, high : a touch begins below the height `low` over the floor and ends above `high`
+    low, high : a contact begins below the height `low` over the floor and ends above `high`
     slow, fast : it begins at less than the speed `slow` against the floor and ends at more than
         `fast`
     flight : share of the weight below which the body flies: nothing touches
@@ -46,7 +56,7 @@ class ContactStateOptions:
     loaded, unloaded : a plate carries from this share of the weight on, until less than that is
         left
     reach : a site that far beside a plate's center of pressure may be what stands on it
-    shortest : touches and gaps that last less are taken for noise [s]
+    shortest : contacts and gaps that last less are taken for noise [s]
     floor : height of the floor [m], None to find it
     """
 
@@ -70,7 +80,7 @@ def find_contacts(
     options: ContactStateOptions | None = None,
     plates: Wrenches | None = None,
 ) -> Contacts:
-    """Which site touches when, from how the sites move, and from plates where there are any.
+    """Find contact intervals of sites from how they move, and from plates where there are any.
 
     A site touches while it is low over the floor and slow against it, both with hysteresis. While
     the center of mass falls freely nothing touches; while it does not, and no site is near enough,
@@ -91,7 +101,7 @@ def find_contacts(
 
     Returns
     -------
-    touches of each site with start, end [s] and confidence, what looks wrong in `warnings`
+    contact intervals of each site with confidence, and what looks wrong in `warnings`
 
     Raises
     ------
@@ -102,8 +112,8 @@ def find_contacts(
     >>> import myomorph as mm
     >>> model = mm.read_model("arm.osim")
     >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]])]
-    >>> found = mm.find_contacts(model, mm.read_motion("reach.mot", model), sites)
-    >>> [(one.site, round(one.start, 2), round(one.stop, 2)) for one in found.intervals]
+    >>> contacts = mm.find_contacts(model, mm.read_motion("reach.mot", model), sites)
+    >>> [(item.site, round(item.start, 2), round(item.stop, 2)) for item in contacts.intervals]
     [('hand', 0.52, 0.6)]
     """
     options = options or ContactStateOptions()
@@ -121,80 +131,100 @@ def by_kinematics(
     sites: Sequence[Site],
     options: ContactStateOptions | None = None,
 ) -> Contacts:
-    """Touches from how sites move over the floor, and from what the center of mass needs."""
+    """Contact intervals from how sites move over the floor, and what the center of mass needs.
+
+    Source: ours, described and measured in docs/contacts.md.
+    """
     options = options or ContactStateOptions()
     height = (moving.lowest - floor.height) / moving.height
     speed = np.linalg.norm(moving.velocities - floor.velocity, axis=2) / moving.pace
+    # (frames, sites) 1 at the threshold at which a contact ends
     margin = np.maximum(height / options.high, speed / options.fast)
     known = np.isfinite(margin)
     margin = np.where(known, margin, np.inf)
-    near = known & (height < options.low) & (speed < options.slow)
-    touching = hysteresis(near, ~known | (margin > 1.0))
-    free = steady(
-        np.nan_to_num(moving.carried, nan=1.0) < options.flight, moving.time, options.shortest
-    )
-    touching[free] = False
+    begins = known & (height < options.low) & (speed < options.slow)
+    touching = hysteresis(begins, ~known | (margin > 1.0))
+
+    flies = np.nan_to_num(moving.carried, nan=1.0) < options.flight
+    flies = steady(flies, moving.time, options.shortest)
+    touching[flies] = False
     touching = np.stack(
         [steady(column, moving.time, options.shortest) for column in touching.T], axis=1
     )
-    touching[free] = False
+    touching[flies] = False
+
+    # Something carries the body: where no site is near enough, the nearest one does.
     held_up = (moving.carried > options.carried) & ~touching.any(axis=1)
     nearest = (margin <= 1.25 * margin.min(axis=1, keepdims=True)) & (margin < 2.0)
     guessed = held_up[:, None] & nearest
-    sure = np.where(guessed, 0.5, np.clip(1.0 - 0.5 * margin, 0.5, 1.0))
-    touches = touches_of(sites, touching | guessed, sure, moving.time, KINEMATICS)
+    confidence = np.clip(1.0 - 0.5 * margin, 0.5, 1.0)
+    confidence = np.where(guessed, GUESSED_CONFIDENCE, confidence)
     return Contacts(
         tuple(site.name for site in sites),
-        touches,
+        touches_of(sites, touching | guessed, confidence, moving.time, KINEMATICS),
         _unsupported(moving, held_up & ~guessed.any(axis=1)),
     )
 
 
 def touches_of(
-    sites: Sequence[Site], touching: Bools, sure: Array, time: Array, source: str
+    sites: Sequence[Site], touching: Bools, confidence: Array, time: Array, source: str
 ) -> tuple[Touch, ...]:
-    """Every run of frames in which a site touches (frames, sites), with the mean of how sure that
-    is.
+    """Contact interval of every run of frames in which a site touches.
+
+    Parameters
+    ----------
+    sites : one per column
+    touching : (frames, sites)
+    confidence : (frames, sites) 0 to 1, whose mean an interval has
+    time : (frames,) [s]
+    source : what the intervals were found by
+
+    Returns
+    -------
+    intervals, site by site
     """
     touches = []
-    for index, site in enumerate(sites):
-        for start, stop in runs(touching[:, index]):
-            first, last = time[[start, stop - 1]].tolist()
-            mean = float(sure[start:stop, index].mean())
+    for column, site in enumerate(sites):
+        for start, stop in runs(touching[:, column]):
             touches.append(
                 Touch(
                     site=site.name,
-                    start=first,
-                    stop=last,
+                    start=float(time[start]),
+                    stop=float(time[stop - 1]),
                     surface=site.against,
-                    confidence=mean,
+                    confidence=float(confidence[start:stop, column].mean()),
                     source=source,
                 )
             )
     return tuple(touches)
 
 
-def _unsupported(moving: SiteMotion, lacking: Bools) -> tuple[str, ...]:
-    """What to say of times in which no site can carry what the motion needs."""
+def _unsupported(moving: SiteMotion, missing: Bools) -> tuple[str, ...]:
+    """Warn of frames (frames,) in which no site can carry what the motion needs."""
     spans = [
         f"{moving.time[start]:.2f} to {moving.time[stop - 1]:.2f} s"
-        for start, stop in runs(lacking)
-        if moving.time[stop - 1] - moving.time[start] > 0.1
+        for start, stop in runs(missing)
+        if moving.time[stop - 1] - moving.time[start] > MIN_UNSUPPORTED
     ]
     if not spans:
         return ()
     few = ", ".join(spans[:4]) + (", ..." if len(spans) > 4 else "")
     return (
-        (
-            f"something carries the body at {few}, but no contact site is near the floor: is a site"
-            " missing?"
-        ),
+        f"something carries the body at {few}, but no contact site is near the floor: is a site"
+        " missing?",
     )
 
 
 def hysteresis(begins: Bools, ends: Bools) -> Bools:
-    """State (frames, ...) that turns on where it begins, off where it ends, and stays as it was
-    between.
+    """State that turns on where it begins, off where it ends, and stays as it was between.
+
+    Parameters
+    ----------
+    begins, ends : (frames, ...)
+
+    Returns
+    -------
+    (frames, ...)
     """
     marks = np.where(ends, -1, np.where(begins, 1, 0))
     frames = np.arange(len(marks)).reshape(-1, *[1] * (marks.ndim - 1))
@@ -203,8 +233,17 @@ def hysteresis(begins: Bools, ends: Bools) -> Bools:
 
 
 def steady(state: Bools, time: Array, shortest: float) -> Bools:
-    """The same state (frames,) without gaps and spells shorter than `shortest` [s]; those at the
-    ends stay.
+    """Close gaps and remove spells that are too short; those at the ends stay.
+
+    Parameters
+    ----------
+    state : (frames,)
+    time : (frames,) [s]
+    shortest : duration of gaps and spells that stay [s]
+
+    Returns
+    -------
+    (frames,)
     """
     state = state.copy()
     for value in (False, True):
@@ -222,7 +261,8 @@ def by_plates(
     plates: Wrenches,
     options: ContactStateOptions,
 ) -> Contacts:
-    """Touches from loaded plates: of the group whose sites are nearest to the center of pressure.
+    """Contact intervals from loaded plates: of the group nearest to the center of pressure.
+
     A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of
     the group, the sites touch that are less than `high` above the lowest of them.
     """
@@ -235,48 +275,55 @@ def by_plates(
         load = np.nan_to_num(pressing[:, plate])
         state = hysteresis(load > options.loaded * weight, load < options.unloaded * weight)
         state = steady(state, moving.time, options.shortest)
-        away = moving.beside(plates.points[:, plate])
+        distances = moving.beside(plates.points[:, plate])
         for start, stop in runs(state):
-            here = slice(start, stop)
-            share = load[here, None] * np.isfinite(away[here])
-            mean = (np.nan_to_num(away[here]) * share).sum(axis=0) / np.maximum(
-                share.sum(axis=0), 1e-12
-            )
+            part = slice(start, stop)
+            mean = _mean_distances(distances[part], load[part])
             members = min(groups, key=lambda group: mean[group].min())
             if not mean[members].min() < options.reach * moving.height:
                 continue
-            level = moving.lowest[here][:, members]
+            level = moving.lowest[part][:, members]
             low = level < np.nanmin(level, axis=1, keepdims=True) + options.high * moving.height
-            touching[here, members] |= low
+            touching[part, members] |= low
     touches = touches_of(sites, touching, np.ones(touching.shape), moving.time, PLATES)
     return Contacts(tuple(site.name for site in sites), touches)
 
 
+def _mean_distances(distances: Array, load: Array) -> Array:
+    """Mean over frames of distances (frames, sites), weighted by a load (frames,); (sites,)."""
+    share = load[:, None] * np.isfinite(distances)
+    total = np.maximum(share.sum(axis=0), 1e-12)
+    return (np.nan_to_num(distances) * share).sum(axis=0) / total
+
+
 def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
-    """Touches of several sources, the most trusted first.
-    A touch is cut where one of the same site from a source before it covers it, and left out where
-    no more than half and no part of `LASTING` is left: so much the sources' times may differ.
+    """Join contacts of several sources, the most trusted first.
+
+    An interval is cut where one of the same site from a source before it covers it, and left out
+    where no more than half and no part of `LASTING` is left: so much the sources' times may differ.
     """
     names = tuple(dict.fromkeys(name for source in sources for name in source.sites))
-    kept: list[Touch] = []
+    joined: list[Touch] = []
     for source in sources:
-        before = tuple(kept)
+        before = tuple(joined)
         for touch in source.intervals:
             rest = _outside(touch, [item for item in before if item.site == touch.site])
-            left = [piece.stop - piece.start for piece in rest]
-            if (
-                sum(left) > 0.5 * (touch.stop - touch.start)
-                or max(left, default=0.0) > LASTING
-                or rest == [touch]
-            ):
-                kept += rest
-    return Contacts(
-        names, tuple(kept), tuple(text for source in sources for text in source.warnings)
-    )
+            if _lasts(touch, rest):
+                joined += rest
+    warnings = tuple(text for source in sources for text in source.warnings)
+    return Contacts(names, tuple(joined), warnings)
+
+
+def _lasts(touch: Touch, rest: Sequence[Touch]) -> bool:
+    """Tell whether enough of an interval is left to be a contact of its own."""
+    durations = [piece.stop - piece.start for piece in rest]
+    if sum(durations) > 0.5 * (touch.stop - touch.start):
+        return True
+    return max(durations, default=0.0) > LASTING or list(rest) == [touch]
 
 
 def _outside(touch: Touch, others: Sequence[Touch]) -> list[Touch]:
-    """The parts of a touch that no other covers."""
+    """Cut from an interval what others cover."""
     parts = [touch]
     for other in others:
         cut = []
@@ -290,24 +337,18 @@ def _outside(touch: Touch, others: Sequence[Touch]) -> list[Touch]:
     return parts
 
 
-# Height of the virtual pivot point above the center of mass, over the height of that above the
-# floor
-PIVOT = 0.3
-
-
 @dataclass(frozen=True)
 class ActivationOptions:
-    """Where readiness fades. Lengths count from the height of the center of mass, speeds from
-    sqrt(g height).
+    """Limits at which activations fade. Lengths count from the center of mass' height.
 
-    The defaults are, for an adult, the 40 mm and 0.8 m/s that AnyBody's template for ground forces
-    documents.
+    Speeds count from sqrt(g height). The defaults are, for an adult, the 40 mm and 0.8 m/s that
+    AnyBody's template for ground forces documents.
 
     Attributes
     ----------
     height, speed : at which a site is not ready any more
     high, fast : shares of those up to which it is fully ready
-    least : readiness of a site that touches, however it moves
+    least : activation of a site that touches, however it moves
     floor : height of the floor [m], None to find it
     """
 
@@ -326,11 +367,10 @@ def contact_activations(
     contacts: Contacts | None = None,
     options: ActivationOptions | None = None,
 ) -> Series:
-    """Activation of each contact (frames, sites): how ready a site is to carry force, 0 to 1.
+    """Activation of each contact: how ready a site is to carry force, 0 to 1.
 
-    s = max(least, fade(z / z_limit, high) fade(v / v_limit, fast)) confidence,
-
-    fade(x, a) = 1 below a, (1 + cos(pi (x - a) / (1 - a))) / 2 up to 1, then 0,
+        s = max(least, fade(z / z_limit, high) fade(v / v_limit, fast)) confidence
+        fade(x, a) = 1 below a, (1 + cos(pi (x - a) / (1 - a))) / 2 up to 1, then 0
 
     of the height z of a site's lowest point over the floor and its speed v against it, times how
     sure it is that it touches: an activation that fades with height and speed, in the manner of
@@ -351,7 +391,7 @@ def contact_activations(
 
     Raises
     ------
-    BadData : contacts lack a site, or no frame of the motion is whole
+    BadData : a site is missing in the contacts, or no frame of the motion is whole
 
     Examples
     --------
@@ -359,40 +399,42 @@ def contact_activations(
     >>> model = mm.read_model("arm.osim")
     >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
     >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]], mm.Cone(direction=model.up))]
-    >>> ready = mm.contact.contact_activations(model, motion, sites, mm.find_contacts(model, motion, sites))
-    >>> ready.names, ready.values.shape, bool((ready.values <= 1.0).all())
+    >>> ready = mm.contact.contact_activations(model, motion, sites, mm.find_contacts(model, motion,
+    sites)) >>> ready.names, ready.values.shape, bool((ready.values <= 1.0).all())
     (('hand',), (61, 1), True)
     """
     options = options or ActivationOptions()
     names = tuple(site.name for site in sites)
-    sure = np.ones((len(motion), len(sites)))
+    values = np.ones((len(motion), len(sites)))
     if contacts is not None:
-        missing = [name for name in names if name not in contacts.sites]
-        if missing:
-            raise BadData(
-                f"contacts say nothing of site '{missing[0]}': they are of"
-                f" {', '.join(contacts.sites)}"
-            )
-        columns = [contacts.sites.index(name) for name in names]
-        sure = contacts.states(motion.time).values[:, columns]
-    walking = [index for index, site in enumerate(sites) if site.against == GROUND]
-    values = np.array(sure)
-    if walking:
-        moving = site_motion(model, motion, [sites[number] for number in walking])
+        values = _confidence(contacts, names, motion.time)
+    on_ground = [index for index, site in enumerate(sites) if site.against == GROUND]
+    if on_ground:
+        moving = site_motion(model, motion, [sites[number] for number in on_ground])
         floor = floor_under(moving, options.floor)
         z = (moving.lowest - floor.height) / moving.height
         v = np.linalg.norm(moving.velocities - floor.velocity, axis=2) / moving.pace
         ready = fade(z / options.height, options.high) * fade(v / options.speed, options.fast)
-        least = options.least if contacts is not None else 0.0
-        values[:, walking] *= np.nan_to_num(np.maximum(ready, least))
+        min_activation = options.least if contacts is not None else 0.0
+        values[:, on_ground] *= np.nan_to_num(np.maximum(ready, min_activation))
     return Series(motion.time, names, values)
+
+
+def _confidence(contacts: Contacts, names: Sequence[str], time: Array) -> Array:
+    """Confidence (frames, sites) of contacts at times (frames,), 0 without contact."""
+    missing = [name for name in names if name not in contacts.sites]
+    if missing:
+        raise BadData(
+            f"contacts say nothing of site '{missing[0]}': they are of {', '.join(contacts.sites)}"
+        )
+    columns = [contacts.sites.index(name) for name in names]
+    return np.array(contacts.states(time).values[:, columns])
 
 
 def preferred_directions(
     model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PIVOT
 ) -> Array:
-    """Preferred directions of forces at sites on the ground: to a pivot above the subject's center
-    of mass.
+    """Preferred directions of forces at sites on the ground: to a pivot above the mass center.
 
     What two feet push against each other moves nothing, so physics leaves it open. Walkers' ground
     forces meet near a point above the center of mass, the virtual pivot point (Maus et al. 2010): a
@@ -426,22 +468,35 @@ def preferred_directions(
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     moving = site_motion(model, motion, sites)
-    owner = tree.roots
+    subjects = tree.roots
     result = np.zeros((len(motion), len(sites), 3))
-    for subject in np.unique(owner[1:]):
-        pivots = center_of(tree, poses, owner == subject) + pivot * moving.height * moving.up
+    for subject in np.unique(subjects[1:]):
+        center = center_of(tree, poses, subjects == subject)
+        pivots = center + pivot * moving.height * moving.up
         for index, site in enumerate(sites):
             up = site.cone.direction
-            mine = owner[tree.body_index[site.body]] == subject and site.against == GROUND
-            if mine and up is not None and site.cone.frame == GROUND:
-                way = pivots - moving.places[:, index]
-                along = way @ up
-                ahead = along > 0.1 * moving.height
-                result[ahead, index] = way[ahead] / along[ahead, None] - up
+            if subjects[tree.body_index[site.body]] != subject or site.against != GROUND:
+                continue
+            if up is None or site.cone.frame != GROUND:
+                continue
+            way = pivots - moving.places[:, index]
+            along = way @ up
+            ahead = along > 0.1 * moving.height
+            result[ahead, index] = way[ahead] / along[ahead, None] - up
     return result
 
 
 def fade(x: Array, full: float) -> Array:
-    """1 below `full`, half a cosine down to 0 at 1, 0 beyond; NaN stays."""
+    """1 below `full`, half a cosine down to 0 at 1, 0 beyond; NaN stays.
+
+    Parameters
+    ----------
+    x : of any shape
+    full : up to where it is 1
+
+    Returns
+    -------
+    as x
+    """
     way = np.clip((x - full) / (1.0 - full), 0.0, 1.0)
     return 0.5 * (1.0 + np.cos(np.pi * way))

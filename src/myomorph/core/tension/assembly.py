@@ -122,6 +122,7 @@ def assemble(  # page: each says another thing of the pattern
 
     Parameters
     ----------
+    tree : of the model
     entries : (unknown, coordinate) of every generalized force of unknowns, a coordinate of -1 for
         one that is not used
     unknowns : number of unknowns that the terms bring in

@@ -200,6 +200,7 @@ def near_extremes(solved: SolvedFrames, bounds: Bounds, functions: Array, share:
 
     Parameters
     ----------
+    solved : solved frames
     bounds : with the solution between them
     functions : (frames, groups, 3, variables) of variables whose exponent is 2 alone
     share : of the solution's cost, by which the cost may increase
@@ -346,6 +347,7 @@ def direction_words(
     groups : names
     direction : (groups, 3)
     spread : how far forces may go along it [N] at `share` more of the cost
+    share : of the cost, by which it may grow
     up : (3,) away from gravity
 
     Returns
@@ -453,6 +455,7 @@ def contact_intervals(  # page: the frames, options and progress are optional
     ----------
     problem, tension : solved, and its result
     frames : numbers in the motion; all by default
+    options : settings
     advance : called with the number of frames just done
     at_once : frames that are held in memory together
 
@@ -587,6 +590,8 @@ def group_functions(
 
     Parameters
     ----------
+    problem : solved, with contacts
+    solved : solved frames
     members : per group, (generators,) whether a generator belongs to it
 
     Returns

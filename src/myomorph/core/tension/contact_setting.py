@@ -252,6 +252,7 @@ def never_during(reported: Contacts, time: Array) -> tuple[str, ...]:
 
     Parameters
     ----------
+    reported : contacts of a file, or of sound
     time : (frames,) of the motion [s]
 
     Returns

@@ -136,6 +136,7 @@ def conflict_line(conflicts: Sequence[EmgConflict], table: str) -> tuple[str, ..
 
     Parameters
     ----------
+    conflicts : of muscles and of reserves
     table : name of the file that lists them
     """
     muscles = [conflict for conflict in conflicts if conflict.muscle]

@@ -92,8 +92,11 @@ def emg_targets(  # page: the calibration and options are optional
 
     Parameters
     ----------
+    emg : envelopes, its channels those that are calibrated
     channels : channel of `emg` to muscles of the model; channels that are not named are not used
+    model : of the body
     time : (frames,) of the motion [s]
+    options : settings
     calibration : delays and gains of at least these channels, by `calibrate_emg`; None takes
         envelopes as activations, `options.delay` late
 

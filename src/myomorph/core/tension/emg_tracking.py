@@ -104,6 +104,8 @@ def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Ser
 
     Parameters
     ----------
+    motion : coordinates over time
+    torques : of inverse dynamics
     every : distance of the frames that are left
     """
     return motion.frames(slice(None, None, every)), torques.frames(slice(None, None, every))
@@ -114,6 +116,8 @@ def tracked_frames(inputs: TensionInputs, emg: Emg, tells: Array, every: int) ->
 
     Parameters
     ----------
+    inputs : of the trial's tension problem
+    emg : envelopes, its channels those that are calibrated
     tells : (muscles, channels) True where a channel measures a muscle
     every : distance of the frames that are read
 

@@ -176,6 +176,7 @@ def solve_frames(  # page: what `solve_separable` takes, most of it optional
 
     Parameters
     ----------
+    shared : pattern and data that all frames share
     values : (frames, entries) of A
     right : (frames, rows) b
     penalties : (1 or frames, 3, unknowns) l, h and k
@@ -505,6 +506,7 @@ class TensionProblem:
         Parameters
         ----------
         balance : of the frames from `begin` on
+        begin : number of the first frame
         warm : (rows,) multipliers to begin with, afterwards those of the last frame; None for none
 
         Returns

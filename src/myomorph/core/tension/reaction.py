@@ -59,6 +59,7 @@ def no_wrenches(tree: Tree, frames: int) -> Array:
 
     Parameters
     ----------
+    tree : of the model
     frames : number of frames
 
     Returns
@@ -87,6 +88,7 @@ def of_muscles(paths: Paths, pulls: Array, tensions: Array) -> Array:
 
     Parameters
     ----------
+    paths : of the muscles
     pulls : (frames, pairs, 6) as of `Paths.pulls`
     tensions : (frames, muscles) [N]
 
@@ -106,6 +108,9 @@ def of_actuators(tree: Tree, poses: Poses, actuators: Sequence[Actuator], forces
 
     Parameters
     ----------
+    tree : of the model
+    poses : of the bodies
+    actuators : whose forces act
     forces : (frames, actuators) [N or N m]
 
     Returns
@@ -170,6 +175,9 @@ def of_bushings(tree: Tree, poses: Poses, bushings: Sequence[Bushing], rates: Ar
 
     Parameters
     ----------
+    tree : of the model
+    poses : of the bodies
+    bushings : of the model
     rates : (frames, coordinates) consistent [rad/s or m/s]
 
     Returns
@@ -212,6 +220,7 @@ def of_wrenches(tree: Tree, wrenches: Wrenches) -> Array:
 
     Parameters
     ----------
+    tree : of the model
     wrenches : in ground
 
     Returns
@@ -399,6 +408,7 @@ def caused_motion(
 
     Parameters
     ----------
+    model : of the body
     motion : with velocities and accelerations, of which only those of prescribed coordinates are
         read
     forces : of muscles and actuators by name [N or N m], of all muscles that are switched on; None

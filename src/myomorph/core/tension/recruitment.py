@@ -61,6 +61,8 @@ class RecruitmentOptions:
 
         Parameters
         ----------
+        model : of the body
+        options : settings
         external : whether the external forces are known
         """
         if self.joint_load is not None:
@@ -136,6 +138,7 @@ def joint_load_term(
 
     Parameters
     ----------
+    model : of the body
     motion : with velocities and accelerations
     wrenches : external forces at the motion's times, None for none
     weight : of one body weight squared, in units of the effort a^2 of one muscle

@@ -326,6 +326,7 @@ def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowa
 
     Parameters
     ----------
+    roots : equations of motion of the bodies that float
     frame : number
     limits : (bodies, 2) of residuals [N], [N m]
 

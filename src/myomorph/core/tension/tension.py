@@ -441,6 +441,7 @@ def missing_support(tension: Tension, weight: float) -> tuple[Finding, ...]:
 
     Parameters
     ----------
+    tension : result with contacts
     weight : of the body [N]
     """
     columns = [tension.reserve_names.index(name) for name in tension.residual_names]

@@ -337,6 +337,7 @@ def possible(program: Program, a: Array) -> Array:
 
     Parameters
     ----------
+    program : the problem of a part
     a : (frames - 1, muscles)
 
     Returns
@@ -366,6 +367,7 @@ def integrated(program: Program, a: Array) -> Array:
 
     Parameters
     ----------
+    program : the problem of a part
     a : (frames - 1, muscles)
 
     Returns

@@ -170,7 +170,9 @@ def fibers_at(term: ElasticMuscleTerm, time: Array, paths: Paths) -> FiberMotion
 
     Parameters
     ----------
+    term : the muscles on elastic tendons
     time : (frames,) [s]
+    paths : of the muscles, and their forces
 
     Returns
     -------
@@ -240,6 +242,7 @@ def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
 
     Parameters
     ----------
+    separable : pattern and data that all frames share
     elastic : (muscles,) of the first unknowns
 
     Returns
@@ -423,7 +426,9 @@ def drawn(penalties: Array, links: Links, x: Array, shared: Separable) -> Array:
     Parameters
     ----------
     penalties : (1 or frames, 3, unknowns) without
+    links : between frames
     x : (frames, unknowns) whose amounts the frames beside have
+    shared : pattern and data that all frames share
 
     Returns
     -------
@@ -457,6 +462,10 @@ def program_of(
 
     Parameters
     ----------
+    part : its unknowns and rows
+    frames : of a run, without gaps
+    shared : pattern and data that all frames share
+    term : the muscles on elastic tendons
     dynamics : whether activation changes no faster than excitations let it
     """
     count = len(frames.time)
@@ -527,7 +536,9 @@ def start_of(part: Part, frames: Frames, program: Program) -> tuple[Point, Array
 
     Parameters
     ----------
+    part : its unknowns and rows
     frames : with the solution on rigid tendons
+    program : the problem of a part
 
     Returns
     -------
@@ -548,7 +559,10 @@ def solve_part(
 
     Parameters
     ----------
+    program : the problem of a part
+    start : where the solver begins
     y : (frames, rows) multipliers of the balance to begin with
+    second_start : whether another start is tried too
 
     Returns
     -------
@@ -628,6 +642,7 @@ def balanced(
 
     Parameters
     ----------
+    shared : pattern and data that all frames share
     values, right : (frames, entries) and (frames, rows) of the balance
     held : (frames, unknowns) with normalized forces in the columns of muscles on elastic tendons
     muscles : (unknowns,) which columns those are

@@ -229,6 +229,7 @@ def default_reserves(
 
     Parameters
     ----------
+    model : of the body
     reserve : optimal force of the coordinates' actuators, named "reserve_<coordinate>" [N m or N]
     residual : optimal force of what holds a body that is joined to the ground by six free
         coordinates: "residual_FX" ... "residual_FZ" at its mass center and "residual_MX" ...

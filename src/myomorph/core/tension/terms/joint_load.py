@@ -101,6 +101,7 @@ def crossed_joints(model: Model, joints: Sequence[str] = ()) -> tuple[str, ...]:
 
     Parameters
     ----------
+    model : of the body
     joints : names to check; none for all joints that a muscle crosses
 
     Raises

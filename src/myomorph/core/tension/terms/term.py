@@ -222,6 +222,7 @@ class Rows:
 
         Parameters
         ----------
+        name : of the rows
         L : (rows, unknowns)
         m : (rows,) or (frames, rows)
         weight : above 0, in units of the effort a^2 of one muscle
