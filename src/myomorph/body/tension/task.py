@@ -415,7 +415,7 @@ def added_reserves(
 def contact_warnings(
     solution: ContactSolution, frames: Sequence[int], advance: Callable[[int], None]
 ) -> ContactWarnings:
-    """Ask at some instants what the data leave open, and of all frames whether contacts carry them.
+    """Find what the data leave open at some instants, and frames that contacts do not carry.
 
     Parameters
     ----------
