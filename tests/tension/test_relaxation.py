@@ -20,9 +20,9 @@ from myomorph.core.rigid.frames import over_frames
 from myomorph.core.tension.problem import TensionInputs, tension_problem
 from myomorph.core.tension.relaxation import (
     Allowance,
+    missing_words,
     relaxation_lines,
     relaxations,
-    missing_words,
     what_would_do,
 )
 from myomorph.core.tension.terms.contacts import ContactTask
@@ -206,7 +206,9 @@ def test_a_force_within_45_degrees_of_the_vertical_is_called_so():
         (-0.705, "downward"),
     ):
         force = 200.0 * np.array([np.sqrt(1.0 - share**2), share, 0.0])
-        assert missing_words((), force, zero, up) == f"no site may touch, but 200 N {way} are needed"
+        assert (
+            missing_words((), force, zero, up) == f"no site may touch, but 200 N {way} are needed"
+        )
     assert "a moment of 9 N m is needed beside" in missing_words(["heel"], 8.0 * up, 9.0 * up, up)
 
 
