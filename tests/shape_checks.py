@@ -82,8 +82,14 @@ def _names() -> re.Pattern[str]:
 
 
 def _checked(function: FunctionType) -> Callable[..., Any]:
-    """Make a function that checks the types of its arguments and its result."""
+    """Make a function that checks the shapes of its arguments and its result, and no other type."""
     from beartype import beartype
     from jaxtyping import jaxtyped
 
-    return jaxtyped(function, typechecker=beartype)
+    annotations = dict(function.__annotations__)
+    function.__annotations__ = {
+        name: text for name, text in annotations.items() if _names().search(str(text))
+    }
+    checked = jaxtyped(function, typechecker=beartype)
+    checked.__annotations__ = annotations
+    return checked

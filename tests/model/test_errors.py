@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from myomorph.core.model.errors import (
-    LONGEST,
+    MAX_CHARACTERS,
     MAX_NAMES,
     BadData,
     BadFile,
@@ -37,8 +37,8 @@ def test_control_characters_do_not_reach_the_terminal(error: MyomorphError) -> N
 
 
 def test_a_very_long_message_keeps_its_beginning_and_its_end() -> None:
-    text = str(BadFile("a.csv", "begins " + 10 * LONGEST * "x", "try this"))
-    assert len(text) < 1.01 * LONGEST
+    text = str(BadFile("a.csv", "begins " + 10 * MAX_CHARACTERS * "x", "try this"))
+    assert len(text) < 1.01 * MAX_CHARACTERS
     assert text.startswith("a.csv: begins xxx")
     assert text.endswith("; try this")
 

@@ -9,14 +9,11 @@ from collections.abc import Collection, Iterable
 from importlib.util import find_spec
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-LONGEST = 20_000
-LAST = 2_000  # Characters of a message at most, and how many of them are its end
-MAX_NAMES = 5  # Names that a message lists at most
-NEAR = 0.6
-MIN_PART = 3
-"""Share of common characters from which two names are alike; characters from which a part of a name
-is like it.
-"""
+MAX_CHARACTERS = 20_000  # Of a message
+END_CHARACTERS = 2_000  # Of the end of a message that is too long
+MAX_NAMES = 5  # That a message lists
+MIN_RATIO = 0.6  # Share of common characters from which two names are alike
+MIN_PART = 3  # Characters from which a part of a name is like it
 CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 
@@ -100,11 +97,11 @@ class BadExtension(MyomorphError):
 def check_name(kind: str, name: str, existing: Collection[str], where: str = "the model") -> None:
     """Raise `UnknownName` where a name is not among those that exist."""
     if name not in existing:
-        raise UnknownName(kind, name, existing, where)
+        raise UnknownName(kind, name, existing, where=where)
 
 
 def check_choices(options: object) -> None:
-    """Raise `BadData` where a field of a dataclass has none of the values that its `Literal` names."""
+    """Raise `BadData` where a field of a dataclass has none of the values of its `Literal`."""
     for name, kind in get_type_hints(type(options)).items():
         value = getattr(options, name)
         if get_origin(kind) is Literal and value not in get_args(kind):
@@ -113,7 +110,18 @@ def check_choices(options: object) -> None:
 
 
 def from_extra(extra: str, module: str, package: str = "") -> Any:
-    """A module that an extra brings, imported when it is first needed."""
+    """Import a module that an extra brings, when it is first needed.
+
+    Parameters
+    ----------
+    extra : of the package's optional dependencies
+    module : to import
+    package : that has the module, where its name is another one
+
+    Raises
+    ------
+    MissingPackage : the extra is not installed
+    """
     try:
         return importlib.import_module(module)
     except ImportError:
@@ -121,45 +129,54 @@ def from_extra(extra: str, module: str, package: str = "") -> Any:
 
 
 def check_extra(extra: str, module: str, package: str = "") -> None:
-    """Raise `MissingPackage` where a module that an extra brings is not there; nothing is imported."""
+    """Raise `MissingPackage` where a module of an extra is missing; nothing is imported."""
     if find_spec(module) is None:
         raise MissingPackage(package or module, extra)
 
 
 def one_line(text: str) -> str:
-    """A text for a terminal: control characters as blanks, and of a very long one the beginning and
-    the end.
+    """Make a text fit for a terminal.
+
+    Control characters become blanks; of a very long text the beginning and the end are left.
     """
     text = CONTROL.sub(" ", text)
-    if len(text) <= LONGEST:
+    if len(text) <= MAX_CHARACTERS:
         return text
-    return f"{text[: LONGEST - LAST]} ... ({len(text) - LONGEST} characters) ... {text[-LAST:]}"
+    beginning = text[: MAX_CHARACTERS - END_CHARACTERS]
+    left_out = len(text) - MAX_CHARACTERS
+    return f"{beginning} ... ({left_out} characters) ... {text[-END_CHARACTERS:]}"
 
 
 def few(names: Iterable[str], most: int = 6) -> str:
-    """Names for a sentence, at most so many of them, and how many more there are."""
+    """List names for a sentence, at most so many of them, and how many more there are."""
     names = tuple(dict.fromkeys(names))
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def counted(count: int, noun: str) -> str:
-    """A number of things: "1 frame", "2 frames"."""
+    """Write a number of things: "1 frame", "2 frames"."""
     return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
 def quoted(names: Iterable[str], most: int = MAX_NAMES) -> str:
-    """Names in quotes, at most so many of them, and how many there are in all where some are left
-    out.
-    """
+    """List names in quotes, at most so many, and their number where some are left out."""
     names = tuple(dict.fromkeys(names))
     text = ", ".join(f"'{name}'" for name in names[:most])
     return text + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
 
 def nearest(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> tuple[str, ...]:
-    """Names that are spelt like `name`, nearest first; capitals and what joins words (`-`, `_`, a
-    blank) do not count. Two names are alike by the share of characters that they have in common in
-    the same order (`difflib.SequenceMatcher`), or where one is a part of the other.
+    """Find names that are spelt like another, nearest first.
+
+    Two names are alike by the share of characters that they have in common in the same order
+    (`difflib.SequenceMatcher`), or where one is a part of the other. Capitals and what joins words
+    (`-`, `_`, a blank) do not count.
+
+    Parameters
+    ----------
+    name : to compare with
+    existing : the names that there are
+    most : number of names in the result
     """
     plain = _plain(name)
     if not plain:
@@ -169,18 +186,19 @@ def nearest(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> tuple[
     for other in existing:
         spelling = _plain(other)
         matcher.set_seq1(spelling)
-        if min(matcher.real_quick_ratio(), matcher.quick_ratio()) >= NEAR:
+        if min(matcher.real_quick_ratio(), matcher.quick_ratio()) >= MIN_RATIO:
             scores[other] = matcher.ratio()
         shorter, longer = sorted((plain, spelling), key=len)
         if len(shorter) >= MIN_PART and shorter in longer:
-            scores[other] = max(scores.get(other, 0.0), NEAR)
-    near = [other for other, score in scores.items() if score >= NEAR]
+            scores[other] = max(scores.get(other, 0.0), MIN_RATIO)
+    near = [other for other, score in scores.items() if score >= MIN_RATIO]
     return tuple(sorted(near, key=lambda other: -scores[other])[:most])
 
 
 def listing(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> str:
-    """Names that exist: those nearest to `name`, else the first ones; and their number where some
-    are left out.
+    """List names that exist: those nearest to `name`, else the first ones.
+
+    Their number follows where some are left out.
     """
     existing = tuple(dict.fromkeys(existing))
     near = nearest(name, existing, most)
@@ -191,15 +209,19 @@ def listing(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> str:
 
 
 def unknown(kind: str, name: str, existing: Iterable[str], where: str = "") -> str:
-    """The line that answers an unknown name: the nearest that exist, and how many do.
-    `kind`: of name: marker, body, key, option, file; `existing`: the names that there are; `where`:
-    what has them; "" says "there are".
+    """Write the line that answers an unknown name: the nearest that exist, and how many do.
+
+    Parameters
+    ----------
+    kind : of name: marker, body, key, option, file
+    name : that is unknown
+    existing : the names that there are
+    where : what has them; "" says "there are"
     """
-    return (
-        f"unknown {kind} '{name}': {f'{where} has' if where else 'there are'}"
-        f" {listing(name, existing)}"
-    )
+    there = f"{where} has" if where else "there are"
+    return f"unknown {kind} '{name}': {there} {listing(name, existing)}"
 
 
 def _plain(name: str) -> str:
+    """Spell a name without capitals and without what joins words."""
     return re.sub(r"[-_.\s]+", "", name).casefold()

@@ -1,4 +1,4 @@
-"""What checks find in a recording, one value each, and how it is put right.
+"""Findings of checks of a recording, one value each, and their corrections.
 
 A check is a function from what is checked to findings; `repaired` is the only place where a finding
 changes anything.
@@ -15,17 +15,25 @@ import numpy as np
 from myomorph.core.model.arrays import Array, runs
 
 Span: TypeAlias = tuple[float, float]  # First and last time of a stretch of frames [s]
+INSTANT = 0.005  # Longest stretch that is written as one time [s]
 
 Checked = TypeVar("Checked")
 
 
 @dataclass(frozen=True)
 class Repair:
-    """How what a check found is put right."""
+    """Correction of what a check found.
 
-    apply: Callable[[Any], Any]  # from what was checked to the same put right
-    done: str  # what was done, for the finding's text
-    advice: str = ""  # what helps instead where it is only reported
+    Attributes
+    ----------
+    apply : from what was checked to the same corrected
+    done : what was done, for the finding's text
+    advice : what helps instead where it is only reported
+    """
+
+    apply: Callable[[Any], Any]
+    done: str
+    advice: str = ""
 
 
 @dataclass(frozen=True)
@@ -56,16 +64,25 @@ class Finding:
 
     @property
     def record(self) -> dict[str, object]:
-        """Its fields as plain values, for files."""
+        """Fields as plain values, for files."""
         return {name: getattr(self, name) for name in ("kind", "place", "text", "times", "mended")}
 
 
 def repaired(
     checked: Checked, findings: Iterable[Finding], mend: bool = True
 ) -> tuple[Checked, tuple[Finding, ...]]:
-    """What was checked with all repairs applied one after the other, and the findings as they are
-    reported. `mend`: apply the repairs; else nothing changes, and the findings' texts say what
-    helps.
+    """Apply the repairs of findings, one after the other.
+
+    Parameters
+    ----------
+    checked : what the findings are about
+    findings : with or without repairs
+    mend : apply the repairs; else nothing changes, and the findings' texts say what helps
+
+    Returns
+    -------
+    checked : corrected
+    findings : as they are reported
     """
     reported = []
     for finding in findings:
@@ -73,28 +90,38 @@ def repaired(
         if repair is not None:
             checked = repair.apply(checked) if mend else checked
             helps = repair.done if mend else repair.advice
-            finding = replace(
-                finding, text=f"{finding.text}: {helps}" if helps else finding.text, mended=mend
-            )
+            text = f"{finding.text}: {helps}" if helps else finding.text
+            finding = replace(finding, text=text, mended=mend)
         reported.append(replace(finding, repair=None))
     return checked, tuple(reported)
 
 
 def spans_of(time: Array, flags: np.ndarray) -> tuple[Span, ...]:
-    """Times of each run of flagged frames."""
+    """Find the times of each run of flagged frames.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    flags : (frames,)
+
+    Returns
+    -------
+    first and last time of each [s]
+    """
     return tuple((float(time[start]), float(time[stop - 1])) for start, stop in runs(flags))
 
 
 def times_text(spans: Sequence[Span], most: int = 3) -> str:
-    """'at 1.20 s and from 1.50 to 1.62 s'."""
+    """Write times: 'at 1.20 s, from 1.50 to 1.62 s'."""
     parts = [
-        f"at {a:.2f} s" if b - a < 0.005 else f"from {a:.2f} to {b:.2f} s" for a, b in spans[:most]
+        f"at {start:.2f} s" if stop - start < INSTANT else f"from {start:.2f} to {stop:.2f} s"
+        for start, stop in spans[:most]
     ]
     more = f" and in {len(spans) - most} other parts" if len(spans) > most else ""
     return ", ".join(parts) + more
 
 
 def pairs_text(pairs: Sequence[tuple[str, str]], most: int = 3) -> str:
-    """The first pairs of labels."""
+    """Write the first pairs of labels."""
     more = f" and {len(pairs) - most} other pairs" if len(pairs) > most else ""
     return ", ".join(f"'{first}' and '{other}'" for first, other in pairs[:most]) + more

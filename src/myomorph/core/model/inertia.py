@@ -16,30 +16,52 @@ from myomorph.core.model.spatial import Transform, least_rotation
 
 PARAMETERS = ("m", "m c_x", "m c_y", "m c_z", "I_xx", "I_yy", "I_zz", "I_yz", "I_zx", "I_xy")
 """Order of a body's parameters, [D] eq. 3.4; the inertia is about the body's origin."""
+# Positions of the last six in the inertia, a symmetric matrix
 _ROWS = [0, 1, 2, 1, 2, 0]
-_COLUMNS = [0, 1, 2, 2, 0, 1]  # Places of the last six in the inertia, a symmetric matrix
-EARTH = (0.0, -9.80665, 0.0)
+_COLUMNS = [0, 1, 2, 2, 0, 1]
+EARTH = (0.0, -9.80665, 0.0)  # Gravity [m/s^2]
 SLIDES = ("tx", "ty", "tz")
 TURNS = ("rx", "ry", "rz")
-WIDEST = 1.0
-COUNTS = 0.1
-"""Radius of gyration that no part of a body has [m], and moment of inertia that limbs feel [kg
-m^2].
-"""
+MAX_RADIUS = 1.0  # Of gyration, of a part of a body [m]
+MIN_MOMENT = 0.1  # Of inertia that changes torques of limbs [kg m^2]
 
 
 def inertial_parameters(model: Model) -> Array:
-    """(bodies, 10) mass [kg], first moments [kg m] and inertia about the body's origin [kg m^2]."""
+    """Inertial parameters of every body, in the order of `PARAMETERS`.
+
+    The inertia about the origin is I_c + m (c^T c 1 - c c^T) (Steiner).
+
+    Source: [D] eq. 3.4.
+
+    Parameters
+    ----------
+    model : with bodies
+
+    Returns
+    -------
+    (bodies, 10) mass [kg], first moments [kg m] and inertia about the body's origin [kg m^2]
+    """
     table = np.empty((len(model.bodies), 10))
     for row, body in zip(table, model.bodies, strict=True):
         c = body.mass_center
         inertia = body.inertia + body.mass * (c @ c * np.eye(3) - np.outer(c, c))
-        row[0], row[1:4], row[4:] = body.mass, body.mass * c, inertia[_ROWS, _COLUMNS]
+        row[0] = body.mass
+        row[1:4] = body.mass * c
+        row[4:] = inertia[_ROWS, _COLUMNS]
     return table
 
 
 def inertia_matrices(parameters: ArrayLike) -> Array:
-    """(..., 3, 3) inertia about the bodies' origins of parameters (..., 10)."""
+    """Inertia matrices of inertial parameters.
+
+    Parameters
+    ----------
+    parameters : (..., 10) as of `inertial_parameters`
+
+    Returns
+    -------
+    (..., 3, 3) about the bodies' origins [kg m^2]
+    """
     values = np.asarray(parameters, dtype=np.float64)
     matrices = np.zeros((*values.shape[:-1], 3, 3))
     matrices[..., _ROWS, _COLUMNS] = matrices[..., _COLUMNS, _ROWS] = values[..., 4:]
@@ -47,9 +69,22 @@ def inertia_matrices(parameters: ArrayLike) -> Array:
 
 
 def pseudo_inertias(parameters: ArrayLike) -> Array:
-    """(..., 4, 4) pseudo-inertia [[S, h], [h^T, m]], S = tr(I) / 2 - I the second moments of mass.
-    A body of some distribution of positive mass has a positive definite one (Wensing, Kim, Slotine
-    2018, IEEE Robotics and Automation Letters 3(1):60).
+    """Pseudo-inertias of inertial parameters.
+
+        J = [[S, h], [h^T, m]],   S = tr(I) / 2 - I
+
+    with the second moments of mass S, the first moments h and the mass m. A body of some
+    distribution of positive mass has a positive definite one.
+
+    Source: Wensing, Kim, Slotine 2018, IEEE Robotics and Automation Letters 3(1):60.
+
+    Parameters
+    ----------
+    parameters : (..., 10) as of `inertial_parameters`
+
+    Returns
+    -------
+    (..., 4, 4)
     """
     values = np.asarray(parameters, dtype=np.float64)
     inertia = inertia_matrices(values)
@@ -62,12 +97,15 @@ def pseudo_inertias(parameters: ArrayLike) -> Array:
 
 
 def made_up_inertias(bodies: Sequence[Body]) -> tuple[str, ...]:
-    """A warning of bodies whose inertia counts and is that of mass farther away than a body is
-    wide.
+    """Warn of bodies whose inertia is that of mass farther away than a body is wide.
+
+    Inertia that is too small to change torques does not count.
     """
     moments = {body: float(np.diag(body.inertia).max()) for body in bodies if body.mass > 0.0}
     wide = [
-        body for body, moment in moments.items() if moment >= max(WIDEST**2 * body.mass, COUNTS)
+        body
+        for body, moment in moments.items()
+        if moment >= max(MAX_RADIUS**2 * body.mass, MIN_MOMENT)
     ]
     if not wide:
         return ()
@@ -84,7 +122,21 @@ def made_up_inertias(bodies: Sequence[Body]) -> tuple[str, ...]:
 
 
 def with_inertial_parameters(model: Model, parameters: ArrayLike) -> Model:
-    """The model with other masses, mass centers and inertias."""
+    """Change the masses, mass centers and inertias of a model.
+
+    Parameters
+    ----------
+    model : with bodies
+    parameters : (bodies, 10) as of `inertial_parameters`
+
+    Returns
+    -------
+    the changed model
+
+    Raises
+    ------
+    BadData : parameters of another shape or not finite, or a mass below 0
+    """
     values = np.asarray(parameters, dtype=np.float64)
     if values.shape != (len(model.bodies), 10) or not np.isfinite(values).all():
         raise BadData(
@@ -113,12 +165,25 @@ def free_object(
     mesh: str = "",
     gravity: ArrayLike = EARTH,
 ) -> Model:
-    """One rigid body that moves freely: coordinates `tx`, `ty`, `tz` of its origin, then `rx`,
-    `ry`, `rz`. `name`: of the body; `mass` [kg]; `size` (3,) of a solid box about the mass center,
-    which gives the inertia where none is given [m]; `inertia` (3, 3), or (3,) its diagonal, about
-    the mass center in the body's axes [kg m^2]; `mass_center` (3,) in the body's frame [m];
-    `markers`: places (3,) in the body's frame by name [m]; `mesh`: file that draws it instead of a
-    box of `size`; `gravity` (3,) in ground [m/s^2].
+    """Make a model of one rigid body that moves freely.
+
+    Its coordinates are `tx`, `ty`, `tz` of its origin, then `rx`, `ry`, `rz`.
+
+    Parameters
+    ----------
+    name : of the body
+    mass : [kg]
+    size : (3,) of a solid box about the mass center, from which the inertia follows where there is
+        no other [m]
+    inertia : (3, 3), or (3,) its diagonal, about the mass center in the body's axes [kg m^2]
+    mass_center : (3,) in the body's frame [m]
+    markers : positions (3,) in the body's frame by name [m]
+    mesh : file that draws it instead of a box of `size`
+    gravity : (3,) in ground [m/s^2]
+
+    Raises
+    ------
+    BadData : a mass, size or inertia that no body has
     """
     body = _body(name, mass, size, inertia, mass_center, mesh)
     axes = [
@@ -168,10 +233,20 @@ def hinged_object(
     mesh: str = "",
     gravity: ArrayLike = EARTH,
 ) -> Model:
-    """One rigid body that turns about an axle of the ground, by the coordinate `angle`.
-    `axis` (3,) of the axle in ground, which is also the body's z axis; `center` (3,) of the axle in
-    ground, where the body has its origin [m]; `inertia`, `mass_center`, `markers`: as for
-    `free_object`, in axes that are the ground's turned as little as brings z onto `axis`.
+    """Make a model of one rigid body that turns about an axle of the ground.
+
+    Its coordinate is `angle`. Its axes are the ground's, turned as little as brings z onto `axis`.
+
+    Parameters
+    ----------
+    name, mass : of the body [kg]
+    axis : (3,) of the axle in ground, which is also the body's z axis
+    inertia, mass_center, markers, mesh, gravity : as for `free_object`
+    center : (3,) of the axle in ground, where the body has its origin [m]
+
+    Raises
+    ------
+    BadData : an axis without length, or a mass or inertia that no body has
     """
     along = np.asarray(axis, dtype=np.float64)
     length = float(np.linalg.norm(along))
@@ -216,6 +291,7 @@ def _body(
     mass_center: ArrayLike,
     mesh: str,
 ) -> Body:
+    """Make a body; parameters as of `free_object`."""
     if not (np.isfinite(mass) and mass > 0.0):
         raise BadData(f"mass of '{name}' is {mass:g} kg: expected above 0")
     if size is None and inertia is None:
@@ -223,55 +299,79 @@ def _body(
     box = np.ones(3) if size is None else np.asarray(size, dtype=np.float64)
     if box.shape != (3,) or not (np.isfinite(box).all() and (box > 0.0).all()):
         raise BadData(f"size {box.tolist()} of '{name}': expected three lengths above 0")
-    about = np.asarray(
-        (mass / 12.0) * (box @ box - box**2) if inertia is None else inertia, dtype=np.float64
+    if inertia is None:
+        # Of a solid box: I_xx = m (y^2 + z^2) / 12, ...
+        inertia = (mass / 12.0) * (box @ box - box**2)
+    meshes = []
+    if mesh:
+        meshes.append(Mesh(mesh, Transform.identity(), np.ones(3)))
+    elif size is not None:
+        pose = Transform(np.eye(3), np.asarray(mass_center, dtype=np.float64))
+        meshes.append(Mesh(file="", pose=pose, scale=0.5 * box, shape="box"))
+    return Body(
+        name=name,
+        mass=mass,
+        mass_center=np.asarray(mass_center),
+        inertia=_checked_inertia(name, inertia),
+        meshes=tuple(meshes),
     )
-    moments = np.diag(about) if about.shape == (3,) else about
-    if (
-        moments.shape != (3, 3)
-        or not np.isfinite(moments).all()
-        or not np.allclose(moments, moments.T)
-    ):
+
+
+def _checked_inertia(name: str, inertia: ArrayLike) -> Array:
+    """Check that an inertia is one of a body.
+
+    Its principal moments are above 0, and none is larger than the sum of the others.
+
+    Parameters
+    ----------
+    name : of the body, for the message
+    inertia : (3, 3), or (3,) its diagonal [kg m^2]
+
+    Returns
+    -------
+    (3, 3) [kg m^2]
+
+    Raises
+    ------
+    BadData : no body has such an inertia
+    """
+    values = np.asarray(inertia, dtype=np.float64)
+    matrix = np.diag(values) if values.shape == (3,) else values
+    is_matrix = matrix.shape == (3, 3) and np.isfinite(matrix).all()
+    if not is_matrix or not np.allclose(matrix, matrix.T):
         raise BadData(
             f"inertia of '{name}': expected a symmetric (3, 3) or its diagonal (3,), got"
-            f" {moments.tolist()}"
+            f" {matrix.tolist()}"
         )
-    low, middle, high = np.linalg.eigvalsh(moments)
+    low, middle, high = np.linalg.eigvalsh(matrix)
     if low <= 0.0 or high > (low + middle) * (1.0 + 1e-9):
         raise BadData(
             f"inertia of '{name}' with moments {low:.3g}, {middle:.3g}, {high:.3g} kg m^2 is none"
             " of a body"
         )
-    meshes = []
-    if mesh:
-        meshes.append(Mesh(mesh, Transform.identity(), np.ones(3)))
-    elif size is not None:
-        meshes.append(
-            Mesh(
-                file="",
-                pose=Transform(np.eye(3), np.asarray(mass_center, dtype=np.float64)),
-                scale=0.5 * box,
-                shape="box",
-            )
-        )
-    return Body(
-        name=name,
-        mass=mass,
-        mass_center=np.asarray(mass_center),
-        inertia=moments,
-        meshes=tuple(meshes),
-    )
+    return matrix
 
 
 def _markers(body: str, places: Mapping[str, ArrayLike] | None) -> tuple[Marker, ...]:
+    """Markers at positions (3,) of a body by name [m]."""
     return tuple(Marker(name, body, np.asarray(place)) for name, place in (places or {}).items())
 
 
 def parameters_of(pseudo: Array) -> Array:
-    """(..., 10) inertial parameters of pseudo-inertias (..., 4, 4); see `pseudo_inertias`."""
+    """Inertial parameters of pseudo-inertias, the inverse of `pseudo_inertias`.
+
+    Parameters
+    ----------
+    pseudo : (..., 4, 4)
+
+    Returns
+    -------
+    (..., 10) as of `inertial_parameters`
+    """
     second = pseudo[..., :3, :3]
     inertia = np.trace(second, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - second
     result = np.empty((*pseudo.shape[:-2], 10))
-    result[..., 0], result[..., 1:4] = pseudo[..., 3, 3], pseudo[..., :3, 3]
+    result[..., 0] = pseudo[..., 3, 3]
+    result[..., 1:4] = pseudo[..., :3, 3]
     result[..., 4:] = inertia[..., _ROWS, _COLUMNS]
     return result

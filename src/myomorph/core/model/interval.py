@@ -25,11 +25,22 @@ class Interval:
 
     @classmethod
     def of_draws(cls, value: float, draws: Array, level: float = 0.95) -> Interval:
-        """The percentile interval of bootstrap draws (draws,); NaN where no draw is finite."""
+        """Take the percentile interval of bootstrap draws.
+
+        Parameters
+        ----------
+        value : the estimate
+        draws : (draws,) of it; those that are not finite do not count
+        level : share of the draws in the interval
+
+        Returns
+        -------
+        the interval, NaN where no draw is finite
+        """
         if not np.isfinite(draws).any():
-            return cls(float(value), float("nan"), float("nan"))
+            return cls(value=float(value), low=float("nan"), high=float("nan"))
         low, high = np.nanquantile(draws, [0.5 - 0.5 * level, 0.5 + 0.5 * level])
-        return cls(float(value), float(low), float(high))
+        return cls(value=float(value), low=float(low), high=float(high))
 
     def holds(self, truth: float) -> bool:
         """Whether the interval holds a value."""

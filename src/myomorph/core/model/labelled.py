@@ -19,7 +19,14 @@ AXES = ("x", "y", "z")
 
 
 class Variable(NamedTuple):
-    """Values over named dimensions, and their unit."""
+    """Values over named dimensions, and their unit.
+
+    Attributes
+    ----------
+    dimensions : a name for each axis of the values
+    values : of any shape
+    unit : "" for none
+    """
 
     dimensions: tuple[str, ...]
     values: np.ndarray
@@ -47,14 +54,14 @@ class Labelled:
         return self.quantities
 
     def held_arrays(self) -> Iterator[tuple[Quantity, Any]]:
-        """Each quantity that this value holds, with its array or texts."""
+        """Yield each quantity that this value holds, with its array or texts."""
         for quantity in self.held:
             values = quantity.of(self)
             if values is not None:
                 yield quantity, values
 
     def variables(self) -> Mapping[str, Variable]:
-        """The arrays by name, each with its dimensions and unit."""
+        """Name the arrays, each with its dimensions and unit."""
         return {
             quantity.name: Variable(quantity.dims, np.asarray(values), quantity.unit)
             for quantity, values in self.held_arrays()
@@ -62,13 +69,18 @@ class Labelled:
         }
 
     def labels(self) -> Mapping[str, Sequence[object] | np.ndarray]:
-        """Coordinates of the dimensions: times, names, axes."""
+        """Label each dimension: times, names, axes.
+
+        Returns
+        -------
+        by dimension
+        """
         if not self.axes:
             raise TypeError(f"{type(self).__name__} names no labels")
         return {axis: getattr(self, field) for axis, field in self.axes.items()}
 
     def to_xarray(self) -> xarray.Dataset:
-        """All arrays as one `xarray.Dataset`, with units as attributes, named as in result files."""
+        """Put all arrays into one `xarray.Dataset`, with units, named as in result files."""
         # Only here: it brings pandas, which takes longer to import than most steps take to run.
         xarray = from_extra("xarray", "xarray")
         variables = self.variables()
@@ -90,9 +102,10 @@ class Labelled:
         )
 
     def to_pandas(self) -> pandas.DataFrame:
-        """All arrays over time as one `pandas.DataFrame`, a row a frame.
-        Columns are the names of a single variable, else pairs of variable and name; vectors have
-        one column an axis.
+        """Put all arrays over time into one `pandas.DataFrame`, one row per frame.
+
+        Columns are the names of a single variable, else pairs of variable and name. Vectors have
+        one column per axis.
         """
         pandas = from_extra("xarray", "pandas")
         labels = self.labels()

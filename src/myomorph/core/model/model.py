@@ -119,7 +119,7 @@ class Axis:
             )
 
     def moved(self, amount: float) -> Transform:
-        """What it does at an amount of motion [rad or m]."""
+        """Transform that the axis makes at an amount of motion [rad or m]."""
         if self.kind == "translation":
             return Transform(np.eye(3), amount * self.vector)
         rotation = axis_rotation(self.vector / np.linalg.norm(self.vector), amount)
@@ -366,11 +366,9 @@ class Model:
 
     @cached_property
     def up(self) -> Array:
-        """Unit vector (3,) against gravity in ground; y, as in OpenSim, where the model has no
-        gravity.
-        """
-        size = float(np.linalg.norm(self.gravity))
-        return frozen_array(-self.gravity / size if size > 0.0 else (0.0, 1.0, 0.0))
+        """(3,) unit vector against gravity in ground; y where the model has no gravity."""
+        norm = float(np.linalg.norm(self.gravity))
+        return frozen_array(-self.gravity / norm if norm > 0.0 else (0.0, 1.0, 0.0))
 
     @cached_property
     def weight(self) -> float:
@@ -378,29 +376,41 @@ class Model:
         return self.mass * (float(np.linalg.norm(self.gravity)) or STANDARD_GRAVITY)
 
     def coordinate(self, name: str) -> Coordinate:
-        """The coordinate of that name; raises `UnknownName`."""
+        """Find the coordinate of that name; raises `UnknownName`."""
         return self.coordinates[index_of("coordinate", name, self.coordinate_names)]
 
     def body(self, name: str) -> Body:
-        """The body of that name; raises `UnknownName`."""
+        """Find the body of that name; raises `UnknownName`."""
         return self.bodies[index_of("body", name, self.body_names)]
 
     def muscle(self, name: str) -> Muscle:
-        """The muscle of that name; raises `UnknownName`."""
+        """Find the muscle of that name; raises `UnknownName`."""
         return self.muscles[index_of("muscle", name, self.muscle_names)]
 
     def marker(self, name: str) -> Marker:
-        """The marker of that name; raises `UnknownName`."""
+        """Find the marker of that name; raises `UnknownName`."""
         return self.markers[index_of("marker", name, self.marker_names)]
 
     def with_markers(self, markers: tuple[Marker, ...]) -> Model:
-        """The same model with other markers."""
+        """Replace the markers of the model."""
         return replace(self, markers=markers)
 
 
 def index_of(kind: str, name: str, names: tuple[str, ...], where: str = "the model") -> int:
-    """Position of `name` in `names`; raises `UnknownName` listing what exists."""
+    """Find the position of a name in others.
+
+    Parameters
+    ----------
+    kind : of name, for the message
+    name : to find
+    names : that exist
+    where : what has them, for the message
+
+    Raises
+    ------
+    UnknownName : it is not among them
+    """
     try:
         return names.index(name)
     except ValueError:
-        raise UnknownName(kind, name, names, where) from None
+        raise UnknownName(kind, name, names, where=where) from None

@@ -1,19 +1,19 @@
-"""Identified passive dynamics put into a model: springs and dampers of coordinates, dampers along
-muscles.
-"""
+"""Identified passive dynamics in a model: springs and dampers of coordinates and muscles."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
 from myomorph.core.model.errors import BadData, quoted
 from myomorph.core.model.functions import constant, linear
-from myomorph.core.model.model import Model, index_of
+from myomorph.core.model.model import Kept, Model, index_of
 from myomorph.core.model.paths import Bushing, PassiveTorque
 
+Part = TypeVar("Part", PassiveTorque, Bushing, Kept)
 NOTHING: Mapping[str, float] = {}
 PASSIVE = "passive_"
 
@@ -26,8 +26,7 @@ def with_passive_dynamics(
     viscosity: Mapping[str, float] = NOTHING,
     bushings: Sequence[Bushing] = (),
 ) -> Model:
-    """The model with passive torques at coordinates, bushings at joints and viscosity along
-    muscles.
+    """Put passive torques at coordinates, bushings at joints and viscosity along muscles.
 
         tau_passive = -stiffness (q - rest) - damping qdot,    f = viscosity * lengthening velocity
 
@@ -36,40 +35,57 @@ def with_passive_dynamics(
     its name, and a muscle's viscosity what it had. All of it is written into `.osim` in forms that
     OpenSim honours (SpringGeneralizedForce, BushingForce, ExpressionBasedPathForce) and read back.
 
-    `damping`: of coordinates [N m s/rad or N s/m]; `stiffness`, `rest`: of coordinates [N m/rad or
-    N/m], [rad or m]; at rest by default where the coordinate's default is; `viscosity`: of muscles
-    [N s/m]; see `line_viscosity`; `bushings`: `viscosity.identified_model.joint_bushing` makes one
-    of the damping of a ball joint.
+    Parameters
+    ----------
+    model : to change
+    damping : of coordinates [N m s/rad or N s/m]
+    stiffness : of coordinates [N m/rad or N/m]
+    rest : neutral positions of springs, by default those of the coordinates [rad or m]
+    viscosity : of muscles [N s/m]; see `line_viscosity`
+    bushings : `viscosity.identified_model.joint_bushing` makes one of the damping of a ball joint
+
+    Raises
+    ------
+    BadData : a value below 0, a neutral position without stiffness, or a dependent coordinate
+    UnknownName : the model has no such coordinate or muscle
     """
     for what, values in (("damping", damping), ("stiffness", stiffness), ("viscosity", viscosity)):
-        for name, value in values.items():
-            if not (np.isfinite(value) and value >= 0.0):
-                raise BadData(
-                    f"{what} of '{name}' is {value:g}: expected 0 or more, as it cannot give energy"
-                )
+        _check_passive(what, values)
     springless = [name for name in rest if name not in stiffness]
     if springless:
         raise BadData(f"a rest position is given for '{springless[0]}', but no stiffness")
-    added = [
+    for name in viscosity:
+        index_of("muscle", name, model.muscle_names)
+    springs = [
         _spring(model, name, damping, stiffness, rest)
         for name in dict.fromkeys((*damping, *stiffness))
     ]
-    for name in viscosity:
-        index_of("muscle", name, model.muscle_names)
-    names = {torque.name for torque in added} | {bushing.name for bushing in bushings}
+    replaced = {part.name for part in (*springs, *bushings)}
+    muscles = [
+        replace(muscle, viscosity=viscosity.get(muscle.name, muscle.viscosity))
+        for muscle in model.muscles
+    ]
     return replace(
         model,
-        passive_torques=(
-            *(torque for torque in model.passive_torques if torque.name not in names),
-            *added,
-        ),
-        kept=tuple(part for part in model.kept if part.name not in names),
-        bushings=(*(bushing for bushing in model.bushings if bushing.name not in names), *bushings),
-        muscles=tuple(
-            replace(muscle, viscosity=viscosity.get(muscle.name, muscle.viscosity))
-            for muscle in model.muscles
-        ),
+        passive_torques=(*_without(model.passive_torques, replaced), *springs),
+        kept=_without(model.kept, replaced),
+        bushings=(*_without(model.bushings, replaced), *bushings),
+        muscles=tuple(muscles),
     )
+
+
+def _without(parts: tuple[Part, ...], names: set[str]) -> tuple[Part, ...]:
+    """Parts of a model but those of some names."""
+    return tuple(part for part in parts if part.name not in names)
+
+
+def _check_passive(what: str, values: Mapping[str, float]) -> None:
+    """Raise `BadData` where a value would give energy."""
+    for name, value in values.items():
+        if not (np.isfinite(value) and value >= 0.0):
+            raise BadData(
+                f"{what} of '{name}' is {value:g}: expected 0 or more, as it cannot give energy"
+            )
 
 
 def _spring(
@@ -79,6 +95,7 @@ def _spring(
     stiffness: Mapping[str, float],
     rest: Mapping[str, float],
 ) -> PassiveTorque:
+    """Spring and damper of a coordinate; mappings as of `with_passive_dynamics`."""
     coordinate = model.coordinate(name)
     if name in model.dependent_coordinates:
         raise BadData(
@@ -98,9 +115,20 @@ def _spring(
 def line_viscosity(
     viscosity: Mapping[str, float], lines: Mapping[str, Sequence[str]]
 ) -> dict[str, float]:
-    """Viscosity of each line of action: those that are one muscle share its viscosity evenly.
-    `viscosity`: by muscle [N s/m]; `lines`: the lines of action (muscles of the model) that each
-    muscle is made of.
+    """Share the viscosity of muscles evenly among their lines of action.
+
+    Parameters
+    ----------
+    viscosity : by muscle [N s/m]
+    lines : lines of action (muscles of the model) that each muscle consists of
+
+    Returns
+    -------
+    viscosity by line of action [N s/m]
+
+    Raises
+    ------
+    BadData : a muscle has no lines, or two muscles have the same one
     """
     result: dict[str, float] = {}
     for muscle, value in viscosity.items():

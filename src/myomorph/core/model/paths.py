@@ -74,14 +74,20 @@ class WrapObject:
 
 
 def surface_level(wrap: WrapObject, points: Array) -> Array:
-    """(n,) distances of points (n, 3) in a wrap object's frame from its middle or axis (of a torus,
-    its ring) over its sizes: 1 on its surface, less inside.
+    """Distances of points from a surface's middle or axis (of a torus, its ring) over its sizes.
+
+    Parameters
+    ----------
+    wrap : the surface
+    points : (n, 3) in its frame [m]
+
+    Returns
+    -------
+    (n,) 1 on the surface, less inside
     """
     if wrap.kind == "torus":
-        return (
-            np.hypot(np.hypot(points[:, 0], points[:, 1]) - wrap.size[1], points[:, 2])
-            / wrap.size[0]
-        )
+        from_ring = np.hypot(points[:, 0], points[:, 1]) - wrap.size[1]
+        return np.hypot(from_ring, points[:, 2]) / wrap.size[0]
     if wrap.kind == "cylinder":
         return np.linalg.norm(points[:, :2], axis=1) / wrap.size[0]
     return np.linalg.norm(points / np.asarray(wrap.size), axis=1)
@@ -107,11 +113,19 @@ class PathWrap:
 
 @read_only
 class TendonWrap:
-    """A tendon's wrap in the way of MuJoCo: between path points `after` and `after + 1`."""
+    """A tendon's wrap in the way of MuJoCo: between path points `after` and `after + 1`.
 
-    wrap_object: str  # name of a sphere or (infinite) cylinder
-    after: int  # index of the path point before the surface
-    # side_body, side: the side site that chooses the way around; inside the surface it wraps inward
+    Attributes
+    ----------
+    wrap_object : name of a sphere or (infinite) cylinder
+    after : index of the path point before the surface
+    side_body, side : body and position (3,) in it of the side site, which chooses the way around;
+        inside the surface it wraps inward [m]
+    version : of MuJoCo, whose rules the path follows
+    """
+
+    wrap_object: str
+    after: int
     side_body: str = ""
     side: Array | None = None
     version: int = 4  # of MuJoCo whose rule of side sites it follows: 4, or 3 for all before
@@ -175,8 +189,9 @@ class Muscle:
 
 @dataclass(frozen=True, eq=False)
 class Ligament:
-    """A passive string between bones, whose force is not modelled: the file's own part is kept
-    (`Kept`).
+    """A passive string between bones, whose force is not modelled.
+
+    The file's own part is stored (`Kept`).
 
     Attributes
     ----------
@@ -192,7 +207,7 @@ class Ligament:
     slack_length: float
 
     def as_muscle(self) -> Muscle:
-        """A muscle along the same path, by which the path's length can be computed."""
+        """Make a muscle along the same path, by which the path's length can be computed."""
         return Muscle(
             name=self.name,
             kind=self.kind,
@@ -205,8 +220,7 @@ class Ligament:
 
 @dataclass(frozen=True, eq=False)
 class PassiveTorque:
-    """What holds a coordinate besides muscles (ligaments, springs): tau = torque(q) - damping(q)
-    qdot.
+    """Torque of ligaments and springs at a coordinate: tau = torque(q) - damping(q) qdot.
 
     It takes part in muscle tensions; inverse dynamics gives the torque of all that acts together.
 
@@ -223,7 +237,16 @@ class PassiveTorque:
     damping: Function
 
     def total(self, values: Array, rates: Array) -> Array:
-        """(frames,) torque at values (frames,) and rates (frames,) of the coordinate [N m or N]."""
+        """Torque at values and rates of the coordinate.
+
+        Parameters
+        ----------
+        values, rates : (frames,) [rad or m, per s]
+
+        Returns
+        -------
+        (frames,) [N m or N]
+        """
         return self.torque(values) - self.damping(values) * rates
 
 

@@ -1,4 +1,4 @@
-"""What a result was made from: inputs by their hashes, options, version and date."""
+"""Provenance of results: inputs by their hashes, options, version and date."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What one step's result was made from.
+    """Inputs and options that one step's result was derived from.
 
     Attributes
     ----------
@@ -47,23 +47,26 @@ class Provenance:
 
     @property
     def key(self) -> str:
-        """Hash of all that determines the result: equal keys mean an equal result, whatever name or
-        date.
+        """Hash of all that determines the result.
+
+        Equal keys mean an equal result, whatever its name or date.
         """
         parts = [self.step, self.version, sorted(self.options.items())]
         parts.append(sorted((source.role, source.sha256) for source in self.sources))
         return hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
 
     def to_json(self) -> str:
-        """The provenance as a line of JSON."""
-        return json.dumps(
-            asdict(self) | {"options": dict(self.options), "key": self.key}, default=str
-        )
+        """Write the provenance as a line of JSON."""
+        values = asdict(self) | {"options": dict(self.options), "key": self.key}
+        return json.dumps(values, default=str)
 
     @staticmethod
     def from_json(text: str) -> Provenance:
-        """The provenance that `to_json` wrote; raises `ValueError` where the text is something
-        else.
+        """Read a provenance that `to_json` wrote.
+
+        Raises
+        ------
+        ValueError : the text is something else
         """
         try:
             stored = json.loads(text)

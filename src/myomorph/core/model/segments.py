@@ -1,4 +1,4 @@
-"""The anatomical segments that a model's bodies belong to, as tables of segment masses name them."""
+"""Anatomical segments that bodies belong to, as tables of segment masses name them."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ SEGMENTS = (
     "shank",
     "foot",
 )
-"""Those of tables 3.4 and 3.5 of [D]; its "body" is the upper and the lower trunk together."""
+"""Segments of tables 3.4 and 3.5 of [D], whose "body" is the upper and the lower trunk."""
 _PATTERNS = (
     ("head", r"head|neck|skull|cervical|jaw|mandible|hyoid|^c[1-7]$"),
     (
         "hand",
-        r"hand|wrist|carp|meta?carp|finger|thumb|lunate|scaphoid|pisiform|triquetrum|capitate|trapez|hamate"
-        r"|[1-5]?(prox|mid|dist)ph|(first|second|third|fourth|fifth)mc|phalan",
+        r"hand|wrist|carp|meta?carp|finger|thumb|lunate|scaphoid|pisiform|triquetrum|capitate|trapez"
+        r"|hamate|[1-5]?(prox|mid|dist)ph|(first|second|third|fourth|fifth)mc|phalan",
     ),
     ("foot", r"foot|feet|talus|calcn|calcaneus|toe|tars|midfoot|forefoot"),
     ("shank", r"tibia|shank|fibula|patella|kneecap|lower_?leg"),
@@ -72,16 +72,33 @@ JOINT_WORDS = (
 
 @dataclass(frozen=True)
 class Segment:
-    """A part of the body: one of `SEGMENTS`, and its side ("right", "left", or "" in the middle)."""
+    """A part of the body.
+
+    Attributes
+    ----------
+    name : one of `SEGMENTS`
+    side : "right", "left", or "" in the middle
+    """
 
     name: str
     side: str = ""
 
 
 def segments_of(model: Model, stated: Mapping[str, Segment] | None = None) -> Mapping[str, Segment]:
-    """The segment of every body of a human model, by the bodies' names.
+    """Find the segment of every body of a human model, by the bodies' names.
+
     A body whose name says nothing (a massless one between two joints) belongs with its parent; one
-    on the ground, with its child. `stated`: segments that go before the names.
+    on the ground, with its child.
+
+    Parameters
+    ----------
+    model : of a human body
+    stated : segments that go before the names, by body
+
+    Raises
+    ------
+    BadData : no body is named like a segment
+    UnknownName : `stated` has a body or segment that does not exist
     """
     segments: dict[str, Segment] = {}
     for body, segment in (stated or {}).items():
@@ -109,7 +126,7 @@ def segments_of(model: Model, stated: Mapping[str, Segment] | None = None) -> Ma
 
 
 def segments_if_human(model: Model) -> Mapping[str, Segment]:
-    """`segments_of`, empty for a model without human segments."""
+    """Find `segments_of`, none for a model without human segments."""
     try:
         return segments_of(model)
     except BadData:
@@ -117,8 +134,9 @@ def segments_if_human(model: Model) -> Mapping[str, Segment]:
 
 
 def feet_of(model: Model) -> tuple[str, ...]:
-    """Bodies that stand on the ground by their names: heel bones, else feet, else tarsi; () where
-    there are none.
+    """Find the bodies that stand on the ground by their names.
+
+    Heel bones, else feet, else tarsi; () where there are none.
     """
     for word in ("calcn", "calcaneus", "hindfoot", "foot"):
         result = tuple(name for name in model.body_names if word in name.lower())
@@ -134,7 +152,7 @@ def feet_of(model: Model) -> tuple[str, ...]:
 
 
 def named_segment(body: str) -> Segment | None:
-    """The segment and side that a name says, `femur_r` or `Left Shank`; None where it says none."""
+    """Find the segment and side in a name, `femur_r` or `Left Shank`; None where it has none."""
     base, side = split_side(body.rsplit("__", 1)[-1])
     for segment, pattern in _PATTERNS:
         if re.search(pattern, base, re.IGNORECASE):
@@ -144,9 +162,11 @@ def named_segment(body: str) -> Segment | None:
 
 
 def joint_labels(model: Model) -> Mapping[str, str]:
-    """A plain name for every joint: `knee_r` for `walker_knee_r` and for `tibia_r` that turns by
-    `knee_angle_r`. The word for the joint in its name, else in that of a coordinate of its own,
-    with its side; else its child body. Joints that would share a name keep the model's.
+    """Give every joint a plain name, by the model's name of it.
+
+    `knee_r` for `walker_knee_r` and for `tibia_r` that turns by `knee_angle_r`: the word for the
+    joint in its name, else in that of one of its coordinates, with its side; else its child body.
+    Joints that would share a name keep the model's.
     """
     labels = {}
     for joint in model.joints:
@@ -159,6 +179,7 @@ def joint_labels(model: Model) -> Mapping[str, str]:
 
 
 def _joint_word(name: str) -> str:
+    """Word for a joint in a name, with its side, "" where there is none."""
     base, side = split_side(name)
     words = base.lower().split("_")
     word = next((word for word in words if word in JOINT_WORDS), "")

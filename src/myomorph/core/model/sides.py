@@ -27,7 +27,7 @@ _OTHER_LETTER = {"R": "L", "L": "R", "r": "l", "l": "r"}
 
 
 def split_side(name: str) -> tuple[str, str]:
-    """Name without its side, and the side: `("hip_flexion", "right")` for `hip_flexion_r`."""
+    """Split a name into base and side: `("hip_flexion", "right")` for `hip_flexion_r`."""
     for pattern, base, side in ((_SUFFIX, 1, 2), (_PREFIX, 2, 1)):
         match = pattern.match(name)
         if match:
@@ -39,7 +39,8 @@ def split_side(name: str) -> tuple[str, str]:
 
 
 def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
-    """Each name that has a counterpart on the other side, and that counterpart.
+    """Find the counterparts of names on the other side, as far as they are among the names.
+
     Names are those of bodies, joints, coordinates or markers: `femur_r` and `femur_l`, `RASI` and
     `LASI`, `Abd_R_L1` and `Abd_L_L1`.
     """
@@ -48,15 +49,12 @@ def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
     counterparts: dict[str, str] = {}
     for name in all_names:
         base, side = split_side(name)
-        letters = [i for i, letter in enumerate(name) if letter in _OTHER_LETTER]
-        swapped = (
-            name[:i] + _OTHER_LETTER[name[i]] + name[i + 1 :]
-            for i in letters
-            if _stands_apart(name, i)
-        )
-        candidates = (
-            [sided[base, _OTHER[side]]] if side and (base, _OTHER[side]) in sided else []
-        ) + list(swapped)
+        candidates = []
+        if side and (base, _OTHER[side]) in sided:
+            candidates.append(sided[base, _OTHER[side]])
+        for i, letter in enumerate(name):
+            if letter in _OTHER_LETTER and _stands_apart(name, i):
+                candidates.append(name[:i] + _OTHER_LETTER[letter] + name[i + 1 :])
         match = next((candidate for candidate in candidates if candidate in sided.values()), "")
         if match:
             counterparts[name] = match
@@ -64,8 +62,16 @@ def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
 
 
 def other_side(name: str, *, capitals: bool = False) -> str:
-    """The name's counterpart on the other side, "" where it has no side: `Thigh_l` for `Thigh_r`.
-    `capitals`: `RASI` has a side too, as markers do; `RIBS` is then taken for one as well.
+    """Write a name's counterpart on the other side: `Thigh_l` for `Thigh_r`.
+
+    Parameters
+    ----------
+    name : with or without a side
+    capitals : whether `RASI` has a side too, as markers do; `RIBS` is then taken for one as well
+
+    Returns
+    -------
+    "" where the name has no side
     """
     apart = [
         i
@@ -87,7 +93,8 @@ def other_side(name: str, *, capitals: bool = False) -> str:
 
 
 def _stands_apart(name: str, i: int, *, whole: bool = False) -> bool:
-    """Whether a letter may be the side: it begins the name, or stands between underscores or dots.
+    """Whether a letter may be the side: it begins the name, or is between underscores or dots.
+
     With `whole` the letter that begins the name must be followed by one of these too.
     """
     after = i + 1 == len(name) or name[i + 1] in "_. -"

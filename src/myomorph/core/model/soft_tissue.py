@@ -1,5 +1,4 @@
-"""Markers on soft tissue move more than the mass below them, the faster the more: the motion of the
-mass.
+"""Motion of the body's mass below markers on soft tissue, which move more, the faster the more.
 
 The skin follows the bone and the mass about it as a body on a spring does below its resonance w_0:
 its motion is larger by 1 / (1 - w^2 / w_0^2). So coordinates tracked by markers are brought back by
@@ -27,7 +26,7 @@ from myomorph.core.model.sides import split_side
 
 @read_only
 class SoftTissue:
-    """How much more a model's coordinates move than the body's mass.
+    """Excess motion of a model's coordinates over that of the body's mass.
 
     Attributes
     ----------
@@ -43,48 +42,58 @@ class SoftTissue:
     sd: Array
 
     def __post_init__(self) -> None:
+        shape = (len(self.names),)
         for label, values in (("alpha", self.alpha), ("its standard deviations", self.sd)):
-            checked_array(
-                values, (len(self.names),), f"soft tissue: {label}, one value a coordinate,"
-            )
-        if (
-            len(self.groups) != len(self.names)
-            or not (np.isfinite(self.alpha) & (self.alpha >= 0.0)).all()
-        ):
+            checked_array(values, shape, f"soft tissue: {label}, one value a coordinate,")
+        positive = np.isfinite(self.alpha) & (self.alpha >= 0.0)
+        if len(self.groups) != len(self.names) or not positive.all():
             raise BadData(
                 "soft tissue: expected a group and an alpha of 0 s^2 or more for every coordinate"
             )
 
     @property
     def by_group(self) -> dict[str, tuple[float, float]]:
-        """Group -> alpha and its standard deviation [s^2]."""
-        return dict(
-            zip(self.groups, zip(self.alpha.tolist(), self.sd.tolist(), strict=True), strict=True)
-        )
+        """Alpha and its standard deviation by group [s^2]."""
+        values = zip(self.alpha.tolist(), self.sd.tolist(), strict=True)
+        return dict(zip(self.groups, values, strict=True))
 
     @property
     def words(self) -> str:
-        """Each group's alpha, for a line of output."""
-        return (
-            ", ".join(f"{name} {1e4 * alpha:.1f}" for name, (alpha, _) in self.by_group.items())
-            + " · 1e-4 s^2"
-        )
+        """Alpha of each group, for a line of output."""
+        parts = [f"{name} {1e4 * alpha:.1f}" for name, (alpha, _) in self.by_group.items()]
+        return ", ".join(parts) + " · 1e-4 s^2"
 
     def shown(self, motion: Motion) -> Array:
-        """(frames, coordinates) that markers show of a motion of the mass: q - alpha q'', the
-        inverse of `of`.
+        """Coordinates that markers show of the mass's motion: q - alpha q'', the inverse of `of`.
+
+        Parameters
+        ----------
+        motion : of the mass, with accelerations
+
+        Returns
+        -------
+        (frames, coordinates) [rad or m]
         """
-        alphas = dict(zip(self.names, self.alpha.tolist(), strict=True))
         assert motion.accelerations is not None
-        return np.asarray(
-            motion.values - motion.accelerations * [alphas.get(name, 0.0) for name in motion.names]
-        )
+        by_name = dict(zip(self.names, self.alpha.tolist(), strict=True))
+        alpha = [by_name.get(name, 0.0) for name in motion.names]
+        return np.asarray(motion.values - motion.accelerations * alpha)
 
     def of(self, motion: Motion) -> Motion:
-        """The motion of the body's mass: the low-pass 1 / (1 + alpha w^2) of every coordinate, zero
-        lag. Accelerations are filtered, each unbroken run of frames by itself, and velocities and
-        values changed by alpha times their derivatives, so that a steady movement stays as it is.
-        Raises `BadData` where the motion has no derivatives.
+        """Motion of the mass: the low-pass 1 / (1 + alpha w^2) of every coordinate, zero lag.
+
+        Accelerations are filtered, each unbroken run of frames by itself, and velocities and values
+        changed by alpha times their derivatives, so that a steady movement stays as it is:
+
+            a - alpha a'' = q'',   q += alpha a,   q' += alpha a'
+
+        Parameters
+        ----------
+        motion : that markers show, with derivatives
+
+        Raises
+        ------
+        BadData : the motion has no derivatives
         """
         if motion.velocities is None or motion.accelerations is None:
             raise BadData(
@@ -103,16 +112,23 @@ class SoftTissue:
                 frames = slice(start, stop)
                 soft = _smoothed(accelerations[frames, column], alpha / step**2)
                 values[frames, column] += alpha * soft
-                velocities[frames, column] += alpha * (
-                    np.gradient(soft, step) if len(soft) > 1 else 0.0
-                )
+                jerk = np.gradient(soft, step) if len(soft) > 1 else 0.0
+                velocities[frames, column] += alpha * jerk
                 accelerations[frames, column] = soft
         return replace(motion, values=values, velocities=velocities, accelerations=accelerations)
 
 
 def _smoothed(values: Array, stiffness: float) -> Array:
-    """(frames,) y with y - stiffness y'' = values, differences of neighbors for y'', level at both
-    ends.
+    """Solve y - stiffness y'' = values, with differences of neighbors for y'', level at both ends.
+
+    Parameters
+    ----------
+    values : (frames,)
+    stiffness : in squares of the time between frames
+
+    Returns
+    -------
+    (frames,)
     """
     band = np.empty((2, len(values)))
     band[0] = -stiffness
@@ -124,8 +140,13 @@ def _smoothed(values: Array, stiffness: float) -> Array:
 
 
 def coordinate_groups(model: Model) -> tuple[str, ...]:
-    """(coordinates,) group of each: how the base moves, how it turns, and all that hangs on it by
-    one joint. Both sides are one group: legs, and trunk with arms.
+    """Group the coordinates: translation of the base, its rotation, and what hangs on one joint.
+
+    Both sides are one group: legs, and trunk with arms.
+
+    Returns
+    -------
+    the group of each coordinate
     """
     parents = {joint.child: joint.parent for joint in model.joints}
     roots = {GROUND, *(child for child, parent in parents.items() if parent == GROUND)}
@@ -135,11 +156,10 @@ def coordinate_groups(model: Model) -> tuple[str, ...]:
         while parents[limb] not in roots and parents[limb] in parents:
             limb = parents[limb]
         for name in joint.coordinates:
-            if joint.parent == GROUND:
-                translates = model.coordinate(name).motion == "translational"
-                groups[name] = (
-                    f"{joint.child}, translation" if translates else f"{joint.child}, rotation"
-                )
-            else:
+            if joint.parent != GROUND:
                 groups[name] = split_side(limb)[0]
+                continue
+            translates = model.coordinate(name).motion == "translational"
+            kind = "translation" if translates else "rotation"
+            groups[name] = f"{joint.child}, {kind}"
     return tuple(groups.get(name, "") for name in model.coordinate_names)
