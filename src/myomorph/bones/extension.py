@@ -56,7 +56,7 @@ EXTENSION = Extension(
             run="myomorph.bones.command:run_demo",
             help="a leg's muscles transferred to bones whose deformation is known",
             needs={"igl": "libigl"},
-            extra="morph",
+            extra="demo",
         )
     },
 )

@@ -63,6 +63,8 @@ EXTENSION = Extension(
         "shoulder": DemoEntry(
             run="myomorph.swings.command:run_demo",
             help="six virtual shoulders that swing on a force plate",
+            needs={"igl": "libigl"},
+            extra="demo",
         )
     },
     reports=(
