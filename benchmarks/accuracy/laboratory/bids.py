@@ -56,7 +56,8 @@ TABLES = {
     "tensions": ("muscle_force", "N"),
     "activations": ("activation", "1"),
 }
-LIMITS = {"torquesIntervals": ("torques", "N m, N"), "tensionsIntervals": ("forces", "N")}
+LIMITS = {"torques": ("generalized_force", "N m, N"), "forces": ("muscle_force", "N")}
+"""Words of the table, and the quantity that each is of."""
 
 
 @functools.cache
@@ -93,13 +94,14 @@ def _read_back(folder: Path) -> Iterator[Row]:
         trial = trials[name]
         stored = result.stored
         for table, (variable, unit) in TABLES.items():
-            yield _row(name, table, stored.values[variable], trial.derived[table].values, unit)
+            yield _row(name, table, stored.values[variable], trial.derived[variable].values, unit)
         for table, (drawn, unit) in LIMITS.items():
-            if table in trial.derived:
+            if f"{drawn}_intervals" in trial.derived:
                 limits = np.hstack(
                     [stored.values[f"{drawn}_{part}"] for part in ("low", "high", "sd")]
                 )
-                yield _row(name, f"limits of {drawn}", limits, trial.derived[table].values, unit)
+                found = trial.derived[f"{drawn}_intervals"].values
+                yield _row(name, f"limits of {table}", limits, found, unit)
         sources = {
             source.role: source.name
             for source in stored.provenance["tension"].sources

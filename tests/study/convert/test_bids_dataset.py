@@ -17,6 +17,7 @@ from myomorph.core.io.sto import read_sto
 from myomorph.core.io.trc import read_trc
 from myomorph.core.model.errors import BadData, BadFile, MissingPackage
 from myomorph.core.model.series import Emg, Event, Series, Trial
+from myomorph.core.model.series_quantities import EMG
 from myomorph.exchange.bids.dataset import export_bids, read_bids
 from myomorph.exchange.bids.recording import (
     force_signals,
@@ -26,7 +27,7 @@ from myomorph.exchange.bids.recording import (
     write_emg,
 )
 from myomorph.exchange.bids.signals import Channel, read_signals, signals_of, write_signals
-from myomorph.exchange.bids.tables import plain_provenance
+from myomorph.exchange.bids.tables import INTERVALS, TABLES, label_of, name_of, plain_provenance
 from myomorph.lab.convert.convert import convert
 from myomorph.lab.session.recordings import files_of
 from myomorph.lab.store.results import read_result
@@ -107,37 +108,44 @@ def test_the_validator_finds_what_is_wrong(study, tmp_path):
     assert validated(tmp_path)[0]
 
 
+def test_labels_are_names_and_earlier_ones_are_known():
+    for quantity in (*TABLES, EMG):
+        assert label_of(quantity.name).isalnum()
+        assert name_of(label_of(quantity.name)) == quantity.name
+        assert name_of(label_of(quantity.name) + INTERVALS) == f"{quantity.name}_intervals"
+    assert name_of("tensions") == "muscle_force"
+    assert name_of("torquesIntervals") == "generalized_force_intervals"
+
+
 def test_results_are_read_back(study):
     trials = read_bids(study.bids)
     assert sorted(trials) == ["s 01/reach", "s-01/events"]
     derived = trials["s 01/reach"].derived
     values = study.first.values
     names = study.first.names
-    for table, variable, kind in (
-        ("angles", "coordinate_value", "coordinate"),
-        ("torques", "generalized_force", "coordinate"),
-        ("tensions", "muscle_force", "muscle"),
-        ("activations", "activation", "muscle"),
-        ("envelopes", "emg", "emg_channel"),
+    for table, kind in (
+        ("coordinate_value", "coordinate"),
+        ("generalized_force", "coordinate"),
+        ("muscle_force", "muscle"),
+        ("activation", "muscle"),
+        ("emg", "emg_channel"),
     ):
         assert derived[table].names == names[kind]
+        np.testing.assert_allclose(derived[table].values, values[table], rtol=1e-14, err_msg=table)
+    np.testing.assert_allclose(derived["generalized_force"].time, study.first.time, atol=1e-12)
+    for table in ("coordinate_value", "generalized_force", "muscle_force"):
+        limits = np.hstack([values[f"{table}_{part}"] for part in ("low", "high", "sd")])
         np.testing.assert_allclose(
-            derived[table].values, values[variable], rtol=1e-14, err_msg=table
+            derived[f"{table}_intervals"].values, limits, rtol=1e-14, err_msg=table
         )
-    np.testing.assert_allclose(derived["torques"].time, study.first.time, atol=1e-12)
-    for table, drawn in (("angles", "coordinates"), ("torques", "torques"), ("tensions", "forces")):
-        limits = np.hstack([values[f"{drawn}_{part}"] for part in ("low", "high", "sd")])
-        np.testing.assert_allclose(
-            derived[f"{table}Intervals"].values, limits, rtol=1e-14, err_msg=table
-        )
-    assert derived["anglesIntervals"].facts["Draws"] == 4
-    assert {channel.unit for channel in derived["angles"].channels} == {"rad"}
-    (load,) = plates_of(derived["loads"])
-    assert {channel.placement for channel in derived["loads"].channels} == set(
+    assert derived["coordinate_value_intervals"].facts["Draws"] == 4
+    assert {channel.unit for channel in derived["coordinate_value"].channels} == {"rad"}
+    (load,) = plates_of(derived["external_force"])
+    assert {channel.placement for channel in derived["external_force"].channels} == set(
         names["external_force_body"]
     )
     assert np.array_equal(load.forces, values["external_force_vector"][:, 0])
-    assert list(trials["s-01/events"].derived) == ["angles"]
+    assert list(trials["s-01/events"].derived) == ["coordinate_value"]
 
 
 def test_recordings_are_read_back(study):
@@ -195,7 +203,9 @@ def test_provenance_has_no_folder_of_this_machine(study):
     for path in study.bids.rglob("*"):
         if path.is_file():
             assert str(study.home).encode() not in path.read_bytes(), path
-    sidecar = next(study.bids.glob("derivatives/myomorph/sub-s01x2/motion/*-torques_motion.json"))
+    sidecar = next(
+        study.bids.glob("derivatives/myomorph/sub-s01x2/motion/*-generalizedForce_motion.json")
+    )
     said = json.loads(sidecar.read_text())["Provenance"]
     assert said == plain_provenance(study.first.provenance["id"])
     sources = {source["Role"]: source for source in said["Sources"]}

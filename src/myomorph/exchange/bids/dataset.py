@@ -46,7 +46,7 @@ from myomorph.exchange.bids.signals import (
     write_signals,
     write_tsv,
 )
-from myomorph.exchange.bids.tables import result_tables
+from myomorph.exchange.bids.tables import LOADS, label_of, name_of, result_tables
 from myomorph.lab.convert.axes import turned, vertical
 from myomorph.lab.convert.recording import Recording, read_parts
 from myomorph.lab.store import stored as store
@@ -84,8 +84,9 @@ class BidsTrial:
     ----------
     recording : markers [m], plates [N] and events; None where it has no motion
     emg : raw EMG
-    derived : tables of derivatives by name: "angles" [rad, m], "torques" [N m, N], "tensions" [N],
-        "torquesIntervals", ..., each with its `channels`, and the `facts` of its JSON file
+    derived : tables of derivatives by the names of their quantities: "coordinate_value" [rad, m],
+        "generalized_force" [N m, N], "muscle_force" [N], "external_force",
+        "muscle_force_intervals", ..., each with its `channels`, and the `facts` of its JSON file
     """
 
     recording: Trial | None = None
@@ -159,7 +160,9 @@ class _Dataset:
         for table, signals in result_tables(stored):
             whole = replace(signals, facts=told | dict(signals.facts))
             write_signals(
-                derived / f"{stem}_tracksys-{table}", whole, GROUND if table == "loads" else ""
+                derived / f"{stem}_tracksys-{table}",
+                whole,
+                GROUND if table == label_of(LOADS) else "",
             )
 
     def _label(self, kind: str, name: str) -> str:
@@ -355,7 +358,9 @@ def read_bids(folder: Path) -> Mapping[str, BidsTrial]:
             if derived:
                 trial = replace(
                     trial,
-                    derived=FrozenMap({**trial.derived, parts["tracksys"]: read_signals(path)}),
+                    derived=FrozenMap(
+                        {**trial.derived, name_of(parts["tracksys"]): read_signals(path)}
+                    ),
                 )
             elif path.suffix in ENDINGS:
                 trial = replace(trial, emg=read_emg(path))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.model import Model
 from myomorph.core.model.quantity import Quantity
@@ -34,7 +36,7 @@ def write_labelled(result: object, output: StepOutput, model: Model) -> None:
         if has_plain_table(quantity):
             clock, columns = quantity.dims
             names = tuple(str(name) for name in labels[columns])
-            series = Series(labels[clock], names, values, quantity=quantity)
+            series = Series(np.asarray(labels[clock]), names, values, quantity=quantity)
             write_series(output.folder, series, model)
 
 
