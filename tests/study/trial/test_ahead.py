@@ -19,8 +19,8 @@ wraps = frozenset({ahead.TENDONS})
 assert ahead.cached(wraps)
 assert not ahead.cached(frozenset())
 ahead.compile_muscles(wraps)
-assert sum(path_frames.stats.cache_hits.values()) == 1
-assert not path_frames.stats.cache_misses
+assert sum(path_frames.dispatcher.stats.cache_hits.values()) == 1
+assert not path_frames.dispatcher.stats.cache_misses
 """
 
 
