@@ -280,11 +280,11 @@ def segments() -> Iterator[Segment]:
                 name=f"{segment.name}_{side}",
                 parent=parent,
                 place=place,
-                joints=joints,
+                joints=joints,  # type: ignore[arg-type]
                 share=segment.share,
                 center=segment.center,
                 size=segment.size,
-            )  # type: ignore[arg-type]
+            )
 
 
 def muscle_points() -> dict[str, tuple[float, tuple[Point, ...]]]:

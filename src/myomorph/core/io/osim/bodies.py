@@ -167,12 +167,12 @@ def _wrap_object(node: Node, body: str, frame: Transform) -> WrapObject:
     return WrapObject(
         name=node.name,
         body=body,
-        kind=kind,
+        kind=kind,  # type: ignore[arg-type]
         pose=pose,
         size=size,
         quadrant=QUADRANTS[quadrant],
         active=active,
-    )  # type: ignore[arg-type]
+    )
 
 
 def write_body(parent: etree._Element, body: Body, model: Model, kept: list[Kept]) -> None:

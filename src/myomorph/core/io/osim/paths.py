@@ -100,8 +100,11 @@ class PathReader:
             functions.append(function.raised(float(offset)))
             coordinates.append(self._coordinate(name, node) if function.arity else "")
         return MovingPathPoint(
-            name=node.name, body=body, functions=tuple(functions), coordinates=tuple(coordinates)
-        )  # type: ignore[arg-type]
+            name=node.name,
+            body=body,
+            functions=tuple(functions),  # type: ignore[arg-type]
+            coordinates=tuple(coordinates),  # type: ignore[arg-type]
+        )
 
     def _coordinate(self, text: str, node: Node) -> str:
         name = plain_name(text)
