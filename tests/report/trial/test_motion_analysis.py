@@ -115,6 +115,10 @@ def test_the_preset_follows_from_the_recording() -> None:
     assert fitting_preset(False, ("plates",), 2, False).name == "judo"
     assert fitting_preset(False, (), 1, True).name == "lift"
     assert fitting_preset(False, ("plates",), 1, False).name == "motion"
+    # A walk needs no plates to be one, and what is known to be none is none.
+    assert fitting_preset(False, (), 1, False, "walking").name == "gait"
+    assert fitting_preset(True, ("plates",), 1, False, "running").name == "gait"
+    assert fitting_preset(True, ("plates",), 1, False, "jumping").name == "motion"
 
 
 def test_muscles_that_a_model_lacks_are_named() -> None:

@@ -14,6 +14,7 @@ from myomorph.core.io.formats import read_model
 from myomorph.core.io.loads import read_external_loads
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.known import Known
 from myomorph.core.model.scale import scale
 from myomorph.lab.analysis.gait_curves import ANGLES, KEYS, SAMPLES, SIDES, gait_curves
 from myomorph.lab.report.page.parts import PageHead
@@ -63,6 +64,27 @@ def test_a_walk_has_its_page_and_the_report_leads_to_it(prepared, tmp_path):
     assert page.count("<svg") == ANGLES
     write_report(tmp_path, prepared, GaitNorms(("none",)))
     assert "Movement analysis profile" not in (tmp_path / "gait.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize("movement", ["jumping", "running", "stairs", "upper limb", "other"])
+def test_what_is_no_walk_has_no_page_and_no_norms(prepared, tmp_path, movement):
+    write_report(tmp_path, prepared)
+    found = Known(value=movement, origin="markers", sentence="as markers show")
+    recorded = replace(prepared.results.recorded, movement=found, date="2026-03-05")
+    write_report(tmp_path, prepare(replace(prepared.results, recorded=recorded)))
+    report = (tmp_path / "report.html").read_text("utf-8")
+    assert not (tmp_path / "gait.html").exists()
+    assert "gait.html" not in report
+    for words in (f"{movement} (as markers show)", "2026-03-05", "s01"):
+        assert words in report
+
+
+def test_what_is_stated_to_be_a_walk_has_a_page(prepared, tmp_path):
+    stated = Known(value="walking", origin="user")
+    recorded = replace(prepared.results.recorded, movement=stated)
+    write_report(tmp_path, prepare(replace(prepared.results, recorded=recorded)))
+    assert (tmp_path / "gait.html").is_file()
+    assert "walking (study file)" in (tmp_path / "report.html").read_text("utf-8")
 
 
 def test_a_small_body_has_no_norm_of_adults(prepared):

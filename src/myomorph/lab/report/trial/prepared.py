@@ -27,6 +27,7 @@ MAX_WHOLE = 20.0
 GAITS = ("", "gait")  # Presets in which strides are looked for.
 STEPPING: tuple[Movement, ...] = ("walking", "running", "stairs")
 """Movements with strides; only of walking there are norms."""
+STEPLESS: tuple[Movement, ...] = ("standing", "jumping", "squatting", "rising", "upper limb")
 
 
 @read_only
@@ -81,7 +82,9 @@ class Prepared:
 
     @cached_property
     def strides(self) -> Strides | None:
-        """Of the motion, None where it is no walk."""
+        """Of the motion, None where it is no walk, or the recording of a movement without steps."""
+        if self.results.recorded.movement.value in STEPLESS:
+            return None
         model = self.results.model
         kinematics = self.results.kinematics
         events = self.results.recorded.events or ()

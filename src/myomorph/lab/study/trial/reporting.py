@@ -138,6 +138,9 @@ def write_report(home: Path, prepared: Prepared, norms: GaitNorms | None = None)
     for name, text in texts.items():
         with written(home / name) as stream:
             stream.write(text)
+    if GAIT_PAGE not in texts:
+        # That of a movement which was corrected since.
+        (home / GAIT_PAGE).unlink(missing_ok=True)
     return home / REPORT
 
 
