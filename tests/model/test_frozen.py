@@ -21,10 +21,14 @@ import numpy as np
 import pytest
 
 import myomorph
+from myomorph.core.model import shapes
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
 
-ARRAY = re.compile(r"\b(Array|Ints|Flags|NDArray|ndarray)\b")
+SHAPES = [
+    name for name in vars(shapes) if name[0].isupper() and name not in ("TYPE_CHECKING", "Float")
+]
+ARRAY = re.compile(rf"\b(Ints|Flags|NDArray|ndarray|{'|'.join(SHAPES)})\b")
 
 KERNELS = "kernels take its arrays as they are, and would be compiled anew for read-only ones"
 EXCEPTIONS: dict[str, str] = {

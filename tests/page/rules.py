@@ -13,7 +13,13 @@ MAX_POSITIONAL = 3
 MAX_COMPLEXITY = 15
 MAX_PUBLIC_ARGUMENTS = 5
 MAX_PRIVATE_ARGUMENTS = 8
-ARRAY = re.compile(r"\b(Array|Flags|Bools|Ints|Indices|Bytes|NDArray|ndarray)\b")
+ARRAY = re.compile(
+    r"\b(Array|Flags|Bools|Ints|Indices|Bytes|NDArray|ndarray"
+    # Of `core/model/shapes.py`
+    r"|Frame(Values|Vectors|Matrices)|Coordinates|GeneralizedForces|Body(Vectors|Rotations|Wrenches)"
+    r"|BodyJacobian|(Fixed)?Points|Loop(Rows|Jacobian)|Wrenches6|Regressor|MuscleValues|MomentArmTable"
+    r"|ArmPairs|Pulls)\b"
+)
 SECTION = re.compile(r"^(\w+)\n-{3,}$", re.MULTILINE)
 PARAMETER = re.compile(r"^(?P<names>\*{0,2}\w+(?:, \*{0,2}\w+)*) ?:", re.MULTILINE)
 

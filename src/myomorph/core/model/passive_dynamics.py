@@ -4,18 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from myomorph.core.model.errors import BadData, quoted
 from myomorph.core.model.functions import constant, linear
-from myomorph.core.model.model import Kept, Model, index_of
+from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.paths import Bushing, PassiveTorque
 
-Part = TypeVar("Part", PassiveTorque, Bushing, Kept)
 NOTHING: Mapping[str, float] = {}
 PASSIVE = "passive_"
+
+Part = TypeVar("Part", bound="Named")
+
+
+class Named(Protocol):
+    """A part of a model that has a name."""
+
+    @property
+    def name(self) -> str:
+        """Name in the model."""
 
 
 def with_passive_dynamics(

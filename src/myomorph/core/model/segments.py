@@ -28,8 +28,8 @@ _PATTERNS = (
     ("head", r"head|neck|skull|cervical|jaw|mandible|hyoid|^c[1-7]$"),
     (
         "hand",
-        r"hand|wrist|carp|meta?carp|finger|thumb|lunate|scaphoid|pisiform|triquetrum|capitate|trapez"
-        r"|hamate|[1-5]?(prox|mid|dist)ph|(first|second|third|fourth|fifth)mc|phalan",
+        r"hand|wrist|carp|meta?carp|finger|thumb|lunate|scaphoid|pisiform|triquetrum|capitate"
+        r"|trapez|hamate|[1-5]?(prox|mid|dist)ph|(first|second|third|fourth|fifth)mc|phalan",
     ),
     ("foot", r"foot|feet|talus|calcn|calcaneus|toe|tars|midfoot|forefoot"),
     ("shank", r"tibia|shank|fibula|patella|kneecap|lower_?leg"),

@@ -47,7 +47,7 @@ Regressor = Float[Array, "frames 6 parameters"]
 """Base wrench of unit inertial parameters, ten of each body."""
 
 MuscleValues = Float[Array, "frames muscles"]
-MomentArms = Float[Array, "frames muscles coordinates"]
+MomentArmTable = Float[Array, "frames muscles coordinates"]
 ArmPairs = Float[Array, "frames arms"]
 """A value of each pair of a muscle and a coordinate that can move it."""
 Pulls = Float[Array, "frames pairs 6"]

@@ -199,8 +199,8 @@ def fiber_states(
             state = equilibrium(muscle, length, speed, activation)
             in_balance[:, m] = np.isfinite(state)
             values[key] = np.where(in_balance[:, m], state, values[key])
-        state = values[key] if is_elastic else None
-        columns.append(fibers_of(muscle, length, speed, activation, state))
+        known_state = values[key] if is_elastic else None
+        columns.append(fibers_of(muscle, length, speed, activation, known_state))
     return _side_by_side(columns, model.muscle_names, in_balance), values
 
 

@@ -14,7 +14,7 @@ from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import DEFAULT_POSE, Motion
-from myomorph.core.model.shapes import ArmPairs, FrameValues, MomentArms, MuscleValues
+from myomorph.core.model.shapes import ArmPairs, FrameValues, MomentArmTable, MuscleValues
 from myomorph.core.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.core.muscles.path import Paths, compile_paths
 from myomorph.core.muscles.path_arrays import ARMS
@@ -80,11 +80,11 @@ class MuscleKinematics(Labelled):
         return {"time": self.time, "muscle": self.muscles, "coordinate": self.coordinates}
 
     @property
-    def moment_arms(self) -> MomentArms:
+    def moment_arms(self) -> MomentArmTable:
         """(frames, muscles, coordinates) all moment arms; see `dense`."""
         return self.dense()
 
-    def dense(self, frames: slice = slice(None)) -> MomentArms:
+    def dense(self, frames: slice = slice(None)) -> MomentArmTable:
         """Moment arms as OpenSim reports them.
 
         A coordinate that others follow has what reaches the muscle through them included. One that
@@ -152,7 +152,7 @@ class MuscleKinematics(Labelled):
             )
         return self.arms
 
-    def _dense(self, frames: slice, muscles: Ints) -> MomentArms:
+    def _dense(self, frames: slice, muscles: Ints) -> MomentArmTable:
         """Moment arms as of `dense`, of some muscles.
 
         Parameters

@@ -298,6 +298,10 @@ def drawn_paths(paths: Paths, coordinates: Coordinates) -> DrawnPaths:
     ----------
     paths : of a model's muscles
     coordinates : (frames, coordinates) in the model's order [rad or m]
+
+    Returns
+    -------
+    points of all paths in as many frames
     """
     nodes = paths.nodes(coordinates)
     start = paths.arrays.start

@@ -155,7 +155,7 @@ class KneeArms:
         return f"{self.name} {arm:.1f} cm at {flexion:.0f}° ({low:.1f} to {high:.1f})"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@read_only
 class FlexedKnee:
     """A knee at several flexions, all else at its default.
 

@@ -1,4 +1,4 @@
-"""The way around a cylinder as OpenSim defines it (`WrapCylinder`, 4.6), one segment at a time.
+"""Wrapping around a cylinder as OpenSim defines it (`WrapCylinder`, 4.6), one segment at a time.
 
 In the frame of the surface its axis is z and its middle the origin. The path of least length would
 be a helix; OpenSim takes the tangent points of the projection along the axis, slides them along the
@@ -14,25 +14,35 @@ import math
 from myomorph.core.rigid.kernels import inner
 from myomorph.core.rigid.vectors import EPSILON, along, cross, dot, minus, norm, sign, unit
 
+# OpenSim's results of a wrap: none; a point lies within the surface; wrapped; the segment runs
+# through the surface
 NO_WRAP = 0
 INSIDE = 1
 WRAPPED = 2
 MANDATORY = 3
-PARALLEL = 2e-13
-CHORD = 0.002
-TANGENCY = math.radians(0.1)
+PARALLEL = 2e-13  # Square of the sine of a direction that counts as parallel to the axis
+CHORD = 0.002  # Length of the parts of a helix [m]
+TANGENCY = math.radians(0.1)  # Difference of angles at which sliding ends [rad]
 MAX_SLIDES = 100
 
 
 @inner
 def wrap_cylinder(a, b, radius, length, axis, side, single):
-    """Where the segment from a to b meets and leaves the cylinder.
-    `a`, `b`: points in the frame of the cylinder [m]; `radius`, `length` [m]; `axis`, `side`: the
-    path may only touch the half where sign(component `axis`) is `side`; 0 for all; `single`: the
-    path has no other surface, so the points are not slid to tangency. Returns `code`: NO_WRAP,
-    INSIDE (a point lies in the infinite cylinder), WRAPPED or MANDATORY (the segment runs through
-    the cylinder); `arc`: length on the surface [m]; `r`, `s`: where the path meets and leaves the
-    surface; only on WRAPPED and MANDATORY.
+    """Wrap the segment from a to b around a cylinder.
+
+    Parameters
+    ----------
+    a, b : points in the frame of the cylinder [m]
+    radius, length : of the cylinder [m]
+    axis, side : the path may only touch the half where sign(component `axis`) is `side`; 0 for all
+    single : whether the path has no other surface, so that points are not slid to tangency
+
+    Returns
+    -------
+    code : `NO_WRAP`, `INSIDE` (a point lies in the infinite cylinder), `WRAPPED` or `MANDATORY`
+        (the segment runs through the cylinder)
+    arc : length on the surface [m]
+    r, s : points where the path meets and leaves the surface [m]; a and b where it does not
     """
     rr = radius * radius
     da = math.sqrt(a[0] * a[0] + a[1] * a[1])
@@ -87,7 +97,7 @@ def wrap_cylinder(a, b, radius, length, axis, side, single):
 
 @inner
 def _nearest_to_axis(a, b):
-    """Point of the line through a and b nearest to the z axis, and its place from a (0) to b (1)."""
+    """Find the point of a line nearest to the z axis, after its share of the way from a to b."""
     d = minus(b, a)
     v = unit(d)
     denominator = v[0] * v[0] + v[1] * v[1]
@@ -99,7 +109,7 @@ def _nearest_to_axis(a, b):
 
 @inner
 def _tangents(p, distance, radius):
-    """Both points where lines across the axis through p touch the circle at p's height."""
+    """Find both points where lines across the axis through p touch the circle at p's height."""
     x = p[0] / distance
     y = p[1] / distance
     foot = radius * (radius / distance)
@@ -109,8 +119,11 @@ def _tangents(p, distance, radius):
 
 @inner
 def nearest_pair(aa, ab, ba, bb):
-    """Of two tangent points a, b at either end, by the cosines of all pairs: whether the nearest
-    has a of each end.
+    """Choose the nearest pair of two tangent points a, b at either end, by cosines of all pairs.
+
+    Returns
+    -------
+    whether the pair has a at the first end, and at the second
     """
     if aa > ab and aa > ba and aa > bb:
         return True, True
@@ -152,7 +165,10 @@ def _slide_to_plane(a, b, da, db, r, s, radius, far):
 
 @inner
 def _helix(a, b, r, s, radius, long, single):
-    """Length of the helix from r to s, slid to tangency unless `single`, and its ends."""
+    """Compute the length of the helix from r to s, slid to tangency unless `single`, and its ends.
+
+    Of the angle phi and the height z it is sqrt((radius phi)^2 + z^2).
+    """
     angle = math.atan2(r[0] * s[1] - r[1] * s[0], r[0] * s[0] + r[1] * s[1])
     if long:
         angle = 2.0 * math.pi - angle
@@ -188,9 +204,14 @@ def _helix(a, b, r, s, radius, long, single):
 
 @inner
 def _flat_view(p, q, r, turn):
-    """What sliding leaves as it is, of p, a tangent point q, and the point w that r turned by
-    `turn` makes. Seen along the axis: squares of the distances p q, q w and p w, and how far along
-    p w the point nearest to q lies.
+    """View a point p, a tangent point q, and w, which is r turned by `turn`, along the axis.
+
+    Sliding leaves this as it is.
+
+    Returns
+    -------
+    squares of the distances p q, q w and p w, and the share of the way from p to w at which the
+    point nearest to q lies
     """
     c = math.cos(turn)
     s = math.sin(turn)
@@ -207,9 +228,16 @@ def _flat_view(p, q, r, turn):
 
 @inner
 def _slide_to_tangency(p, q, w, view):
-    """Slide a tangent point where the line to it and the helix away from it do not meet at one
-    angle. Takes and gives heights along the axis: of the outer point, the tangent point and a point
-    on the helix.
+    """Slide a tangent point where the line to it and the helix from it meet at another angle.
+
+    Parameters
+    ----------
+    p, q, w : heights along the axis of the outer point, the tangent point and one on the helix [m]
+    view : of `_flat_view`
+
+    Returns
+    -------
+    whether it slid, and the height of the tangent point after [m]
     """
     pq, qw, pw, share = view
     into = q - p

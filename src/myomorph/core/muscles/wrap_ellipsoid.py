@@ -1,4 +1,4 @@
-"""The way around an ellipsoid as OpenSim defines it (`WrapEllipsoid`, 4.6), one segment at a time.
+"""Wrapping around an ellipsoid as OpenSim defines it (`WrapEllipsoid`, 4.6), one segment at a time.
 
 The path lies in a plane through both points and a third point c on the surface, found from the
 nearest surface points of the chord inside the ellipsoid: in the coordinate plane that the segment
@@ -26,8 +26,10 @@ MAX_STEPS = 64
 
 @inner
 def nearest_in_plane(a, p, plane):
-    """Nearest point, of the ellipse with the half axes a of the ellipsoid other than `plane`, to p.
-    The component `plane` stays p's own: OpenSim does not look for the section through p.
+    """Find the nearest point to p on an ellipse, in a plane of coordinates.
+
+    The ellipse has the half axes of the ellipsoid other than `plane`. The component `plane` stays
+    p's own: OpenSim does not look for the section through p.
     """
     if plane == 0:
         y, z = _nearest_on_ellipse(a[1], a[2], p[1], p[2])
@@ -41,9 +43,18 @@ def nearest_in_plane(a, p, plane):
 
 @inner
 def nearest_on_ellipsoid(a, p):
-    """Nearest point of the ellipsoid with half axes a around the origin to p.
-    `a`: half axes, about 1; `p`: the given point. Returns `found`: false where Newton's iteration
-    did not end; `nearest` (3,).
+    """Find the nearest point to p on an ellipsoid around the origin, by Newton's method.
+
+    The nearest point is a_i^2 p_i / (t + a_i^2) for the t that puts it on the surface.
+
+    Parameters
+    ----------
+    a : half axes, about 1
+    p : point
+
+    Returns
+    -------
+    whether the iteration ended, and the point
     """
     plane = -1
     narrowest = math.inf
@@ -85,7 +96,7 @@ def nearest_on_ellipsoid(a, p):
 
 @inner
 def _nearest_on_ellipse(a, b, u, v):
-    """Nearest point of the ellipse with half axes a, b to (u, v)."""
+    """Find the nearest point to (u, v) on the ellipse with half axes a, b."""
     a2 = a * a
     b2 = b * b
     on_y = abs(u) <= ROUNDING
@@ -126,8 +137,16 @@ MAX_TRIES = 1000
 
 @inner
 def tangent_point(p, r, a, n, d):
-    """Point of the ellipsoid, in the plane n . x + d = 0, where a line from p touches it.
-    `p`: point outside; `r`: where the search starts; `a`: half axes, about 1.
+    """Find the point of the ellipsoid, in a plane, where a line from p touches it.
+
+    By OpenSim's damped Gauss-Newton method on `_residuals`, whose tolerances show in the result.
+
+    Parameters
+    ----------
+    p : point outside
+    r : start of the search
+    a : half axes, about 1
+    n, d : of the plane n . x + d = 0
     """
     w = (2.0 / (a[0] * a[0]), 2.0 / (a[1] * a[1]), 2.0 / (a[2] * a[2]))
     h = -_weighted(w, r, r)
@@ -173,18 +192,23 @@ def tangent_point(p, r, a, n, d):
 
 @inner
 def _weighted(w, p, q):
+    """Sum of w_i p_i q_i."""
     return w[0] * p[0] * q[0] + w[1] * p[1] * q[1] + w[2] * p[2] * q[2]
 
 
 @inner
 def _residuals(p, r, h, w, n, d):
-    """In the plane, on the surface, h the offset of the tangent plane, p in the tangent plane."""
+    """Residuals of the tangent point.
+
+    In the plane, on the surface, h the offset of the tangent plane, p in the tangent plane.
+    """
     weighted = _weighted(w, r, r)
     return dot(n, r) + d, 0.5 * weighted - 1.0, weighted + h, _weighted(w, r, p) + h
 
 
 @inner
 def _squares(e):
+    """Sum of the squares of four residuals."""
     return e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]
 
 
@@ -202,7 +226,7 @@ def _normal_equations(p, r, w, n, e, A, b):
 
 @inner
 def _solved(A, b, damping, gain):
-    """Solution of (A + damping diag(A)) u = gain b by the factors L D L^T."""
+    """Solve (A + damping diag(A)) u = gain b by the factors L D L^T."""
     scale = 1.0 + damping
     i0 = 1.0 / (A[0, 0] * scale)
     l10 = A[1, 0] * i0
@@ -241,10 +265,18 @@ MAX_CHORDS = 499
 
 @inner
 def wrap_ellipsoid(p, q, size, method, axis, side):
-    """Where the segment from p to q meets and leaves the ellipsoid around the origin.
-    `p`, `q`: points in the frame of the ellipsoid [m]; `size`: half axes [m]; `method`: HYBRID,
-    MIDPOINT or AXIAL; `axis`, `side`: the half that constrains the path, as of `wrap_cylinder`; 0
-    for all. Returns `code`, `arc`, `r`, `s`: as of `wrap_cylinder`, but never WRAPPED.
+    """Wrap the segment from p to q around an ellipsoid at the origin.
+
+    Parameters
+    ----------
+    p, q : points in the frame of the ellipsoid [m]
+    size : half axes [m]
+    method : `HYBRID`, `MIDPOINT` or `AXIAL`
+    axis, side : half that constrains the path, as of `wrap_cylinder`; 0 for all
+
+    Returns
+    -------
+    code, arc, r, s : as of `wrap_cylinder`, but never `WRAPPED`
     """
     factor = 3.0 / (size[0] + size[1] + size[2])
     a = (size[0] * factor, size[1] * factor, size[2] * factor)
@@ -289,11 +321,13 @@ def wrap_ellipsoid(p, q, size, method, axis, side):
 
 @inner
 def _scaled(p, factor):
+    """Divide a vector by the factor of lengths."""
     return p[0] / factor, p[1] / factor, p[2] / factor
 
 
 @inner
 def _outside(p, a):
+    """Level of a point: below 0 inside the ellipsoid, 0 on it."""
     u = p[0] / a[0]
     v = p[1] / a[1]
     w = p[2] / a[2]
@@ -302,7 +336,7 @@ def _outside(p, a):
 
 @inner
 def _chord(x, y, a):
-    """Where the segment from x to y enters and leaves the ellipsoid; false where it does not."""
+    """Find where the segment from x to y enters and leaves the ellipsoid; false where it misses."""
     d = minus(x, y)
     f = (d[0] / a[0], d[1] / a[1], d[2] / a[2])
     g = (y[0] / a[0], y[1] / a[1], y[2] / a[2])
@@ -322,8 +356,11 @@ def _chord(x, y, a):
 
 @inner
 def _most_square(x, y, r, s):
-    """Axis most parallel to the segment, its cosine, and where the chord crosses the plane across
-    it.
+    """Find the axis most parallel to the segment.
+
+    Returns
+    -------
+    the axis, its cosine, and the share of the chord at which it crosses the plane across the axis
     """
     d = unit(minus(x, y))
     best = 0
@@ -335,8 +372,11 @@ def _most_square(x, y, r, s):
 
 @inner
 def _plane_point(r, s, a, method, best, square, place):
-    """The surface point that sets the plane, the cosine after fading, the share of the fan (-inf
-    where unset).
+    """Find the surface point that sets the plane of the path.
+
+    Returns
+    -------
+    the point, the cosine after fading, and the share of the fan (-inf where unset)
     """
     chord = minus(s, r)
     middle = along(r, 0.5, chord)
@@ -382,8 +422,9 @@ def _fan(r, chord, a):
 
 @inner
 def _arc(x, y, r, s, a, n, d, factor, constrained):
-    """Length from r to s on the surface, in the plane n . x + d = 0; the other way round if need
-    be.
+    """Compute the length from r to s on the surface, in the plane n . x + d = 0.
+
+    Constrained paths go the other way round where they would double back.
     """
     gap = norm(minus(r, s))
     if gap / factor < CHORD:
@@ -411,8 +452,11 @@ def _arc(x, y, r, s, a, n, d, factor, constrained):
 
 @inner
 def _chords_length(center, e, f, step, chords, r, s, a):
-    """Length of the chords from r to s at even angles about `center`, and the second and last but
-    one points.
+    """Sum the chords from r to s at even angles about `center`.
+
+    Returns
+    -------
+    length, second point, last point but one
     """
     g = (center[0] / a[0], center[1] / a[1], center[2] / a[2])
     C = dot(g, g) - 1.0

@@ -1,4 +1,4 @@
-"""The way around a sphere as OpenSim defines it (`WrapSphere`, 4.6), one segment at a time."""
+"""Wrapping around a sphere as OpenSim defines it (`WrapSphere`, 4.6), one segment at a time."""
 
 from __future__ import annotations
 
@@ -8,20 +8,25 @@ from myomorph.core.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP, WRAP
 from myomorph.core.rigid.kernels import inner
 from myomorph.core.rigid.vectors import along, cross, dot, minus, norm, sign, unit
 
-IN_LINE = 1e-5
+IN_LINE = 1e-5  # Sine of the angle to the center below which a segment aims at it
 
 
 @inner
 def wrap_sphere(a, b, radius, axis, side):
-    """Where the segment from a to b meets and leaves the sphere around the origin.
-    `a`, `b`: points in the frame of the sphere [m]; `radius` [m]; `axis`, `side`: the half that
-    constrains the path, as of `wrap_cylinder`; 0 for all. Returns `code`, `arc`, `r`, `s`: as of
-    `wrap_cylinder`.
+    """Wrap the segment from a to b around a sphere at the origin.
 
-    Notes
-    -----
     On the far side of a constrained sphere OpenSim counts the arc as negative; so do we. A segment
     that aims at the center within 1e-5 has no tangent points, and is not wrapped.
+
+    Parameters
+    ----------
+    a, b : points in the frame of the sphere [m]
+    radius : of the sphere [m]
+    axis, side : half that constrains the path, as of `wrap_cylinder`; 0 for all
+
+    Returns
+    -------
+    code, arc, r, s : as of `wrap_cylinder`
     """
     la = norm(a)
     lb = norm(b)
@@ -86,7 +91,7 @@ def wrap_sphere(a, b, radius, axis, side):
 
 @inner
 def _tangents(p, distance, n, radius):
-    """Both points of the plane with normal n where lines through p touch the sphere."""
+    """Find both points of the plane with normal n where lines through p touch the sphere."""
     y = (-p[0] / distance, -p[1] / distance, -p[2] / distance)
     z = cross(n, y)
     s = radius / distance

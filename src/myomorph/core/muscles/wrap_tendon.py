@@ -20,20 +20,30 @@ from myomorph.core.rigid.vectors import cross, dot, minus, norm
 
 SPHERE = 0
 CYLINDER = 1
+# Rules of side points: without one, those of MuJoCo before 4.0, those since
 NO_SIDE = 0
 BEFORE_FOUR = 3
-FOUR = 4  # Rules of side points: without one, those of MuJoCo before 4.0, those since
+FOUR = 4
 TINY = 1e-15
 
 
 @kernel
 def wrap_tendon(p0, p1, kind, radius, R, x, side, rule, out):
-    """Arc length on the surface between two points, or -1 where the path does not touch it.
-    `p0`, `p1` (3,) the points before and after the surface [m]; `kind`: SPHERE or CYLINDER
-    (infinite, its axis is the third column of `R`); `radius` [m]; `R`, `x` (3, 3), (3,) pose of the
-    surface; `side` (3,) the side point; not read without one; `rule`: NO_SIDE, BEFORE_FOUR or FOUR;
-    `out` (2, 3) filled with the points where the path meets and leaves the surface; All in one
-    frame. On -1 `out` is left as it was.
+    """Wrap a tendon around a surface between two points, all in one frame.
+
+    Parameters
+    ----------
+    p0, p1 : (3,) points before and after the surface [m]
+    kind : `SPHERE` or `CYLINDER` (infinite, its axis is the third column of `R`)
+    radius : of the surface [m]
+    R, x : (3, 3), (3,) pose of the surface
+    side : (3,) side point; not read without one [m]
+    rule : `NO_SIDE`, `BEFORE_FOUR` or `FOUR`
+    out : (2, 3) filled with the points where the path meets and leaves the surface [m]
+
+    Returns
+    -------
+    length of the arc [m], or -1 where the path does not touch the surface; then `out` is left
     """
     a = minus(p0, x)
     b = minus(p1, x)
@@ -93,9 +103,7 @@ def wrap_tendon(p0, p1, kind, radius, R, x, side, rule, out):
 
 @inner
 def _plane_normal(e, a, b):
-    """Unit normal of the plane of a and b; of one of the planes of a, along e, where they are in
-    line.
-    """
+    """Find the unit normal of the plane of a and b; of any plane of a, along e, if in line."""
     n = cross(a, b)
     if norm(n) < TINY:
         if abs(e[1]) > abs(e[0]) and abs(e[1]) > abs(e[2]):
@@ -110,6 +118,7 @@ def _plane_normal(e, a, b):
 
 @inner
 def _unit(x, y):
+    """Scale a vector of the plane to norm 1; (1, 0) for one without norm."""
     length = math.hypot(x, y)
     if length < TINY:
         return 1.0, 0.0
@@ -118,7 +127,7 @@ def _unit(x, y):
 
 @inner
 def _around(ax, ay, bx, by, r, sx, sy, has_side):
-    """Arc length around the outside of a circle at the origin, and its two ends; -1 for no wrap."""
+    """Go around the outside of a circle: length of the arc, -1 for no wrap, and its two ends."""
     aa = ax * ax + ay * ay
     bb = bx * bx + by * by
     rr = r * r
@@ -146,7 +155,7 @@ def _around(ax, ay, bx, by, r, sx, sy, has_side):
 
 @inner
 def _arc(ax, ay, bx, by, r, turn):
-    """The way around a circle in one sense, clockwise where `turn` is 1: arc length and both ends."""
+    """Go around a circle in one sense, clockwise where `turn` is 1: length of the arc, its ends."""
     aa = ax * ax + ay * ay
     bb = bx * bx + by * by
     rr = r * r
@@ -165,7 +174,7 @@ def _arc(ax, ay, bx, by, r, turn):
 
 @inner
 def _towards_side(ax, ay, bx, by, r, sx, sy):
-    """As `_around` with a side point outside, by the rule before MuJoCo 4.0."""
+    """Go around as `_around` with a side point outside, by the rule before MuJoCo 4.0."""
     none = (-1.0, 0.0, 0.0, 0.0, 0.0)
     rr = r * r
     dx = bx - ax
@@ -209,10 +218,16 @@ def _cross(ax, ay, tx, ty, bx, by, ux, uy):
 
 @inner
 def _touch_inside(ax, ay, bx, by, r):
-    """Where the path from a to b touches a ring from within: it leaves at the angle it came in.
-    With theta the angle between path and radius at the point of touch, the law of sines in both
-    triangles gives asin(r sin(theta) / |a|) + asin(r sin(theta) / |b|) + (angle between a and b)
-    = 2 theta.
+    """Find where the path from a to b touches a ring from within, leaving at the angle it came in.
+
+    With theta the angle between path and radius at the point of contact, the law of sines in both
+    triangles gives
+
+        asin(r sin(theta) / |a|) + asin(r sin(theta) / |b|) + (angle between a and b) = 2 theta
+
+    Returns
+    -------
+    whether there is such a point, x and y [m]
     """
     la = math.hypot(ax, ay)
     lb = math.hypot(bx, by)

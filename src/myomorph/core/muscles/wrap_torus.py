@@ -1,4 +1,4 @@
-"""The way through a torus as OpenSim defines it (`WrapTorus`, 4.6), one segment at a time.
+"""Wrapping through a torus as OpenSim defines it (`WrapTorus`, 4.6), one segment at a time.
 
 OpenSim looks for the point of the torus's circle nearest to the segment, puts a long cylinder there
 along the circle, and wraps around that cylinder. The search is MINPACK's least squares in one
@@ -13,6 +13,8 @@ from myomorph.core.muscles.wrap_cylinder import NO_WRAP, WRAPPED, wrap_cylinder
 from myomorph.core.rigid.kernels import inner
 from myomorph.core.rigid.vectors import along, dot, minus, sign, unit
 
+# OpenSim's: length of the helper cylinder [m], step of differences, tolerances of MINPACK, first
+# bound of a step, and evaluations
 CYLINDER_LENGTH = 10000.0
 STEP = 1e-5
 TOLERANCE = 1e-4
@@ -22,12 +24,20 @@ MAX_CALLS = 500
 
 @inner
 def wrap_torus(a, b, inner_radius, outer, axis, side, single):
-    """Where the segment from a to b meets and leaves the tube of radius `inner_radius`.
-    `a`, `b`: points in the frame of the torus, whose circle of radius `outer` lies in z = 0 [m];
-    `inner_radius`, `outer` [m]; `axis`, `side`: the half of the circle that may be touched, as of
-    `wrap_cylinder`; 0 for all; `single`: as of `wrap_cylinder`. Returns `code`, `arc`, `r`, `s`: as
-    of `wrap_cylinder`, but never MANDATORY; arc is NaN where the code is WRAPPED although the
-    cylinder was missed, which only matters to the order of several surfaces.
+    """Wrap the segment from a to b around the tube of a torus.
+
+    Parameters
+    ----------
+    a, b : points in the frame of the torus, whose circle lies in z = 0 [m]
+    inner_radius, outer : radii of the tube and of the circle [m]
+    axis, side : half of the circle that may be touched, as of `wrap_cylinder`; 0 for all
+    single : as of `wrap_cylinder`
+
+    Returns
+    -------
+    code, arc, r, s : as of `wrap_cylinder`, but never `MANDATORY`; arc is NaN where the code is
+        `WRAPPED` although the cylinder was missed, which only matters to the order of several
+        surfaces
     """
     result, x, y = _nearest_on_circle(a, b, outer, axis, side)
     if not result:
@@ -53,8 +63,11 @@ def wrap_torus(a, b, inner_radius, outer, axis, side, single):
 
 @inner
 def _nearest_on_circle(a, b, radius, axis, side):
-    """Point of the circle nearest to the line, searched from both ends; false where on the wrong
-    half.
+    """Find the point of the circle nearest to a line, searched from both ends.
+
+    Returns
+    -------
+    whether it is on the right half, x and y [m]
     """
     d = unit(minus(b, a))
     one = along(a, _search(a, d, radius), d)
@@ -77,12 +90,18 @@ def _nearest_on_circle(a, b, radius, axis, side):
 
 @inner
 def _distance(p, radius):
+    """Distance of a point from the circle [m]."""
     return math.sqrt(max(0.0, dot(p, p) + radius * radius - 2.0 * radius * math.hypot(p[0], p[1])))
 
 
 @inner
 def _slope(p, d, radius, u):
-    """Derivative along the line of the squared distance to the circle, at p + u d."""
+    """Differentiate the squared distance to the circle along the line, at p + u d.
+
+    With rho the distance of p + u d from the z axis,
+
+        d/du (|p + u d|^2 - 2 radius rho)
+    """
     flat = p[0] * d[0] + p[1] * d[1]
     level = d[0] * d[0] + d[1] * d[1]
     across = math.sqrt(u * u * level + 2.0 * flat * u + p[0] * p[0] + p[1] * p[1])
@@ -93,7 +112,7 @@ def _slope(p, d, radius, u):
 
 @inner
 def _search(p, d, radius):
-    """Root of `_slope` from u = 0 by Levenberg and Marquardt as MINPACK does it, in one unknown."""
+    """Search the root of `_slope` from u = 0 by MINPACK's Levenberg-Marquardt, in one unknown."""
     x = 0.0
     par = 0.0
     delta = 0.0
@@ -150,7 +169,7 @@ def _search(p, d, radius):
 
 @inner
 def _bounded_step(slope, f, scale, delta, par):
-    """Step of scaled size about `delta` at most, and MINPACK's parameter that makes it so."""
+    """Compute a step of scaled size about `delta` at most, and MINPACK's parameter of it."""
     step = f / slope
     size = scale * abs(step)
     excess = size - delta

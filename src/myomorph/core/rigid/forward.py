@@ -81,6 +81,10 @@ def forward_accelerations(
     motion : c and cdot, consistent; of the accelerations those of prescribed coordinates are read
     applied : (frames, bodies, 6) as of `joint_wrenches`
     generalized : (frames, coordinates) other forces along coordinates, `gathered` [N m or N]
+
+    Returns
+    -------
+    accelerations and multipliers of as many frames
     """
     c, cdot, cddot = motion
     free = free_coordinates(tree)
