@@ -102,6 +102,7 @@ from .core.tension.tension import TensionOptions as TensionOptions
 from .exchange.mujoco.certificate import Certificate as Certificate
 from .exchange.mujoco.certificate import Difference as Difference
 from .exchange.mujoco.export import write_mjcf as write_mjcf
+from .lab import session as session
 from .lab import uncertainty as uncertainty
 from .lab.analysis.correlations import Correlations as Correlations
 from .lab.analysis.correlations import correlate as correlate
@@ -115,13 +116,6 @@ from .lab.analysis.strides import Strides as Strides
 from .lab.analysis.strides import find_strides as find_strides
 from .lab.analyze.analyze import PreparedStudy as PreparedStudy
 from .lab.analyze.analyze import prepare_study as prepare_study
-from .lab.session.body_measures import BodyMeasures as BodyMeasures
-from .lab.session.body_measures import Measured as Measured
-from .lab.session.read import read_session as read_session
-from .lab.session.session import Person as Person
-from .lab.session.session import RecordedClock as RecordedClock
-from .lab.session.session import Session as Session
-from .lab.session.session import SessionTrial as SessionTrial
 from .lab.store.outcome import Conditions as Conditions
 from .lab.store.outcome import Excluded as Excluded
 from .lab.store.outcome import Outcome as Outcome

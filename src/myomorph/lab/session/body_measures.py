@@ -1,4 +1,4 @@
-"""Lengths of segments and weight of who was recorded, and whether two recordings are of one body."""
+"""Lengths of segments and weight of who was recorded; whether two recordings are of one body."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def read_session(
     >>> import myomorph as mm
     >>> squat = mm.demo_recording()
     >>> mm.write_trc(squat.markers, "squat.trc")
-    >>> session = mm.read_session("squat.trc")
+    >>> session = mm.session.read_session("squat.trc")
     >>> session
     Session(subject: 1 trials, 1 squatting)
     >>> session.trials[0].movement.origin

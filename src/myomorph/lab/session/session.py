@@ -119,7 +119,7 @@ class Session:
     >>> import myomorph as mm
     >>> squat = mm.demo_recording()
     >>> mm.write_trc(squat.markers, "squat.trc")
-    >>> [str(person.name) for person in mm.read_session("squat.trc").people]
+    >>> [str(person.name) for person in mm.session.read_session("squat.trc").people]
     ['subject']
     """
 
