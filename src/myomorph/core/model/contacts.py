@@ -1,6 +1,4 @@
-"""Where bodies touch the world or each other: sites, what holds them there, and the forces that
-pass.
-"""
+"""Contacts of bodies with the world or each other: sites, contact laws and forces."""
 
 from __future__ import annotations
 
@@ -24,9 +22,7 @@ CONTACT_LAWS: dict[str, str | type[Cone]] = with_extensions(
     "contact law",
     lambda extension: extension.contact_laws,
 )
-"""Contact laws by the name that contact files and results give them: a subclass of `Cone`, or its
-module and name.
-"""
+"""Contact laws by their names in files: a subclass of `Cone`, or its module and name."""
 
 
 class Generators(NamedTuple):
@@ -49,7 +45,7 @@ class Generators(NamedTuple):
 
 @read_only
 class Cone:
-    """Which forces may act on a body at a site: a contact law.
+    """A contact law: the forces that may act on a body at a site.
 
     Another law is a subclass that replaces `generators`; contact files and results know it by the
     name that `register_law` gives it.
@@ -97,7 +93,7 @@ class Cone:
             raise BadData(f"greatest force of a contact is {self.most:g} N: expected above 0")
 
     def generators(self) -> Generators:
-        """The generators at one point, without those of the grip.
+        """Make the generators of the cone at one point, without those of the grip.
 
         A friction pyramid has the generators d + mu t_k; what may slide any way besides, as in a
         half-space, has free tangents; a cone without a direction has three free axes. Torsional
@@ -129,8 +125,11 @@ class Cone:
         return Generators(push=np.array(push), turn=np.array(turn), lower=lower, share=share)
 
     def plain(self) -> dict[str, Any]:
-        """The law's name and its parameters as numbers and texts, for files; raises `BadData` where
-        `CONTACT_LAWS` lacks it.
+        """Write the law's name and its parameters as numbers and texts, for files.
+
+        Raises
+        ------
+        BadData : `CONTACT_LAWS` does not have the law
         """
         place = _place(type(self))
         name = next((name for name, law in CONTACT_LAWS.items() if _place(law) == place), None)
@@ -180,19 +179,29 @@ def register_law(name: str, law: type[Cone]) -> None:
 
 
 def contact_law(name: str) -> type[Cone]:
-    """The class of a contact law by its name in files."""
+    """Find the class of a contact law by its name in files."""
     check_name("contact law", name, tuple(CONTACT_LAWS), "Myomorph")
     law = CONTACT_LAWS[name]
     return load(law) if isinstance(law, str) else law
 
 
 def _place(law: str | type[Cone]) -> str:
+    """Write the module and name of a law."""
     return law if isinstance(law, str) else f"{law.__module__}:{law.__qualname__}"
 
 
 def tangents(direction: Array) -> tuple[Array, Array]:
-    """Two unit vectors across a unit vector (3,); the first nearest to the axis that is least along
-    it.
+    """Find two unit vectors across a direction.
+
+    The first is nearest to the axis that is least along the direction.
+
+    Parameters
+    ----------
+    direction : (3,) unit vector
+
+    Returns
+    -------
+    first, second : (3,) unit vectors
     """
     axis = np.eye(3)[int(np.argmin(np.abs(direction)))]
     first = axis - (axis @ direction) * direction
@@ -268,7 +277,7 @@ class Touch:
 
 @dataclass(frozen=True)
 class Contacts:
-    """Which site touches what, from when to when, and how sure: the same whatever the source.
+    """Contact intervals of sites, with their confidence, the same whatever the source.
 
     Attributes
     ----------
@@ -282,16 +291,22 @@ class Contacts:
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self,
-            "intervals",
-            tuple(sorted(self.intervals, key=lambda span: (span.start, span.site))),
-        )
+        ordered = sorted(self.intervals, key=lambda interval: (interval.start, interval.site))
+        object.__setattr__(self, "intervals", tuple(ordered))
         for interval in self.intervals:
             check_name("contact site", interval.site, self.sites, "the contacts")
 
     def states(self, time: Array) -> Series:
-        """How sure it is that each site touches: (frames, sites), 0 where nothing says so."""
+        """Confidence that each site touches.
+
+        Parameters
+        ----------
+        time : (frames,) [s]
+
+        Returns
+        -------
+        Series of (frames, sites), 0 where nothing says so
+        """
         values = np.zeros((len(time), len(self.sites)))
         for interval in self.intervals:
             column = self.sites.index(interval.site)
@@ -300,14 +315,13 @@ class Contacts:
         return Series(time, self.sites, values)
 
     def of(self, site: str) -> tuple[Touch, ...]:
-        """When one site touches."""
+        """Intervals in which one site touches."""
         return tuple(interval for interval in self.intervals if interval.site == site)
 
 
 @read_only
 class SharedWrench:
-    """A force that was measured, but for several sites together: what a plate or a load cell
-    carries.
+    """A force that a plate or a load cell measured for several sites together.
 
     Attributes
     ----------
@@ -379,15 +393,33 @@ class ContactForces(Labelled):
         return tuple(site.name for site in self.sites)
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], sites, axes."""
+        """Label each dimension: times [s], sites, axes.
+
+        Returns
+        -------
+        by dimension
+        """
         return {"time": self.time, "contact_site": self.names, "axis": AXES}
 
     def of(self, site: str) -> Array:
-        """Force at one site (frames, 3); raises `UnknownName`."""
+        """Force at one site.
+
+        Parameters
+        ----------
+        site : its name
+
+        Returns
+        -------
+        (frames, 3) [N]
+
+        Raises
+        ------
+        UnknownName : there is no such site
+        """
         return self.forces[:, index_of("contact site", site, self.names, "the contacts")]
 
     def wrenches(self, by: Literal["body", "group", "site"] = "body") -> Wrenches:
-        """Forces on the bodies as external loads, sites of one body or group taken together.
+        """Turn forces into external loads, sites of one body or group taken together.
 
         The point of application is the mean of the sites' points by their force along the cone,
         which on a floor is the center of pressure; what moment is left about it is the free torque.
@@ -411,11 +443,20 @@ class ContactForces(Labelled):
             label if labels.count(label) == 1 else f"{label}_{body}"
             for label, body in zip(labels, bodies, strict=True)
         )
-        return Wrenches(self.time, names, bodies, *values)
+        forces, points, torques = values
+        return Wrenches(
+            time=self.time,
+            names=names,
+            bodies=bodies,
+            forces=forces,
+            points=points,
+            torques=torques,
+        )
 
     def _pressed(self, index: int) -> Array:
-        """Force along the cone of a site (frames,); the whole force where its direction is not
-        fixed in ground.
+        """Force along the cone of a site (frames,) [N].
+
+        The norm of the whole force where the cone's direction is not fixed in ground.
         """
         cone = self.sites[index].cone
         if cone.direction is None or cone.frame != GROUND:
@@ -423,14 +464,23 @@ class ContactForces(Labelled):
         return np.abs(self.forces[:, index] @ cone.direction)
 
     def _together(self, members: Sequence[tuple[int, float]]) -> tuple[Array, Array, Array]:
-        """Force, point and free torque (frames, 3) of some sites, each with the sign it acts with."""
-        chosen = [index for index, _ in members]
+        """Sum the forces of some sites at their center of pressure.
+
+        Parameters
+        ----------
+        members : number of each site, and the sign that its force acts with
+
+        Returns
+        -------
+        force, point, free torque : (frames, 3) [N], [m], [N m]
+        """
+        chosen = [number for number, _ in members]
         sign = np.array([sign for _, sign in members])[:, None]
         forces = self.forces[:, chosen] * sign
         points = self.points[:, chosen]
         torques = self.torques[:, chosen] * sign
-        size = np.stack([self._pressed(index) for index in chosen], axis=1)
-        share = np.where(size.sum(axis=1, keepdims=True) > 0.0, size, 1.0)
+        pressed = np.stack([self._pressed(number) for number in chosen], axis=1)
+        share = np.where(pressed.sum(axis=1, keepdims=True) > 0.0, pressed, 1.0)
         point = np.einsum("fk,fki->fi", share / share.sum(axis=1, keepdims=True), points)
         torque = (torques + np.cross(points - point[:, None], forces)).sum(axis=1)
         return forces.sum(axis=1), point, torque

@@ -1,9 +1,10 @@
-"""Inertial sensors on bodies as a value: what each measured, or how it was oriented, over time."""
+"""Inertial sensors on bodies as a value: what each measured, or how it was oriented."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -20,23 +21,34 @@ SIGNALS = {
     "magnetic_fields": "1",
     "orientations": "1",
 }
-"""What a sensor may give, with its unit: fields of `InertialSensors`."""
+"""Signals of sensors with their units: fields of `InertialSensors`."""
 
 
 @read_only
 class InertialSensors(OverTime):
-    """Inertial sensors on one clock; what was not recorded is None, what is missing NaN."""
+    """Inertial sensors on one clock; what was not recorded is None, what is missing NaN.
 
-    time: Array  # (frames,) ascending [s]
-    names: tuple[str, ...]  # one per sensor
-    # (frames, sensors, 4) quaternions w, x, y, z from the sensor to the earth, whose z points up
+    Attributes
+    ----------
+    time : (frames,) ascending [s]
+    names : one per sensor
+    orientations : (frames, sensors, 4) quaternions w, x, y, z from the sensor to the earth, whose z
+        points up
+    angular_velocities : (frames, sensors, 3) in the sensor [rad/s]
+    accelerations : (frames, sensors, 3) in the sensor, gravity included: upwards at rest [m/s^2]
+    magnetic_fields : (frames, sensors, 3) in the sensor, in any unit
+    warnings : what looks wrong, one line each
+    source : path of the file, "" for sensors made in memory
+    """
+
+    time: Array
+    names: tuple[str, ...]
     orientations: Array | None = None
-    angular_velocities: Array | None = None  # (frames, sensors, 3) in the sensor [rad/s]
-    # (frames, sensors, 3) in the sensor, gravity included: upwards at rest [m/s^2]
+    angular_velocities: Array | None = None
     accelerations: Array | None = None
-    magnetic_fields: Array | None = None  # (frames, sensors, 3) in the sensor, in any unit
-    warnings: tuple[str, ...] = ()  # what looks wrong, one line each
-    source: str = ""  # path of the file, "" for sensors made in memory
+    magnetic_fields: Array | None = None
+    warnings: tuple[str, ...] = ()
+    source: str = ""
 
     def __post_init__(self) -> None:
         freeze(self, time=(-1,))
@@ -47,14 +59,12 @@ class InertialSensors(OverTime):
         if twice:
             raise BadData(f"two sensors are called '{twice}': give each a name of its own")
         for name in self.signals:
-            freeze(
-                self,
-                **{name: (len(self.time), len(self.names), 4 if name == "orientations" else 3)},
-            )
+            components = 4 if name == "orientations" else 3
+            freeze(self, **{name: (len(self.time), len(self.names), components)})
 
     @property
     def signals(self) -> dict[str, Any]:
-        """What was recorded, by the names of `SIGNALS`."""
+        """Recorded arrays by the names of `SIGNALS`."""
         return {name: values for name in SIGNALS if (values := getattr(self, name)) is not None}
 
     @property
@@ -63,7 +73,7 @@ class InertialSensors(OverTime):
         return float(1.0 / np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
 
     def variables(self) -> Mapping[str, Variable]:
-        """What was recorded."""
+        """Name what was recorded."""
         return {
             name: Variable(
                 ("time", "name", "part" if name == "orientations" else "axis"),
@@ -74,11 +84,16 @@ class InertialSensors(OverTime):
         }
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], names of the sensors, axes."""
+        """Label each dimension: times [s], names of the sensors, axes.
+
+        Returns
+        -------
+        by dimension
+        """
         return {"time": self.time, "name": self.names, "axis": AXES, "part": ("w", *AXES)}
 
     def only(self, names: Sequence[str]) -> InertialSensors:
-        """Some of the sensors, in the order that is given; raises `UnknownName`."""
+        """Take some of the sensors, in the order of the names; raises `UnknownName`."""
         columns = [index_of("sensor", name, self.names, "the recording") for name in names]
         return replace(
             self,
@@ -87,19 +102,24 @@ class InertialSensors(OverTime):
         )
 
     def between(self, start: float, end: float) -> InertialSensors:
-        """Frames from `start` to `end` [s]."""
-        some = (self.time >= start - 1e-9) & (self.time <= end + 1e-9)
-        if not some.any():
+        """Take the frames from `start` to `end` [s]; raises `BadData` where there are none."""
+        inside = (self.time >= start - 1e-9) & (self.time <= end + 1e-9)
+        if not inside.any():
             raise BadData(
                 f"{self.source or 'sensors'}: no frame from {start:g} to {end:g} s; the recording"
                 f" runs from {self.time[0]:g} to {self.time[-1]:g} s"
             )
-        return self.frames(some)
+        return self.frames(inside)
 
 
 def beside(parts: Sequence[InertialSensors]) -> InertialSensors:
-    """Sensors of several files on the clock of the first, as far as all reach; files of one sensor
-    each are usual.
+    """Put sensors of several files on the clock of the first, as far as all reach.
+
+    Files of one sensor each are usual.
+
+    Raises
+    ------
+    BadData : the files have no time or no signal in common
     """
     if len(parts) == 1:
         return parts[0]
@@ -107,30 +127,43 @@ def beside(parts: Sequence[InertialSensors]) -> InertialSensors:
     end = min(part.time[-1] for part in parts)
     clock = parts[0].time
     clock = clock[(clock >= start - 1e-9) & (clock <= end + 1e-9)]
+    sources = ", ".join(part.source for part in parts)
     if not len(clock):
-        raise BadData(
-            f"{', '.join(part.source for part in parts)}: no time in common: give files of one"
-            " recording"
-        )
-    common = [what for what in SIGNALS if all(what in part.signals for part in parts)]
-    if not common:
-        raise BadData(
-            f"{', '.join(part.source for part in parts)}: no signal that all of them have"
-        )
-    merged = {
-        what: np.concatenate([_at(part, what, clock) for part in parts], axis=1) for what in common
-    }
-    return InertialSensors(
-        clock,
-        tuple(name for part in parts for name in part.names),
-        warnings=tuple(text for part in parts for text in part.warnings),
+        raise BadData(f"{sources}: no time in common: give files of one recording")
+    result = InertialSensors(
+        time=clock,
+        names=tuple(chain.from_iterable(part.names for part in parts)),
+        warnings=tuple(chain.from_iterable(part.warnings for part in parts)),
         source=parts[0].source,
-        **merged,
+        orientations=_merged(parts, "orientations", clock),
+        angular_velocities=_merged(parts, "angular_velocities", clock),
+        accelerations=_merged(parts, "accelerations", clock),
+        magnetic_fields=_merged(parts, "magnetic_fields", clock),
     )
+    if not result.signals:
+        raise BadData(f"{sources}: no signal that all of them have")
+    return result
+
+
+def _merged(parts: Sequence[InertialSensors], what: str, clock: Array) -> Array | None:
+    """Signal of all sensors at other times (frames, sensors, 3 or 4); None if a part lacks it."""
+    if not all(what in part.signals for part in parts):
+        return None
+    return np.concatenate([_at(part, what, clock) for part in parts], axis=1)
 
 
 def _at(part: InertialSensors, what: str, clock: Array) -> Array:
-    """A signal at other times, linear between frames; quaternions by the shorter way."""
+    """Interpolate a signal, linearly between frames; quaternions by the shorter way.
+
+    Parameters
+    ----------
+    what : name of the signal
+    clock : (frames,) other times [s]
+
+    Returns
+    -------
+    (frames, sensors, 3 or 4)
+    """
     values = np.array(part.signals[what])
     if len(clock) == len(part.time) and np.allclose(clock, part.time, rtol=0.0, atol=1e-9):
         return values
@@ -144,8 +177,15 @@ def _at(part: InertialSensors, what: str, clock: Array) -> Array:
 
 
 def steady(quaternions: Array) -> Array:
-    """Quaternions (frames, ..., 4) whose sign does not jump from frame to frame: q and -q are one
-    orientation.
+    """Give quaternions signs that do not jump from frame to frame: q and -q are one orientation.
+
+    Parameters
+    ----------
+    quaternions : (frames, ..., 4)
+
+    Returns
+    -------
+    (frames, ..., 4)
     """
     known = np.where(np.isfinite(quaternions), quaternions, 0.0)
     signs = np.ones((*known.shape[:-1], 1))

@@ -1,9 +1,9 @@
-"""Several subjects and objects as one model on one ground, and the results of each taken out again."""
+"""Several subjects and objects as one model on one ground, and the results of each."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
@@ -24,7 +24,7 @@ ADDED = (
     "residual_MY_",
     "residual_MZ_",
 )
-"""What stands before a part's name in names that the tension problem makes."""
+"""Prefixes before a part's name in names that the tension problem makes."""
 NAMED = (
     "bodies",
     "joints",
@@ -40,7 +40,7 @@ NAMED = (
     "frames",
     "passive_torques",
 )
-"""What a model holds under names."""
+"""Tables of a model whose parts have names."""
 ONE_NAME = frozenset(
     (
         "name",
@@ -60,20 +60,27 @@ ONE_NAME = frozenset(
 )
 SEVERAL_NAMES = frozenset(("coordinates", "independents", "groups"))
 PARTS = frozenset(("axes", "points", "wraps"))
-"""Fields of these, whatever they are of, that hold a name (`ONE_NAME`), several, or parts that have
-such fields.
-"""
+"""Fields of these that hold a name (`ONE_NAME`), several names, or parts that have such fields."""
 
 Timed = TypeVar("Timed", Series, Wrenches)
 
 
 def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
-    """Models side by side on one ground, as one tree: what they share is the ground and nothing
-    else. Every name gains its part's name and a line: `femur_r` of the part `tori` becomes
+    """Put models side by side on one ground, as one tree that shares nothing else.
+
+    Every name gains its part's name and a line: `femur_r` of the part `tori` becomes
     `tori_femur_r`. Coordinates keep their meaning, so motions and torques of the parts are columns
     of those of the whole. Names of mesh files stay, to be looked up beside every part's own file.
-    `parts`: models by the names of their parts, each a word of letters, digits and lines; `name`:
-    of the whole; the parts' names with lines between by default.
+
+    Parameters
+    ----------
+    parts : models by the names of their parts, each a word of letters, digits and lines
+    name : of the whole; the parts' names with lines between by default
+
+    Raises
+    ------
+    BadData : a name that cannot be one of a part
+    BadModel : the parts have different gravity
     """
     _check_parts(tuple(parts))
     renamed = [_renamed(model, part) for part, model in parts.items()]
@@ -100,29 +107,37 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
 
 
 def join_motions(parts: Mapping[str, Motion]) -> Motion:
-    """Motions of the parts as one of the joined model; rates are kept where every part has them."""
+    """Join motions of the parts to one of the joined model.
+
+    Velocities and accelerations are there where every part has them.
+
+    Raises
+    ------
+    BadData : their times differ
+    """
     check_clocks(parts)
     motions = list(parts.values())
-    rates = [
-        (
-            None
-            if any(rates is None for rates in every_rate)
-            else np.hstack([rates for rates in every_rate if rates is not None])
-        )
-        for every_rate in (
-            [motion.velocities for motion in motions],
-            [motion.accelerations for motion in motions],
-        )
-    ]
-    values = np.hstack([motion.values for motion in motions])
     return Motion(
-        motions[0].time, joined_names(parts), values, velocities=rates[0], accelerations=rates[1]
+        time=motions[0].time,
+        names=joined_names(parts),
+        values=np.hstack([motion.values for motion in motions]),
+        velocities=_side_by_side([motion.velocities for motion in motions]),
+        accelerations=_side_by_side([motion.accelerations for motion in motions]),
     )
 
 
+def _side_by_side(rates: Sequence[Array | None]) -> Array | None:
+    """Rates (frames, coordinates) of all parts; None where one has none."""
+    known = [part for part in rates if part is not None]
+    return np.hstack(known) if len(known) == len(rates) else None
+
+
 def join_series(parts: Mapping[str, Series]) -> Series:
-    """Columns of the parts (torques, activations) side by side; raises `BadData` where their times
-    differ.
+    """Join columns of the parts (torques, activations) side by side.
+
+    Raises
+    ------
+    BadData : their times differ
     """
     check_clocks(parts)
     series = list(parts.values())
@@ -134,28 +149,44 @@ def join_series(parts: Mapping[str, Series]) -> Series:
 
 
 def join_wrenches(parts: Mapping[str, Wrenches]) -> Wrenches:
-    """External forces on the parts as those on the joined model; raises `BadData` where their times
-    differ.
+    """Join external forces on the parts to those on the joined model.
+
+    Raises
+    ------
+    BadData : their times differ
     """
     check_clocks(parts)
     wrenches = list(parts.values())
     bodies = tuple(_prefixed(part, body) for part, loads in parts.items() for body in loads.bodies)
-    stacked = [
-        np.concatenate([getattr(loads, what) for loads in wrenches], axis=1)
-        for what in ("forces", "points", "torques")
-    ]
-    return Wrenches(wrenches[0].time, joined_names(parts), bodies, *stacked)
+    return Wrenches(
+        time=wrenches[0].time,
+        names=joined_names(parts),
+        bodies=bodies,
+        forces=np.concatenate([loads.forces for loads in wrenches], axis=1),
+        points=np.concatenate([loads.points for loads in wrenches], axis=1),
+        torques=np.concatenate([loads.torques for loads in wrenches], axis=1),
+    )
 
 
 def joined_names(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> tuple[str, ...]:
-    """Names of all columns, with their parts' names before them."""
+    """List names of all columns, with their parts' names before them."""
     return tuple(f"{part}_{name}" for part, series in parts.items() for name in series.names)
 
 
 def part_of(whole: Timed, part: str) -> Timed:
-    """Columns of one part by their own names: of a motion, torques, markers, forces or activations
-    of a joined model. Reserves and residuals (`reserve_tori_knee_angle_r`) belong to the part that
-    they name.
+    """Take the columns of one part, by their own names.
+
+    Of a motion, torques, markers, forces or activations of a joined model. Reserves and residuals
+    (`reserve_tori_knee_angle_r`) belong to the part that they name.
+
+    Parameters
+    ----------
+    whole : columns of the joined model
+    part : its name
+
+    Raises
+    ------
+    UnknownName : no column belongs to the part
     """
     short = {
         column: own
@@ -164,7 +195,7 @@ def part_of(whole: Timed, part: str) -> Timed:
     }
     if not short:
         begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.names))
-        raise UnknownName("part", part, begins, "the columns' names begin with what it")
+        raise UnknownName("part", part, begins, where="the columns' names begin with what it")
     columns = list(short)
     names = tuple(short.values())
     if isinstance(whole, Series):
@@ -176,7 +207,7 @@ def part_of(whole: Timed, part: str) -> Timed:
 
 
 def own_name(name: str, part: str) -> str | None:
-    """A joined model's name as its part has it; None where it is another part's."""
+    """Write a joined model's name as its part has it; None where it is another part's."""
     for before in ("", *ADDED):
         if name.startswith(f"{before}{part}_"):
             return before + name[len(before) + len(part) + 1 :]
@@ -184,8 +215,11 @@ def own_name(name: str, part: str) -> str | None:
 
 
 def check_clocks(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> None:
-    """Raise `BadData`, naming the two parts, where times are not the same within a hundredth of a
-    frame.
+    """Check that times are the same within a hundredth of a frame.
+
+    Raises
+    ------
+    BadData : they are not; the error names the two parts
     """
     _check_parts(tuple(parts))
     difference = clock_difference(parts)
@@ -194,8 +228,11 @@ def check_clocks(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> None:
 
 
 def clock_difference(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> str:
-    """What is different in the times of the first two parts that do not agree; "" where all have
-    the same times.
+    """Describe the difference in times of the first two parts that do not agree.
+
+    Returns
+    -------
+    "" where all have the same times
     """
     for name, series in parts.items():
         if not len(series):
@@ -216,10 +253,12 @@ def clock_difference(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> st
 
 
 def _times(time: Array) -> str:
+    """Describe times (frames,) [s]."""
     return f"{len(time)} frames from {time[0]:g} to {time[-1]:g} s"
 
 
 def _check_parts(parts: tuple[str, ...]) -> None:
+    """Raise `BadData` where names of parts cannot stand before other names."""
     if not parts:
         raise BadData("no parts to join")
     for part in parts:
@@ -237,22 +276,28 @@ def _check_parts(parts: tuple[str, ...]) -> None:
 
 
 def _prefixed(part: str, name: str) -> str:
+    """Put a part's name before a name, but for the ground and no name."""
     return name if name in ("", GROUND) else f"{part}_{name}"
 
 
 def _renamed(model: Model, part: str) -> Model:
-    """The model with its part's name before every name."""
+    """Put a part's name before every name of a model."""
     warnings = tuple(f"{part}: {warning}" for warning in model.warnings)
     return replace(renamed_model(model, lambda name: _prefixed(part, name)), warnings=warnings)
 
 
 def renamed_model(model: Model, new_name: Callable[[str], str]) -> Model:
-    """The model with other names of its bodies, joints, coordinates, muscles and all that refers to
-    them. `new_name`: the new name of an old one; an old name may be that of parts of different
-    kinds, which then go together.
+    """Rename bodies, joints, coordinates, muscles and all that refers to them.
+
+    Parameters
+    ----------
+    model : to change
+    new_name : from an old name to the new one; an old name may be that of parts of different kinds,
+        which then go together
     """
 
     def renamed(item: Any) -> Any:
+        """Rename what a part of the model holds."""
         changes: dict[str, Any] = {}
         for field in {part.name for part in fields(item)} & (
             ONE_NAME | SEVERAL_NAMES | PARTS | {"path"}
@@ -272,9 +317,7 @@ def renamed_model(model: Model, new_name: Callable[[str], str]) -> Model:
 
 
 def _kept_part(part: Kept, model: Model, prefixed: Callable[[str], str]) -> Kept:
-    """A part of a file with the names in it renamed: whole words of its texts, and the names of its
-    elements.
-    """
+    """Rename what a part of a file holds: whole words of its texts, and names of its elements."""
     if part.room == "Model":
         return part
     names = {item.name for table in (*NAMED, "kept") for item in getattr(model, table)}
@@ -285,6 +328,7 @@ def _kept_part(part: Kept, model: Model, prefixed: Callable[[str], str]) -> Kept
     words = re.compile(r"[^\s/<>\"'|]+")
 
     def text(match: re.Match[str]) -> str:
+        """Rename the known words of a text."""
         return words.sub(lambda word: prefixed(word[0]) if word[0] in known else word[0], match[0])
 
     renamed = re.sub(r">[^<]+<", text, part.text)
@@ -296,7 +340,7 @@ def _kept_part(part: Kept, model: Model, prefixed: Callable[[str], str]) -> Kept
 
 
 def _kept(models: Iterable[Model]) -> tuple[Kept, ...]:
-    """What all parts keep; of what a file has once (credits, units) the first."""
+    """Gather what files hold beside models; of what a file has once (credits, units) the first."""
     kepts: list[Kept] = []
     once: set[str] = set()
     for part in (kept for model in models for kept in model.kept):

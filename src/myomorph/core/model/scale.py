@@ -1,4 +1,4 @@
-"""A model of another size: every body stretched along its own axes, as OpenSim's ScaleTool does it."""
+"""A model of another size: bodies stretched along their axes, as OpenSim's ScaleTool does."""
 
 from __future__ import annotations
 
@@ -39,6 +39,7 @@ from myomorph.core.model.spatial import Transform
 
 Tie = TypeVar("Tie", Loop, Bushing)
 
+MIN_MASS = 2.220446049250313e-16  # OpenSim's, of a body that has an inertia [kg]
 FIBER_LENGTHS = ("L0", "LT", "lengthrange0", "lengthrange1")
 
 
@@ -51,18 +52,28 @@ def scale(
     inertia: Literal["cylinder", "affine"] = "cylinder",
     path_lengths: Callable[[Model], ArrayLike] | None = None,
 ) -> Model:
-    """The model with bodies stretched by factors along their axes.
+    """Stretch the bodies of a model by factors along their axes.
+
     What is fixed to a body moves with it: mass center, joint frames, markers, frames, path points,
     wrap objects (radii by the mean stretch across, lengths along their axis) and meshes.
     Translations of joints that follow an angle, by a function or a coupler, grow with the parent's
     factors weighted by the axis; a translation that is a degree of freedom of its own does not.
-    `factors` (3,) for each body, along its x, y and z; bodies without one keep their size; `mass`:
-    of the whole model afterwards [kg]; by default what the scaling gives;
-    `preserve_mass_distribution`: masses keep their ratios; otherwise they grow with the volume;
-    `inertia`: "cylinder" takes a body whose factors differ for a cylinder, as OpenSim does;
-    "affine" stretches its second moments of mass exactly; `path_lengths`: gives the lengths
-    (muscles,) of a model's muscle paths in its default pose [m]; with it optimal fiber and slack
-    lengths keep their ratio to the path, without it they stay.
+
+    Parameters
+    ----------
+    model : to stretch
+    factors : (3,) for each body, along its x, y and z; bodies without one keep their size
+    mass : of the whole model afterwards; by default what the scaling gives [kg]
+    preserve_mass_distribution : masses keep their ratios; otherwise they grow with the volume
+    inertia : "cylinder" takes a body whose factors differ for a cylinder, as OpenSim does; "affine"
+        stretches its second moments of mass exactly
+    path_lengths : gives the lengths (muscles,) of a model's muscle paths in its default pose [m];
+        with it optimal fiber and slack lengths keep their ratio to the path, without it they stay
+
+    Raises
+    ------
+    BadData : factors or a mass that are not positive
+    UnknownName : a body that the model does not have
     """
     sizes = _checked(model, factors, mass)
     moved_axes = {
@@ -106,8 +117,16 @@ def scale(
 def taut_ligaments(
     before: Model, after: Model, path_lengths: Callable[[Model], ArrayLike]
 ) -> tuple[Ligament, ...]:
-    """The ligaments of a model that has become another, with slack lengths that keep their ratio to
-    the path.
+    """Let slack lengths of ligaments keep their ratio to the path.
+
+    Parameters
+    ----------
+    before, after : the model, and what it has become
+    path_lengths : lengths (muscles,) of a model's muscle paths in its default pose [m]
+
+    Returns
+    -------
+    ligaments of the model after
     """
     if not after.ligaments:
         return ()
@@ -123,7 +142,7 @@ def taut_ligaments(
 
 
 def _ratios(before: Model, after: Model, path_lengths: Callable[[Model], ArrayLike]) -> list[float]:
-    """(muscles,) path lengths after over those before, 1 where there was none."""
+    """Path lengths (muscles,) after over those before, 1 where there was none."""
     old = np.asarray(path_lengths(before))
     new = np.asarray(path_lengths(after))
     return np.divide(new, old, out=np.ones_like(old), where=old > 0.0).tolist()
@@ -132,6 +151,7 @@ def _ratios(before: Model, after: Model, path_lengths: Callable[[Model], ArrayLi
 def _checked(
     model: Model, factors: Mapping[str, ArrayLike], mass: float | None
 ) -> dict[str, Array]:
+    """Check scale factors; returns (3,) for every body, and for the ground."""
     sizes = {name: np.ones(3) for name in (GROUND, *model.body_names)}
     for name, axis_factors in factors.items():
         check_name("body", name, model.body_names)
@@ -147,7 +167,7 @@ def _checked(
 
 
 def _travel(joint: Joint, sizes: Mapping[str, Array]) -> dict[str, float]:
-    """How much further the coordinates of a joint's sliding axes go, were they to follow others."""
+    """Factors by which dependent coordinates of a joint's sliding axes would grow, by name."""
     return {
         axis.coordinates[0]: float(np.linalg.norm(axis.vector * sizes[joint.parent]))
         for axis in joint.axes
@@ -156,6 +176,7 @@ def _travel(joint: Joint, sizes: Mapping[str, Array]) -> dict[str, float]:
 
 
 def _body(body: Body, size: Array, keep_mass: bool, rule: str) -> Body:
+    """Stretch a body by (3,) factors."""
     mass = body.mass if keep_mass else body.mass * float(np.prod(size))
     moments = _cylinder_inertia if rule == "cylinder" else _affine_inertia
     return replace(
@@ -168,7 +189,7 @@ def _body(body: Body, size: Array, keep_mass: bool, rule: str) -> Body:
 
 
 def _affine_inertia(body: Body, size: Array, mass: float) -> Array:
-    """Second moments of a body of even stretch: P = tr(I) / 2 - I becomes S P S."""
+    """Stretch second moments of mass: P = tr(I) / 2 - I becomes S P S, S = diag(size)."""
     if body.mass == 0.0:
         return np.array(body.inertia)
     second = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia
@@ -177,8 +198,12 @@ def _affine_inertia(body: Body, size: Array, mass: float) -> Array:
 
 
 def _cylinder_inertia(body: Body, size: Array, mass: float) -> Array:
-    """OpenSim's rule (`Body::scaleInertialProperties`): a cylinder along the axis of least inertia."""
-    if mass <= 2.220446049250313e-16:
+    """Stretch a body as a cylinder along its axis of least inertia, as OpenSim does.
+
+    With the mass m, radius r and length l: I_axis = m r^2 / 2, I_across = m (l^2 / 12 + r^2 / 4)
+    (`Body::scaleInertialProperties`).
+    """
+    if mass <= MIN_MASS:
         return np.zeros((3, 3))
     grown = mass / body.mass
     if np.allclose(size, size[0], rtol=1e-14, atol=0.0):
@@ -198,6 +223,7 @@ def _cylinder_inertia(body: Body, size: Array, mass: float) -> Array:
 
 
 def _of_mass(bodies: tuple[Body, ...], mass: float | None) -> tuple[Body, ...]:
+    """Scale masses and inertias so that bodies have a mass together [kg]."""
     total = sum(body.mass for body in bodies)
     if mass is None or total <= 0.0:
         return bodies
@@ -208,15 +234,17 @@ def _of_mass(bodies: tuple[Body, ...], mass: float | None) -> tuple[Body, ...]:
 
 
 def _shifted(pose: Transform, size: Array) -> Transform:
+    """Move a frame with its stretched body."""
     return Transform(pose.rotation, pose.translation * size)
 
 
 def _stretch(pose: Transform, size: Array) -> Array:
-    """Growth (3,) of lengths along the axes of a frame that is turned in its body."""
+    """Factors (3,) of lengths along the axes of a frame that is turned in its body."""
     return np.linalg.norm(pose.rotation * size[:, None], axis=0)
 
 
 def _mesh(mesh: Mesh, size: Array) -> Mesh:
+    """Stretch a mesh with its body."""
     return replace(
         mesh,
         pose=_shifted(mesh.pose, size),
@@ -225,6 +253,7 @@ def _mesh(mesh: Mesh, size: Array) -> Mesh:
 
 
 def _joint(joint: Joint, sizes: Mapping[str, Array], travel: Mapping[str, float]) -> Joint:
+    """Move a joint with its stretched bodies; `travel`: factors of dependent coordinates."""
     parent = sizes[joint.parent]
     child = sizes[joint.child]
     return replace(
@@ -236,6 +265,7 @@ def _joint(joint: Joint, sizes: Mapping[str, Array], travel: Mapping[str, float]
 
 
 def _axis(axis: Axis, parent: Array, child: Array, travel: Mapping[str, float]) -> Axis:
+    """Move an axis with its stretched bodies, whose factors are (3,)."""
     moved = replace(axis, origin=axis.origin * child)
     if axis.kind == "rotation":
         return moved
@@ -247,7 +277,7 @@ def _axis(axis: Axis, parent: Array, child: Array, travel: Mapping[str, float]) 
 
 
 def stretched(function: Function, factor: float, source: float) -> Function:
-    """f(x) becomes factor f(x / source)."""
+    """Stretch a function: f(x) becomes factor f(x / source)."""
     if factor == source == 1.0:
         return function
     grown = function.scaled(factor)
@@ -258,7 +288,7 @@ def stretched(function: Function, factor: float, source: float) -> Function:
 
 
 def slides_freely(function: Function) -> bool:
-    """Whether an axis's motion is its coordinate, up to a constant: a degree of freedom of its own."""
+    """Whether an axis's motion is its coordinate, up to a constant: its own degree of freedom."""
     if isinstance(function, SineProduct) or len(function.breaks) != 1:
         return False
     return function.coefficients.shape[1] == 2 and function.coefficients[0, 1] == 1.0
@@ -267,7 +297,7 @@ def slides_freely(function: Function) -> bool:
 def scaled_coordinates(
     coordinates: Sequence[Coordinate], travel: Mapping[str, float]
 ) -> tuple[Coordinate, ...]:
-    """The coordinates, those that `travel` names a factor further."""
+    """Let coordinates go further, by factors by name."""
     factors = [travel.get(coordinate.name, 1.0) for coordinate in coordinates]
     return tuple(
         replace(
@@ -280,7 +310,7 @@ def scaled_coordinates(
 def scaled_couplers(
     couplers: Sequence[Coupler], travel: Mapping[str, float]
 ) -> tuple[Coupler, ...]:
-    """Couplers of coordinates that go further."""
+    """Adapt couplers to coordinates that go further, by factors by name."""
     factors = [
         (travel.get(each.dependent, 1.0), travel.get(each.independents[0], 1.0))
         for each in couplers
@@ -292,6 +322,7 @@ def scaled_couplers(
 
 
 def _wrap(wrap: WrapObject, size: Array) -> WrapObject:
+    """Stretch a surface: radii by the mean of the stretch across, lengths along the axis."""
     growth = _stretch(wrap.pose, size)
     across = 0.5 * (growth[0] + growth[1])
     factors = {
@@ -305,6 +336,7 @@ def _wrap(wrap: WrapObject, size: Array) -> WrapObject:
 
 
 def _path(path: Path, sizes: Mapping[str, Array]) -> Path:
+    """Move a path with its stretched bodies."""
     wraps = list(path.wraps)
     for i, wrap in enumerate(wraps):
         if isinstance(wrap, TendonWrap) and wrap.side is not None:
@@ -314,16 +346,16 @@ def _path(path: Path, sizes: Mapping[str, Array]) -> Path:
 
 
 def _point(point: PathPoint | MovingPathPoint, size: Array) -> PathPoint | MovingPathPoint:
+    """Move a path point with its stretched body."""
     if isinstance(point, PathPoint):
         return replace(point, location=point.location * size)
-    x, y, z = (
-        function.scaled(float(factor))
-        for function, factor in zip(point.functions, size, strict=True)
-    )
-    return replace(point, functions=(x, y, z))
+    x, y, z = point.functions
+    scaled = (x.scaled(float(size[0])), y.scaled(float(size[1])), z.scaled(float(size[2])))
+    return replace(point, functions=scaled)
 
 
 def _muscle(muscle: Muscle, ratio: float) -> Muscle:
+    """Scale fiber and tendon lengths by the ratio of path lengths."""
     parameters = dict(muscle.parameters)
     for name in FIBER_LENGTHS:
         if name in parameters:
@@ -337,6 +369,7 @@ def _muscle(muscle: Muscle, ratio: float) -> Muscle:
 
 
 def _actuator(actuator: Actuator, sizes: Mapping[str, Array]) -> Actuator:
+    """Move the points of an actuator with its stretched bodies."""
     if actuator.point_is_global:
         return actuator
     return replace(
@@ -347,6 +380,7 @@ def _actuator(actuator: Actuator, sizes: Mapping[str, Array]) -> Actuator:
 
 
 def _tied(tie: Tie, sizes: Mapping[str, Array]) -> Tie:
+    """Move the frames of a loop or bushing with its stretched bodies."""
     return replace(
         tie,
         pose_1=_shifted(tie.pose_1, sizes[tie.body_1]),

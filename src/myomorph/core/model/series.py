@@ -24,6 +24,7 @@ from myomorph.core.model.series_quantities import (
     WRENCHES,
 )
 
+MAX_UNEVENNESS = 1.6  # Largest step of a clock by its median, where no frame is missing
 Z_UP_TO_Y_UP: Array = frozen_array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Turns a laboratory whose z points up into OpenSim's y up, x kept: (x, y, z) -> (x, z, -y)."""
 
@@ -31,8 +32,15 @@ Turned = TypeVar("Turned")
 
 
 def _turned(value: Turned, rotation: Array, *names: str) -> Turned:
-    """The value with arrays (..., 3) seen in a frame whose axes are the rows of `rotation`."""
-    return replace(value, **{name: getattr(value, name) @ np.asarray(rotation).T for name in names})  # type: ignore[type-var]
+    """Express arrays of a value in another frame.
+
+    Parameters
+    ----------
+    rotation : (3, 3) whose rows are the axes of the frame
+    names : fields of arrays (..., 3)
+    """
+    changes = {name: getattr(value, name) @ np.asarray(rotation).T for name in names}
+    return replace(value, **changes)  # type: ignore[type-var]
 
 
 class OverTime(Labelled):
@@ -45,12 +53,16 @@ class OverTime(Labelled):
         return len(self.time)
 
     def frames(self, which: Any) -> Self:
-        """Some of the frames, by a slice, numbers or truth values (frames,)."""
+        """Take some of the frames, by a slice, numbers or truth values (frames,)."""
         return self._of_arrays(which)
 
     def _of_arrays(self, which: Any, **changes: Any) -> Self:
-        """The value with parts of its arrays: `which` of their frames or, as a tuple, of frames and
-        columns.
+        """Take parts of the arrays.
+
+        Parameters
+        ----------
+        which : of their frames or, as a tuple, of frames and columns
+        changes : of other fields
         """
         value: Any = self
         arrays = {part.name: getattr(self, part.name) for part in fields(value)}
@@ -63,7 +75,12 @@ class OverTime(Labelled):
         return replace(value, **chosen, **changes)
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], names, axes."""
+        """Label each dimension: times [s], names, axes.
+
+        Returns
+        -------
+        by dimension
+        """
         return {"time": self.time, "name": self.names, "axis": AXES}
 
 
@@ -99,34 +116,39 @@ class Series(OverTime):
             raise BadData("time does not increase from frame to frame")
 
     def columns(self, which: Sequence[int]) -> Self:
-        """Some of the columns, by their numbers."""
+        """Take some of the columns, by their numbers."""
         return self._of_arrays(
             (slice(None), list(which)), names=tuple(self.names[column] for column in which)
         )
 
     def __getitem__(self, name: str) -> Array:
-        """Column of that name, (frames,) or (frames, 3); raises `UnknownName`."""
+        """Find the column of a name, (frames,) or (frames, 3); raises `UnknownName`."""
         return self.values[:, index_of("column", name, self.names, "the series")]
 
     def variables(self) -> dict[str, Variable]:
-        """The values, and of vectors each axis, under the name of their quantity."""
+        """Name the values, and of vectors each axis, by their quantity."""
         if self.known is None:
             return {"values": Variable(("time", "name", "axis")[: self.values.ndim], self.values)}
         return dict(super().variables())
 
     @property
     def held(self) -> tuple[Quantity, ...]:
-        """What the values are, where it is known."""
+        """Quantity of the values, where it is known."""
         return () if self.known is None else (self.known,)
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], names, axes, by the names of the quantity's axes."""
+        """Label each dimension: times [s], names, axes, as the quantity names them.
+
+        Returns
+        -------
+        by dimension
+        """
         clock, names = ("time", "name") if self.known is None else self.known.dims[:2]
         return {clock: self.time, names: self.names, "axis": AXES}
 
     @property
     def known(self) -> Quantity | None:
-        """What the values are: the series' own quantity, else that of its class."""
+        """Quantity of the values: the series' own, else that of its class."""
         return self.quantity or self.usual_quantity
 
     @property
@@ -145,7 +167,7 @@ class Series(OverTime):
         if not len(steps):
             return float("nan")
         median = np.median(steps)
-        return float(1.0 / (median if steps.max() > 1.6 * median else steps.mean()))
+        return float(1.0 / (median if steps.max() > MAX_UNEVENNESS * median else steps.mean()))
 
 
 @read_only
@@ -173,7 +195,16 @@ class Markers(Series):
     usual_quantity = MARKER_POSITION
 
     def rotated(self, rotation: Array) -> Markers:
-        """The same markers seen in a frame whose axes are the rows of `rotation` (3, 3)."""
+        """Express the markers in another frame.
+
+        Parameters
+        ----------
+        rotation : (3, 3) whose rows are the axes of the frame
+
+        Returns
+        -------
+        markers at the same times
+        """
         return Markers(self.time, self.names, self.values @ np.asarray(rotation).T)
 
 
@@ -233,17 +264,26 @@ class Wrenches(OverTime):
         freeze(self, time=(-1,), forces=shape, points=shape, torques=shape)
 
     def columns(self, which: Sequence[int]) -> Self:
-        """Some of the forces, by their numbers."""
+        """Take some of the forces, by their numbers."""
         names = tuple(self.names[column] for column in which)
         bodies = tuple(self.bodies[column] for column in which)
         return self._of_arrays((slice(None), list(which)), names=names, bodies=bodies)
 
     def rotated(self, rotation: Array) -> Wrenches:
-        """The same forces seen in a frame whose axes are the rows of `rotation` (3, 3)."""
+        """Express the forces in another frame.
+
+        Parameters
+        ----------
+        rotation : (3, 3) whose rows are the axes of the frame
+
+        Returns
+        -------
+        forces at the same times
+        """
         return _turned(self, rotation, "forces", "points", "torques")
 
     def and_others(self, others: Wrenches) -> Wrenches:
-        """The forces and those of others at the same times."""
+        """Put the forces of others at the same times beside these."""
         parts: dict[str, Any] = {
             name: np.concatenate([getattr(self, name), getattr(others, name)], axis=1)
             for name in ("forces", "points", "torques")
@@ -253,7 +293,12 @@ class Wrenches(OverTime):
         )
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], names of the forces, axes."""
+        """Label each dimension: times [s], names of the forces, axes.
+
+        Returns
+        -------
+        by dimension
+        """
         return {"time": self.time, "external_force": self.names, "axis": AXES}
 
 
@@ -264,7 +309,7 @@ class Analog(Series):
     units: tuple[str, ...] = ()
 
     def columns(self, which: Sequence[int]) -> Self:
-        """Some of the channels, by their numbers."""
+        """Take some of the channels, by their numbers."""
         return replace(
             super().columns(which),
             units=tuple(self.units[column] for column in which if self.units),
@@ -280,8 +325,13 @@ class Emg(Series):
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened: a label ("Foot Strike"), a side ("Left", "Right", "") and a time
-    [s].
+    """A named instant of a recording.
+
+    Attributes
+    ----------
+    time : [s]
+    label : as "Foot Strike"
+    side : "Left", "Right" or ""
     """
 
     time: float
@@ -313,13 +363,22 @@ class ForcePlate:
         freeze(self, corners=(4, 3), forces=(-1, 3), points=(-1, 3), torques=(-1, 3))
 
     def rotated(self, rotation: Array) -> ForcePlate:
-        """The same plate in a frame whose axes are the rows of `rotation` (3, 3)."""
+        """Express the plate in another frame.
+
+        Parameters
+        ----------
+        rotation : (3, 3) whose rows are the axes of the frame
+
+        Returns
+        -------
+        the plate with its forces
+        """
         return _turned(self, rotation, "corners", "forces", "points", "torques")
 
 
 @read_only
 class PlateRecording:
-    """What a file stores of one force plate, before it becomes forces in the ground frame.
+    """Signals of one force plate in a file, before they become forces in the ground frame.
 
     Attributes
     ----------
@@ -389,41 +448,64 @@ class Trial:
     source: str = ""
 
     def rotated(self, rotation: Array) -> Trial:
-        """The same trial in a frame whose axes, in the laboratory, are the rows of `rotation` (3,
-        3).
+        """Express the trial in another frame.
 
         `other_points` stay as the file has them: angles and moments are not vectors of the
         laboratory.
+
+        Parameters
+        ----------
+        rotation : (3, 3) whose rows are the axes of the frame in the laboratory
+
+        Returns
+        -------
+        the trial
+
+        Raises
+        ------
+        BadData : the matrix is no rotation
         """
-        turn = np.asarray(rotation, dtype=np.float64)
-        if (
-            turn.shape != (3, 3)
-            or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6)
-            or np.linalg.det(turn) < 0
-        ):
+        matrix = np.asarray(rotation, dtype=np.float64)
+        if not _is_rotation(matrix):
             raise BadData(
-                f"expected a rotation matrix (3, 3) with determinant 1, but got {turn.tolist()}"
+                f"expected a rotation matrix (3, 3) with determinant 1, but got {matrix.tolist()}"
             )
+        recordings = [_turned(plate, matrix, "corners") for plate in self.plate_recordings]
         return replace(
             self,
-            markers=self.markers.rotated(turn) if self.markers is not None else None,
-            plates=tuple(plate.rotated(turn) for plate in self.plates),
-            plate_recordings=tuple(
-                _turned(plate, turn, "corners") for plate in self.plate_recordings
-            ),
+            markers=self.markers.rotated(matrix) if self.markers is not None else None,
+            plates=tuple(plate.rotated(matrix) for plate in self.plates),
+            plate_recordings=tuple(recordings),
         )
+
+
+def _is_rotation(matrix: Array) -> bool:
+    """Whether a matrix is (3, 3), orthogonal and of determinant 1."""
+    if matrix.shape != (3, 3) or not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6):
+        return False
+    return bool(np.linalg.det(matrix) >= 0)
 
 
 @read_only
 class Sound:
-    """Channels of one recording, all on one clock."""
+    """Channels of one recording, all on one clock.
 
-    rate: float  # samples per second [Hz]
-    names: tuple[str, ...]  # one per channel
-    samples: np.ndarray  # (samples, channels) in shares of full scale, -1 to 1; single precision
-    start: float = 0.0  # time of the first sample on the motion's clock [s]
-    warnings: tuple[str, ...] = ()  # what looks wrong, one line each
-    source: str = ""  # path of the file, "" for a sound made in memory
+    Attributes
+    ----------
+    rate : samples per second [Hz]
+    names : one per channel
+    samples : (samples, channels) in shares of full scale, -1 to 1; single precision
+    start : time of the first sample on the motion's clock [s]
+    warnings : what looks wrong, one line each
+    source : path of the file, "" for a sound made in memory
+    """
+
+    rate: float
+    names: tuple[str, ...]
+    samples: np.ndarray
+    start: float = 0.0
+    warnings: tuple[str, ...] = ()
+    source: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
@@ -440,12 +522,12 @@ class Sound:
         return len(self.samples)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Channel of that name, (samples,); raises `UnknownName`."""
+        """Find the channel of a name, (samples,); raises `UnknownName`."""
         return self.samples[:, index_of("sound channel", name, self.names, "the recording")]
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Length of the recording [s]."""
         return len(self.samples) / self.rate
 
     @property
