@@ -105,7 +105,7 @@ def test_estimates_travel_between_processes():
     again = pickle.loads(pickle.dumps(found))
     np.testing.assert_array_equal(again.values["gain"], found.values["gain"])
     assert again.certificate == found.certificate
-    assert not again.solution.x.flags.writeable
+    assert not again.posterior.x.flags.writeable
 
 
 def test_an_unknown_is_added_in_one_place():

@@ -48,7 +48,7 @@ def test_the_posterior_of_a_linear_problem_is_the_analytic_one(gaussian):
     information = A.T @ A / 0.4**2 + np.diag(prior_sd**-2)
     covariance = np.linalg.inv(information)
     mean = covariance @ (A.T @ b / 0.4**2 + 0.2 * prior_sd**-2)
-    np.testing.assert_allclose(found.solution.x, mean, atol=1e-9)
+    np.testing.assert_allclose(found.posterior.x, mean, atol=1e-9)
     np.testing.assert_allclose(found.posterior.covariance, covariance, rtol=1e-9, atol=1e-12)
     shares = 1.0 - np.diag(covariance) / prior_sd**2
     np.testing.assert_allclose(found.posterior.share, shares, rtol=1e-9)
@@ -128,7 +128,7 @@ def test_intervals_hold_simulated_truth(function, truth):
     for _ in range(400):
         b = A @ [1.0, -0.5] + random.normal(size=30)
         one = problem(A, b, 1.0, np.full(2, np.inf))
-        posterior = Posterior.of(one.unknowns, minimize(one))
+        posterior = Posterior.of(minimize(one))
         held += posterior.interval(function, level=0.9).holds(truth)
     assert abs(held / 400 - 0.9) < 0.06
 
@@ -146,7 +146,7 @@ def test_noise_from_few_residuals_widens_intervals():
         one = problem(A, b, np.sqrt(left / 4.0), np.full(2, np.inf))
         solution = minimize(one)
         for freedom in held:
-            limits = Posterior.of(one.unknowns, solution, freedom=freedom).interval("x0")
+            limits = Posterior.of(solution, freedom=freedom).interval("x0")
             held[freedom] += limits.holds(1.0)
     assert abs(held[4.0] / 400 - 0.9) < 0.06
     assert held[np.inf] / 400 < 0.86

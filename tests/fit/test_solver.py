@@ -71,8 +71,8 @@ def test_the_minimum_within_bounds_is_that_of_scipy(seed):
         ftol=1e-15,
         gtol=1e-15,
     )
-    assert found.converged
-    np.testing.assert_allclose(found.cost, 2.0 * reference.cost, rtol=1e-9)
+    assert found.search.converged
+    np.testing.assert_allclose(found.search.cost, 2.0 * reference.cost, rtol=1e-9)
     np.testing.assert_allclose(found.x, reference.x, atol=1e-6)
     assert ((found.x >= low) & (found.x <= high)).all()
     assert found.gradient < 1e-6
@@ -101,10 +101,7 @@ def test_slopes_are_those_of_finite_differences():
     unknowns = Unknowns((block("x", [0.1, -0.2, 0.3, 0.4]),))
     given = Measured(name="curve", blocks=("x",), function=function, slopes=slopes)
     without = Measured(name="curve", blocks=("x",), function=function)
-    exact, differences = (
-        Problem(unknowns, (one,)).normal(Problem(unknowns, (one,)).at())[0]
-        for one in (given, without)
-    )
+    exact, differences = (Problem(unknowns, (one,)).at().equations.data for one in (given, without))
     np.testing.assert_allclose(differences.H, exact.H, atol=1e-7)
     np.testing.assert_allclose(differences.g, exact.g, atol=1e-7)
 
@@ -256,7 +253,7 @@ def test_problems_that_share_unknowns_add_up():
     assert both.unknowns.names == ("shared 0", "own 0")
     found = estimate(both, method=CLOSE)
     # Priors of unknowns count once: minimum of s^2 + o^2 + (s - 1)^2 + (o + s - 3)^2.
-    np.testing.assert_allclose(found.solution.x, [1.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(found.posterior.x, [1.0, 1.0], atol=1e-9)
     with pytest.raises(BadData, match="two ways"):
         first + Problem(Unknowns((block("shared", [0.5]),)), ())
 
@@ -280,9 +277,9 @@ def test_a_search_that_ends_early_says_so():
     unknowns = Unknowns((block("x", [3.0]),))
     measured = Measured(name="far", blocks=("x",), function=lambda values: np.exp(values["x"]))
     found = minimize(Problem(unknowns, (measured,)), method=Method(iterations=2))
-    assert not found.converged
-    assert found.status == "iteration limit"
-    assert found.steps == 2
+    assert not found.search.converged
+    assert found.search.status == "iteration limit"
+    assert found.search.steps == 2
 
 
 def test_reweighted_steps_find_the_median_by_absolute_errors():
@@ -297,7 +294,7 @@ def test_reweighted_steps_find_the_median_by_absolute_errors():
     unknowns = Unknowns((block("x", [2.0]),))
     method = Method(reweighted=True, iterations=500, tolerance=1e-9)
     found = minimize(Problem(unknowns, (Absolute(None, None),)), method=method)
-    assert found.converged
+    assert found.search.converged
     np.testing.assert_allclose(found.x, 0.2, atol=1e-3)
 
 

@@ -35,7 +35,6 @@ EXCEPTIONS: dict[str, str] = {
     "myomorph.body.calibrate.calibration.Calibration": KERNELS,
     "myomorph.body.calibrate.shared_problem.FrameSet": KERNELS,
     "myomorph.body.calibrate.shared_problem.Point": KERNELS,
-    "myomorph.body.calibrate.shared_problem.Prior": KERNELS,
     "myomorph.body.calibrate.shared_problem.Reduced": KERNELS,
     "myomorph.body.calibrate.shared_problem.SharedProblem": KERNELS,
     "myomorph.core.muscles.coupled_arms.LoopGroup": KERNELS,

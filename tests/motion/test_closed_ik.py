@@ -12,8 +12,9 @@ import pytest
 from looped import four_bar, four_bar_angles, looped_tree, markers_of
 from myomorph.body.calibrate.calibrate import calibrate
 from myomorph.body.calibrate.calibration import CalibrationOptions
-from myomorph.body.calibrate.shared_fit import reduce, settle
-from myomorph.body.calibrate.shared_problem import FrameSet, Prior, SharedProblem
+from myomorph.body.calibrate.frame_sums import reduce, settle
+from myomorph.body.calibrate.shared_problem import BLOCKS, FrameSet, SharedProblem
+from myomorph.core.fit.residuals import LinearPrior
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.osim.setup_parts import read_ik_tasks
 from myomorph.core.io.sto import motion_from_table, read_sto
@@ -177,10 +178,13 @@ def test_reduced_gradient_is_that_of_the_settled_cost():
     problem = SharedProblem(
         model=model,
         lengths=lengths,
+        marker_names=model.marker_names,
         stretch=stretch_of(model, lengths, model.marker_names),
         pose=arrays,
         sets=(frames,),
-        prior=Prior(np.zeros((0, unknowns)), np.zeros(0)),
+        prior=LinearPrior(
+            name="prior", blocks=BLOCKS, rows=np.zeros((0, unknowns)), right=np.zeros(0)
+        ),
         posture=tree.defaults,
         posture_weight=1e-9,
     )
@@ -203,7 +207,7 @@ def test_reduced_gradient_is_that_of_the_settled_cost():
         for sign in (1, -1):
             moved = x.copy()
             moved[i] += sign * h
-            ends.append(settle(problem, moved, at.angles, 1.0).cost(0.0))
+            ends.append(settle(problem, moved, at.angles, 1.0).cost)
         assert 2.0 * reduced.g[i] == pytest.approx(
             (ends[0] - ends[1]) / (2 * h), rel=1e-3, abs=1e-5
         ), i

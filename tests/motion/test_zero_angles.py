@@ -10,9 +10,10 @@ import pytest
 from myomorph.body.calibrate.angle_slopes import angle_slopes, sliding
 from myomorph.body.calibrate.calibrate import calibrate
 from myomorph.body.calibrate.calibration import STATIC, CalibrationOptions
+from myomorph.body.calibrate.frame_sums import reduce, settle
 from myomorph.body.calibrate.priors import symmetric_posture
-from myomorph.body.calibrate.shared_fit import reduce, settle
-from myomorph.body.calibrate.shared_problem import FrameSet, Prior, SharedProblem
+from myomorph.body.calibrate.shared_problem import BLOCKS, FrameSet, SharedProblem
+from myomorph.core.fit.residuals import LinearPrior
 from myomorph.core.model.model import Model
 from myomorph.core.model.scale import scale
 from myomorph.core.model.series import Markers
@@ -133,10 +134,13 @@ def shared(model: Model, markers: Markers) -> tuple[SharedProblem, np.ndarray, n
     problem = SharedProblem(
         model=model,
         lengths=lengths,
+        marker_names=names,
         stretch=stretch_of(model, lengths, names),
         pose=pose_problem(tree, names, np.ones(len(names)), InverseKinematicsOptions()),
         sets=(FrameSet(markers.values, np.tile(still, (len(markers), 1)), still),),
-        prior=Prior(np.eye(unknowns), np.zeros(unknowns)),
+        prior=LinearPrior(
+            name="prior", blocks=BLOCKS, rows=np.eye(unknowns), right=np.zeros(unknowns)
+        ),
         posture=tree.defaults,
         posture_weight=1e-10,
     )

@@ -175,14 +175,6 @@ def sliding(
     return result
 
 
-def widened(spread: Array, variance: float, skin: Array, free: NDArray[np.bool_]) -> Array:
-    """(unknowns, unknowns) covariance with what slides add; `spread` is that of noise and priors,
-    variance * A^-1.
-    """
-    inner = np.where(free[:, None] & free, skin[: len(free), : len(free)], 0.0)
-    return spread + spread @ inner @ spread / variance**2
-
-
 def _modes(
     places: Array, of: NDArray[np.bool_], shift: float, turn: float
 ) -> tuple[NDArray[np.int64], Array]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from myomorph.body.calibrate.angle_slopes import sliding, widened
+from myomorph.body.calibrate.angle_slopes import sliding
 from myomorph.body.calibrate.calibration import (
     Calibration,
     CalibrationOptions,
@@ -19,12 +19,16 @@ from myomorph.body.calibrate.calibration import (
     SideEstimate,
     root_mean_square,
 )
+from myomorph.body.calibrate.frame_sums import reduce, settle
 from myomorph.body.calibrate.priors import calibration_prior, spread_postures, usual_shifts
-from myomorph.body.calibrate.shared_fit import Search, reduce, search_minimum, settle
-from myomorph.body.calibrate.shared_problem import FrameSet, SharedProblem
-from myomorph.body.calibrate.zero_angles import far_zeros, posterior, zero_angles, zero_notes
+from myomorph.body.calibrate.shared_fit import Search, search_minimum
+from myomorph.body.calibrate.shared_problem import LENGTHS, MARKERS, FrameSet, SharedProblem
+from myomorph.body.calibrate.zero_angles import far_zeros, zero_angles, zero_notes
+from myomorph.core.fit.estimation import Estimate, estimate_of
+from myomorph.core.fit.posterior import Posterior
+from myomorph.core.fit.unknowns import Bools
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.errors import BadData, listing
+from myomorph.core.model.errors import BadData, check_name, listing
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.scale import scale
 from myomorph.core.model.series import Markers
@@ -167,6 +171,10 @@ def _check(options: CalibrationOptions) -> None:
         value = getattr(options, name)
         if value is not None and not value >= 0.0:
             raise BadData(f"calibration: {name} is {value}; expected 0 or more")
+    for name in options.fit:
+        check_name("unknowns", name, (LENGTHS, MARKERS), "what can be calibrated")
+    if not options.fit:
+        raise BadData("calibration: nothing to fit; expected 'lengths', 'markers' or both")
     if options.mass is not None and not options.mass > 0.0:
         raise BadData(f"calibration: a mass of {options.mass:g} kg; expected the subject's")
     if options.noise is not None and not options.noise >= 0.0:
@@ -240,6 +248,7 @@ def _problem(
     return SharedProblem(
         model=bare,
         lengths=lengths,
+        marker_names=names,
         stretch=stretch_of(bare, lengths, names),
         pose=pose_problem(tree, names, weights, InverseKinematicsOptions()),
         sets=tuple(sets),
@@ -284,7 +293,10 @@ def _calibration(
     )
     turn = distances.turn if distances.slide else 0.0
     skin = sliding(problem, search.found.point, distances.slide, turn, options.independent_frames)
-    sd, prior_sd, place_sd = _deviations(problem, search, skin)
+    estimate = _estimate(search, skin)
+    sd = estimate.posterior.sd[:n]
+    prior_sd = _prior_sd(problem, search.free)
+    place_sd = _place_sd(problem, estimate.posterior)
     lengths = tuple(
         LengthEstimate(
             length=length, factor=float(x[i]), sd=float(sd[i]), prior_sd=float(prior_sd[i])
@@ -346,6 +358,7 @@ def _calibration(
         last_change=search.found.change,
         zero_angles=zeros,
         sides=search.sides,
+        estimate=estimate,
     )
 
 
@@ -405,27 +418,42 @@ def _side_notes(sides: Sequence[SideEstimate]) -> Iterator[str]:
         )
 
 
-def _deviations(problem: SharedProblem, search: Search, skin: Array) -> tuple[Array, Array, Array]:
-    """Standard deviations: of the lengths, of the lengths without the recordings, of the markers'
-    places. A place is factor * location + shift; what the two share cancels. 0 for what may not
-    move.
+def _estimate(search: Search, skin: Array) -> Estimate:
+    """The last stage's solution with its posterior, which skin that slides widens.
+
+    `skin` (unknowns + coordinates, same) is the result of `sliding` [m^2 per unknown].
+    """
+    size = len(search.free)
+    # The gradient in units of the noise is that in metres over the variance.
+    extra = skin[:size, :size] / search.noise**4
+    posterior = Posterior.of(search.found.solution, extra=extra)
+    return estimate_of(search.found.solution, posterior=posterior)
+
+
+def _prior_sd(problem: SharedProblem, free: Bools) -> Array:
+    """(lengths,) standard deviation without the recordings, the overall size known."""
+    given_size = free.copy()
+    given_size[-1] = False
+    rows = problem.prior.rows[:, given_size]
+    sd = np.zeros(len(free))
+    sd[given_size] = np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
+    return sd[: len(problem.lengths)]
+
+
+def _place_sd(problem: SharedProblem, posterior: Posterior) -> Array:
+    """(markers, 3) standard deviation of marker positions; 0 for what may not move.
+
+    A place is factor * location + shift; what the two share cancels.
     """
     n = len(problem.lengths)
-    free = search.free
-    rows = problem.prior.rows[:, free]
-    spread = posterior(problem, search.found.point, search.noise**2, free, search.found.reduced.H)
-    spread = widened(spread, search.noise**2, skin, free)
-    given_size = rows[:, :-1]
-    prior_sd = np.zeros(len(free))
-    prior_sd[np.flatnonzero(free)[:-1]] = np.sqrt(np.diag(np.linalg.inv(given_size.T @ given_size)))
     location = problem.stretch.location.ravel()
     column = problem.stretch.column[problem.pose.markers.body].ravel()
-    slopes = np.zeros((len(location), len(free)))
+    slopes = np.zeros((len(location), len(posterior.x)))
     slopes[:, n:-1] = np.eye(len(location))
     stretched = column >= 0
     slopes[stretched, column[stretched]] = location[stretched]
-    places = np.sqrt(np.maximum(0.0, np.einsum("ij,jk,ik->i", slopes, spread, slopes)))
-    return np.sqrt(np.diag(spread))[:n], prior_sd[:n], places.reshape(-1, 3)
+    variance = np.einsum("ij,jk,ik->i", slopes, posterior.covariance, slopes)
+    return np.sqrt(np.maximum(0.0, variance)).reshape(-1, 3)
 
 
 def _notes(

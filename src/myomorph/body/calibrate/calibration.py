@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.core.fit.estimation import Estimate
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.model import Model
@@ -37,6 +38,8 @@ class CalibrationOptions:
     ----------
     frames : at most so many, those whose postures differ most
     symmetric : the right and the left side have the same lengths
+    fit : which unknowns are estimated together: "lengths", "markers"; the others stay on the given
+        model, lengths at its overall size
     method : all unknowns at once ("joint"), or lengths and marker positions in turn, as [D] does
         ("alternating")
     mass : of the whole body [kg]; by default what the stretching gives
@@ -79,6 +82,7 @@ class CalibrationOptions:
 
     frames: int = 50
     symmetric: bool = False
+    fit: tuple[str, ...] = ("lengths", "markers")
     method: Literal["joint", "alternating"] = "joint"
     mass: float | None = None
     length_sd: float = 0.05
@@ -266,6 +270,7 @@ class Calibration:
     costs : the objective after every step of the last stage [m^2]
     notes : what the recordings do not show, one line each
     warnings : what of the recordings the model's joints cannot explain, and whether it was left out
+    estimate : the unknowns with their covariance, and how each source of residuals is explained
     """
 
     model: Model
@@ -288,6 +293,7 @@ class Calibration:
     zero_angles: tuple[ZeroAngle, ...] = ()
     sides: tuple[SideEstimate, ...] = ()
     warnings: tuple[Finding, ...] = ()
+    estimate: Estimate | None = None
 
     @property
     def rms_before(self) -> float:

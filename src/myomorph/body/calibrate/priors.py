@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.body.calibrate.calibration import CalibrationOptions, Distances, SideEstimate
-from myomorph.body.calibrate.shared_problem import MeanPosture, Prior
+from myomorph.body.calibrate.shared_problem import BLOCKS, MeanPosture
+from myomorph.core.fit.residuals import LinearPrior
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers
@@ -143,7 +144,7 @@ def calibration_prior(
     options: CalibrationOptions,
     size: float,
     differing: Collection[tuple[str, str]] = (),
-) -> Prior:
+) -> LinearPrior:
     """Rows of the prior over lengths, shifts (markers,) and overall size; those in `differing` are
     not held alike.
     """
@@ -171,11 +172,13 @@ def calibration_prior(
     for i, j in mirrored_lengths(lengths):
         sd = ASYMMETRIC_SD if (lengths[i].name, lengths[j].name) in differing else options.side_sd
         add({i: 1.0, j: -1.0}, 0.0, sd)
-    return Prior(np.array(rows), np.array(right))
+    return LinearPrior(
+        name="usual bodies", blocks=BLOCKS, rows=np.array(rows), right=np.array(right)
+    )
 
 
 def side_differences(
-    lengths: Sequence[Length], x: Array, H: Array, prior: Prior, options: CalibrationOptions
+    lengths: Sequence[Length], x: Array, H: Array, prior: LinearPrior, options: CalibrationOptions
 ) -> tuple[SideEstimate, ...]:
     """Pairs of lengths from joint to joint whose sides differ more than `side_sd` explains. Of two
     Gaussian priors, narrow (`side_sd`) and wide (`ASYMMETRIC_SD`), the one is taken that makes the

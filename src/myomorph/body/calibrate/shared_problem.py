@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.core.fit.residuals import LinearPrior
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Model
 from myomorph.core.model.scale import scale
@@ -18,6 +19,14 @@ from myomorph.core.motion.stretch import Stretch, tied_markers
 from myomorph.core.motion.tasks.loops import ties_of
 from myomorph.core.motion.tasks.markers import MarkerArrays
 from myomorph.core.rigid.tree import Tree, compile_tree
+
+LENGTHS = "lengths"
+MARKERS = "markers"
+SIZE = "size"
+BLOCKS: tuple[str, ...] = (LENGTHS, MARKERS, SIZE)
+"""Blocks of unknowns: factors of lengths, shifts of markers [m], the overall size. Together, in
+this order, they are the vector x of `SharedProblem`.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,18 +39,6 @@ class FrameSet:
     observed: Array
     targets: Array
     known: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """What is held likely of the shared unknowns x before any marker is seen: |rows x - right|^2."""
-
-    rows: Array
-    right: Array
-
-    def cost(self, x: Array) -> float:
-        """Squares in units of standard deviations."""
-        return float(np.sum((self.rows @ x - self.right) ** 2))
 
 
 @read_only
@@ -70,10 +67,11 @@ class SharedProblem:
 
     model: Model
     lengths: tuple[Length, ...]
+    marker_names: tuple[str, ...]
     stretch: Stretch
     pose: PoseProblem
     sets: tuple[FrameSet, ...]
-    prior: Prior
+    prior: LinearPrior
     posture: Array
     posture_weight: float
     unit: float = 1.0
@@ -81,10 +79,10 @@ class SharedProblem:
 
     def prior_cost(self, x: Array, angles: Sequence[Array]) -> float:
         """Of the unknowns and of the mean posture, in squares of standard deviations."""
-        posture = self.mean_posture
-        return self.prior.cost(x) + (
-            0.0 if posture is None else float(np.sum(posture.misfit(angles) ** 2))
-        )
+        misfits = [self.prior.rows @ x - self.prior.right]
+        if self.mean_posture is not None:
+            misfits.append(self.mean_posture.misfit(angles))
+        return float(np.sum(np.concatenate(misfits) ** 2))
 
     def stretched(self, x: Array) -> Model:
         """The skeleton with its lengths."""
@@ -109,8 +107,8 @@ class SharedProblem:
 @dataclass(frozen=True, eq=False)
 class Point:
     """The problem at some x, every frame at its best angles: for each set its poses, angles
-    (frames, coordinates) and cost of each frame (frames,) [m^2]; cost of the prior and of the mean
-    posture [squares of standard deviations]; the share of frames whose angles converged.
+    (frames, coordinates) and cost of each frame (frames,) [m^2]; the share of frames whose angles
+    converged.
     """
 
     x: Array
@@ -118,12 +116,12 @@ class Point:
     poses: tuple[PoseProblem, ...]
     angles: tuple[Array, ...]
     data: tuple[Array, ...]
-    prior: float
     settled: float
 
-    def cost(self, variance: float) -> float:
-        """Sum of weighted squares of marker distances and of the prior at this noise [m^2]."""
-        return float(sum(costs.sum() for costs in self.data)) + variance * self.prior
+    @property
+    def cost(self) -> float:
+        """Sum of weighted squares of marker distances [m^2]."""
+        return float(sum(costs.sum() for costs in self.data))
 
 
 @dataclass(frozen=True, eq=False)

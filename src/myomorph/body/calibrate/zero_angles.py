@@ -23,7 +23,7 @@ from myomorph.body.calibrate.calibration import (
     SYMMETRY,
     ZeroAngle,
 )
-from myomorph.body.calibrate.shared_fit import reduce
+from myomorph.body.calibrate.frame_sums import reduce
 from myomorph.body.calibrate.shared_problem import Point, SharedProblem
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.findings import Finding
@@ -33,29 +33,6 @@ WIDE = np.radians(10.0)  # An interval wider than this to either side is not lef
 # As far as zeros of calibrated models lie from experts' at most: beyond it they are named [rad]
 FAR = np.radians(16.0)
 REFUTED = np.radians(25.0)  # Beyond it a static trial takes the motion's place [rad]
-
-
-def posterior(
-    problem: SharedProblem, at: Point, variance: float, free: NDArray[np.bool_], H: Array
-) -> Array:
-    """(unknowns, unknowns) covariance of what is searched for, of the noise, priors and mean
-    posture; 0 elsewhere.
-    """
-    rows = _rows(problem, at)[:, free]
-    result = np.zeros((len(free), len(free)))
-    result[np.ix_(free, free)] = variance * np.linalg.inv(
-        H[np.ix_(free, free)] + variance * rows.T @ rows
-    )
-    return result
-
-
-def _rows(problem: SharedProblem, at: Point) -> Array:
-    """Of the prior, and of the mean posture about this point."""
-    if problem.mean_posture is None:
-        return problem.prior.rows
-    return np.vstack(
-        [problem.prior.rows, problem.mean_posture.rows @ angle_slopes(problem, at).mean]
-    )
 
 
 def zero_angles(

@@ -11,7 +11,7 @@ joint angles are much the same about knots at which the body does the same.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -19,6 +19,12 @@ import numpy as np
 
 from myomorph.body.sensors.first_guess import CalibrationPose, Guess
 from myomorph.body.sensors.undetermined import body_slopes, joint_angles
+from myomorph.core.fit.elimination import Eliminated, eliminated
+from myomorph.core.fit.estimation import Estimate, estimate_of
+from myomorph.core.fit.problem import Problem
+from myomorph.core.fit.residuals import LinearPrior, NormalEquations, Residuals
+from myomorph.core.fit.solver import Method, Solution, minimize
+from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values, turned
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertial_sensors import InertialSensors
 from myomorph.core.model.series import Markers
@@ -55,6 +61,10 @@ ALIKE = 0.1
 walking [rad].
 """
 SHORT = 0.005  # Time over which speeds of rotation are taken [s]
+MOUNTINGS = "mountings"
+HEADINGS = "headings"
+CLOCK = "clock"
+"""Blocks of unknowns, in this order."""
 CLOCK_ERROR = 0.05  # Standard deviation of the delay about the one that speeds of rotation show [s]
 
 
@@ -120,85 +130,123 @@ class MountingFit:
         solved = solve_poses(self.tree, problem, first, options.settings, chained=starts is None)
         return np.where(np.isfinite(solved.values), solved.values, first), reported, solved.cost
 
-    def fitted(self, start: SensorMounting, azimuth: bool, anywhere: bool) -> SensorMounting:
-        """The mounting after Gauss-Newton steps. `azimuth`: the heading of all mountings is open,
-        as that of a pose is; `anywhere`: headings begin anywhere, as those of sensors without
-        magnetometer do.
+    def fitted(self, start: SensorMounting, azimuth: bool, anywhere: bool) -> MountingEstimate:
+        """The mounting after Gauss-Newton steps, with its estimate. `azimuth`: the heading of all
+        mountings is open, as that of a pose is; `anywhere`: headings begin anywhere, as those of
+        sensors without magnetometer do.
         """
-        mounting = start
-        values = None
-        pose = None if self.pose is None else np.array(self.pose.coordinates)
-        for _ in range(STEPS):
-            values, reported, _ = self.poses(mounting, values)
-            normal, right = self._priors(start, mounting, azimuth, anywhere)
-            self._add_frames(normal, right, mounting, values, reported)
-            if self.pose is not None and pose is not None:
-                slopes = self._add_pose(normal, right, mounting, pose)
-            step = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
-            mounting = self._stepped(mounting, step)
-            if self.pose is not None and pose is not None:
-                pose[slopes[0]] += slopes[1] + slopes[2] @ step
-                couple_frames(self.tree.arrays, pose[None])
-            if np.abs(step[:-1]).max() < SETTLED:
-                break
-        return replace(mounting, factor=_factor(normal))
+        unknowns = self._unknowns(start)
+        residuals: list[Residuals] = [
+            FrameResiduals(fit=self, start=start),
+            self._heading_prior(start, azimuth, anywhere),
+        ]
+        if self.pose is not None:
+            residuals.append(PoseResiduals(fit=self, start=start, pose=self.pose))
+        method = Method(iterations=STEPS, tolerance=SETTLED, reweighted=True)
+        problem = Problem(unknowns, tuple(residuals))
+        return self._estimated(start, minimize(problem, fit=self._open(), method=method))
 
-    def by_pose(self, start: SensorMounting) -> SensorMounting:
+    def by_pose(self, start: SensorMounting) -> MountingEstimate:
         """A mounting that is taken from the pose as it is, with what that leaves open."""
         assert self.pose is not None
-        normal, right = self._priors(start, start, False, False)
-        self._add_pose(normal, right, start, np.array(self.pose.coordinates))
-        return replace(start, factor=_factor(normal))
-
-    def _stepped(self, mounting: SensorMounting, step: Array) -> SensorMounting:
-        count = len(self.bodies)
-        turned = rotation_from_vector(step[: 3 * count].reshape(-1, 3)) @ mounting.rotations
-        headings = mounting.headings + step[3 * count : -1].reshape(mounting.headings.shape)
-        return replace(
-            mounting, rotations=turned, headings=headings, delay=mounting.delay + float(step[-1])
+        problem = Problem(
+            self._unknowns(start),
+            (
+                self._heading_prior(start, False, False),
+                PoseResiduals(fit=self, start=start, pose=self.pose),
+            ),
+        )
+        return self._estimated(
+            start, minimize(problem, fit=self._open(), method=Method(iterations=0))
         )
 
-    def _priors(
-        self, start: SensorMounting, now: SensorMounting, azimuth: bool, anywhere: bool
-    ) -> tuple[Array, Array]:
-        """Normal matrix and right side of what is known before: mountings, headings, clock."""
+    def _estimated(self, start: SensorMounting, solution: Solution) -> MountingEstimate:
+        """The mounting of a solution, and its estimate."""
+        estimate = estimate_of(solution)
+        # The clock, which is last, is left out.
+        covariance = estimate.posterior.covariance[:-1, :-1]
+        sizes, directions = np.linalg.eigh(covariance)
+        factor = directions * np.sqrt(np.maximum(sizes, 0.0))
+        mounting = mounting_of(start, Values(solution.problem.unknowns, solution.x))
+        return MountingEstimate(replace(mounting, factor=np.asarray(factor)), estimate)
+
+    def _open(self) -> tuple[str, ...]:
+        """Blocks that are searched for: without markers there is no clock to compare with."""
+        return (MOUNTINGS, HEADINGS, CLOCK) if self.chosen.marker_names else (MOUNTINGS, HEADINGS)
+
+    def _unknowns(self, start: SensorMounting) -> Unknowns:
+        """Rotations from the mountings of a start, headings at knots, the sensors' clock."""
+        mountings = [
+            Unknown(
+                name=f"{sensor} mounting {axis}",
+                unit="rad",
+                where=f"sensor {sensor} on {body}: rotation about {axis}",
+                sd=FREE,
+            )
+            for sensor, body in zip(start.sensors, start.bodies, strict=True)
+            for axis in "xyz"
+        ]
+        headings = [
+            Unknown(
+                name=f"{sensor} heading at {time:g} s",
+                unit="rad",
+                where=f"sensor {sensor}: heading",
+                start=heading,
+            )
+            for time, row in zip(start.knots, start.headings, strict=True)
+            for sensor, heading in zip(start.sensors, row, strict=True)
+        ]
+        clock = Unknown(
+            name="delay",
+            unit="s",
+            where="clock of the sensors",
+            start=start.delay,
+            sd=CLOCK_ERROR,
+            scale=np.inf,
+        )
+        return Unknowns(
+            (
+                Block(name=MOUNTINGS, unknowns=tuple(mountings), chart=turned),
+                Block(name=HEADINGS, unknowns=tuple(headings)),
+                Block(name=CLOCK, unknowns=(clock,)),
+            )
+        )
+
+    def _heading_prior(self, start: SensorMounting, azimuth: bool, anywhere: bool) -> LinearPrior:
+        """What is known of headings before: how they differ, what they have in common at the first
+        knot, and how far they drift from knot to knot.
+        """
         count = len(self.bodies)
-        knots = len(now.knots)
-        width = 3 * count + knots * count + 1
-        normal = np.zeros((width, width))
-        right = np.zeros(width)
-        away = vector_from_rotation(now.rotations @ np.swapaxes(start.rotations, 1, 2)).ravel()
-        normal[: 3 * count, : 3 * count] = np.eye(3 * count) / FREE**2
-        right[: 3 * count] = -away / FREE**2
-        moved = now.headings - start.headings
+        knots = len(start.knots)
         # What all headings have in common may be known less well than how they differ.
         common = np.full((count, count), 1.0 / count)
         error = max(self.sizes.imu_heading_error, 1e-4)
         apart = np.pi if anywhere else error
         together = np.pi if azimuth else error
-        first = slice(3 * count, 4 * count)
-        normal[first, first] += (np.eye(count) - common) / apart**2 + common / together**2
-        right[first] -= normal[first, first] @ moved[0]
-        for index in range(count):
-            column = 3 * count + index
-            for knot in range(1, knots):
-                minutes = (now.knots[knot] - now.knots[knot - 1]) / 60.0
-                stiffness = 1.0 / max(self.sizes.imu_heading_drift * np.sqrt(minutes), 1e-5) ** 2
-                a = column + (knot - 1) * count
-                b = column + knot * count
-                gained = now.headings[knot, index] - now.headings[knot - 1, index]
-                normal[np.ix_((a, b), (a, b))] += stiffness * np.array([[1.0, -1.0], [-1.0, 1.0]])
-                right[a] += stiffness * gained
-                right[b] -= stiffness * gained
-        # Without markers there is no clock to compare with.
-        stiffness = 1.0 / (CLOCK_ERROR if self.chosen.marker_names else 1e-9) ** 2
-        normal[-1, -1] += stiffness
-        right[-1] -= stiffness * (now.delay - start.delay)
-        return normal, right
+        rows = np.zeros((knots * count, knots * count))
+        rows[:count, :count] = (np.eye(count) - common) / apart + common / together
+        right = np.zeros(len(rows))
+        right[:count] = rows[:count, :count] @ start.headings[0]
+        for knot in range(1, knots):
+            minutes = (start.knots[knot] - start.knots[knot - 1]) / 60.0
+            drift = max(self.sizes.imu_heading_drift * np.sqrt(minutes), 1e-5)
+            own = slice(knot * count, (knot + 1) * count)
+            last = slice((knot - 1) * count, knot * count)
+            rows[own, own] = np.eye(count) / drift
+            rows[own, last] = -np.eye(count) / drift
+        return LinearPrior(name="headings", blocks=(HEADINGS,), rows=rows, right=right)
 
-    def _add_frames(
-        self, normal: Array, right: Array, mounting: SensorMounting, values: Array, reported: Array
-    ) -> None:
+    def frame_equations(
+        self, mounting: SensorMounting, values: Array, reported: Array
+    ) -> NormalEquations:
+        """Equations of all unknowns, the pose of each frame eliminated.
+
+        Parameters
+        ----------
+        mounting : at the point
+        values : (frames, coordinates) best poses there [rad or m]
+        reported : (frames, sensors, 3, 3) rotations of the bodies by the sensors
+        """
         chosen = self.chosen
         sizes = self.sizes
         problem = pose_problem(self.tree, chosen.marker_names, chosen.marker_weights, self.options)
@@ -213,7 +261,9 @@ class MountingFit:
         shares = _knot_shares(mounting.knots, chosen.time)
         near = shares.argmax(axis=1)
         noise = max(sizes.imu_noise, _noise(errors, slopes.shape[-1]))
-        width = len(right)
+        width = self._width(mounting)
+        H = np.zeros((width, width))
+        g = np.zeros(width)
         followed = [list[tuple[Array, Array]]() for _ in mounting.knots]
         for frame in range(len(values)):
             known = np.flatnonzero(np.isfinite(errors[frame, :, 0]))
@@ -239,10 +289,11 @@ class MountingFit:
                 r.append((-scales[:, None] * marked.errors[frame, seen]).ravel())
                 X.append(np.zeros((len(r[-1]), width)))
             if J:
-                moved = _eliminate(
-                    np.concatenate(J), np.concatenate(X), np.concatenate(r), normal, right
-                )
-                followed[near[frame]].append((values[frame, problem.free] + moved[0], moved[1]))
+                own = eliminated(np.concatenate(J), np.concatenate(X), np.concatenate(r))
+                H += own.equations.H
+                g += own.equations.g
+                best = values[frame, problem.free] + own.moved
+                followed[near[frame]].append((best, own.follows))
         if not chosen.marker_names:
             # Where a sensor has its vertical no heading changes.
             upright = np.swapaxes(reported, 2, 3) @ mounting.up
@@ -251,12 +302,13 @@ class MountingFit:
                 for knot, part in enumerate(followed)
                 if part
             ]
-            self._add_trends(normal, right, joint_angles(self.tree, problem.free), knots)
+            self._add_trends(H, g, joint_angles(self.tree, problem.free), knots)
+        return NormalEquations(H=H, g=g)
 
     def _add_trends(
         self,
-        normal: Array,
-        right: Array,
+        H: Array,
+        g: Array,
         joints: Array,
         parts: list[tuple[list[tuple[Array, Array]], Array]],
     ) -> None:
@@ -274,14 +326,12 @@ class MountingFit:
             apart = np.sqrt(np.nanmean(((parts[i][1] - parts[j][1]) ** 2).sum(axis=-1)))
             weight = np.exp(-0.5 * (apart / ALIKE) ** 2) / (len(parts) * TREND**2)
             X = slopes[i] - slopes[j]
-            normal += weight * X.T @ X
-            right -= weight * X.T @ (angles[i] - angles[j])
+            H += weight * X.T @ X
+            g += weight * X.T @ (angles[i] - angles[j])
 
-    def _add_pose(
-        self, normal: Array, right: Array, mounting: SensorMounting, pose: Array
-    ) -> tuple[Ints, Array, Array]:
-        """The calibration pose as one more frame; returns which coordinates move with what is
-        unknown, and how.
+    def pose_equations(self, mounting: SensorMounting, pose: Array) -> tuple[Ints, Eliminated]:
+        """The calibration pose as one more frame: which coordinates move with what is unknown, and
+        its equations without them. `pose` (coordinates,) [rad or m].
         """
         assert self.pose is not None
         problem = pose_problem(self.tree, (), np.empty(0), self.options)
@@ -292,7 +342,7 @@ class MountingFit:
         errors = vector_from_rotation(rotations[0] @ np.swapaxes(reported, 1, 2))
         share = _knot_shares(mounting.knots, np.array([self.pose.time]))[0]
         columns = [
-            self._sensor_columns(index, reported[index], share, np.zeros(3), len(right))
+            self._sensor_columns(index, reported[index], share, np.zeros(3), self._width(mounting))
             for index in range(len(errors))
         ]
         joints = joint_angles(self.tree, problem.free)
@@ -305,11 +355,11 @@ class MountingFit:
         scale = (np.eye(3) + (1.0 / np.sqrt(1.0 + (sizes / SLIP) ** 2) - 1.0) * along) / POSE_NOISE
         J = np.concatenate([*(scale @ slopes[0]), np.diag(stiffness)])
         X = np.concatenate(
-            [*(scale @ np.array(columns)), np.zeros((len(problem.free), len(right)))]
+            [*(scale @ np.array(columns)), np.zeros((len(problem.free), self._width(mounting)))]
         )
         away = stiffness * (pose - self.pose.coordinates)[problem.free]
         r = np.concatenate([(scale @ errors[:, :, None]).ravel(), away])
-        return problem.free, *_eliminate(J, X, r, normal, right)
+        return problem.free, eliminated(J, X, r)
 
     def _sensor_columns(
         self, index: int, reported: Array, share: Array, clock: Array, width: int
@@ -324,6 +374,10 @@ class MountingFit:
             )
         columns[:, -1] = -clock
         return columns
+
+    def _width(self, mounting: SensorMounting) -> int:
+        """Number of unknowns."""
+        return len(self.bodies) * (3 + len(mounting.knots)) + 1
 
     def _slopes(self, values: Array, problem: PoseProblem) -> tuple[Array, Array]:
         bodies = np.array([self.tree.body_number(body) for body in self.bodies], np.int64)
@@ -341,24 +395,124 @@ def _noise(errors: Array, coordinates: int) -> float:
     return float(np.sqrt(np.nansum(errors**2) / max(numbers - explained, numbers / 3, 1)))
 
 
-def _factor(normal: Array) -> Array:
-    """Factor of the covariance of mountings and headings; the clock is left out."""
-    sizes, directions = np.linalg.eigh(np.linalg.inv(normal)[:-1, :-1])
-    return np.asarray(directions * np.sqrt(np.maximum(sizes, 0.0)))
+class MountingEstimate(NamedTuple):
+    """A mounting, and the estimate that it is of."""
+
+    mounting: SensorMounting
+    estimate: Estimate
 
 
-def _eliminate(J: Array, X: Array, r: Array, normal: Array, right: Array) -> tuple[Array, Array]:
-    """Add X^T P X and -X^T P r, with P the projection off the columns of J: the pose follows
-    whatever is unknown. Returns what it moves by, -J^+ r, and how it follows, -J^+ X.
-    """
-    basis, sizes, directions = np.linalg.svd(J, full_matrices=False)
-    kept = sizes > 1e-6 * sizes.max(initial=0.0)
-    basis = basis[:, kept]
-    rest = X - basis @ (basis.T @ X)
-    normal += X.T @ rest
-    right -= rest.T @ r
-    inverse = -(directions[kept].T / sizes[kept]) @ basis.T
-    return inverse @ r, inverse @ X
+def mounting_of(start: SensorMounting, values: Values) -> SensorMounting:
+    """The mounting at values of the unknowns that are counted from a start."""
+    turns = rotation_from_vector(values[MOUNTINGS].reshape(-1, 3))
+    return replace(
+        start,
+        rotations=turns @ start.rotations,
+        headings=values[HEADINGS].reshape(start.headings.shape),
+        delay=float(values[CLOCK][0]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FramesAt:
+    """Sensors and markers of the recording at a mounting, every frame at its best pose."""
+
+    fit: MountingFit
+    mounting: SensorMounting
+    values: Array
+    reported: Array
+    costs: Array
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares over the frames, each of its share."""
+        return float(self.fit.chosen.share * self.costs.sum())
+
+    @property
+    def count(self) -> int:
+        """Numbers that sensors and markers report."""
+        markers = int(np.isfinite(self.fit.chosen.markers.values).sum())
+        return 3 * int(np.isfinite(self.reported).all(axis=(2, 3)).sum()) + markers
+
+    def normal(self) -> NormalEquations:
+        """Poses eliminated, with noise and weights by the residuals here."""
+        return self.fit.frame_equations(self.mounting, self.values, self.reported)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameResiduals:
+    """A recording as residuals of the sensors' mountings, headings and clock."""
+
+    fit: MountingFit
+    start: SensorMounting
+    name: str = field(default="recording", init=False)
+    blocks: tuple[str, ...] = field(default=(MOUNTINGS, HEADINGS, CLOCK), init=False)
+    prior: bool = field(default=False, init=False)
+
+    def at(self, values: Values, before: FramesAt | None) -> FramesAt:
+        """Poses begin with those of the mounting before."""
+        mounting = mounting_of(self.start, values)
+        poses, reported, costs = self.fit.poses(mounting, None if before is None else before.values)
+        return FramesAt(
+            fit=self.fit, mounting=mounting, values=poses, reported=reported, costs=costs
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PoseAt:
+    """The calibration pose at a mounting: its coordinates, and how they follow the mounting."""
+
+    values: Values
+    pose: Array
+    free: Ints
+    eliminated: Eliminated
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares that is left."""
+        return self.eliminated.cost
+
+    @property
+    def count(self) -> int:
+        """Coordinates that are known."""
+        return len(self.free)
+
+    def normal(self) -> NormalEquations:
+        """The pose eliminated."""
+        return self.eliminated.equations
+
+    def followed(self, tree: Tree, values: Values) -> Array:
+        """(coordinates,) the pose after a step to other values."""
+        turns = rotation_from_vector(values[MOUNTINGS].reshape(-1, 3))
+        before = rotation_from_vector(self.values[MOUNTINGS].reshape(-1, 3))
+        turned_by = vector_from_rotation(turns @ np.swapaxes(before, 1, 2)).ravel()
+        step = values.x - self.values.x
+        step[: len(turned_by)] = turned_by
+        pose = np.array(self.pose)
+        pose[self.free] += self.eliminated.moved + self.eliminated.follows @ step
+        couple_frames(tree.arrays, pose[None])
+        return pose
+
+
+@dataclass(frozen=True, eq=False)
+class PoseResiduals:
+    """The calibration pose as residuals of mountings and headings."""
+
+    fit: MountingFit
+    start: SensorMounting
+    pose: CalibrationPose
+    name: str = field(default="calibration pose", init=False)
+    blocks: tuple[str, ...] = field(default=(MOUNTINGS, HEADINGS, CLOCK), init=False)
+    prior: bool = field(default=False, init=False)
+
+    def at(self, values: Values, before: PoseAt | None) -> PoseAt:
+        """The pose begins as specified, and follows each step."""
+        mounting = mounting_of(self.start, values)
+        pose = np.array(self.pose.coordinates)
+        if before is not None:
+            pose = before.followed(self.fit.tree, values)
+        free, frame = self.fit.pose_equations(mounting, pose)
+        return PoseAt(values=values, pose=pose, free=free, eliminated=frame)
 
 
 def _knot_shares(knots: Array, time: Array) -> Array:

@@ -257,8 +257,8 @@ class _Finder:
         start = fit.at(guess, delay)
         notes += _of_heading(guess)
         if kind == "pose":
-            return replace(fit.by_pose(start), notes=notes)
-        found = fit.fitted(start, azimuth, anywhere)
+            return replace(fit.by_pose(start).mounting, notes=notes)
+        found = fit.fitted(start, azimuth, anywhere).mounting
         if pose is None:
             return replace(found, notes=(*notes, *_of_mounting(found, None)))
         by_pose = first_guess.from_pose(

@@ -15,6 +15,7 @@ from .noise import RecordingNoise as RecordingNoise
 from .noise import noise_of_residuals as noise_of_residuals
 from .noise import spectrum_floor as spectrum_floor
 from .posterior import Posterior as Posterior
+from .problem import Equations as Equations
 from .problem import Evaluated as Evaluated
 from .problem import Problem as Problem
 from .residuals import Evaluation as Evaluation
@@ -24,6 +25,7 @@ from .residuals import NormalEquations as NormalEquations
 from .residuals import Residuals as Residuals
 from .residuals import Rows as Rows
 from .solver import Method as Method
+from .solver import Search as Search
 from .solver import Solution as Solution
 from .solver import minimize as minimize
 from .unknowns import Block as Block

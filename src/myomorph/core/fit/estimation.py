@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from myomorph.core.fit.posterior import Posterior
 from myomorph.core.fit.problem import Problem
-from myomorph.core.fit.solver import Method, Solution, minimize
+from myomorph.core.fit.solver import Method, Search, Solution, minimize
 from myomorph.core.fit.unknowns import Unknowns
 from myomorph.core.fit.verdict import Verdict, held_out
 from myomorph.core.model.arrays import Array, read_only
@@ -49,15 +48,15 @@ class Estimate:
     ----------
     unknowns : in the order of all vectors
     explained : each source of residuals at the solution
-    solution : where the search ended
-    posterior : what is left open
+    search : how it ended
+    posterior : where, and what is left open
     verdict : on what was held out; None where nothing was
     sources : what it was made from
     """
 
     unknowns: Unknowns
     explained: tuple[Explained, ...]
-    solution: Solution
+    search: Search
     posterior: Posterior
     verdict: Verdict | None = None
     sources: tuple[Source, ...] = ()
@@ -66,24 +65,24 @@ class Estimate:
     def values(self) -> Mapping[str, Array]:
         """Block to its values."""
         slices = self.unknowns.slices
-        return FrozenMap({name: self.solution.x[part] for name, part in slices.items()})
+        return FrozenMap({name: self.posterior.x[part] for name, part in slices.items()})
 
     @property
     def converged(self) -> bool:
         """Whether the search ended at a minimum."""
-        return self.solution.converged
+        return self.search.converged
 
     @property
     def fitted(self) -> tuple[str, ...]:
         """Names of the unknowns that were searched for."""
-        pairs = zip(self.unknowns.names, self.solution.free, strict=True)
+        pairs = zip(self.unknowns.names, self.posterior.free, strict=True)
         return tuple(name for name, free in pairs if free)
 
     @property
     def certificate(self) -> tuple[str, ...]:
         """What a reader has to know before they believe it, one line each."""
-        solution = self.solution
-        status = f"{solution.status} after {solution.steps} steps, change {solution.change:.1g}"
+        search = self.search
+        status = f"{search.status} after {search.steps} steps, change {search.change:.1g}"
         left = [
             f"{one.name}: {one.count} numbers, misfit {one.rms:.3g} SD"
             for one in self.explained
@@ -141,11 +140,10 @@ def estimate(
     """
     solution = minimize(problem, None, fit, method, progress)
     verdict = held_out(problem, hold_out, fit, method, progress) if hold_out else None
-    return estimate_of(problem, solution, verdict=verdict, sources=sources)
+    return estimate_of(solution, verdict=verdict, sources=sources)
 
 
 def estimate_of(
-    problem: Problem,
     solution: Solution,
     *,
     posterior: Posterior | None = None,
@@ -156,21 +154,20 @@ def estimate_of(
 
     Parameters
     ----------
-    problem : that was solved last
-    solution : of it
+    solution : of the last stage
     posterior : by default `Posterior.of`
     verdict, sources : see `Estimate`
     """
-    at = problem.at(solution.x) if solution.at is None else solution.at
+    problem = solution.problem
     explained = tuple(
         Explained(name=one.name, prior=one.prior, count=part.count, cost=part.cost)
-        for one, part in zip(problem.known, at.parts, strict=True)
+        for one, part in zip(problem.known, solution.at.parts, strict=True)
     )
     return Estimate(
         unknowns=problem.unknowns,
         explained=explained,
-        solution=replace(solution, at=None),
-        posterior=posterior or Posterior.of(problem.unknowns, solution),
+        search=solution.search,
+        posterior=posterior or Posterior.of(solution),
         verdict=verdict,
         sources=tuple(sources),
     )

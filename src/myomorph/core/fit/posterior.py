@@ -10,7 +10,6 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from myomorph.core.fit.residuals import NormalEquations
 from myomorph.core.fit.solver import Solution
 from myomorph.core.fit.unknowns import Bools, Unknowns, added
 from myomorph.core.model.arrays import Array, read_only
@@ -43,18 +42,28 @@ class Spread:
 
     @classmethod
     def of(cls, H: Array, scale: Array, limit: float) -> Spread:
-        """Inverse of the information H (n, n), but for directions of a larger sd than `limit`."""
+        """Inverse of the information H (n, n), but for directions that nothing shows.
+
+        These are the ones that rounding cannot tell from no information, where every unknown has
+        the information 1, and those along which an unknown's standard deviation exceeds `limit`
+        times its scale.
+        """
         scale = np.where(np.isfinite(scale), scale, 1.0)
-        levels, directions = np.linalg.eigh(H * scale[:, None] * scale)
-        # Below it is rounding, however large the limit is.
-        least = max(limit**-2, len(H) * np.finfo(float).eps * float(levels.max(initial=0.0)))
-        shown = levels > least
-        kept = scale[:, None] * directions[:, shown]
-        return cls(
-            covariance=(kept / levels[shown]) @ kept.T,
-            hidden=directions[:, ~shown].T,
-            scale=scale,
-        )
+        information = np.diag(H)
+        alone = np.divide(1.0, np.sqrt(information), out=np.array(scale), where=information > 0.0)
+        levels, directions = np.linalg.eigh(H * alone[:, None] * alone)
+        shown = levels > len(H) * np.finfo(float).eps * levels.max(initial=0.0)
+        known = alone[:, None] * directions[:, shown]
+        covariance = (known / levels[shown]) @ known.T
+        hidden = (alone / scale)[:, None] * directions[:, ~shown]
+
+        variances, axes = np.linalg.eigh(covariance / scale[:, None] / scale)
+        vague = variances > limit**2
+        if vague.any():
+            kept = scale[:, None] * axes[:, ~vague]
+            covariance = (kept * variances[~vague]) @ kept.T
+            hidden = np.hstack([hidden, axes[:, vague]])
+        return cls(covariance=covariance, hidden=np.linalg.qr(hidden)[0].T, scale=scale)
 
     @property
     def variance(self) -> Array:
@@ -100,7 +109,6 @@ class Posterior:
     @classmethod
     def of(
         cls,
-        unknowns: Unknowns,
         solution: Solution,
         extra: Array | None = None,
         freedom: float = np.inf,
@@ -110,13 +118,13 @@ class Posterior:
 
         Parameters
         ----------
-        unknowns : of the solution
         solution : with its normal equations
         extra : (unknowns, unknowns) covariance of the data's gradient J^T r that the noise of the
             rows does not have, as of skin that slides under all markers of a segment
         freedom : degrees of freedom of the noise
         hidden_sd : standard deviation, in an unknown's scale, from which on nothing shows it
         """
+        unknowns = solution.problem.unknowns
         free = solution.free
         inner = np.ix_(free, free)
         scale = unknowns.scale[free]
@@ -270,15 +278,3 @@ class Posterior:
         z = scipy.special.ndtri(0.5 + 0.5 * level)
         ends = np.quantile(values, scipy.special.ndtr([2.0 * middle - z, 2.0 * middle + z]))
         return Interval(value, max(float(ends[0]), low), min(float(ends[1]), high))
-
-
-def covariance(equations: NormalEquations, free: Bools) -> Array:
-    """(unknowns, unknowns) inverse of the information of the free unknowns, 0 elsewhere.
-
-    Raises
-    ------
-    LinAlgError : nothing shows a direction
-    """
-    result = np.zeros_like(equations.H)
-    result[np.ix_(free, free)] = np.linalg.inv(equations.H[np.ix_(free, free)])
-    return result

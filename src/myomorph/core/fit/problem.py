@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,30 +15,10 @@ from myomorph.core.fit.residuals import (
     NormalEquations,
     Residuals,
     own_prior,
-    scattered,
 )
 from myomorph.core.fit.unknowns import Unknowns, Values
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import check_name
-
-
-@read_only
-class Evaluated:
-    """All residuals of a problem at one point.
-
-    Attributes
-    ----------
-    x : (unknowns,)
-    parts : of each residual of the problem, in order; its own priors last
-    """
-
-    x: Array
-    parts: tuple[Evaluation, ...]
-
-    @property
-    def cost(self) -> float:
-        """Sum of squares, each in units of its noise."""
-        return float(sum(part.cost for part in self.parts))
 
 
 @dataclass(frozen=True)
@@ -81,16 +62,48 @@ class Problem:
             [None] * len(self.known) if before is None else before.parts
         )
         parts = [one.at(values, last) for one, last in zip(self.known, begin, strict=True)]
-        return Evaluated(x=x, parts=tuple(parts))
+        return Evaluated(problem=self, x=x, parts=tuple(parts))
 
-    def normal(self, at: Evaluated) -> tuple[NormalEquations, NormalEquations]:
-        """Normal equations of all unknowns: of what was measured, and of what was known before."""
-        count = len(self.unknowns)
-        sums = {prior: (np.zeros((count, count)), np.zeros(count)) for prior in (False, True)}
-        for one, part, index in zip(self.known, at.parts, self.columns, strict=True):
-            equations = scattered(part.normal(), index, count)
-            H, g = sums[one.prior]
-            H += equations.H
-            g += equations.g
-        data, prior = (NormalEquations(H=H, g=g) for H, g in sums.values())
-        return data, prior
+
+class Equations(NamedTuple):
+    """Normal equations of all unknowns: of what was measured, and of what was known before."""
+
+    data: NormalEquations
+    prior: NormalEquations
+
+
+@read_only
+class Evaluated:
+    """All residuals of a problem at one point.
+
+    Attributes
+    ----------
+    problem : with the residuals
+    x : (unknowns,)
+    parts : of each of the problem's `known`
+    """
+
+    problem: Problem
+    x: Array
+    parts: tuple[Evaluation, ...]
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares, each in units of its noise."""
+        return float(sum(part.cost for part in self.parts))
+
+    @cached_property
+    def equations(self) -> Equations:
+        """Normal equations there, made once."""
+        problem = self.problem
+        count = len(problem.unknowns)
+        H = {prior: np.zeros((count, count)) for prior in (False, True)}
+        g = {prior: np.zeros(count) for prior in (False, True)}
+        for one, part, index in zip(problem.known, self.parts, problem.columns, strict=True):
+            equations = part.normal()
+            H[one.prior][np.ix_(index, index)] += equations.H
+            g[one.prior][index] += equations.g
+        return Equations(
+            data=NormalEquations(H=H[False], g=g[False]),
+            prior=NormalEquations(H=H[True], g=g[True]),
+        )

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from myomorph.core.fit.unknowns import Unknowns, Values
 from myomorph.core.model.arrays import Array, read_only
@@ -73,9 +73,9 @@ class Residuals(Protocol):
         """Whether it was known before anything was measured."""
         ...
 
-    def at(self, values: Values, before: Evaluation | None) -> Evaluation:
-        """The residuals at these values. `before` is the evaluation that the search came from: what
-        is eliminated frame by frame begins there.
+    def at(self, values: Values, before: Any) -> Evaluation:
+        """The residuals at these values. `before` is its own evaluation where the search came from,
+        or None: what is eliminated frame by frame begins there.
         """
         ...
 
@@ -102,7 +102,8 @@ class Rows:
         return NormalEquations(H=self.slopes.T @ self.slopes, g=self.slopes.T @ self.residuals)
 
 
-@dataclass(frozen=True, kw_only=True)
+@read_only
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Measured:
     """Residuals by a function of the unknowns.
 
@@ -217,12 +218,3 @@ def own_prior(unknowns: Unknowns) -> LinearPrior:
         rows=rows,
         right=(unknowns.mean / unknowns.sd)[known],
     )
-
-
-def scattered(equations: NormalEquations, index: NDArray[np.intp], count: int) -> NormalEquations:
-    """Equations of some unknowns (at `index`) among those of all."""
-    H = np.zeros((count, count))
-    H[np.ix_(index, index)] = equations.H
-    g = np.zeros(count)
-    g[index] = equations.g
-    return NormalEquations(H=H, g=g)

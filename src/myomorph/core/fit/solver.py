@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -50,32 +50,19 @@ class Method:
 
 
 @read_only
-class Solution:
-    """Where the search ended, and how sure it is that this is the minimum.
+class Search:
+    """How a search ended, and how sure it is that this is the minimum.
 
     Attributes
     ----------
-    x : (unknowns,)
-    free : (unknowns,) which were searched for
-    at : the residuals there, after reweighted steps one step before; None in an `Estimate`, which
-        says itself how they are explained
-    data, prior : normal equations there, of what was measured and of what was known before
-    status : how the search ended
+    status : how it ended
     costs : at the start and after each step
-    change : largest of the last step, in the unknowns' scales
-    gradient : largest slope of the cost that bounds leave, in units of an unknown's scale, relative
-        to the cost; 0 at a minimum
+    change : largest of the last step, in the unknowns' scales; 0 without a step
     """
 
-    x: Array
-    free: Bools
-    at: Evaluated | None
-    data: NormalEquations
-    prior: NormalEquations
     status: Status
     costs: tuple[float, ...]
     change: float
-    gradient: float
 
     @property
     def converged(self) -> bool:
@@ -89,8 +76,55 @@ class Solution:
 
     @property
     def steps(self) -> int:
-        """Done."""
+        """Steps done."""
         return len(self.costs) - 1
+
+
+@read_only
+class Solution:
+    """Where a search ended.
+
+    Attributes
+    ----------
+    x : (unknowns,)
+    free : (unknowns,) which were searched for
+    at : the residuals there; after reweighted steps, one step before
+    search : how it ended
+    """
+
+    x: Array
+    free: Bools
+    at: Evaluated
+    search: Search
+
+    @property
+    def problem(self) -> Problem:
+        """The problem that was solved."""
+        return self.at.problem
+
+    @property
+    def data(self) -> NormalEquations:
+        """Normal equations of what was measured."""
+        return self.at.equations.data
+
+    @property
+    def prior(self) -> NormalEquations:
+        """Normal equations of what was known before."""
+        return self.at.equations.prior
+
+    @property
+    def gradient(self) -> float:
+        """Largest slope of the cost that bounds leave, for a change of an unknown by its scale,
+        relative to the cost; 0 at a minimum.
+        """
+        unknowns = self.problem.unknowns
+        slope = (self.data.g + self.prior.g) * self.free
+        held = ((self.at.x <= unknowns.low) & (slope > 0.0)) | (
+            (self.at.x >= unknowns.high) & (slope < 0.0)
+        )
+        scale = np.where(np.isfinite(unknowns.scale), unknowns.scale, 0.0)
+        sizes = np.abs(np.where(held, 0.0, slope)) * scale
+        return float(sizes.max(initial=0.0)) / max(self.at.cost, 1e-300)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +139,7 @@ class _Model:
 
     @classmethod
     def of(cls, problem: Problem, at: Evaluated, free: Bools) -> _Model:
-        data, prior = problem.normal(at)
+        data, prior = at.equations
         # What nothing shows stays where it is.
         shown = np.diag(data.H) + np.diag(prior.H) > 0.0
         return cls(problem=problem, at=at, free=free & shown, data=data, prior=prior)
@@ -135,18 +169,6 @@ class _Model:
         part = step[self.free]
         gain = -float(2.0 * self.g @ part + part @ self.damped(0.0) @ part)
         return gain / max(self.at.cost, 1e-300)
-
-    @property
-    def gradient(self) -> float:
-        """See `Solution`."""
-        unknowns = self.problem.unknowns
-        slope = (self.data.g + self.prior.g) * self.free
-        held = ((self.at.x <= unknowns.low) & (slope > 0.0)) | (
-            (self.at.x >= unknowns.high) & (slope < 0.0)
-        )
-        scale = np.where(np.isfinite(unknowns.scale), unknowns.scale, 0.0)
-        sizes = np.abs(np.where(held, 0.0, slope)) * scale
-        return float(sizes.max(initial=0.0)) / max(self.at.cost, 1e-300)
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,43 +237,24 @@ def minimize(
         return _reweighted(problem, at, chosen, method, progress)
     costs = [at.cost]
     damping = DAMPING
-    change = np.inf
-    status: Status = LIMIT
-    model = None
+    change = 0.0
+    status = LIMIT
     for _ in range(method.iterations):
-        model = _Model.of(problem, at, chosen)
-        tried = _lower(model, damping, method)
+        tried = _lower(_Model.of(problem, at, chosen), damping, method)
         damping = tried.damping
         change = tried.change
         progress()
         if tried.at is None:
-            # The equations are those of this point already.
             status = CONVERGED if tried.small or tried.promised <= method.kink else NO_LOWER
             break
         gained = 1.0 - tried.at.cost / max(at.cost, 1e-300)
         at = tried.at
         costs.append(at.cost)
-        model = None
         if change <= method.tolerance or gained < method.min_gain:
             status = CONVERGED
             break
-    return _solution(model or _Model.of(problem, at, chosen), chosen, status, costs, change)
-
-
-def _solution(
-    model: _Model, free: Bools, status: Status, costs: Sequence[float], change: float
-) -> Solution:
-    return Solution(
-        x=model.at.x,
-        free=free,
-        at=model.at,
-        data=model.data,
-        prior=model.prior,
-        status=status,
-        costs=tuple(costs),
-        change=change,
-        gradient=model.gradient,
-    )
+    search = Search(status=status, costs=tuple(costs), change=change)
+    return Solution(x=at.x, free=chosen, at=at, search=search)
 
 
 def _lower(model: _Model, damping: float, method: Method) -> _Tried:
@@ -293,7 +296,7 @@ def _reweighted(
     """Gauss-Newton steps, each taken, with weights that follow the residuals."""
     unknowns = problem.unknowns
     costs = [at.cost]
-    status: Status = LIMIT
+    status = LIMIT
     for number in range(method.iterations):
         model = _Model.of(problem, at, free)
         step = model.step(0.0)
@@ -306,5 +309,5 @@ def _reweighted(
             break
         at = problem.at(x, at)
         costs.append(at.cost)
-    solution = _solution(model, free, status, costs, change)
-    return replace(solution, x=x)
+    search = Search(status=status, costs=tuple(costs), change=change)
+    return Solution(x=x, free=free, at=at, search=search)

@@ -1,0 +1,237 @@
+"""All frames at their best angles, and the normal equations that they leave of shared unknowns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.body.calibrate.shared_problem import FrameSet, Point, Reduced, SharedProblem
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.motion.newton import solve_poses
+from myomorph.core.motion.pose_problem import PoseProblem
+from myomorph.core.motion.starts import closed_defaults
+from myomorph.core.motion.stretch import FRAMES_AT_ONCE, Stretch, frame_blocks, with_travel
+from myomorph.core.motion.tasks.loops import ties_of
+from myomorph.core.motion.tasks.markers import MarkerArrays
+from myomorph.core.rigid.frames import over_frames
+from myomorph.core.rigid.loops import loop_basis
+from myomorph.core.rigid.tree import Tree, compile_tree
+
+SETTLED = 1e-6  # A frame is settled when its last step moves no coordinate further [rad or m]
+RESTARTS = 8  # Frames from whose angles all others are tried
+# Partial sums over frames: memory does not grow with frames, and the order of summation is always
+# the same
+SLOTS = 16
+
+
+def settle(
+    problem: SharedProblem, x: Array, angles: Sequence[Array], variance: float, most: int = 50
+) -> Point:
+    """Inverse kinematics of all frames on the model that x makes."""
+    tree = compile_tree(problem.stretched(x))
+    poses = []
+    solutions = []
+    costs = []
+    converged = 0
+    for group, start in zip(problem.sets, angles, strict=True):
+        pose = _pose_of(problem, x, group, variance, tree)
+        solved = solve_poses(
+            tree, pose, start, (problem.posture_weight, SETTLED, most), chained=False, chunk=16
+        )
+        poses.append(pose)
+        solutions.append(solved.values)
+        costs.append(solved.cost * _seen_weight(problem, group))
+        converged += int(solved.converged.sum())
+    frames = max(sum(len(values) for values in solutions), 1)
+    return Point(
+        x=x,
+        tree=tree,
+        poses=tuple(poses),
+        angles=tuple(solutions),
+        data=tuple(costs),
+        settled=converged / frames,
+    )
+
+
+def _pose_of(
+    problem: SharedProblem, x: Array, group: FrameSet, variance: float, tree: Tree
+) -> PoseProblem:
+    """Inverse kinematics of one recording on the model of x; known coordinates are tasks."""
+    seen = _seen_weight(problem, group)
+    # Markers count as a mean, and tasks beside it.
+    weight = group.known * variance / max(float(np.median(seen)) if len(seen) else 1.0, 1e-12)
+    errors = np.empty(group.observed.shape[:2])
+    moved = problem.pose.with_markers(
+        location=problem.placed(x), observed=group.observed, errors=errors
+    )
+    return moved.with_coordinates(weight=weight, value=group.targets)._replace(
+        fixed=group.targets, posture=problem.posture, ties=ties_of(tree)
+    )
+
+
+def _seen_weight(problem: SharedProblem, group: FrameSet) -> Array:
+    """(frames,) sum of the weights of the markers that are seen."""
+    seen: Array = np.where(
+        np.isfinite(group.observed).all(axis=2), problem.pose.markers.weight, 0.0
+    ).sum(axis=1)
+    return seen
+
+
+@read_only
+class SetSums:
+    """Sums over the frames of one recording, of which the normal equations are made.
+
+    Attributes
+    ----------
+    fixed_H, fixed_g : (shared, shared), lower triangle, and (shared,) at fixed angles
+    taken_H, taken_g : sums of E^T E and E^T e, what the angles take away, see `reduce`
+    angles_free : angles of all frames that are not at a bound
+    errors : (frames, markers) distances [m], NaN where unseen
+    """
+
+    fixed_H: Array
+    fixed_g: Array
+    taken_H: Array
+    taken_g: Array
+    angles_free: int
+    errors: Array
+
+
+def reduce(problem: SharedProblem, at: Point) -> Reduced:
+    """Normal equations of the shared unknowns at a point, with the angles eliminated.
+
+    The angles of a frame move the residuals r of that frame alone. With the slopes J_s of its
+    weighted residuals in the shared unknowns s, and J_q in its angles,
+
+        (H - sum E^T E) ds = -(g - sum E^T e),   [E e] = L^-1 J_q^T [J_s r],   L L^T = J_q^T J_q
+
+    with sums over all frames (Schur complement). The overall size, last among the unknowns, moves
+    no marker: its row and column are 0.
+    """
+    shared = len(at.x) - 1
+    stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
+    tied, tied_stretch = problem.tied(at.tree, stretch)
+    unstretched = compile_tree(problem.model)
+    defaults = closed_defaults(unstretched)[None]
+    angles_closed = loop_basis(unstretched, defaults, problem.pose.free).rank
+
+    fixed_H = np.zeros((shared, shared))
+    fixed_g = np.zeros(shared)
+    taken_H = np.zeros((shared, shared))
+    taken_g = np.zeros(shared)
+    errors = []
+    angles_free = 0
+    for pose, angles in zip(at.poses, at.angles, strict=True):
+        sums = _set_sums(problem, at.tree, pose, angles, stretch, tied, tied_stretch, shared)
+        fixed_H += sums.fixed_H
+        fixed_g += sums.fixed_g
+        taken_H += sums.taken_H
+        taken_g += sums.taken_g
+        errors.append(sums.errors)
+        # Of each frame, as many angles as loops close follow from the others.
+        angles_free += sums.angles_free - len(angles) * angles_closed
+    fixed_H = np.tril(fixed_H) + np.tril(fixed_H, -1).T
+    return Reduced(
+        H=np.pad(fixed_H - taken_H, (0, 1)),
+        g=np.pad(fixed_g - taken_g, (0, 1)),
+        fixed_H=np.pad(fixed_H, (0, 1)),
+        fixed_g=np.pad(fixed_g, (0, 1)),
+        errors=tuple(errors),
+        angles_free=angles_free,
+    )
+
+
+def _set_sums(
+    problem: SharedProblem,
+    tree: Tree,
+    pose: PoseProblem,
+    angles: Array,
+    stretch: Stretch,
+    tied: MarkerArrays,
+    tied_stretch: Stretch,
+    shared: int,
+) -> SetSums:
+    """Sums over the frames of one recording.
+
+    Frames are summed in slots, each by one thread, and the slots one after the other: the result
+    does not depend on how many threads there are.
+
+    Parameters
+    ----------
+    pose, angles : of the recording, (frames, coordinates) [rad or m]
+    stretch, tied_stretch : how markers, and points that loops tie, move with the lengths
+    shared : number of shared unknowns, without the overall size
+    """
+    frames = len(angles)
+    block = max(1, math.ceil(frames / SLOTS))
+    slots = math.ceil(frames / block)
+    fixed_H = np.zeros((slots, shared, shared))
+    fixed_g = np.zeros((slots, shared))
+    taken_H = np.zeros((slots, shared, shared))
+    taken_g = np.zeros((slots, shared))
+    angles_free = np.zeros(slots, np.int64)
+    errors = np.empty(pose.markers.observed.shape[:2])
+
+    def add(first: int, last: int) -> None:
+        slot = first // block
+        for start in range(first, last, FRAMES_AT_ONCE):
+            stop = min(start + FRAMES_AT_ONCE, last)
+            eliminated = np.empty((len(problem.pose.free) * (stop - start), shared + 1))
+            frame_blocks(
+                tree.arrays,
+                pose,
+                stretch,
+                tied,
+                tied_stretch,
+                start,
+                stop,
+                problem.posture_weight,
+                angles,
+                fixed_H[slot],
+                fixed_g[slot],
+                eliminated,
+                errors,
+            )
+            E = eliminated[:, :-1]
+            e = eliminated[:, -1]
+            taken_H[slot] += E.T @ E
+            taken_g[slot] += E.T @ e
+            # Rows of angles at a bound are 0.
+            angles_free[slot] += int(eliminated.any(axis=1).sum())
+
+    over_frames(add, frames, chunk=block)
+    return SetSums(
+        fixed_H=fixed_H.sum(axis=0),
+        fixed_g=fixed_g.sum(axis=0),
+        taken_H=taken_H.sum(axis=0),
+        taken_g=taken_g.sum(axis=0),
+        angles_free=int(angles_free.sum()),
+        errors=errors,
+    )
+
+
+def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance: float) -> Point:
+    """The same unknowns, every frame also tried from the angles of other frames, the best of each
+    kept. A frame may rest in a wrong valley (an arm turned half round), where it would draw the
+    markers along; frames that do not know the way out from there start beyond it. The whole body
+    keeps its own place.
+    """
+    every = np.concatenate(at.angles)
+    if len(every) < 2:
+        return at
+    ends = np.cumsum([len(angle) for angle in at.angles])[:-1]
+    order = np.argsort(np.concatenate(at.data))
+    best = [angle.copy() for angle in at.angles]
+    cost = [costs.copy() for costs in at.data]
+    for index in range(min(RESTARTS, len(every))):
+        start = np.repeat(every[order[index * len(order) // RESTARTS]][None], len(every), axis=0)
+        start[:, list(root)] = every[:, list(root)]
+        settled = settle(problem, at.x, np.split(start, ends), variance)
+        for mine, theirs, least, other in zip(
+            best, settled.angles, cost, settled.data, strict=True
+        ):
+            better = other < 0.99 * least
+            mine[better], least[better] = theirs[better], other[better]
+    return settle(problem, at.x, best, variance)
