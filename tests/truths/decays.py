@@ -11,8 +11,8 @@ from scipy.optimize import least_squares
 from scipy.signal import periodogram
 
 import myomorph as mm
+from myomorph.core.fit.correlation import variance_samples
 from myomorph.core.model.arrays import Array
-from myomorph.swings.viscosity.swings.sums import effective_samples
 
 DAMPINGS = ("viscous", "coulomb", "quadratic")
 LAWS: tuple[tuple[str, ...], ...] = (
@@ -198,7 +198,7 @@ def fit_decay(
         viscous_sd=float(deviations[4]),
         bend=bent,
         residual=float(np.sqrt(np.mean(np.square(fit.fun)))),
-        effective=effective_samples([fit.fun[:, None]]),
+        effective=variance_samples([fit.fun[:, None]]),
         free=free_count,
     )
 

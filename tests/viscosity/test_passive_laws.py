@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from swung_limb import LAWS, LIMB, law, released, swung
 
+from myomorph.core.fit.correlation import variance_samples
 from myomorph.core.model.errors import UnknownName
 from myomorph.core.motion.filters import lowpass
 from myomorph.swings.viscosity.identification.inertia import InertiaOptions
-from myomorph.swings.viscosity.swings.sums import effective_samples
 from myomorph.swings.viscosity.trust.forward import angles_apart, measured_motion, swing_forward
 from myomorph.swings.viscosity.trust.freed import DRY, acting_law
 from myomorph.swings.viscosity.trust.law import (
@@ -183,9 +183,9 @@ def test_a_measured_swing_keeps_to_viscosity_where_that_is_all():
 def test_criteria_count_independent_samples():
     random = np.random.default_rng(1)
     white = [random.standard_normal((4000, 2)) for _ in range(3)]
-    assert effective_samples(white) == pytest.approx(24000, rel=0.15)
+    assert variance_samples(white) == pytest.approx(24000, rel=0.15)
     smooth = [lowpass(one, 200.0, 8.0) for one in white]
-    assert effective_samples(smooth) == pytest.approx(24000 * 2 * 8.0 / 200.0, rel=0.3)
+    assert variance_samples(smooth) == pytest.approx(24000 * 2 * 8.0 / 200.0, rel=0.3)
 
 
 def test_bounded_least_squares_is_optimal():

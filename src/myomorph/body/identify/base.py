@@ -18,13 +18,13 @@ from myomorph.body.identify.least_squares import (
     Recording,
     Rows,
     Solution,
-    correlation_times,
     gather,
     levels,
     rank_and_condition,
     residuals,
     solve,
 )
+from myomorph.core.fit.correlation import correlation_times
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap

@@ -414,29 +414,6 @@ def residuals(
     return left
 
 
-def correlation_times(left: Sequence[Array]) -> Array:
-    """(6,) frames that make one independent sample: 1 + 2 sum of autocorrelations, by Geyer's rule.
-    Pairs of successive lags are summed as long as they are positive (Geyer 1992, Statistical
-    Science 7(4):473). Frames that are left out count as zeros, which takes nothing from the lags'
-    mean.
-    """
-    longest = max(len(lags) for lags in left)
-    covariance = np.zeros((longest, 6))
-    for lags in left:
-        values = np.where(np.isfinite(lags), lags, 0.0)
-        spectrum = np.fft.rfft(values, 2 * len(values), axis=0)
-        covariance[: len(values)] += np.fft.irfft(np.abs(spectrum) ** 2, 2 * len(values), axis=0)[
-            : len(values)
-        ]
-    pairs = longest // 2
-    if not pairs:
-        return np.ones(6)
-    rho = covariance / np.maximum(covariance[0], 1e-300)
-    sums = rho[: 2 * pairs].reshape(pairs, 2, 6).sum(axis=1)
-    positive = np.cumprod(sums > 0.0, axis=0)
-    return np.maximum(2.0 * (sums * positive).sum(axis=0) - 1.0, 1.0)
-
-
 def _measured(model: Model, recording: Recording) -> Array:
     """(frames, 6) measured moment about the ground's origin and force."""
     return sum_of_wrenches(

@@ -13,7 +13,7 @@ import numpy as np
 from myomorph.body.identify.base import BaseFit, BaseOptions, fit_base
 from myomorph.body.identify.base_parameters import BaseParameters, base_parameters, held_in
 from myomorph.body.identify.determined import Determined, determined
-from myomorph.body.identify.least_squares import Recording, correlation_times
+from myomorph.body.identify.least_squares import Recording
 from myomorph.body.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
 from myomorph.body.identify.motion_noise import MotionNoise, motion_noise
 from myomorph.body.identify.parts import Parts, parts_of
@@ -35,6 +35,7 @@ from myomorph.body.identify.unseen import (
 )
 from myomorph.body.identify.validation import Consistency, Inside, consistency
 from myomorph.body.shape.points import MassPoints
+from myomorph.core.fit.correlation import correlation_times
 from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap

@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from myomorph.core.fit.correlation import variance_samples
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.swings.viscosity.identification.budget import AXES, ErrorOptions, disturbed, thinned
 from myomorph.swings.viscosity.swings.recording import SwingRecording
-from myomorph.swings.viscosity.swings.sums import effective_samples, free_directions, predicted_rows
+from myomorph.swings.viscosity.swings.sums import free_directions, predicted_rows
 
 ROUNDS = 3  # How often the errors are found again from recordings that are rid of the last ones.
 SHOWN_IN = {
@@ -255,5 +256,5 @@ def _reduced(equations: _Equations, theta: Array, scale: Array) -> tuple[Array, 
         for left, (part, _, _) in zip(np.split(misfit, ends), equations, strict=True)
     ]
     variance = max(float(np.mean(misfit**2)), 1e-18)
-    weight = min(effective_samples(runs) / misfit.size, 1.0) / variance
+    weight = min(variance_samples(runs) / misfit.size, 1.0) / variance
     return errors.T @ errors, errors.T @ y, weight

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from myomorph.core.fit.correlation import variance_samples
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.interval import Interval
@@ -21,7 +22,6 @@ from myomorph.swings.viscosity.identification.torque import (
     spring_misfit,
 )
 from myomorph.swings.viscosity.swings.recording import SwingRecording
-from myomorph.swings.viscosity.swings.sums import effective_samples
 from myomorph.swings.viscosity.trust.forward import (
     SwingMotion,
     Window,
@@ -201,7 +201,7 @@ def compare_passive_laws(
 
         AIC = n ln(RSS / N) + 2 free,   BIC = n ln(RSS / N) + ln(n) free,   n = N / sum_k rho_k^2
 
-    with rho the autocorrelation of what the richest law leaves (`effective_samples`). A prediction,
+    with rho the autocorrelation of what the richest law leaves (`variance_samples`). A prediction,
     and the inertia and law that make it, know nothing of the window but its first frame. The angles
     of a ball are counted from where its spring is slack (`neutral_position`), for only from there
     is the spring linear in them.
@@ -219,7 +219,7 @@ def compare_passive_laws(
     phi = problem.parameters(every)
     solutions = [problem.fit(terms, every, phi) for terms in laws]
     richest = min(solutions, key=lambda solution: float(solution[1]))[0]
-    effective = effective_samples(problem.left(phi, PassiveLaw.of(richest, options.width)))
+    effective = variance_samples(problem.left(phi, PassiveLaw.of(richest, options.width)))
     lacking = 1.0 - np.eye(blocks)
     others = np.array([problem.parameters(block) for block in lacking])
     left_out = windows(recordings, problem.sums, options.horizon, options.held_out)
