@@ -40,9 +40,8 @@ def test_an_estimate_says_what_it_was_made_from_and_how_well_that_fits():
     source = Source("markers", "walk.trc", "0" * 64)
     trials = [trial(f"walk {number}", 1.4, seed=number) for number in range(3)]
     found = estimate(
-        Problem(Unknowns((GAIN,)), tuple(trials)),
+        Problem(Unknowns((GAIN,)), tuple(trials), (source,)),
         hold_out=[one.name for one in trials],
-        sources=[source],
     )
     assert found.converged
     assert found.sources == (source,)

@@ -41,7 +41,9 @@ def test_the_noise_of_a_recording_is_what_was_put_in():
     )
     noise *= np.array([0.001, 0.003])[:, None]
     noise[:200, 1] = np.nan
-    found = noise_of_residuals(("heel", "knee"), time, noise, "m", values=movement + noise)
+    found = noise_of_residuals(("heel", "knee"), time, noise, "m")
+    assert np.isnan(found.floor).all()
+    found = found.with_floor(movement + noise)
     np.testing.assert_allclose(found.sd, [0.001, 0.003], rtol=0.06)
     np.testing.assert_allclose(found.correlation_time, [0.01, 0.09], rtol=0.2)
     np.testing.assert_allclose(found.gaps, [0.0, 0.05])

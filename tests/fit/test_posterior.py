@@ -134,9 +134,7 @@ def test_intervals_hold_simulated_truth(function, truth):
 
 
 def test_noise_from_few_residuals_widens_intervals():
-    """With the noise taken from 4 residuals more than unknowns, Student's t holds what a normal
-    distribution does not.
-    """
+    """Of noise from 4 residuals more than unknowns Student's t holds what a normal does not."""
     random = np.random.default_rng(5)
     A = random.normal(size=(6, 2))
     held = {4.0: 0, np.inf: 0}

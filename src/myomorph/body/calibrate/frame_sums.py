@@ -29,7 +29,20 @@ SLOTS = 16
 def settle(
     problem: SharedProblem, x: Array, angles: Sequence[Array], variance: float, most: int = 50
 ) -> Point:
-    """Inverse kinematics of all frames on the model that x makes."""
+    """Solve inverse kinematics of all frames on the model that x makes.
+
+    Parameters
+    ----------
+    problem : with the recordings
+    x : (unknowns,)
+    angles : of each recording, where its frames begin (frames, coordinates) [rad or m]
+    variance : of a marker along one axis [m^2]
+    most : iterations of a frame
+
+    Returns
+    -------
+    the unknowns with every frame at its best angles
+    """
     tree = compile_tree(problem.stretched(x))
     poses = []
     solutions = []
@@ -100,7 +113,7 @@ class SetSums:
 
 
 def reduce(problem: SharedProblem, at: Point) -> Reduced:
-    """Normal equations of the shared unknowns at a point, with the angles eliminated.
+    """Make the normal equations of the shared unknowns at a point, with the angles eliminated.
 
     The angles of a frame move the residuals r of that frame alone. With the slopes J_s of its
     weighted residuals in the shared unknowns s, and J_q in its angles,
@@ -153,7 +166,7 @@ def _set_sums(
     tied_stretch: Stretch,
     shared: int,
 ) -> SetSums:
-    """Sums over the frames of one recording.
+    """Sum over the frames of one recording.
 
     Frames are summed in slots, each by one thread, and the slots one after the other: the result
     does not depend on how many threads there are.
@@ -213,8 +226,9 @@ def _set_sums(
 
 
 def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance: float) -> Point:
-    """The same unknowns, every frame also tried from the angles of other frames, the best of each
-    kept. A frame may rest in a wrong valley (an arm turned half round), where it would draw the
+    """Try every frame from the angles of other frames too, and keep the best.
+
+    A frame may rest in a wrong valley (an arm turned half round), where it would draw the
     markers along; frames that do not know the way out from there start beyond it. The whole body
     keeps its own place.
     """
@@ -233,5 +247,6 @@ def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance
             best, settled.angles, cost, settled.data, strict=True
         ):
             better = other < 0.99 * least
-            mine[better], least[better] = theirs[better], other[better]
+            mine[better] = theirs[better]
+            least[better] = other[better]
     return settle(problem, at.x, best, variance)

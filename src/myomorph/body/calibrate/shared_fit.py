@@ -99,8 +99,8 @@ def minimise(
     method = Method(
         iterations=iterations, tolerance=tolerance, min_gain=MIN_GAIN, kink=KINK, max_step=1.0
     )
-    fit = as_fit(problem, start, variance)
-    solution = minimize(fit, fit.at(start.x), None, method, after_step, free)
+    fit = as_fit(problem, start, variance, free)
+    solution = minimize(fit, fit.at(start.x), method=method, progress=after_step)
     costs = tuple(variance * cost for cost in solution.search.costs)
     return Minimum(solution=solution, costs=costs, converged=solution.search.converged)
 

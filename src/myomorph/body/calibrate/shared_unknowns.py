@@ -25,23 +25,36 @@ from myomorph.body.calibrate.shared_problem import (
 )
 from myomorph.core.fit.problem import Problem
 from myomorph.core.fit.residuals import NormalEquations, Residuals
-from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values
+from myomorph.core.fit.unknowns import Block, Bools, Unknown, Unknowns, Values
 from myomorph.core.model.arrays import Array
 
 MIN_FACTOR = 0.1
 """Of a length. Below it lengths vanish and the quadratic model says nothing."""
 
 
-def calibration_unknowns(problem: SharedProblem) -> Unknowns:
-    """Factors of lengths, shifts of markers and the overall size; what is known of them beforehand
-    ties them to each other (`SharedProblem.prior`), so that none has a prior of its own.
+def calibration_unknowns(problem: SharedProblem, free: Bools) -> Unknowns:
+    """List factors of lengths, shifts of markers and the overall size.
+
+    What is known of them beforehand ties them to each other (`SharedProblem.prior`), so that none
+    has a prior of its own.
+
+    Parameters
+    ----------
+    problem : whose lengths and markers they are
+    free : (unknowns,) which may change; the others stay where a search begins
+
+    Returns
+    -------
+    blocks in the order of `BLOCKS`
     """
+    moves = iter(free.tolist())
     lengths = [
         Unknown(
             name=f"{length.name} length",
             where=f"model: length {length.name}",
             start=1.0,
             low=MIN_FACTOR,
+            fixed=not next(moves),
         )
         for length in problem.lengths
     ]
@@ -51,11 +64,14 @@ def calibration_unknowns(problem: SharedProblem) -> Unknowns:
             unit="m",
             where=f"marker {name}: {axis} on its body",
             scale=problem.unit,
+            fixed=not next(moves),
         )
         for name in problem.marker_names
         for axis in "xyz"
     ]
-    size = Unknown(name="overall size", where="model: all lengths", start=1.0)
+    size = Unknown(
+        name="overall size", where="model: all lengths", start=1.0, fixed=not next(moves)
+    )
     return Unknowns(
         (
             Block(name=LENGTHS, unknowns=tuple(lengths)),
@@ -176,16 +192,25 @@ def posed(problem: SharedProblem, values: Values, begin: Point, variance: float)
     return values.shared("poses", lambda: settle(problem, x, begin.angles, variance))
 
 
-def as_fit(problem: SharedProblem, begin: Point, variance: float) -> Problem:
-    """The problem as unknowns and residuals.
+def as_fit(problem: SharedProblem, begin: Point, variance: float, free: Bools) -> Problem:
+    """State the problem as unknowns and residuals.
 
     Parameters
     ----------
     problem : recordings, lengths, priors
     begin : with every frame at its best angles
     variance : of a marker along one axis [m^2]
+    free : (unknowns,) which may change
+
+    Returns
+    -------
+    residuals of markers first
     """
-    residuals: list[Residuals] = [MarkerResiduals(problem, variance, begin), problem.prior]
+    markers = MarkerResiduals(problem=problem, variance=variance, begin=begin)
+    residuals: list[Residuals] = [markers, problem.prior]
     if problem.mean_posture is not None:
-        residuals.append(PostureResiduals(problem, problem.mean_posture, variance, begin))
-    return Problem(calibration_unknowns(problem), tuple(residuals))
+        posture = PostureResiduals(
+            problem=problem, posture=problem.mean_posture, variance=variance, begin=begin
+        )
+        residuals.append(posture)
+    return Problem(calibration_unknowns(problem, free), tuple(residuals))

@@ -10,7 +10,7 @@ from myomorph.core.model.arrays import Array
 
 
 def autocovariance(runs: Sequence[Array]) -> Array:
-    """Sums over runs of products of values that lie a lag apart.
+    """Sum products of values that lie a lag apart, over runs.
 
     Values are errors about 0. What is missing (NaN) counts as zero, which takes nothing from the
     lags' mean.
@@ -76,6 +76,10 @@ def variance_samples(runs: Sequence[Array]) -> float:
     Parameters
     ----------
     runs : (frames, columns) errors about 0, evenly spaced in time
+
+    Returns
+    -------
+    their number, at most that of all values
     """
     covariance = autocovariance(runs).sum(axis=1)
     rho = covariance[: max(len(covariance) // 2, 1)]

@@ -41,8 +41,10 @@ class Explained:
 
 @read_only
 class Estimate:
-    """Unknowns that were estimated together. It certifies itself: how the search ended, what each
-    source of residuals has left, and what it was made from.
+    """Unknowns that were estimated together.
+
+    It certifies itself: how the search ended, what each source of residuals has left, and what it
+    was made from.
 
     Attributes
     ----------
@@ -98,7 +100,6 @@ def estimate(
     *,
     method: Method | None = None,
     hold_out: Sequence[str] = (),
-    sources: Sequence[Source] = (),
     progress: Callable[[], None] = lambda: None,
 ) -> Estimate:
     """Estimate some unknowns of a problem, or all, from everything that is known of them.
@@ -109,7 +110,6 @@ def estimate(
     fit : names of the blocks that are estimated together, by default all; others stay at the start
     method : when the search ends; see `Method`
     hold_out : names of residuals that are predicted, each without itself, for the verdict
-    sources : what the residuals were made from
     progress : called after each linearization
 
     Returns
@@ -140,7 +140,7 @@ def estimate(
     """
     solution = minimize(problem, None, fit, method, progress)
     verdict = held_out(problem, hold_out, fit, method, progress) if hold_out else None
-    return estimate_of(solution, verdict=verdict, sources=sources)
+    return estimate_of(solution, verdict=verdict)
 
 
 def estimate_of(
@@ -148,15 +148,18 @@ def estimate_of(
     *,
     posterior: Posterior | None = None,
     verdict: Verdict | None = None,
-    sources: Sequence[Source] = (),
 ) -> Estimate:
-    """The estimate of a solution that was found in stages of its own.
+    """Certify a solution that was found in stages of its own.
 
     Parameters
     ----------
     solution : of the last stage
     posterior : by default `Posterior.of`
-    verdict, sources : see `Estimate`
+    verdict : on what was held out; see `held_out`
+
+    Returns
+    -------
+    the solution with what certifies it
     """
     problem = solution.problem
     explained = tuple(
@@ -169,5 +172,5 @@ def estimate_of(
         search=solution.search,
         posterior=posterior or Posterior.of(solution),
         verdict=verdict,
-        sources=tuple(sources),
+        sources=problem.sources,
     )

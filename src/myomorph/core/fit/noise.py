@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -38,10 +39,23 @@ class RecordingNoise:
     gaps: Array
 
     def sd_of(self, name: str) -> float | None:
-        """Standard deviation of one item, None where it is not known."""
+        """Look up the standard deviation of one item, None where it is not known."""
         check_name("item", name, self.names, "the noise of the recording")
         value = float(self.sd[self.names.index(name)])
         return value if np.isfinite(value) else None
+
+    def with_floor(self, values: Array) -> RecordingNoise:
+        """Add the spectrum's floor.
+
+        Parameters
+        ----------
+        values : (frames, items, axes) recorded, NaN where missing
+
+        Returns
+        -------
+        the noise with the floor of each item
+        """
+        return replace(self, floor=spectrum_floor(values))
 
     @property
     def known(self) -> bool:
@@ -64,9 +78,8 @@ def noise_of_residuals(
     residuals: Array,
     unit: str,
     explained: float = 0.0,
-    values: Array | None = None,
 ) -> RecordingNoise:
-    """The noise of a recording from what a fit left of it.
+    """Estimate the noise of a recording from what a fit left of it.
 
     Parameters
     ----------
@@ -77,11 +90,10 @@ def noise_of_residuals(
     unit : of the residuals
     explained : share of the recorded numbers that the fit can follow, so that their errors are not
         in the residuals; from 0.8 on the residuals show no noise
-    values : (frames, items, axes) recorded, for the spectrum's floor; by default not known
 
     Returns
     -------
-    what is known of each item
+    what is known of each item; the spectrum's floor not yet, see `RecordingNoise.with_floor`
     """
     frames, items, axes = residuals.shape
     sd = np.full(items, np.nan)
@@ -95,13 +107,12 @@ def noise_of_residuals(
         freedom = axes * int(seen[:, item].sum()) * (1.0 - explained)
         sd[item] = np.sqrt(np.nansum(own**2) / freedom)
         alike[item] = step * float(np.median(correlation_times([own])))
-    floor = np.full(items, np.nan) if values is None else spectrum_floor(values)
     return RecordingNoise(
         names=tuple(names),
         unit=unit,
         sd=sd,
         correlation_time=alike,
-        floor=floor,
+        floor=np.full(items, np.nan),
         gaps=1.0 - seen.mean(axis=0) if frames else np.ones(items),
     )
 

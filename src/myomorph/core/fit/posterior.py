@@ -42,11 +42,21 @@ class Spread:
 
     @classmethod
     def of(cls, H: Array, scale: Array, limit: float) -> Spread:
-        """Inverse of the information H (n, n), but for directions that nothing shows.
+        """Invert information, but for directions that nothing shows.
 
         These are the ones that rounding cannot tell from no information, where every unknown has
         the information 1, and those along which an unknown's standard deviation exceeds `limit`
         times its scale.
+
+        Parameters
+        ----------
+        H : (n, n) information
+        scale : (n,) of the unknowns
+        limit : standard deviation, in scales, from which on a direction counts as hidden
+
+        Returns
+        -------
+        the covariance of the rest
         """
         scale = np.where(np.isfinite(scale), scale, 1.0)
         information = np.diag(H)
@@ -71,7 +81,16 @@ class Spread:
         return self.variance_of(np.eye(len(self.scale)))
 
     def variance_of(self, rows: Array) -> Array:
-        """(rows,) variance of linear numbers rows x, with rows (rows, n)."""
+        """Find the variance of linear numbers rows . x.
+
+        Parameters
+        ----------
+        rows : (rows, n)
+
+        Returns
+        -------
+        (rows,) infinite for what has a part in a hidden direction
+        """
         known = np.einsum("ri,ij,rj->r", rows, self.covariance, rows)
         scaled = rows * self.scale
         reached = np.abs(scaled @ self.hidden.T).max(axis=1, initial=0.0)
@@ -114,7 +133,7 @@ class Posterior:
         freedom: float = np.inf,
         hidden_sd: float = HIDDEN,
     ) -> Posterior:
-        """The posterior about a solution.
+        """Make the posterior about a solution.
 
         Parameters
         ----------
@@ -123,6 +142,10 @@ class Posterior:
             rows does not have, as of skin that slides under all markers of a segment
         freedom : degrees of freedom of the noise
         hidden_sd : standard deviation, in an unknown's scale, from which on nothing shows it
+
+        Returns
+        -------
+        what is known of the unknowns that were searched for
         """
         unknowns = solution.problem.unknowns
         free = solution.free
@@ -190,7 +213,7 @@ class Posterior:
         low: float = -np.inf,
         high: float = np.inf,
     ) -> Interval:
-        """The interval that holds a number with some probability, by the one rule of all estimates.
+        """Find the interval that holds a number with some probability: the rule of all estimates.
 
         A linear number w . x has x +- t sd, with t of Student's distribution at `freedom`. Of
         another one f(x) the draws f(x_d) from the posterior are ranked, and the quantiles
@@ -228,7 +251,16 @@ class Posterior:
         return Interval(value, max(value - half, low), min(value + half, high))
 
     def variance_of(self, weights: Array) -> float:
-        """Of the linear number weights (unknowns,) . x, infinite where nothing shows it."""
+        """Find the variance of a linear number weights . x.
+
+        Parameters
+        ----------
+        weights : (unknowns,)
+
+        Returns
+        -------
+        infinite where nothing shows it
+        """
         free = self.free
         spread = Spread(
             covariance=self.covariance[np.ix_(free, free)],
@@ -238,8 +270,16 @@ class Posterior:
         return float(spread.variance_of(weights[free][None])[0])
 
     def draws(self, count: int = DRAWS, seed: int = 0) -> Array:
-        """(count, unknowns) values from the posterior, within the bounds, each with its mirror
-        image; what nothing shows stays where it is.
+        """Draw values from the posterior, each with its mirror image.
+
+        Parameters
+        ----------
+        count : how many
+        seed : of the random numbers
+
+        Returns
+        -------
+        (count, unknowns) within the bounds; what nothing shows stays where it is
         """
         normal = np.random.default_rng(seed).standard_normal((-(-count // 2), len(self.x)))
         if np.isfinite(self.freedom):

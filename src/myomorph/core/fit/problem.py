@@ -19,6 +19,7 @@ from myomorph.core.fit.residuals import (
 from myomorph.core.fit.unknowns import Unknowns, Values
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import check_name
+from myomorph.core.model.provenance import Source
 
 
 @dataclass(frozen=True)
@@ -29,10 +30,12 @@ class Problem:
     ----------
     unknowns : in blocks, some of which may be held; priors of their own count as known
     residuals : measurements, and priors that tie unknowns to each other
+    sources : what the residuals were made from
     """
 
     unknowns: Unknowns
     residuals: tuple[Residuals, ...]
+    sources: tuple[Source, ...] = ()
 
     def __post_init__(self) -> None:
         for one in self.residuals:
@@ -41,7 +44,11 @@ class Problem:
 
     def __add__(self, other: Problem) -> Problem:
         """One problem of both: what both do not know is there once."""
-        return Problem(self.unknowns + other.unknowns, self.residuals + other.residuals)
+        return Problem(
+            unknowns=self.unknowns + other.unknowns,
+            residuals=self.residuals + other.residuals,
+            sources=tuple(dict.fromkeys(self.sources + other.sources)),
+        )
 
     @cached_property
     def known(self) -> tuple[Residuals, ...]:
@@ -55,7 +62,17 @@ class Problem:
         return tuple(self.unknowns.index(one.blocks) for one in self.known)
 
     def at(self, x: Array | None = None, before: Evaluated | None = None) -> Evaluated:
-        """All residuals at a point, by default the start; see `Residuals.at`."""
+        """Evaluate all residuals.
+
+        Parameters
+        ----------
+        x : (unknowns,) the point; by default the start
+        before : the point that the search came from; see `Residuals.at`
+
+        Returns
+        -------
+        what each residual leaves
+        """
         x = np.array(self.unknowns.start if x is None else x)
         values = Values(self.unknowns, x)
         begin: Sequence[Evaluation | None] = (

@@ -74,8 +74,10 @@ class Residuals(Protocol):
         ...
 
     def at(self, values: Values, before: Any) -> Evaluation:
-        """The residuals at these values. `before` is its own evaluation where the search came from,
-        or None: what is eliminated frame by frame begins there.
+        """Evaluate the residuals.
+
+        `before` is their own evaluation where the search came from, or None: what is eliminated
+        frame by frame begins there.
         """
         ...
 
@@ -146,7 +148,16 @@ class Measured:
         return 1.0 / (np.asarray(self.sd, np.float64) * np.sqrt(self.correlation_time))
 
     def differences(self, values: Values) -> Array:
-        """(rows, unknowns) slopes of the function by central differences."""
+        """Find the slopes of the function by central differences.
+
+        Parameters
+        ----------
+        values : the point
+
+        Returns
+        -------
+        (rows, unknowns of its blocks)
+        """
         columns = []
         for index in values.unknowns.index(self.blocks):
             size = STEP * max(1.0, abs(float(values.x[index])))
@@ -207,8 +218,10 @@ class LinearPrior:
 
 
 def own_prior(unknowns: Unknowns) -> LinearPrior:
-    """The means and standard deviations that unknowns have themselves. Of those with a chart, as
-    rotations, slopes are 1: exact at the minimum, for a rotation vector is an axis of its own turn.
+    """Make residuals of the means and standard deviations that unknowns have themselves.
+
+    Of those with a chart, as rotations, slopes are 1: exact at the minimum, for a rotation vector
+    is an axis of its own turn.
     """
     known = np.flatnonzero(np.isfinite(unknowns.sd))
     rows = np.eye(len(unknowns))[known] / unknowns.sd[known, None]

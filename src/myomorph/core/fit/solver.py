@@ -114,8 +114,9 @@ class Solution:
 
     @property
     def gradient(self) -> float:
-        """Largest slope of the cost that bounds leave, for a change of an unknown by its scale,
-        relative to the cost; 0 at a minimum.
+        """Largest slope of the cost that bounds leave; 0 at a minimum.
+
+        It is that for a change of an unknown by its scale, relative to the cost.
         """
         unknowns = self.problem.unknowns
         slope = (self.data.g + self.prior.g) * self.free
@@ -197,7 +198,6 @@ def minimize(
     fit: Sequence[str] | None = None,
     method: Method | None = None,
     progress: Callable[[], None] = lambda: None,
-    free: Bools | None = None,
 ) -> Solution:
     """Values of the unknowns that explain measurements and priors best.
 
@@ -219,7 +219,6 @@ def minimize(
     fit : names of the blocks that are searched for, by default all; others stay at the start
     method : when the search ends; see `Method`
     progress : called after each linearization
-    free : (unknowns,) which unknowns of these blocks may move; by default all
 
     Returns
     -------
@@ -230,17 +229,16 @@ def minimize(
     UnknownName : `fit` names a block that the problem does not have
     """
     method = method or Method()
-    chosen = problem.unknowns.free(fit)
-    chosen = chosen if free is None else chosen & free
+    free = problem.unknowns.free(fit)
     at = problem.at() if start is None else start
     if method.reweighted:
-        return _reweighted(problem, at, chosen, method, progress)
+        return _reweighted(problem, at, free, method, progress)
     costs = [at.cost]
     damping = DAMPING
     change = 0.0
     status = LIMIT
     for _ in range(method.iterations):
-        tried = _lower(_Model.of(problem, at, chosen), damping, method)
+        tried = _lower(_Model.of(problem, at, free), damping, method)
         damping = tried.damping
         change = tried.change
         progress()
@@ -254,7 +252,7 @@ def minimize(
             status = CONVERGED
             break
     search = Search(status=status, costs=tuple(costs), change=change)
-    return Solution(x=at.x, free=chosen, at=at, search=search)
+    return Solution(x=at.x, free=free, at=at, search=search)
 
 
 def _lower(model: _Model, damping: float, method: Method) -> _Tried:

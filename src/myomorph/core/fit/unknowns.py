@@ -35,6 +35,7 @@ class Unknown:
     mean, sd : before anything is measured; the mean is `start` by default, an sd of None is no
         prior
     low, high : bounds
+    fixed : stays at its start, whatever is fitted
     scale : a change of this size matters; steps and what nothing shows are measured in it. An
         infinite one is not waited for
     """
@@ -47,6 +48,7 @@ class Unknown:
     sd: float | None = None
     low: float = -np.inf
     high: float = np.inf
+    fixed: bool = False
     scale: float = 1.0
 
     def __post_init__(self) -> None:
@@ -65,14 +67,31 @@ class Unknown:
 
 
 def added(values: Array, step: Array) -> Array:
-    """The chart of numbers that steps are added to."""
+    """Add a step to numbers: the usual chart.
+
+    Parameters
+    ----------
+    values, step : (unknowns,)
+
+    Returns
+    -------
+    (unknowns,)
+    """
     return values + step
 
 
 def turned(values: Array, step: Array) -> Array:
-    """The chart of rotations: rotation vectors (3 n,) [rad] that steps turn further in ground.
+    """Turn rotations further: the chart of rotation vectors.
 
-    exp(v') = exp(step) exp(v). Slopes are those of a small turn on the left.
+    exp(v') = exp(step) exp(v), so that slopes are those of a small turn on the left.
+
+    Parameters
+    ----------
+    values, step : (3 n,) rotation vectors, one after the other [rad]
+
+    Returns
+    -------
+    (3 n,) [rad]
     """
     rotations = rotation_from_vector(step.reshape(-1, 3)) @ rotation_from_vector(
         values.reshape(-1, 3)
@@ -181,30 +200,70 @@ class Unknowns:
         return self._column(np.inf if unknown.sd is None else unknown.sd for unknown in self)
 
     def vector(self, values: Mapping[str, Array]) -> Array:
-        """The vector of values by block; blocks that are not named stand at their start."""
+        """Join values by block to a vector.
+
+        Parameters
+        ----------
+        values : of some blocks, (unknowns of the block,) each; the others stand at their start
+
+        Returns
+        -------
+        (unknowns,)
+        """
         x = np.array(self.start)
         for name, part in values.items():
             x[self.slices[name]] = part
         return x
 
     def index(self, blocks: Sequence[str]) -> NDArray[np.intp]:
-        """Columns of some blocks in a vector of all unknowns, block after block."""
+        """Find the columns of some blocks in a vector of all unknowns.
+
+        Parameters
+        ----------
+        blocks : names
+
+        Returns
+        -------
+        (unknowns of the blocks,) block after block
+        """
         every = np.arange(len(self))
         chosen = [every[self.slices[name]] for name in blocks]
         return np.concatenate([np.zeros(0, np.intp), *chosen])
 
     def free(self, blocks: Sequence[str] | None = None) -> Bools:
-        """(unknowns,) which ones are searched for: those of some blocks, or all."""
+        """Tell which unknowns are searched for.
+
+        Parameters
+        ----------
+        blocks : names of those that are fitted, by default all
+
+        Returns
+        -------
+        (unknowns,) those of the blocks that are not fixed
+
+        Raises
+        ------
+        UnknownName : a block that these unknowns do not have
+        """
         known = tuple(self.slices)
         chosen = known if blocks is None else tuple(blocks)
         for name in chosen:
             check_name("unknowns", name, known, "what can be estimated here")
         free = np.zeros(len(self), np.bool_)
         free[self.index(chosen)] = True
-        return free
+        return free & ~np.array([unknown.fixed for unknown in self], np.bool_)
 
     def moved(self, x: Array, step: Array) -> Array:
-        """The unknowns (unknowns,) after a step (unknowns,), each block by its chart."""
+        """Take a step, each block by its chart.
+
+        Parameters
+        ----------
+        x, step : (unknowns,)
+
+        Returns
+        -------
+        (unknowns,)
+        """
         parts = [
             block.chart(x[self.slices[block.name]], step[self.slices[block.name]])
             for block in self.blocks
@@ -235,13 +294,13 @@ class Values(Mapping[str, Array]):
         return len(self.unknowns.blocks)
 
     def nudged(self, index: int, size: float) -> Values:
-        """The values with one unknown (its place in `x`) a step further, by its block's chart."""
+        """Move one unknown (by its place in `x`) a step further, by its block's chart."""
         step = np.zeros(len(self.x))
         step[index] = size
         return Values(self.unknowns, self.unknowns.moved(self.x, step))
 
     def shared(self, name: str, make: Callable[[], Made]) -> Made:
-        """What several residuals need at these values, as the poses of all frames, made once."""
+        """Make once what several residuals need at these values, as the poses of all frames."""
         if name not in self._shared:
             self._shared[name] = make()
         made: Made = self._shared[name]

@@ -52,7 +52,16 @@ class Verdict:
         return bool(len(self.parts)) and float(np.sum(self.weights)) > 0.0
 
     def rms(self, misfits: Array) -> Array:
-        """(kinds,) over all parts together, of `estimate` or `generic`."""
+        """Join the misfits of all parts.
+
+        Parameters
+        ----------
+        misfits : (parts, kinds) `estimate` or `generic`
+
+        Returns
+        -------
+        (kinds,) root mean square, parts by their weights
+        """
         return np.sqrt(self.weights @ np.square(misfits) / np.sum(self.weights))
 
     @property
