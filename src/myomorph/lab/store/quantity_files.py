@@ -23,7 +23,8 @@ def motions_of(
 ) -> tuple[MotionKind, ...]:
     """Return how the coordinate of each column moves; of other columns nothing depends on it."""
     if quantity.dims[-1] not in COORDINATES or model is None:
-        return ("rotational",) * len(names)
+        rotational: MotionKind = "rotational"
+        return (rotational,) * len(names)
     return tuple(model.coordinate(name).motion for name in names)
 
 
