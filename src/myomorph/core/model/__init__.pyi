@@ -25,7 +25,6 @@ from .paths import PathWrap as PathWrap
 from .paths import WrapObject as WrapObject
 from .provenance import Provenance as Provenance
 from .provenance import Source as Source
-from .quantity import Quantity as Quantity
 from .segments import Segment as Segment
 from .soft_tissue import SoftTissue as SoftTissue
 from .spatial import Transform as Transform

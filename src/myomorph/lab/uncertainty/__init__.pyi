@@ -1,4 +1,5 @@
-# The public names of `mm.uncertainty`: sources of error, drawn inputs, and results of draws.
+# The public names of `mm.uncertainty`: sources of error, drawn inputs, results of draws, and what they are of.
+from ...core.model.quantity import Quantity as Quantity
 from .bodies import Draw as Draw
 from .bodies import drawn_subject as drawn_subject
 from .drawn_inputs import drawn_angles as drawn_angles
