@@ -509,27 +509,28 @@ def _resting_frames(H, lengths, speeds, active, passive):
                 passive[frame, m] = 0.0
 
 
-def fill_hill_forces(
-    H: HillArrays,
-    lengths: MuscleValues,
-    speeds: MuscleValues,
-    passive_too: bool,
-    active: MuscleValues,
-    passive: MuscleValues,
-) -> None:
-    """Compute forces of muscles with rigid tendons, into arrays that exist.
+def rigid_tendon_forces(
+    H: HillArrays, lengths: MuscleValues, speeds: MuscleValues, passive_too: bool
+) -> tuple[MuscleValues, MuscleValues]:
+    """Compute forces of muscles with rigid tendons from compiled arrays.
 
     Parameters
     ----------
     H : of the muscles
     lengths, speeds : (frames, muscles) of the paths [m], [m/s]
     passive_too : whether passive forces are computed, else they are 0
-    active, passive : (frames, muscles) filled [N]
+
+    Returns
+    -------
+    active, passive : (frames, muscles) per unit activation, and passive, along the tendons [N]
     """
+    active = np.empty_like(lengths)
+    passive = np.empty_like(lengths)
     _rigid_frames(H, lengths, speeds, passive_too, active, passive)
     # A kernel of its own, which models without these classes need not compile.
     if (H.resting >= 0).any():
         _resting_frames(H, lengths, speeds, active, passive)
+    return active, passive
 
 
 def hill_forces(
@@ -571,9 +572,7 @@ def hill_forces(
             f"expected lengths and velocities of shape (frames, {len(model.muscles)}), "
             f"but got {lengths.shape} and {velocities.shape}"
         )
-    active = np.empty_like(lengths)
-    passive = np.empty_like(lengths)
-    fill_hill_forces(arrays, lengths, velocities, True, active, passive)
+    active, passive = rigid_tendon_forces(arrays, lengths, velocities, passive_too=True)
     return HillForces(
         active=frozen_array(active),
         passive=frozen_array(passive),

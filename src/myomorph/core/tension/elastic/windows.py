@@ -22,9 +22,9 @@ from myomorph.core.muscles.fiber_jets import tendon_jet
 from myomorph.core.muscles.hill import (
     activation_times,
     compile_elastic,
-    fill_hill_forces,
     has_elastic_tendon,
     muscle_models,
+    rigid_tendon_forces,
 )
 from myomorph.core.rigid.kernels import kernel
 from myomorph.core.rigid.tree import Tree
@@ -99,9 +99,9 @@ class ElasticMuscleTerm(MuscleTerm):
         -------
         (frames, muscles) [N] both
         """
-        active = np.empty_like(lengths)
-        passive = np.empty_like(lengths)
-        fill_hill_forces(self.arrays.hill, lengths, speeds, self._options.passive, active, passive)
+        active, passive = rigid_tendon_forces(
+            self.arrays.hill, lengths, speeds, self._options.passive
+        )
         return active * self._enabled, passive * self._enabled
 
     def _forces(self, frames: TermFrames) -> MuscleForces:

@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Model
-from myomorph.core.muscles.hill import compile_hill, fill_hill_forces, viscosities
+from myomorph.core.muscles.hill import compile_hill, rigid_tendon_forces, viscosities
 from myomorph.core.muscles.path import compile_paths
 from myomorph.core.rigid.tree import Tree
 from myomorph.core.tension.tension import TensionOptions
@@ -140,11 +140,8 @@ class MuscleTerm(Term):
     def _forces(self, frames: Frames) -> MuscleForces:
         """Moment arms and forces of some frames, computed."""
         options = self._options
-        shape = (len(frames), len(self.strength))
         lengths, speeds, arms = self._paths.evaluate(frames.coordinates, frames.rates)
-        active = np.empty(shape)
-        passive = np.empty(shape)
-        fill_hill_forces(self._hill, lengths, speeds, options.passive, active, passive)
+        active, passive = rigid_tendon_forces(self._hill, lengths, speeds, options.passive)
         if options.curves == "constant":
             active[:] = np.where(np.isnan(active), np.nan, self.strength)
         active *= self._enabled
