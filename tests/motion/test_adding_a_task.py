@@ -14,7 +14,7 @@ from myomorph.core.model.series import Markers
 from myomorph.core.motion import newton
 from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.core.motion.newton import solve_frames
-from myomorph.core.rigid.kernels import signatures_on_disk
+from myomorph.core.rigid.kernels import interpreted, signatures_on_disk
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
@@ -65,6 +65,17 @@ def test_a_measured_height_moves_the_body():
     assert fit.task_errors["HeightTask"].shape == (FRAMES, 1)
     np.testing.assert_allclose(fit.task_errors["HeightTask"], 0.0, atol=1e-3)
     assert plain.rms.max() < 1e-4 < fit.rms.max()
+
+
+def test_interpreted_kernels_give_the_same_coordinates():
+    model, _, markers = moving()
+    few = Markers(markers.time[:3], markers.names, markers.values[:3])
+    compiled = inverse_kinematics(model, few)
+    with interpreted():
+        plain = inverse_kinematics(model, few)
+    np.testing.assert_array_equal(plain.motion.values, compiled.motion.values)
+    np.testing.assert_array_equal(plain.errors, compiled.errors)
+    np.testing.assert_array_equal(plain.iterations, compiled.iterations)
 
 
 def test_one_line_makes_it_a_kind_of_the_package(monkeypatch):

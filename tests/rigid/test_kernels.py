@@ -21,8 +21,9 @@ from numba.core.errors import NumbaError
 
 from myomorph import __version__
 from myomorph.core.rigid import kernel_cache, vectors
+from myomorph.core.rigid.frames import over_frames
 from myomorph.core.rigid.kernel_cache import PACKAGE, KernelFile, kernel_folder
-from myomorph.core.rigid.kernels import interpreted, signatures_on_disk
+from myomorph.core.rigid.kernels import interpreted, kernel, signatures_on_disk
 from myomorph.core.rigid.vectors import turned
 
 DOUBLE = (
@@ -233,6 +234,20 @@ def test_interpreted_kernels_give_what_compiled_ones_give():
     with interpreted():
         plain = turned(vectors.matrix(matrix[None], 0), (1.0, 2.0, 3.0))
     assert plain == tuple(matrix @ [1.0, 2.0, 3.0])
+
+
+@kernel
+def noted(notes, frame):
+    """Note a frame in a list of texts, which Numba does not compile."""
+    notes.append(str(object()) + str(frame))
+
+
+def test_threads_over_frames_run_interpreted_kernels_too(monkeypatch):
+    monkeypatch.setenv("MYOMORPH_THREADS", "2")
+    notes = []
+    with interpreted():
+        over_frames(lambda start, stop: noted(notes, start), 4, chunk=1)
+    assert len(notes) == 4
 
 
 def test_a_kernel_is_pickled_by_its_name():

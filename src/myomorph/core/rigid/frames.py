@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from contextvars import ContextVar
+from contextvars import ContextVar, copy_context
 from typing import Any
 
 # Frames that a thread computes at a time: few enough to share evenly, enough to cost nothing
@@ -62,7 +62,11 @@ def over_frames(
                 progress(stop - start)
         return
     with ThreadPoolExecutor(threads) as pool:
-        running = {pool.submit(task, start, stop): stop - start for start, stop in parts}
+        # A thread starts with an empty context: a copy says whether kernels run as Python.
+        running = {
+            pool.submit(copy_context().run, task, start, stop): stop - start
+            for start, stop in parts
+        }
         try:
             for done in as_completed(running):
                 done.result()

@@ -239,24 +239,73 @@ def no_residual(arrays, c, frame, work):
     return
 
 
+# Each of the next four does one thing for every kind of task. What stands in their bodies runs where
+# kernels are `interpreted`. Numba has no loop over values of different types, so for compiled code
+# the overloads below them unroll that loop at compile time: for the types of `tasks`, each writes
+# the call of the first kind's kernel, and behind it itself for the kinds that are left. A problem
+# with three kinds thus compiles to three calls in a row, without a choice at run time.
+
+
 def shown(tasks: tuple[Any, ...], frame: int) -> bool:
-    """Whether a frame has a measurement of any task; for kernels."""
-    raise NotImplementedError
+    """Return whether a frame has a measurement of any task; for kernels."""
+    return any(_kernels_of(arrays).shown(arrays, frame) for arrays in tasks)
 
 
 def sum_of_costs(tasks: tuple[Any, ...], c: Array, frame: int, work: Work) -> float:
-    """Cost of all tasks; for kernels."""
-    raise NotImplementedError
+    """Return the cost of all tasks; for kernels.
+
+    Parameters
+    ----------
+    tasks : arrays of each kind of task
+    c : (coordinates,) dependent ones consistent [rad or m]
+    frame : number of the frame
+    work : with the poses at c
+
+    Returns
+    -------
+    sum of all costs [m^2]
+    """
+    return _sum_from_last([_kernels_of(arrays).cost(arrays, c, frame, work) for arrays in tasks])
 
 
 def add_tasks(tasks: tuple[Any, ...], c: Array, frame: int, work: Work) -> float:
-    """Cost of all tasks, with half its gradient and curvature added to `work`; for kernels."""
-    raise NotImplementedError
+    """Add half the gradient and curvature of all tasks to `work`; for kernels.
+
+    Parameters
+    ----------
+    tasks : arrays of each kind of task
+    c : (coordinates,) dependent ones consistent [rad or m]
+    frame : number of the frame
+    work : with the poses at c; its sums are added to
+
+    Returns
+    -------
+    sum of all costs [m^2]
+    """
+    return _sum_from_last([_kernels_of(arrays).add(arrays, c, frame, work) for arrays in tasks])
 
 
 def keep_residuals(tasks: tuple[Any, ...], c: Array, frame: int, work: Work) -> None:
-    """Let all tasks store their residuals; for kernels."""
-    raise NotImplementedError
+    """Let all tasks store their residuals; for kernels.
+
+    Parameters
+    ----------
+    tasks : arrays of each kind of task
+    c : (coordinates,) solution of the frame [rad or m]
+    frame : number of the frame
+    work : with the poses at c
+    """
+    for arrays in tasks:
+        _kernels_of(arrays).keep(arrays, c, frame, work)
+
+
+def _kernels_of(arrays: Any) -> TaskKernels:
+    return TASKS[type(arrays)].kernels
+
+
+def _sum_from_last(costs: Sequence[float]) -> float:
+    """Sum in the order of the unrolled calls: the first to the sum of those behind it."""
+    return sum(reversed(costs), 0.0)
 
 
 @overload(shown)
