@@ -93,17 +93,11 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
                 " other's ground"
             )
 
-    return Model(
-        name=name or "_".join(parts),
-        gravity=first.gravity,
-        ground_meshes=first.ground_meshes,
-        kept=_kept(renamed),
-        source=first.source,
-        **{
-            table: tuple(item for model in renamed for item in getattr(model, table))
-            for table in (*NAMED, "warnings")
-        },
-    )
+    tables: dict[str, Any] = {
+        table: tuple(item for model in renamed for item in getattr(model, table))
+        for table in (*NAMED, "warnings")
+    }
+    return replace(first, name=name or "_".join(parts), kept=_kept(renamed), **tables)
 
 
 def join_motions(parts: Mapping[str, Motion]) -> Motion:

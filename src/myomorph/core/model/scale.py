@@ -76,10 +76,7 @@ def scale(
     UnknownName : a body that the model does not have
     """
     sizes = _checked(model, factors, mass)
-    moved_axes = {
-        name: factor for joint in model.joints for name, factor in _travel(joint, sizes).items()
-    }
-    travel = {name: moved_axes.get(name, 1.0) for name in model.dependent_coordinates}
+    travel = _dependent_travel(model, sizes)
     bodies = tuple(
         _body(body, sizes[body.name], preserve_mass_distribution, inertia) for body in model.bodies
     )
@@ -107,10 +104,8 @@ def scale(
     )
     if path_lengths is None:
         return result
-    muscles = tuple(
-        _muscle(muscle, ratio)
-        for muscle, ratio in zip(result.muscles, _ratios(model, result, path_lengths), strict=True)
-    )
+    ratios = _ratios(model, result, path_lengths)
+    muscles = tuple(map(_muscle, result.muscles, ratios))
     return replace(result, muscles=muscles, ligaments=taut_ligaments(model, result, path_lengths))
 
 
@@ -164,6 +159,14 @@ def _checked(
     if mass is not None and not (np.isfinite(mass) and mass > 0.0):
         raise BadData(f"expected a positive mass, but got {mass}")
     return sizes
+
+
+def _dependent_travel(model: Model, sizes: Mapping[str, Array]) -> dict[str, float]:
+    """Factors by which dependent coordinates grow, 1 for those that do not slide."""
+    moved: dict[str, float] = {}
+    for joint in model.joints:
+        moved |= _travel(joint, sizes)
+    return {name: moved.get(name, 1.0) for name in model.dependent_coordinates}
 
 
 def _travel(joint: Joint, sizes: Mapping[str, Array]) -> dict[str, float]:
