@@ -18,48 +18,61 @@ from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion
 
-# Time before and after a moment over which a tip's change of velocity is taken [s]
 EITHER_SIDE = 0.015
+"""Time before and after a moment over which a tip's change of velocity is taken [s]."""
 STEP = 0.001
 APART = 0.06
 """Step of the shifts that are tried, and how far another shift is that could have been meant [s].
 """
 MIN_COUNT = 3
+"""Number of impacts that a clock needs."""
 
 
 @dataclass(frozen=True)
 class SoundClock:
-    """How much later on the motion's clock a sound starts than it was said to."""
+    """How much later on the motion's clock a sound starts than its file says.
 
-    shift: float  # to be added to `Sound.start` [s]
-    # mean change of velocity at the impacts over that at the next best shift; 1 shows nothing
+    Attributes
+    ----------
+    shift : to be added to `Sound.start` [s]
+    ratio : mean change of velocity at the impacts over that at the next best shift; 1 shows nothing
+    impacts : how many lie within the motion then
+    """
+
+    shift: float
     ratio: float
-    impacts: int  # how many lie within the motion then
+    impacts: int
 
 
 def sound_clock(
-    heard: HeardImpacts, model: Model, motion: Motion, sites: Sequence[Site], reach: float = 5.0
+    heard: HeardImpacts,
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+    search_range: float = 5.0,
 ) -> SoundClock:
-    """The shift at which impacts fall on the largest changes of velocity of the sites that make
-    them. `sites`: at least those that the instruments name; `reach`: largest shift either way [s].
+    """Find the shift at which impacts fall on the largest changes of velocity of what strikes.
+
+    Parameters
+    ----------
+    heard : impacts on the sound's clock
+    model : of the body that strikes
+    motion : coordinates over time
+    sites : at least those that the instruments name
+    search_range : largest shift either way [s]
+
+    Raises
+    ------
+    BadData : too few impacts by sites of the model
+    UnknownName : an instrument names a site that does not exist
     """
-    by_name = {site.name: site for site in sites}
-    changes: dict[str, Array] = {}
-    for instrument in heard.instruments:
-        for name in instrument.sites:
-            check_name("contact site", name, by_name, "the model's sites")
-        if instrument.sites:
-            each = [
-                _changes(motion.time, site_places(model, motion, by_name[name]))
-                for name in instrument.sites
-            ]
-            changes[instrument.name] = np.max(each, axis=0)
+    changes = _changes_by_instrument(heard, model, motion, sites)
     used = [impact for impact in heard.impacts if impact.instrument in changes]
     if len(used) < MIN_COUNT:
         raise BadData(
             f"{len(used)} impacts by sites of the model: a clock needs {MIN_COUNT} or more"
         )
-    shifts = np.arange(-reach, reach + 0.5 * STEP, STEP)
+    shifts = np.arange(-search_range, search_range + 0.5 * STEP, STEP)
     summed = np.zeros(len(shifts))
     count = np.zeros(len(shifts))
     for impact in used:
@@ -68,39 +81,81 @@ def sound_clock(
         summed += np.where(inside, np.interp(at, motion.time, changes[impact.instrument]), 0.0)
         count += inside
     # Few impacts that fit well by chance must not win over all of them.
-    mean = np.where(
-        count >= max(MIN_COUNT, 0.5 * count.max()), summed / np.maximum(count, 1.0), 0.0
-    )
+    enough = count >= max(MIN_COUNT, 0.5 * count.max())
+    mean = np.where(enough, summed / np.maximum(count, 1.0), 0.0)
     best = int(np.argmax(mean))
     others = mean[np.abs(shifts - shifts[best]) > APART]
     ratio = float(mean[best] / max(others.max(initial=0.0), 1e-300))
-    return SoundClock(float(shifts[best]), ratio, int(count[best]))
+    return SoundClock(shift=float(shifts[best]), ratio=ratio, impacts=int(count[best]))
+
+
+def _changes_by_instrument(
+    heard: HeardImpacts, model: Model, motion: Motion, sites: Sequence[Site]
+) -> dict[str, Array]:
+    """Largest change of velocity (frames,) of the sites of each instrument [m/s]."""
+    by_name = {site.name: site for site in sites}
+    changes: dict[str, Array] = {}
+    for instrument in heard.instruments:
+        for name in instrument.sites:
+            check_name("contact site", name, by_name, "the model's sites")
+        of_sites = [
+            _changes(motion.time, site_places(model, motion, by_name[name]))
+            for name in instrument.sites
+        ]
+        if of_sites:
+            changes[instrument.name] = np.max(of_sites, axis=0)
+    return changes
 
 
 def _changes(time: Array, places: Array) -> Array:
-    """Change of velocity (frames,) over `EITHER_SIDE` about each moment [m/s]."""
+    """Change of velocity over `EITHER_SIDE` about each moment.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    places : (frames, 3) [m]
+
+    Returns
+    -------
+    (frames,) [m/s]
+    """
     velocities = np.gradient(places, time, axis=0)
-    sides = (EITHER_SIDE, -EITHER_SIDE)
-    after, before = (
-        [np.interp(time + side, time, column) for column in velocities.T] for side in sides
-    )
+    after = [np.interp(time + EITHER_SIDE, time, column) for column in velocities.T]
+    before = [np.interp(time - EITHER_SIDE, time, column) for column in velocities.T]
     return np.linalg.norm(np.array(after) - before, axis=0)
 
 
 @dataclass(frozen=True)
 class CameraClock:
-    """What a camera's time is on the motion's clock: t_motion = start + pace t_camera."""
+    """A camera's time on the motion's clock: t_motion = start + pace t_camera.
 
-    start: float = 0.0  # time of the camera's zero on the motion's clock [s]
-    pace: float = 1.0  # seconds of the motion per second of the camera
-    error: float = 0.0  # largest distance of the events seen by both from this line [s]
+    Attributes
+    ----------
+    start : time of the camera's zero on the motion's clock [s]
+    pace : seconds of the motion per second of the camera
+    error : largest distance of the events seen by both from this line [s]
+    """
+
+    start: float = 0.0
+    pace: float = 1.0
+    error: float = 0.0
 
 
 def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1e-3) -> CameraClock:
-    """The clock of a camera from events that both saw, as a flash, a clap or a heel drop.
+    """Set the clock of a camera by events that both saw, as a flash, a clap or a heel drop.
+
     One event gives the start; two or more give the pace too, by least squares, so they should lie
-    far apart. `seen`, `known`: times of the events on the camera's and on the motion's clock, in
-    the same order [s]; `drift`: greatest difference of the pace from 1 that is believed.
+    far apart.
+
+    Parameters
+    ----------
+    seen, known : times of the events on the camera's and on the motion's clock, in the same order
+        [s]
+    drift : greatest difference of the pace from 1 that is believed
+
+    Raises
+    ------
+    BadData : another number of events on both clocks, none, or a pace beyond the drift
     """
     a = np.asarray(seen, dtype=np.float64)
     b = np.asarray(known, dtype=np.float64)
@@ -122,7 +177,7 @@ def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1
 
 
 def on_clock(contacts: Contacts, clock: CameraClock) -> Contacts:
-    """The same contacts on the motion's clock."""
+    """Move contacts onto the motion's clock."""
     start = clock.start
     pace = clock.pace
     intervals = (

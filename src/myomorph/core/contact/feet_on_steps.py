@@ -1,4 +1,4 @@
-"""Who stands on which step: forces of stairs on the bodies of a model."""
+"""Feet on steps: forces of stairs on the bodies of a model."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -20,30 +20,47 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
 
 Unmeasured = Literal["unknown", "zero"]
-# Standard deviation of a measured component that has no noise at all, over body weight
-LEAST_NOISE = 1e-4
+MIN_NOISE = 1e-4
+"""Standard deviation of a measured component that has no noise at all, over body weight."""
 
 
 @read_only
 class FeetOnSteps:
-    """Loads of the steps at the times of a motion, and the sites that stand on each."""
+    """Loads of the steps at the times of a motion, and the sites that stand on each.
+
+    Attributes
+    ----------
+    forces, moments : (frames, steps, 3) in ground, moments about the tread's middle [N], [N m]; NaN
+        where not measured
+    loaded : (frames, steps)
+    standing : (frames, steps, sites) whether a site is on a step while it is loaded
+    places : (frames, sites, 3) of the sites [m]
+    noise : (steps,) standard deviation of the normal force [N]
+    weight : of the body [N]
+    height : of its center of mass over its lowest site [m]
+    notes : loadings that nobody stands on and steps that carry several bodies, one line each
+    """
 
     time: Array
     steps: tuple[Step, ...]
     sites: tuple[Site, ...]
-    # forces, moments: (frames, steps, 3) in ground, moments about the tread's middle; NaN where not
-    # measured
     forces: Array
     moments: Array
     loaded: np.ndarray
-    standing: np.ndarray  # (frames, steps, sites) whether a site is on a step while it is loaded
-    places: Array  # (frames, sites, 3) of the sites [m]
+    standing: np.ndarray
+    places: Array
     noise: Array
-    # weight, height: of the body [N], of its center of mass over its lowest site [m]
     weight: float
     height: float
-    # loadings that nobody stands on and steps that carry several bodies, one line each
     notes: tuple[str, ...] = ()
+
+
+class BodyForce(NamedTuple):
+    """Force of a step on a body, its point and torque, (frames, 3) each [N], [m], [N m]."""
+
+    force: Array
+    point: Array
+    torque: Array
 
 
 def feet_on_steps(
@@ -54,8 +71,20 @@ def feet_on_steps(
     options: StairOptions | None = None,
 ) -> FeetOnSteps:
     """Give the load of each step to the sites that stand on it.
+
     A site is on the step that it is nearest to, within reach, and stands there while it is slow.
-    `sites`: of feet that may stand on steps; `loads`: of the steps, on their own clock.
+
+    Parameters
+    ----------
+    model : of the body
+    motion : coordinates over time
+    sites : of feet that may stand on steps
+    loads : of the steps, on their own clock
+    options : thresholds
+
+    Raises
+    ------
+    BadData : no site
     """
     options = options or StairOptions()
     if not sites:
@@ -71,12 +100,8 @@ def feet_on_steps(
     calm = near & slow[:, None, :]
     standing = np.where(calm.any(axis=2, keepdims=True), calm, near) & loaded[:, :, None]
     standing = _throughout(standing, loaded)
-    forces = np.where(loaded[:, :, None], _interpolated(loads.time, loads.forces, motion.time), 0.0)
-    moments = np.where(
-        loaded[:, :, None], _interpolated(loads.time, loads.moments, motion.time), 0.0
-    )
-    for values, measured in ((forces, loads.forces), (moments, loads.moments)):
-        values[:, np.isnan(measured).all(axis=0)] = np.nan
+    forces = _while_loaded(loads, loads.forces, motion.time, loaded)
+    moments = _while_loaded(loads, loads.moments, motion.time, loaded)
     notes = [*loads.notes, *_warnings(motion.time, loads.steps, sites, loaded, standing)]
     return FeetOnSteps(
         time=motion.time,
@@ -94,9 +119,36 @@ def feet_on_steps(
     )
 
 
+def _while_loaded(loads: StepLoads, measured: Array, time: Array, loaded: np.ndarray) -> Array:
+    """Components at the times of a motion, 0 while unloaded, NaN where not measured.
+
+    Parameters
+    ----------
+    measured : (samples, steps, 3) on the clock of `loads`
+    time, loaded : (frames,) [s] and (frames, steps)
+
+    Returns
+    -------
+    (frames, steps, 3)
+    """
+    values = np.where(loaded[:, :, None], _interpolated(loads.time, measured, time), 0.0)
+    values[:, np.isnan(measured).all(axis=0)] = np.nan
+    return values
+
+
 def _throughout(standing: np.ndarray, loaded: np.ndarray) -> np.ndarray:
-    """Who stands on each step through the whole of a loading: frames with nobody take those of the
-    nearest with one.
+    """Fill who stands on each step through the whole of a loading.
+
+    Frames with nobody take those of the nearest with one.
+
+    Parameters
+    ----------
+    standing : (frames, steps, sites)
+    loaded : (frames, steps)
+
+    Returns
+    -------
+    (frames, steps, sites)
     """
     filled = standing.copy()
     for index in range(loaded.shape[1]):
@@ -114,14 +166,32 @@ def _throughout(standing: np.ndarray, loaded: np.ndarray) -> np.ndarray:
 
 
 def _distances(step: Step, places: Array) -> Array:
-    """Distance (frames, sites) of places to the rectangle of a tread [m]."""
+    """Distance of places to the rectangle of a tread.
+
+    Parameters
+    ----------
+    places : (frames, sites, 3) [m]
+
+    Returns
+    -------
+    (frames, sites) [m]
+    """
     inside = step.pose.inverse().apply(places)
     half = 0.5 * np.array([*step.size, 0.0])
     return np.linalg.norm(np.maximum(np.abs(inside) - half, 0.0), axis=-1)
 
 
 def _interpolated(time: Array, values: Array, at: Array) -> Array:
-    """Values (samples, ...) at other times; 0 outside of the recording."""
+    """Interpolate values (samples, ...) at other times, 0 outside of the recording.
+
+    Parameters
+    ----------
+    time, at : (samples,) and (frames,) [s]
+
+    Returns
+    -------
+    (frames, ...)
+    """
     flat = values.reshape(len(time), -1)
     columns = [np.interp(at, time, np.nan_to_num(column), left=0.0, right=0.0) for column in flat.T]
     return np.stack(columns, axis=1).reshape(len(at), *values.shape[1:])
@@ -134,6 +204,13 @@ def _warnings(
     loaded: np.ndarray,
     standing: np.ndarray,
 ) -> list[str]:
+    """Say where nobody stands on a loaded step, and where several bodies do.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    loaded, standing : (frames, steps) and (frames, steps, sites)
+    """
     result = []
     step_time = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     for number, step in enumerate(steps):
@@ -156,7 +233,12 @@ def _warnings(
 
 
 def _bodies_on(standing: np.ndarray, sites: Sequence[Site]) -> dict[str, np.ndarray]:
-    """(frames,) whether each body stands on a step, by which of its sites (frames, sites) do."""
+    """Tell when each body stands on a step, by which of its sites (frames, sites) do.
+
+    Returns
+    -------
+    (frames,) by body
+    """
     bodies = dict.fromkeys(site.body for site in sites)
     return {
         body: np.asarray(standing[:, [site.body == body for site in sites]].any(axis=1))
@@ -168,14 +250,23 @@ def stair_wrenches(
     feet: FeetOnSteps, unmeasured: Unmeasured = "unknown"
 ) -> tuple[Wrenches, tuple[str, ...]]:
     """External forces on bodies, for inverse dynamics, and what they leave open.
+
     A force acts at the center of pressure where the cell measures moments, else where the foot is.
     Two bodies on a step share its force so that the center of pressure is kept, or evenly where it
-    is not known. `unmeasured`: "zero" takes components that a cell does not measure for zero; with
-    "unknown" such a step has no force here: `shared_stairs` passes what is measured on to muscle
-    tensions. Returns wrenches named `step_body`, and notes.
+    is not known.
+
+    Parameters
+    ----------
+    feet : on the steps
+    unmeasured : "zero" takes components that a cell does not measure for zero; with "unknown" such
+        a step has no force here: `shared_stairs` passes what is measured on to muscle tensions
+
+    Returns
+    -------
+    wrenches named `step_body`, and notes
     """
     notes = list(feet.notes)
-    columns: dict[tuple[str, str], tuple[Array, Array, Array]] = {}
+    columns: dict[tuple[str, str], BodyForce] = {}
     for number, step in enumerate(feet.steps):
         missing = [
             axis for i, axis in enumerate("xyz") if np.isnan(feet.forces[:, number, i]).all()
@@ -192,20 +283,25 @@ def stair_wrenches(
                 " zero"
             )
         columns |= {(step.name, body): part for body, part in _parts(feet, number).items()}
-    values = (
-        np.array(list(columns.values())).reshape(-1, 3, len(feet.time), 3).transpose(1, 2, 0, 3)
+    parts = list(columns.values())
+    nothing = np.zeros((len(feet.time), 0, 3))
+    wrenches = Wrenches(
+        time=feet.time,
+        names=tuple(f"{step}_{body}" for step, body in columns),
+        bodies=tuple(body for _, body in columns),
+        forces=np.concatenate([nothing, *(part.force[:, None] for part in parts)], axis=1),
+        points=np.concatenate([nothing, *(part.point[:, None] for part in parts)], axis=1),
+        torques=np.concatenate([nothing, *(part.torque[:, None] for part in parts)], axis=1),
     )
-    names = tuple(f"{step}_{body}" for step, body in columns)
-    return Wrenches(feet.time, names, tuple(body for _, body in columns), *values), tuple(notes)
+    return wrenches, tuple(notes)
 
 
-def _parts(feet: FeetOnSteps, index: int) -> dict[str, tuple[Array, Array, Array]]:
-    """Force, point and free torque (frames, 3) of a step on each body that stands on it."""
+def _parts(feet: FeetOnSteps, index: int) -> dict[str, BodyForce]:
+    """Force of a step on each body that stands on it."""
     step = feet.steps[index]
     force = np.nan_to_num(feet.forces[:, index])
-    here = {
-        body: on for body, on in _bodies_on(feet.standing[:, index], feet.sites).items() if on.any()
-    }
+    standing = _bodies_on(feet.standing[:, index], feet.sites)
+    here = {body: stands for body, stands in standing.items() if stands.any()}
     where = {body: _place(feet, index, body) for body in here}
     center, torque = _center_of_pressure(step, force, feet.moments[:, index])
     shares = _shares(here, where, center)
@@ -213,14 +309,20 @@ def _parts(feet: FeetOnSteps, index: int) -> dict[str, tuple[Array, Array, Array
     for body in here:
         alone = shares[body] == 1.0
         point = np.where((alone & np.isfinite(center).all(axis=1))[:, None], center, where[body])
-        point = np.where(here[body][:, None], point, step.pose.translation)
-        result[body] = (force * shares[body][:, None], point, np.where(alone[:, None], torque, 0.0))
+        result[body] = BodyForce(
+            force=force * shares[body][:, None],
+            point=np.where(here[body][:, None], point, step.pose.translation),
+            torque=np.where(alone[:, None], torque, 0.0),
+        )
     return result
 
 
 def _place(feet: FeetOnSteps, index: int, body: str) -> Array:
-    """(frames, 3) mean place of a body's sites that stand on a step, brought down onto its tread; 0
-    where none does.
+    """Mean place of a body's sites that stand on a step, brought down onto its tread.
+
+    Returns
+    -------
+    (frames, 3) in ground [m], 0 where none does
     """
     members = [site.body == body for site in feet.sites]
     on = feet.standing[:, index, members][..., None]
@@ -234,8 +336,15 @@ def _place(feet: FeetOnSteps, index: int, body: str) -> Array:
 
 
 def _center_of_pressure(step: Step, force: Array, moment: Array) -> tuple[Array, Array]:
-    """Point (frames, 3) in ground, NaN where moments are not measured, and the free torque about
-    it.
+    """Center of pressure in ground, NaN where moments are not measured, and the torque about it.
+
+    Parameters
+    ----------
+    force, moment : (frames, 3) about the tread's middle [N], [N m]
+
+    Returns
+    -------
+    (frames, 3) [m] and (frames, 3) [N m]
     """
     rotation = step.pose.rotation
     f = force @ rotation
@@ -252,31 +361,45 @@ def _center_of_pressure(step: Step, force: Array, moment: Array) -> tuple[Array,
 def _shares(
     here: dict[str, np.ndarray], where: dict[str, Array], center: Array
 ) -> dict[str, Array]:
-    """Share (frames,) of a step's force that each body has."""
+    """Share of a step's force that each body has.
+
+    Parameters
+    ----------
+    here : (frames,) when each body stands on it
+    where : (frames, 3) where [m]
+    center : (frames, 3) of pressure, NaN where unknown [m]
+
+    Returns
+    -------
+    (frames,) by body
+    """
     count = np.sum(list(here.values()), axis=0)
     shares = {
         body: np.where(stands, 1.0 / np.maximum(count, 1), 0.0) for body, stands in here.items()
     }
     for body, other in combinations(here, 2):
         two = here[body] & here[other] & (count == 2) & np.isfinite(center).all(axis=1)
-        apart = where[other] - where[body]
-        square = (apart**2).sum(axis=1)
-        along = np.clip(
-            ((center - where[body]) * apart).sum(axis=1) / np.maximum(square, 1e-12), 0.0, 1.0
-        )
+        line = where[other] - where[body]
+        square = (line**2).sum(axis=1)
+        projection = ((center - where[body]) * line).sum(axis=1)
+        along = np.clip(projection / np.maximum(square, 1e-12), 0.0, 1.0)
         along = np.where(square > 1e-12, along, 0.5)
-        shares[body], shares[other] = (
-            np.where(two, 1.0 - along, shares[body]),
-            np.where(two, along, shares[other]),
-        )
+        shares[body] = np.where(two, 1.0 - along, shares[body])
+        shares[other] = np.where(two, along, shares[other])
     return shares
 
 
 def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[SharedWrench, ...]:
-    """What the cells measured, for the sites on each step together; unmeasured components stay
-    open. Frames in which other sites stand on a step make a wrench of their own, NaN in all others.
-    Muscle tensions find the rest within the friction cones of the sites (`ContactTask.measured`).
-    `leave_out`: steps whose force is known otherwise.
+    """Measurements of the cells, for the sites on each step together.
+
+    Unmeasured components stay open. Frames in which other sites stand on a step make a wrench of
+    their own, NaN in all others. Muscle tensions find the rest within the friction cones of the
+    sites (`ContactTask.measured`).
+
+    Parameters
+    ----------
+    feet : on the steps
+    leave_out : steps whose force is known otherwise
     """
     results = []
     for index, step in enumerate(feet.steps):
@@ -287,50 +410,67 @@ def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[S
             (tuple(np.flatnonzero(feet.standing[i, index]).tolist()), i) for i in frames_of
         )
         for number, (members, frames) in enumerate(groups.items()):
-            forces, moments = np.full((2, len(feet.time), 3), np.nan)
-            force = feet.forces[frames, index]
-            forces[frames] = force
-            # About the ground's origin a moment needs the forces across it.
-            arm = np.cross(np.eye(3), step.pose.translation)
-            used = np.abs(arm) > 1e-12
-            open_ = (used[None] & np.isnan(force)[:, None, :]).any(axis=2)
-            moved = feet.moments[frames, index] + np.nan_to_num(force) @ arm.T
-            moments[frames] = np.where(open_, np.nan, moved)
-            sd = max(float(feet.noise[index]), LEAST_NOISE * feet.weight)
             name = step.name if len(groups) == 1 else f"{step.name}_{number + 1}"
-            sites = tuple(feet.sites[i].name for i in members)
-            results.append(
-                SharedWrench(
-                    name=name,
-                    sites=sites,
-                    forces=forces,
-                    moments=moments,
-                    force_sd=sd,
-                    moment_sd=sd * 0.5 * max(step.size),
-                )
-            )
+            results.append(_shared_wrench(feet, index, name, members, frames))
     return tuple(results)
+
+
+def _shared_wrench(
+    feet: FeetOnSteps, index: int, name: str, members: Sequence[int], frames: list[int]
+) -> SharedWrench:
+    """Measurements of one step in the frames in which some sites stand on it."""
+    step = feet.steps[index]
+    force = feet.forces[frames, index]
+    # About the ground's origin a moment needs the forces across it.
+    arm = np.cross(np.eye(3), step.pose.translation)
+    used = np.abs(arm) > 1e-12
+    unknown = (used[None] & np.isnan(force)[:, None, :]).any(axis=2)
+    moment = feet.moments[frames, index] + np.nan_to_num(force) @ arm.T
+    forces = np.full((len(feet.time), 3), np.nan)
+    moments = np.full((len(feet.time), 3), np.nan)
+    forces[frames] = force
+    moments[frames] = np.where(unknown, np.nan, moment)
+    sd = max(float(feet.noise[index]), MIN_NOISE * feet.weight)
+    return SharedWrench(
+        name=name,
+        sites=tuple(feet.sites[i].name for i in members),
+        forces=forces,
+        moments=moments,
+        force_sd=sd,
+        moment_sd=sd * 0.5 * max(step.size),
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Stairs:
-    """Loads of the steps of a recording, and who may stand on them."""
+    """Loads of the steps of a recording, and who may stand on them.
+
+    Attributes
+    ----------
+    paws : contact sites of the model
+    recording : file of the channels
+    """
 
     path: Path
     loads: StepLoads
-    paws: tuple[Site, ...]  # contact sites of the model
-    recording: Path  # file of the channels
+    paws: tuple[Site, ...]
+    recording: Path
     options: StairOptions
     unmeasured: Unmeasured
 
     def paws_in(self, model: Model, motion: Motion) -> FeetOnSteps:
-        """Who stands where while the model moves."""
+        """Find who stands where while the model moves."""
         return feet_on_steps(model, motion, self.paws, self.loads, self.options)
 
 
 def stairs_wrenches(stairs: Stairs, model: Model, motion: Motion) -> Wrenches:
-    """Forces on bodies at the cells' times, as far as the motion reaches; what they leave open is
-    in their notes.
+    """Make forces on bodies at the cells' times, as far as the motion reaches.
+
+    What they leave open is in their notes.
+
+    Raises
+    ------
+    BadData : the recording and the motion have no time in common
     """
     time = stairs.loads.time
     inside = (time >= motion.time[0] - 1e-9) & (time <= motion.time[-1] + 1e-9)
@@ -347,18 +487,18 @@ def stairs_wrenches(stairs: Stairs, model: Model, motion: Motion) -> Wrenches:
 
 
 def stairs_contacts(paws: FeetOnSteps) -> Contacts:
-    """Touches of the paws that stood on a step, as its cell shows."""
+    """Contact intervals of the paws that stood on a step, as its cell shows."""
     touches = []
     for i, site in enumerate(paws.sites):
         on = paws.standing[:, :, i]
         for number, step in enumerate(paws.steps):
             touches += [
                 Touch(
-                    site.name,
-                    float(paws.time[a]),
-                    float(paws.time[b - 1]),
+                    site=site.name,
+                    start=float(paws.time[first]),
+                    stop=float(paws.time[after - 1]),
                     source=f"step {step.name}",
                 )
-                for a, b in runs(on[:, number])
+                for first, after in runs(on[:, number])
             ]
     return Contacts(tuple(site.name for site in paws.sites), tuple(touches))

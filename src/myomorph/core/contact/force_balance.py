@@ -1,5 +1,6 @@
-"""Checks of external forces against the center of mass and the standing feet: directions, mass and
-clock.
+"""Checks of external forces against the center of mass and the standing feet.
+
+They concern directions, mass and clock.
 """
 
 from __future__ import annotations
@@ -25,28 +26,73 @@ from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.findings import Finding, Repair
 from myomorph.core.motion.filters import lowpass
 
-CUTOFF = 6.0  # Low-pass filter of the compared forces, of a human body [Hz]
-MASS = 0.09  # Part by which plates and model may differ in weight
+CUTOFF = 6.0
+"""Low-pass filter of the compared forces, of a human body [Hz]."""
+MASS = 0.09
+"""Part by which plates and model may differ in weight."""
 LIGHTEST = 0.4
 HEAVIEST = 2.5
 """Plates that carry a share of the model's weight beyond these carry something else than a body, or
 another unit.
 """
-# How far that part may differ from frame to frame, where all of the weight is measured
 SPREAD = 0.35
+"""How far that part may differ from frame to frame, where all of the weight is measured."""
+
+
+CARRIED = 0.55
+"""Share of the weight that walkers put on plates whenever all standing feet are on them."""
+SHARP_FEET = 0.4
+"""Part of the gliding of standing feet at no lag that may be left at another lag."""
+STEPS = 4
+"""Number of steps from which standing feet alone are believed about the clock."""
+CLOCK = 0.012
+SLACK = 0.1
+"""Lag beyond its own uncertainty from which it is named, twice the largest of clean recordings (6
+ms); and the largest that is looked for [s].
+"""
+LAGS = np.arange(-SLACK, SLACK + 1e-9, 0.005)
+"""Lags that are tried [s]."""
+CLOCK_OF_FEET = 0.033
+"""Lag by standing feet that is named [s]."""
+SHORTEST = 0.3
+"""Time that the center of mass must be compared for [s]."""
+EXPLAINED = 0.5
+"""Share of the variance of the forces that the motion has to explain: 0.74 to 0.99 in clean
+recordings, and 0.1 where a chair carries a part.
+"""
 
 
 class Turn(NamedTuple):
-    """A horizontal turn or reflection of the axes of forces."""
+    """A horizontal turn or reflection of the axes of forces.
+
+    Attributes
+    ----------
+    kind, text : of a finding
+    matrix : (3, 3)
+    """
 
     kind: str
     text: str
     matrix: Array
 
 
-def balance(inspection: Inspection) -> tuple[Array, Array] | None:
-    """Measured and needed force (frames, 3), filtered alike [N]; None where the motion is too short
-    or has gaps.
+class BalancedForces(NamedTuple):
+    """Force that plates measure and that the center of mass needs, (frames, 3) each [N]."""
+
+    measured: Array
+    needed: Array
+
+
+def balance(inspection: Inspection) -> BalancedForces | None:
+    """Filter measured and needed force alike; None where the motion is too short or has gaps.
+
+    Parameters
+    ----------
+    inspection : forces beside the motion
+
+    Returns
+    -------
+    (frames, 3) both [N]
     """
     feet = inspection.feet
     steps = np.diff(feet.time)
@@ -58,14 +104,24 @@ def balance(inspection: Inspection) -> tuple[Array, Array] | None:
     cutoff = CUTOFF / np.sqrt(feet.unit)
     if rate < 2.5 * cutoff:
         return None
-    measured = inspection.samples.forces.sum(axis=1)
-    return np.asarray(lowpass(measured, rate, cutoff)), np.asarray(
-        lowpass(feet.needed, rate, cutoff)
+    return BalancedForces(
+        measured=np.asarray(lowpass(inspection.samples.forces.sum(axis=1), rate, cutoff)),
+        needed=np.asarray(lowpass(feet.needed, rate, cutoff)),
     )
 
 
 def covered(inspection: Inspection, measured: Array, needed: Array) -> NDArray[np.bool_]:
-    """Frames (frames,) in which the plates carry about what the center of mass needs."""
+    """Find frames in which the plates carry about what the center of mass needs.
+
+    Parameters
+    ----------
+    inspection : forces beside the motion
+    measured, needed : (frames, 3) [N]
+
+    Returns
+    -------
+    (frames,)
+    """
     up = inspection.feet.up
     weight = inspection.feet.model.weight
     carried = measured @ up
@@ -77,8 +133,17 @@ def covered(inspection: Inspection, measured: Array, needed: Array) -> NDArray[n
 
 
 def turns(up: Array) -> list[Turn]:
-    """Turns about the vertical by right angles and reflections of horizontal axes, the one that
-    does nothing first.
+    """Make turns about the vertical by right angles, and reflections of horizontal axes.
+
+    The one that does nothing comes first.
+
+    Parameters
+    ----------
+    up : (3,)
+
+    Returns
+    -------
+    eight turns
     """
     across = np.eye(3)[np.argsort(np.abs(up))[:2]]
     a, b = across
@@ -101,7 +166,7 @@ def turns(up: Array) -> list[Turn]:
 
 
 def check_directions(inspection: Inspection) -> Iterator[Finding]:
-    """Horizontal axes of forces and points that are turned or mirrored against those of the motion."""
+    """Find axes of forces and points that are turned or mirrored against the motion's."""
     choices = turns(inspection.feet.up)
     errors = _turn_errors(inspection, choices)
     forces = _turn_of_forces(inspection, choices, errors)
@@ -112,16 +177,11 @@ def check_directions(inspection: Inspection) -> Iterator[Finding]:
         forces = points
     if forces == points == 0:
         return
-    if (
-        points
-        and not forces
-        and np.linalg.det(choices[points].matrix) < 0.0
-        and np.any(belt_velocity(inspection))
-    ):
-        # Plates of a belt that are mirrored about their own middle, not about the origin:
-        # `check_mirrors` names them.
+    if points and not forces and _mirrored_on_belt(inspection, choices[points]):
         return
-    what = "forces and points" if forces == points else "forces" if points == 0 else "points"
+    what = "forces" if points == 0 else "points"
+    if forces == points:
+        what = "forces and points"
     turn = choices[forces or points]
     numbers = inspection.numbers
     change = _changed(choices[forces].matrix, choices[points].matrix)
@@ -138,15 +198,27 @@ def check_directions(inspection: Inspection) -> Iterator[Finding]:
     )
 
 
+def _mirrored_on_belt(inspection: Inspection, turn: Turn) -> bool:
+    """Tell whether points of a belt are mirrored.
+
+    Its plates are mirrored about their own middle, not about the origin: `check_mirrors` names
+    them.
+    """
+    return bool(np.linalg.det(turn.matrix) < 0.0 and np.any(belt_velocity(inspection)))
+
+
 def _changed(forces: Array, points: Array) -> Change:
-    """The change that turns forces and their moments, and points."""
+    """Make the change that turns forces and their moments, and points, by (3, 3) matrices."""
     sign = float(np.sign(np.linalg.det(forces)))
     return lambda f, p, t: (f @ forces.T, p @ points.T, sign * t @ forces.T)
 
 
 def _turn_errors(inspection: Inspection, choices: list[Turn]) -> Array | None:
-    """What horizontal forces leave, turned each way, without them last [N^2]; None where too little
-    acts.
+    """Mean square of what horizontal forces leave, turned each way, and without them last.
+
+    Returns
+    -------
+    (turns + 1,) [N^2]; None where too little acts
     """
     result = balance(inspection)
     if result is None:
@@ -171,7 +243,12 @@ def _turn_errors(inspection: Inspection, choices: list[Turn]) -> Array | None:
 
 
 def _turn_of_forces(inspection: Inspection, choices: list[Turn], errors: Array | None) -> int:
-    """Which turn makes the horizontal forces accelerate the center of mass as it moves; 0 for none."""
+    """Find the turn by which forces accelerate the center of mass as it moves; 0 for none.
+
+    Parameters
+    ----------
+    errors : (turns + 1,) of `_turn_errors`
+    """
     if errors is None:
         return 0
     best = int(np.argmin(errors[:-1]))
@@ -184,7 +261,7 @@ def _turn_of_forces(inspection: Inspection, choices: list[Turn], errors: Array |
 
 
 def _turn_of_points(inspection: Inspection, choices: list[Turn], forces: int) -> int:
-    """Which turn brings the centers of pressure under the feet; 0 for none."""
+    """Find the turn that brings the centers of pressure under the feet; 0 for none."""
     unit = inspection.feet.unit
     used = [number for number in inspection.numbers if inspection.weights(number).any()]
     if not used:
@@ -206,7 +283,7 @@ def _turn_of_points(inspection: Inspection, choices: list[Turn], forces: int) ->
 
 
 def _turned_misfit(inspection: Inspection, choices: list[Turn], forces: int, points: int) -> float:
-    """Mean distance of all centers of pressure to their feet with forces and points turned [m]."""
+    """Mean distance [m] of all centers of pressure to their feet, forces and points turned."""
     used = [number for number in inspection.numbers if inspection.weights(number).any()]
     samples = inspection.samples
     for index in used:
@@ -221,9 +298,7 @@ def _turned_misfit(inspection: Inspection, choices: list[Turn], forces: int, poi
 
 
 def _own_misfit(inspection: Inspection, number: int, samples: ForceSamples) -> float:
-    """Mean distance of the center of pressure to the foot that the force is put on, or to the
-    nearest [m].
-    """
+    """Mean distance [m] of a center of pressure to the foot it is put on, or to the nearest."""
     feet = inspection.feet
     owner = feet.owners.get(inspection.wrenches.bodies[number])
     distances = np.nan_to_num(feet.distances(samples.centers(feet.up)[:, [number]])[:, 0])
@@ -232,17 +307,15 @@ def _own_misfit(inspection: Inspection, number: int, samples: ForceSamples) -> f
 
 
 def check_mass(inspection: Inspection) -> Iterator[Finding]:
-    """The weight that the plates carry against that of the model, where all standing feet are on
-    plates.
-    """
+    """Compare the weight on plates with the model's, where all standing feet are on plates."""
     result = balance(inspection)
     if result is None:
         return
     up = inspection.feet.up
     model = inspection.feet.model
     time = inspection.feet.time
-    carried = result[0] @ up
-    wanted = result[1] @ up
+    carried = result.measured @ up
+    wanted = result.needed @ up
     steady = supported(inspection) & (wanted > 0.5 * model.weight) & (carried > 0.0)
     margin = max(2, len(time) // 25)
     steady[:margin] = steady[-margin:] = False
@@ -268,37 +341,22 @@ def check_mass(inspection: Inspection) -> Iterator[Finding]:
     yield Finding("mass", model.name, text)
 
 
-# Share of the weight that walkers put on plates whenever all standing feet are on them
-CARRIED = 0.55
-SHARP_FEET = 0.4  # Part of the gliding of standing feet at no lag that may be left at the lag found
-STEPS = 4  # Steps from which standing feet alone are believed about the clock
-CLOCK = 0.012
-SLACK = 0.1
-"""Lag beyond its own uncertainty from which it is named, twice the largest of clean recordings (6
-ms); and the largest that is looked for [s].
-"""
-LAGS = np.arange(-SLACK, SLACK + 1e-9, 0.005)  # That are tried [s]
-CLOCK_OF_FEET = 0.033  # Lag by standing feet that is named [s]
-SHORTEST = 0.3  # Time that the center of mass must be compared for [s]
-EXPLAINED = 0.5
-"""Share of the variance of the forces that the motion has to explain: 0.74 to 0.99 in clean
-recordings, and 0.1 where a chair carries a part.
-"""
-
-
 class Lag(NamedTuple):
-    """A lag of forces behind a motion."""
+    """A lag of forces behind a motion.
 
-    # lag, sd: of the least disagreement, and its standard deviation [s]
+    Attributes
+    ----------
+    lag, sd : of the least disagreement, and its standard deviation [s]
+    explained : share of the measured forces' variance that the center of mass explains then
+    """
+
     lag: float
     sd: float
-    explained: float  # share of the measured forces' variance that the center of mass explains then
+    explained: float
 
 
 def check_clock(inspection: Inspection) -> Iterator[Finding]:
-    """Plates that are late or early: by what the center of mass needs, else by the feet that glide
-    under load.
-    """
+    """Find plates that are late or early, by the center of mass, else by feet that glide."""
     balanced = lag_of_mass(inspection)
     if balanced is not None:
         # The center of mass of a model is off in time, too, by what clean recordings show.
@@ -315,7 +373,7 @@ def check_clock(inspection: Inspection) -> Iterator[Finding]:
 
 
 def _late(inspection: Inspection, lag: float, sure: str, how: str) -> Finding:
-    """Forces that are late (early where the lag is negative) [s]."""
+    """Name forces that are late (early where the lag is negative) [s]."""
     word = "late" if lag > 0 else "early"
     text = (
         f"the forces seem {1000.0 * abs(lag):.0f} ms {word}{sure} against the motion, by {how}:"
@@ -326,10 +384,11 @@ def _late(inspection: Inspection, lag: float, sure: str, how: str) -> Finding:
 
 
 def lag_of_mass(inspection: Inspection) -> Lag | None:
-    """The lag at which the plates' forces accelerate the center of mass as it moves; None where
-    they hardly do. The least of the squares of F(t + lag) - m (a - g), offsets taken off, over
-    frames in which the plates carry all that the body stands on. Its standard deviation is that of
-    a time by least squares, with as many independent samples as the low-pass filter leaves.
+    """Lag at which the plates' forces accelerate the center of mass; None where they hardly do.
+
+    The least of the squares of F(t + lag) - m (a - g), offsets taken off, over frames in which the
+    plates carry all that the body stands on. Its standard deviation is that of a time by least
+    squares, with as many independent samples as the low-pass filter leaves.
     """
     result = balance(inspection)
     if result is None:
@@ -346,7 +405,12 @@ def lag_of_mass(inspection: Inspection) -> Lag | None:
 def _lag(
     inspection: Inspection, measured: Array, needed: Array, frames: NDArray[np.bool_]
 ) -> Lag | None:
-    """The lag by some frames (frames,); None where they are too few."""
+    """Lag by some frames (frames,); None where they are too few.
+
+    Parameters
+    ----------
+    measured, needed : (frames, 3) [N]
+    """
     time = inspection.feet.time
     lasts = float(frames.sum() * np.median(np.diff(time)))
     if frames.sum() < 10 or lasts < SHORTEST:
@@ -367,7 +431,12 @@ def _lag(
 
 
 def _least(lags: Array, values: Array) -> tuple[float, float]:
-    """The lag of the least value, by a parabola, and that value over the one at no lag."""
+    """Lag of the least value, by a parabola, and that value over the one at no lag.
+
+    Parameters
+    ----------
+    lags, values : (lags,) [s], and of the disagreement
+    """
     index = int(np.argmin(values))
     lag = float(lags[index])
     if 0 < index < len(lags) - 1:
@@ -377,14 +446,21 @@ def _least(lags: Array, values: Array) -> tuple[float, float]:
 
 
 def _core(inspection: Inspection) -> NDArray[np.bool_]:
-    """Frames (frames,) that no lag moves out of the recording."""
+    """Find frames (frames,) that no lag moves out of the recording."""
     time = inspection.feet.time
     return np.asarray((time > time[0] + SLACK) & (time < time[-1] - SLACK))
 
 
 def _between_steps(inspection: Inspection, measured: Array) -> NDArray[np.bool_]:
-    """Those among them (frames,) in which the plates carry most of the weight at every lag: from
-    step to step.
+    """Find frames in which the plates carry most of the weight at every lag: from step to step.
+
+    Parameters
+    ----------
+    measured : (frames, 3) [N]
+
+    Returns
+    -------
+    (frames,)
     """
     time = inspection.feet.time
     weight = inspection.feet.model.weight
@@ -398,14 +474,21 @@ def _between_steps(inspection: Inspection, measured: Array) -> NDArray[np.bool_]
 
 
 def _gliding(inspection: Inspection, lags: Array) -> Array | None:
-    """Mean square speed of the feet at the centers of pressure at each lag, weighted by force
-    (lags,) [m^2/s^2]. A foot that stands does not glide: the material point at the center of
-    pressure is at rest.
+    """Mean square speed of the feet at the centers of pressure at each lag, weighted by force.
+
+    A foot that stands does not glide: the material point at the center of pressure is at rest.
+
+    Parameters
+    ----------
+    lags : (lags,) [s]
+
+    Returns
+    -------
+    (lags,) [m^2/s^2]
     """
     feet = inspection.feet
-    samples = inspection.samples
     time = feet.time
-    centers = samples.centers(feet.up)
+    centers = inspection.samples.centers(feet.up)
     used = [number for number in inspection.numbers if len(inspection.episodes(number))]
     steps = sum(len(inspection.episodes(number)) for number in used)
     if steps < STEPS or time[-1] - time[0] < 4.0 * SLACK or len(time) < 20:
@@ -418,39 +501,85 @@ def _gliding(inspection: Inspection, lags: Array) -> Array | None:
     count = 0.0
     for index in used:
         weights = inspection.weights(index)
-        frames = np.flatnonzero(
-            (weights > 0.0) & (time > time[0] + SLACK) & (time < time[-1] - SLACK)
-        )
+        frames = np.flatnonzero((weights > 0.0) & _core(inspection))
         if not len(frames):
             continue
-        speeds = np.empty((len(lags), len(frames), 3, 2))
-        for row, lag in enumerate(lags):
-            at = np.clip(np.searchsorted(time, time[frames] - lag), 0, len(time) - 1)
-            for number in range(len(feet.feet)):
-                mine = nearest[frames, index] == number
-                for part in range(2):
-                    origin, drift, spin = fields[number][min(part, len(fields[number]) - 1)]
-                    here = at[mine]
-                    now = centers[frames[mine], index]
-                    reach = np.einsum("fij,fj->fi", spin[here], now - origin[here])
-                    speeds[row, mine, :, part] = drift[here] + reach
-        firm = weights[frames] > 0.5 * inspection.feet.model.weight
-        belt = (
-            np.median(speeds[len(lags) // 2, firm, :, 0], axis=0) if firm.sum() > 5 else np.zeros(3)
+        velocities = np.stack(
+            [
+                _at_centers(
+                    time, lag, frames, nearest[frames, index], centers[frames, index], fields
+                )
+                for lag in lags
+            ]
         )
-        belt = belt if np.linalg.norm(belt) > 0.3 else np.zeros(3)
-        glide = np.linalg.norm(speeds - belt[None, None, :, None], axis=2).min(axis=2)
+        firm = weights[frames] > 0.5 * feet.model.weight
+        belt = np.zeros(3)
+        if firm.sum() > 5:
+            belt = np.median(velocities[len(lags) // 2, firm, :, 0], axis=0)
+        if not np.linalg.norm(belt) > 0.3:
+            belt = np.zeros(3)
+        glide = np.linalg.norm(velocities - belt[None, None, :, None], axis=2).min(axis=2)
         total += (weights[frames] * np.minimum(glide, 1.5) ** 2).sum(axis=1)
         count += float(weights[frames].sum())
     return total / count if count else None
 
 
-def _field(feet: FootPoses, body: str) -> tuple[Array, Array, Array]:
-    """Origin, velocity of the origin and angular velocity (as a matrix) of a body in all frames."""
+def _at_centers(
+    time: Array,
+    lag: float,
+    frames: NDArray[np.int64],
+    nearest: NDArray[np.int64],
+    centers: Array,
+    fields: list[list[Field]],
+) -> Array:
+    """Velocities of the feet's material points at centers of pressure, a lag earlier.
+
+    Parameters
+    ----------
+    time : (all frames,) [s]
+    lag : [s]
+    frames : (frames,) numbers
+    nearest : (frames,) number of the nearest foot
+    centers : (frames, 3) [m]
+    fields : of each foot, those of its heel and of its toes, which may be one body
+
+    Returns
+    -------
+    (frames, 3, 2) as a part of the heel, and of the toes [m/s]
+    """
+    at = np.clip(np.searchsorted(time, time[frames] - lag), 0, len(time) - 1)
+    velocities = np.empty((len(frames), 3, 2))
+    for number, of_foot in enumerate(fields):
+        on_foot = nearest == number
+        here = at[on_foot]
+        for part in range(2):
+            field = of_foot[min(part, len(of_foot) - 1)]
+            arm = centers[on_foot] - field.origin[here]
+            turning = np.einsum("fij,fj->fi", field.spin[here], arm)
+            velocities[on_foot, :, part] = field.velocity[here] + turning
+    return velocities
+
+
+class Field(NamedTuple):
+    """Velocity field of a body over time.
+
+    Attributes
+    ----------
+    origin, velocity : (frames, 3) of its origin [m], [m/s]
+    spin : (frames, 3, 3) angular velocity as a matrix [rad/s]
+    """
+
+    origin: Array
+    velocity: Array
+    spin: Array
+
+
+def _field(feet: FootPoses, body: str) -> Field:
+    """Find the velocity field of a body in all frames."""
     rotations, origins = feet.pose_of(body)
     rates = np.gradient(rotations, feet.time, axis=0)
-    return (
-        origins,
-        np.gradient(origins, feet.time, axis=0),
-        np.einsum("fij,fkj->fik", rates, rotations),
+    return Field(
+        origin=origins,
+        velocity=np.gradient(origins, feet.time, axis=0),
+        spin=np.einsum("fij,fkj->fik", rates, rotations),
     )

@@ -1,5 +1,4 @@
-"""Whether external forces belong to the motion: signs, units, axes, feet, mass and clock; what is
-wrong is named.
+"""Checks whether external forces belong to the motion: signs, units, axes, feet, mass and clock.
 
 What the motion knows of its forces: a center of pressure lies under a foot that stands, the point
 of the foot at the center of pressure does not glide over the ground, and the forces accelerate the
@@ -48,32 +47,45 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.motion.filters import lowpass
 
-STANDS = 0.6  # Share of its load during which a foot that carries it stands
-STEPS = 3  # Steps on a belt from which on both ways are judged
-# Of two explanations the one that leaves so much less of the distance is the right one
+STANDS = 0.6
+"""Share of its load during which a foot that carries it stands."""
+STEPS = 3
+"""Number of steps on a belt from which on both ways are judged."""
 CLEARER = 0.6
-LASTS = 0.25  # A step that is shorter is not judged [s]
-# Way of the center of mass along a human foot while it stands from which on it steps over the foot
-# [m]
+"""Of two explanations the one that leaves so much less of the distance is the right one."""
+LASTS = 0.25
+"""A step that is shorter is not judged [s]."""
 PASSES = 0.25
+"""Way of the center of mass along a human foot from which on it steps over the foot [m]."""
 AGAINST = 0.06
 """Way of the center of pressure against that of the center of mass, from the first to the last
 third of a step [m].
 """
 
 
-class Mirror(NamedTuple):
-    """A reflection of the points of a plate."""
+PULLED = 0.3
+"""Share of the weight that all plates together pull down where their sign is wrong."""
+LONGEST = 0.1
+"""Longest step between frames that are not taken for a gap [s]."""
 
-    axes: Array  # horizontal directions that are reversed (axes, 3)
-    middle: Array  # that stays where it is, along each of the axes [m]
-    distance: float  # of the centers of pressure to the feet that carry them afterwards, mean [m]
+
+class Mirror(NamedTuple):
+    """A reflection of the points of a plate.
+
+    Attributes
+    ----------
+    axes : (axes, 3) horizontal directions that are reversed
+    middle : (axes,) that stays where it is, along each of the axes [m]
+    distance : of the centers of pressure to the feet that carry them afterwards, mean [m]
+    """
+
+    axes: Array
+    middle: Array
+    distance: float
 
 
 def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
-    """Forces of belts whose center of pressure lies under the foot that they are put on only when
-    it is mirrored.
-    """
+    """Find forces of belts that are under their foot only when they are mirrored."""
     if not np.any(belt_velocity(inspection)):
         return
     stands = standing(inspection)
@@ -84,11 +96,9 @@ def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
         feet = inspection.feet
         owner = feet.owners.get(inspection.wrenches.bodies[number])
         # Feet that may carry the force: the one that it is put on, else those that stand.
-        carriers = (
-            stands
-            if owner is None
-            else np.tile(np.arange(stands.shape[1]) == owner, (len(stands), 1))
-        )
+        carriers = stands
+        if owner is not None:
+            carriers = np.tile(np.arange(stands.shape[1]) == owner, (len(stands), 1))
         centers = inspection.samples.centers(feet.up)[:, number]
         before = _distance(inspection, centers, carriers, weights)
         if before < NEAR * feet.unit:
@@ -100,43 +110,59 @@ def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
             if _share(np.asarray(others.any(axis=1)), weights) > STANDS:
                 exchanged = _distance(inspection, centers, others, weights)
         result = _mirror(inspection, centers, carriers, weights)
-        fits = (
-            _share(np.asarray(stands.any(axis=1) if owner is None else stands[:, owner]), weights)
-            > STANDS
-        )
+        carried = stands.any(axis=1) if owner is None else stands[:, owner]
+        fits = _share(np.asarray(carried), weights) > STANDS
         if not fits or result.distance > min(FITS * feet.unit, MARKED * before):
             continue
-        name = inspection.name(number)
-        near = f"{100.0 * result.distance:.0f} cm"
-        axes = " and ".join("xyz"[int(np.argmax(np.abs(axis)))] for axis in result.axes)
-        if result.distance < CLEARER * exchanged:
-            middle = ", ".join(f"{item:.2f}" for item in result.middle)
-            text = (
-                f"the center of pressure of force '{name}' lies {100.0 * before:.0f} cm from the"
-                f" foot that the belt carries, {near} when mirrored along {axes} (about {middle}"
-                " m): its plate seems mirrored about its own middle, and torques there are wrong:"
-                " check the plate's corners or the sign of its moments"
-            )
-            yield Finding(MIRRORED_PLATE, name, text)
-        elif exchanged > CLEARER * result.distance:
-            text = (
-                f"force '{name}' is put on the wrong foot ({100.0 * exchanged:.0f} cm from the"
-                f" other one), or its plate is mirrored along {axes} ({near} from its own then):"
-                " the recording does not say which: nothing was changed; check the plate's"
-                " corners, or name its body (--bodies, --plates)"
-            )
-            yield Finding(UNSURE, name, text)
+        yield from _mirrored(inspection.name(number), before, exchanged, result)
+
+
+def _mirrored(name: str, before: float, exchanged: float, mirror: Mirror) -> Iterator[Finding]:
+    """Name a force that a mirror explains better than the other foot does, or as well.
+
+    Parameters
+    ----------
+    name : of the force
+    before, exchanged : mean distance of its center of pressure to its foot, and to the other [m]
+    mirror : the best one
+    """
+    near = f"{100.0 * mirror.distance:.0f} cm"
+    axes = " and ".join("xyz"[int(np.argmax(np.abs(axis)))] for axis in mirror.axes)
+    if mirror.distance < CLEARER * exchanged:
+        middle = ", ".join(f"{item:.2f}" for item in mirror.middle)
+        text = (
+            f"the center of pressure of force '{name}' lies {100.0 * before:.0f} cm from the"
+            f" foot that the belt carries, {near} when mirrored along {axes} (about {middle}"
+            " m): its plate seems mirrored about its own middle, and torques there are wrong:"
+            " check the plate's corners or the sign of its moments"
+        )
+        yield Finding(MIRRORED_PLATE, name, text)
+    elif exchanged > CLEARER * mirror.distance:
+        text = (
+            f"force '{name}' is put on the wrong foot ({100.0 * exchanged:.0f} cm from the"
+            f" other one), or its plate is mirrored along {axes} ({near} from its own then):"
+            " the recording does not say which: nothing was changed; check the plate's"
+            " corners, or name its body (--bodies, --plates)"
+        )
+        yield Finding(UNSURE, name, text)
 
 
 def _share(frames: NDArray[np.bool_], weights: Array) -> float:
-    """Share of a load that acts in some frames."""
+    """Share of a load (frames,) that acts in some frames (frames,)."""
     return float(weights[frames].sum() / weights.sum())
 
 
 def _distance(
     inspection: Inspection, centers: Array, carriers: NDArray[np.bool_], weights: Array
 ) -> float:
-    """Mean distance of centers of pressure (frames, 3) to the nearest foot that may carry them [m]."""
+    """Mean distance of centers of pressure to the nearest foot that may carry them [m].
+
+    Parameters
+    ----------
+    centers : (frames, 3) [m]
+    carriers : (frames, feet) which feet may carry the force
+    weights : (frames,) size of the force [N]
+    """
     distances = np.nan_to_num(inspection.feet.distances(centers[:, None])[:, 0], nan=9.0)
     nearest = np.where(carriers, distances, np.inf).min(axis=1)
     known = np.isfinite(nearest) & (weights > 0.0)
@@ -146,8 +172,15 @@ def _distance(
 def _mirror(
     inspection: Inspection, centers: Array, carriers: NDArray[np.bool_], weights: Array
 ) -> Mirror:
-    """The reflection of horizontal axes, about a middle that is looked for, that brings forces
-    nearest to feet.
+    """Find the reflection of horizontal axes that brings forces nearest to feet.
+
+    Its middle is looked for too.
+
+    Parameters
+    ----------
+    centers : (frames, 3) [m]
+    carriers : (frames, feet) which feet may carry the force
+    weights : (frames,) size of the force [N]
     """
     up = inspection.feet.up
     level = np.eye(3)[np.sort(np.argsort(np.abs(up))[:2])]
@@ -180,12 +213,13 @@ def _mirror(
 
 
 def _reflected(centers: Array, axes: Array, middle: Array) -> Array:
-    """Points (frames, 3) mirrored along axes about a middle."""
+    """Mirror points (frames, 3) along axes (axes, 3) about a middle (axes,)."""
     return np.asarray(centers + 2.0 * (middle - centers @ axes.T) @ axes)
 
 
 def check_progress(inspection: Inspection) -> Iterator[Finding]:
-    """Plates whose center of pressure moves along the foot against the body.
+    """Find plates whose center of pressure moves along the foot against the body.
+
     An axis across the foot does not show it: the center of pressure hardly moves along it.
     """
     feet = inspection.feet
@@ -231,48 +265,54 @@ def check_progress(inspection: Inspection) -> Iterator[Finding]:
             yield Finding(kind=MIRRORED_PLATE, place=name, text=text, times=times)
 
 
-def _moved(place: np.ndarray, weights: np.ndarray) -> float:
-    """Way from the first to the last third of a step, weighted by force [m]."""
+def _moved(place: Array, weights: Array) -> float:
+    """Way from the first to the last third of a step, weighted by force [m].
+
+    Parameters
+    ----------
+    place, weights : (frames,) along the foot [m], and size of the force [N]
+    """
     third = max(1, len(place) // 3)
-    first, last = (
-        float(np.average(place[part], weights=weights[part]))
-        for part in (slice(third), slice(-third, None))
-    )
+    first = float(np.average(place[:third], weights=weights[:third]))
+    last = float(np.average(place[-third:], weights=weights[-third:]))
     return last - first
-
-
-PULLED = 0.3  # Share of the weight that all plates together pull down where their sign is wrong
-LONGEST = 0.1  # Longest step between frames that are not taken for a gap [s]
 
 
 @dataclass(frozen=True, eq=False)
 class CheckedForces:
-    """External forces, put right where that was safe, and what was found."""
+    """External forces, corrected where that was safe, and what was found.
+
+    Attributes
+    ----------
+    findings : with `mended` where `wrenches` have it put right
+    """
 
     wrenches: Wrenches
-    findings: tuple[Finding, ...]  # with `mended` where `wrenches` have it put right
+    findings: tuple[Finding, ...]
 
 
 def checked_forces(
     wrenches: Wrenches, model: Model, motion: Motion, mend: bool = True
 ) -> CheckedForces:
-    """Hold external forces against the motion, put right what is safe and name the rest.
+    """Hold external forces against the motion, correct what is safe and name the rest.
+
     Looked for are forces that pull instead of push, turned axes or a mirrored one, a plate mirrored
     about its own middle, other units, moments about another point than the center of pressure, a
     wrong foot, two feet on one plate, forces under no foot, a mass that is not the model's, and a
-    clock that is not the motion's. Models without feet are not looked at. `wrenches`: in ground, at
-    their own times; a body that is not known is ""; `motion` (frames, coordinates) [rad or m];
-    `mend`: put right what is safe to put right. Returns the wrenches, as they were where nothing
-    was mended, and the findings.
+    clock that is not the motion's. Models without feet are not looked at.
+
+    Parameters
+    ----------
+    wrenches : in ground, at their own times; a body that is not known is ""
+    model : of the body
+    motion : (frames, coordinates) [rad or m]
+    mend : whether to correct what is safe to correct
+
+    Returns
+    -------
+    the wrenches, as they were where nothing was corrected, and the findings
     """
-    inside = np.zeros(len(motion), bool)
-    seen = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
-    if len(wrenches) and len(seen):
-        # Before the first frame with a pose and after the last, a body is out of the cameras' view.
-        inside[seen[0] : seen[-1] + 1] = True
-        inside &= (motion.time >= wrenches.time[0] - 1e-6) & (
-            motion.time <= wrenches.time[-1] + 1e-6
-        )
+    inside = _common_frames(wrenches, motion)
     if not np.any(inside) or not model.mass > 0.0 or not wrenches.names:
         return CheckedForces(wrenches, ())
     feet = foot_poses(model, _smooth(motion, inside))
@@ -289,12 +329,27 @@ def checked_forces(
         inspection = (
             Inspection(right, feet, (*inspection.findings, *findings)) if findings else inspection
         )
-    return CheckedForces(*repaired(wrenches, inspection.findings, mend))
+    corrected, findings = repaired(wrenches, inspection.findings, mend)
+    return CheckedForces(corrected, findings)
+
+
+def _common_frames(wrenches: Wrenches, motion: Motion) -> NDArray[np.bool_]:
+    """Frames (frames,) in which the body is in view and forces are recorded."""
+    inside = np.zeros(len(motion), bool)
+    seen = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
+    if len(wrenches) and len(seen):
+        # Before the first frame with a pose and after the last, a body is out of the cameras' view.
+        inside[seen[0] : seen[-1] + 1] = True
+        first = wrenches.time[0] - 1e-6
+        last = wrenches.time[-1] + 1e-6
+        inside &= (motion.time >= first) & (motion.time <= last)
+    return inside
 
 
 def _smooth(motion: Motion, inside: NDArray[np.bool_]) -> Motion:
-    """The frames of a motion that are looked at, evenly spaced and low-pass filtered where it has
-    no gaps.
+    """Choose the frames of a motion that are looked at, evenly spaced.
+
+    They are low-pass filtered where the motion has no gaps; `inside` (frames,).
     """
     time = motion.time[inside]
     values = motion.values[inside]
@@ -312,7 +367,7 @@ def _smooth(motion: Motion, inside: NDArray[np.bool_]) -> Motion:
 
 
 def check_units(inspection: Inspection) -> Iterator[Finding]:
-    """Forces far too small for the model's weight: kilonewtons or body weights."""
+    """Find forces far too small for the model's weight: kilonewtons or body weights."""
     weight = inspection.feet.model.weight
     size = np.nan_to_num(np.linalg.norm(inspection.wrenches.forces[:, inspection.numbers], axis=2))
     largest = float(size.max(initial=0.0))
@@ -326,9 +381,7 @@ def check_units(inspection: Inspection) -> Iterator[Finding]:
 
 
 def check_signs(inspection: Inspection) -> Iterator[Finding]:
-    """Forces that pull to the ground: of a foot with the wrong sign, or, under no foot, a load in
-    the hands.
-    """
+    """Find forces that pull down: of a foot with the wrong sign, or a load in the hands."""
     up = inspection.feet.up
     weight = inspection.feet.model.weight
     lifts = inspection.samples.forces @ up

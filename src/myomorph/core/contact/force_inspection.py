@@ -1,13 +1,11 @@
-"""External forces beside the motion that they belong to, as checks look at them: sampled at its
-times, by the feet.
-"""
+"""External forces beside the motion that they belong to: sampled at its times, by the feet."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,22 +21,50 @@ from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.rigid.kinematics import Poses, forward_kinematics, standing_poses
 from myomorph.core.rigid.tree import Tree, compile_tree
 
-# Length of a human foot from the heel to the toes' joint, which lengths are relative to [m]
 FOOT = 0.19
-TIP = 1.35  # Where the sole ends, over that length
+"""Length of a human foot from heel to toes' joint, which lengths are relative to [m]."""
+TIP = 1.35
+"""End of the sole, over that length."""
+
+
+LOADED = 0.05
+"""Share of the weight from which a force counts as load."""
+SHORTEST = 0.05
+"""A load that is shorter is not judged [s]."""
+LOAD = "load in the hands"
+"""Kind of a finding: a force that no foot carries."""
+MIRRORED_PLATE = "mirrored plate"
+UNSURE = "wrong foot or mirrored plate"
+"""Kinds of findings about plates that may be mirrored about their own middle."""
+MOVES = 0.8
+"""Speed of heel and tip of a human foot above which it does not stand [m/s]."""
+BELT = 0.3
+"""Speed from which on the ground under loaded feet is a belt [m/s]."""
+PAUSE = 0.06
+"""A foot that moves for a shorter time goes on standing [s]."""
+CARRIED = 0.6
+"""Share of a stance during which a plate has to carry its foot."""
+EDGE = 0.05
+"""Uncertainty of the time at which a foot is put down or lifted, by its motion [s]."""
 
 
 @read_only
 class FootPoses:
-    """Feet and center of mass of a model at the times of a motion."""
+    """Feet and center of mass of a model at the times of a motion.
 
-    # model, tree, poses: the model and where its bodies are
+    Attributes
+    ----------
+    model, tree, poses : the model and where its bodies are
+    time : (frames,) [s]
+    feet : of the model, right before left
+    owners : body to the number of the foot that it belongs to: talus, heel bone and toes
+    """
+
     model: Model
     tree: Tree
     poses: Poses
-    time: Array  # (frames,) [s]
-    feet: tuple[Foot, ...]  # of the model, right before left
-    # body to the number of the foot that it belongs to: talus, heel bone and toes
+    time: Array
+    feet: tuple[Foot, ...]
     owners: dict[str, int]
 
     @property
@@ -81,32 +107,59 @@ class FootPoses:
         )
 
     def pose_of(self, body: str) -> tuple[Array, Array]:
-        """Rotations (frames, 3, 3) and origins (frames, 3) of a body."""
+        """Pose of a body in all frames.
+
+        Parameters
+        ----------
+        body : its name
+
+        Returns
+        -------
+        (frames, 3, 3) rotations and (frames, 3) origins [m]
+        """
         b = self.tree.body_index[body]
         return self.poses.rotations[:, b], self.poses.origins[:, b]
 
     def distances(self, points: Array) -> Array:
-        """Of points (frames, points, 3) to the soles' middle lines (frames, points, feet); see
-        `sole_distances` [m].
+        """Distances of points to the soles' middle lines; see `sole_distances`.
+
+        Parameters
+        ----------
+        points : (frames, points, 3) [m]
+
+        Returns
+        -------
+        (frames, points, feet) [m]
         """
         return sole_distances(points, *self.soles, self.up)
 
 
 def sole_distances(points: Array, heels: Array, tips: Array, up: Array) -> Array:
-    """Horizontal distances (frames, points, feet) of points to lines from heels to tips (frames,
-    feet, 3) [m].
+    """Horizontal distances of points to lines from heels to tips.
+
+    Parameters
+    ----------
+    points : (frames, points, 3) [m]
+    heels, tips : (frames, feet, 3) [m]
+    up : (3,)
+
+    Returns
+    -------
+    (frames, points, feet) [m]
     """
     level = np.eye(3) - np.outer(up, up)
     along = ((tips - heels) @ level)[:, None]
-    reach = (points[:, :, None] - heels[:, None]) @ level
-    share = np.clip(
-        (reach * along).sum(axis=3) / np.maximum((along**2).sum(axis=3), 1e-12), 0.0, 1.0
-    )
-    return np.linalg.norm(reach - share[..., None] * along, axis=3)
+    offset = (points[:, :, None] - heels[:, None]) @ level
+    projection = (offset * along).sum(axis=3)
+    share = np.clip(projection / np.maximum((along**2).sum(axis=3), 1e-12), 0.0, 1.0)
+    return np.linalg.norm(offset - share[..., None] * along, axis=3)
 
 
 def foot_poses(model: Model, motion: Motion) -> FootPoses | None:
-    """Feet over a motion without its frames that have gaps; None for a model without feet."""
+    """Find the feet over a motion; None for a model without feet.
+
+    Frames of the motion that have gaps are left out before.
+    """
     try:
         feet = feet_of(model)
         segments = segments_of(model)
@@ -132,31 +185,35 @@ def foot_poses(model: Model, motion: Motion) -> FootPoses | None:
     )
 
 
-LOADED = 0.05  # Share of the weight from which a force counts as load
-SHORTEST = 0.05  # A load that is shorter is not judged [s]
-LOAD = "load in the hands"  # Kind of a finding: a force that no foot carries
-MIRRORED_PLATE = "mirrored plate"
-UNSURE = "wrong foot or mirrored plate"
-"""Kinds of findings about plates that may be mirrored about their own middle."""
-
 Change: TypeAlias = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
 """What makes other forces, points and torques (..., 3) of those of one wrench."""
 
 
 @read_only
 class ForceSamples:
-    """External forces at the times of a motion."""
+    """External forces at the times of a motion.
 
-    # forces, points, torques: (frames, wrenches, 3) [N, m, N m]; zero where unknown
+    Attributes
+    ----------
+    forces, points, torques : (frames, wrenches, 3) [N], [m], [N m]; zero where unknown
+    loaded : (frames, wrenches) forces large enough for their center of pressure to be believed
+    """
+
     forces: Array
     points: Array
     torques: Array
-    # (frames, wrenches) forces large enough for their center of pressure to be believed
     loaded: NDArray[np.bool_]
 
     def centers(self, up: Array) -> Array:
-        """Where each wrench meets the height of its points without horizontal moment (frames,
-        wrenches, 3) [m].
+        """Points at the height of each wrench's own, at which it has no horizontal moment.
+
+        Parameters
+        ----------
+        up : (3,)
+
+        Returns
+        -------
+        (frames, wrenches, 3) [m]
         """
         lift = self.forces @ up
         firm = np.abs(lift) > 0.2 * np.linalg.norm(self.forces, axis=2)
@@ -165,8 +222,17 @@ class ForceSamples:
 
 
 def sampled(wrenches: Wrenches, time: Array, least: float) -> ForceSamples:
-    """The nearest samples of wrenches, 0 at times not covered; `least`: force from which one counts
-    as loaded [N].
+    """Take the nearest samples of wrenches, 0 at times not covered.
+
+    Parameters
+    ----------
+    wrenches : at their own times
+    time : (frames,) [s]
+    least : force from which one counts as loaded [N]
+
+    Returns
+    -------
+    forces at the times
     """
     after = np.clip(np.searchsorted(wrenches.time, time), 1, max(len(wrenches) - 1, 1))
     before = after - 1
@@ -186,27 +252,35 @@ Forces = TypeVar("Forces", ForceSamples, Wrenches)
 
 
 def changed_wrenches(wrenches: Forces, number: int, change: Change) -> Forces:
-    """Wrenches with one of them changed in all samples."""
-    parts: dict[str, Any] = {
-        name: np.array(getattr(wrenches, name)) for name in ("forces", "points", "torques")
-    }
-    changed = change(*(part[:, number] for part in parts.values()))
-    for part, other in zip(parts.values(), changed, strict=True):
-        part[:, number] = other
-    return replace(wrenches, **parts)
+    """Change one of some wrenches in all samples."""
+    forces = np.array(wrenches.forces)
+    points = np.array(wrenches.points)
+    torques = np.array(wrenches.torques)
+    force, point, torque = change(forces[:, number], points[:, number], torques[:, number])
+    forces[:, number] = force
+    points[:, number] = point
+    torques[:, number] = torque
+    return replace(wrenches, forces=forces, points=points, torques=torques)
 
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """Forces beside the motion that they belong to."""
+    """Forces beside the motion that they belong to.
 
-    wrenches: Wrenches  # with what earlier checks found put right
-    feet: FootPoses  # where the feet are
-    findings: tuple[Finding, ...] = ()  # of earlier checks
+    Attributes
+    ----------
+    wrenches : with what earlier checks found put right
+    feet : where the feet are
+    findings : of earlier checks
+    """
+
+    wrenches: Wrenches
+    feet: FootPoses
+    findings: tuple[Finding, ...] = ()
 
     @cached_property
     def numbers(self) -> list[int]:
-        """Of the wrenches that act on a foot, or on a body that is not known yet."""
+        """Numbers of the wrenches that act on a foot, or on a body that is not known yet."""
         return [
             i for i, body in enumerate(self.wrenches.bodies) if not body or body in self.feet.owners
         ]
@@ -220,8 +294,9 @@ class Inspection:
 
     @property
     def assigned(self) -> list[int]:
-        """Numbers of the forces whose foot is looked for: not those of which no foot's place is
-        known to be right.
+        """Numbers of the forces whose foot is looked for.
+
+        Forces of which no foot's place is known to be right are not.
         """
         others = {
             finding.place
@@ -231,14 +306,21 @@ class Inspection:
         return [number for number in self.numbers if self.name(number) not in others]
 
     def weights(self, number: int) -> Array:
-        """Size of a force where it is loaded, else 0 (frames,) [N]."""
+        """Size of a force where it is loaded, else 0.
+
+        Parameters
+        ----------
+        number : of the force
+
+        Returns
+        -------
+        (frames,) [N]
+        """
         size = np.linalg.norm(self.samples.forces[:, number], axis=1)
         return np.asarray(np.where(self.samples.loaded[:, number], size, 0.0))
 
     def misfit(self, number: int, samples: ForceSamples | None = None) -> float:
-        """Mean distance of a force's center of pressure to the nearest foot, weighted by the force
-        [m].
-        """
+        """Mean distance [m] of a force's center of pressure to the nearest foot, by force."""
         weights = self.weights(number)
         centers = (samples or self.samples).centers(self.feet.up)[:, [number]]
         distances = np.nan_to_num(self.feet.distances(centers)[:, 0].min(axis=1), nan=0.0)
@@ -267,20 +349,21 @@ class Inspection:
 
 
 def change_repair(number: int, change: Change, done: str, advice: str) -> Repair:
-    """The repair that changes one wrench in all samples."""
+    """Make the repair that changes one wrench in all samples."""
     return Repair(partial(changed_wrenches, number=number, change=change), done, advice)
 
 
-# Speed against the ground of heel and tip of a human foot above which it does not stand [m/s]
-MOVES = 0.8
-BELT = 0.3  # Speed from which on the ground under loaded feet is a belt [m/s]
-PAUSE = 0.06  # A foot that moves for a shorter time goes on standing [s]
-CARRIED = 0.6  # Share of a stance during which a plate has to carry its foot
-EDGE = 0.05  # Uncertainty of the time at which a foot is put down or lifted, by its motion [s]
-
-
 def standing(inspection: Inspection) -> NDArray[np.bool_]:
-    """(frames, feet) whether the heel or the tip of each sole moves as the ground does."""
+    """Tell whether the heel or the tip of each sole moves as the ground does.
+
+    Parameters
+    ----------
+    inspection : forces beside the motion
+
+    Returns
+    -------
+    (frames, feet)
+    """
     feet = inspection.feet
     loaded = inspection.samples.loaded[:, inspection.numbers].any(axis=1)
     moving = []
@@ -291,7 +374,16 @@ def standing(inspection: Inspection) -> NDArray[np.bool_]:
 
 
 def belt_velocity(inspection: Inspection) -> Array:
-    """Velocity of the ground under loaded feet (3,), zero but on a treadmill [m/s]."""
+    """Velocity of the ground under loaded feet, zero but on a treadmill.
+
+    Parameters
+    ----------
+    inspection : forces beside the motion
+
+    Returns
+    -------
+    (3,) [m/s]
+    """
     feet = inspection.feet
     velocities = np.concatenate(
         [np.gradient(points, feet.time, axis=0) for points in feet.soles], axis=1
@@ -300,8 +392,16 @@ def belt_velocity(inspection: Inspection) -> Array:
 
 
 def ground_velocity(velocities: Array, loaded: np.ndarray | np.bool_) -> Array:
-    """The same by the slowest of some points of feet (frames, points, 3) in frames (frames,) with a
-    load [m/s].
+    """Velocity of the ground by the slowest of some points of feet in frames with a load.
+
+    Parameters
+    ----------
+    velocities : (frames, points, 3) [m/s]
+    loaded : (frames,)
+
+    Returns
+    -------
+    (3,) [m/s], zero below `BELT`
     """
     if not loaded.any():
         return np.zeros(3)
@@ -312,9 +412,18 @@ def ground_velocity(velocities: Array, loaded: np.ndarray | np.bool_) -> Array:
 
 
 def supported(inspection: Inspection) -> NDArray[np.bool_]:
-    """Frames (frames,) in which every foot that stands does so on a plate, and one does.
+    """Find frames in which every foot that stands does so on a plate, and one does.
+
     A stance counts as a whole, so that the frames hardly depend on the clock of the forces; where
     one begins or ends that no plate carries, frames around are left out.
+
+    Parameters
+    ----------
+    inspection : forces beside the motion
+
+    Returns
+    -------
+    (frames,)
     """
     feet = inspection.feet
     step = float(np.median(np.diff(feet.time)))
@@ -334,7 +443,7 @@ def supported(inspection: Inspection) -> NDArray[np.bool_]:
 
 
 def _carries(inspection: Inspection) -> NDArray[np.bool_]:
-    """(frames, feet) whether a plate carries each foot."""
+    """Tell when a plate carries each foot (frames, feet)."""
     feet = inspection.feet
     result = np.zeros((len(feet.time), len(feet.feet)), bool)
     distances = feet.distances(inspection.samples.centers(feet.up)[:, inspection.numbers])
@@ -350,7 +459,7 @@ def _carries(inspection: Inspection) -> NDArray[np.bool_]:
 
 
 def _bridged(flags: NDArray[np.bool_], pause: int) -> NDArray[np.bool_]:
-    """The flags (frames,) with gaps of so many frames or fewer closed."""
+    """Close gaps of so many frames or fewer in flags (frames,)."""
     flags = flags.copy()
     for start, stop in runs(~flags):
         if start > 0 and stop < len(flags) and stop - start <= pause:

@@ -1,6 +1,4 @@
-"""Checks of where external forces act: units and origins of points and moments, wrong feet, plates
-under two feet.
-"""
+"""Checks of where external forces act: units, origins of moments, wrong feet, shared plates."""
 
 from __future__ import annotations
 
@@ -12,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.core.contact.assign import shared_out
+from myomorph.core.contact.assign import Part, shared_out
 from myomorph.core.contact.force_inspection import (
     Change,
     Inspection,
@@ -24,24 +22,32 @@ from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.findings import Finding, Repair
 from myomorph.core.model.series import Wrenches
 
-# A center of pressure that lies nearer to the middle line of a human sole, on average, is under it
-# [m]
 NEAR = 0.09
-FITS = 0.07  # So near must it come by what is put right [m]
-FAR = 0.15  # One that lies farther from every foot is under none [m]
-MARKED = 0.35  # Share of the distance before that may be left by what is put right
-# A center of pressure farther from both soles, and between them, is that of two feet [m]
+"""A center of pressure nearer to the middle line of a human sole is under it [m]."""
+FITS = 0.07
+"""So near must it come by what is put right [m]."""
+FAR = 0.15
+"""One that lies farther from every foot is under none [m]."""
+MARKED = 0.35
+"""Share of the distance before that may be left by what is put right."""
 BETWEEN = 0.06
-SHARED = 0.1  # Time from which a plate is called shared [s]
-MILLI = 2.0  # Moment over force of a human foot beyond which the moment may be in N mm [m]
-LARGE = 0.5  # The same, for moments of a force whose points are in mm [m]
-SWINGS = 0.4  # A foot that stands in a smaller share of a step swings
-FIRM = 0.4  # Share of the weight that two feet on one plate carry at least
-NO_FOOT = "under no foot"  # Kind of a finding: a force that acts under no foot that stands
+"""A center of pressure farther from both soles, and between them, is that of two feet [m]."""
+SHARED = 0.1
+"""Time from which a plate is called shared [s]."""
+MILLI = 2.0
+"""Moment over force of a human foot beyond which the moment may be in N mm [m]."""
+LARGE = 0.5
+"""The same, for moments of a force whose points are in mm [m]."""
+SWINGS = 0.4
+"""A foot that stands in a smaller share of a step swings."""
+FIRM = 0.4
+"""Share of the weight that two feet on one plate carry at least."""
+NO_FOOT = "under no foot"
+"""Kind of a finding: a force that acts under no foot that stands."""
 
 
 class Remedy(NamedTuple):
-    """A fault that forces may have, and what puts it right."""
+    """A fault that forces may have, and the change that corrects it."""
 
     kind: str
     text: str
@@ -51,9 +57,7 @@ class Remedy(NamedTuple):
 
 
 def check_origins(inspection: Inspection) -> Iterator[Finding]:
-    """Centers of pressure far from every foot, which other units or another origin of the moments
-    explain.
-    """
+    """Find centers of pressure far from every foot, which other units or origins explain."""
     unit = inspection.feet.unit
     for number in inspection.numbers:
         before = inspection.misfit(number)
@@ -74,85 +78,107 @@ def check_origins(inspection: Inspection) -> Iterator[Finding]:
 
 
 def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
-    """What units and origins of one force may be, other than those of the file."""
-    weights = inspection.weights(number)
-    loaded = weights > 0.0
+    """Units and origins that one force may have, other than those of the file."""
+    loaded = inspection.weights(number) > 0.0
     if not loaded.any():
         return []
     samples = inspection.samples
     name = inspection.name(number)
+    unit = inspection.feet.unit
     force = samples.forces[loaded, number]
     point = samples.points[loaded, number]
     torque = samples.torques[loaded, number]
+    arms = np.linalg.norm(torque, axis=1) / np.linalg.norm(force, axis=1)
     away = float(np.median(np.linalg.norm(point, axis=1)))
-    arm = float(np.median(np.linalg.norm(torque, axis=1) / np.linalg.norm(force, axis=1)))
-    large = float(np.percentile(np.linalg.norm(torque, axis=1) / np.linalg.norm(force, axis=1), 90))
-    worst = float(np.linalg.norm(torque, axis=1).max())
     remedies = []
     if away > 5.0:
-        text = f"points of force '{name}' lie {away:.3g} m from the origin, the feet do not"
         # A free moment is at most a few centimetres of a foot's force; one of metres is in the same
         # unit.
-        also = " and moments" if large > LARGE * inspection.feet.unit else ""
-        for factor, word in ((1e-3, "mm"), (1e-2, "cm")):
-            done = f"its points{also} were taken as {word}"
-            advice = f"are its points{also} in {word}?"
-            remedies.append(
-                Remedy(
-                    kind=f"{word} for m",
-                    text=text,
-                    done=done,
-                    advice=advice,
-                    change=_scaled(factor, factor if also else 1.0),
-                )
-            )
-    if arm < 0.05 * inspection.feet.unit:
+        moments_too = float(np.percentile(arms, 90)) > LARGE * unit
+        remedies += _other_units(name, away, moments_too)
+    arm = float(np.median(arms))
+    if arm < 0.05 * unit:
         return remedies
+    worst = float(np.linalg.norm(torque, axis=1).max())
     text = f"the moment of force '{name}' about its center of pressure is up to {worst:.4g} N m"
     origin = _origin(force, point, torque)
     where = ", ".join(f"{item:.3f}" for item in origin)
     for place, about in ((np.zeros(3), "the ground's origin"), (origin, f"the point ({where}) m")):
-        done = f"it is that about {about}, and was taken so"
-        advice = f"it is that about {about}; give the one about the center of pressure"
         remedies.append(
             Remedy(
                 kind="moments about another origin",
                 text=text,
-                done=done,
-                advice=advice,
+                done=f"it is that about {about}, and was taken so",
+                advice=f"it is that about {about}; give the one about the center of pressure",
                 change=partial(_about, place),
             )
         )
-    if arm > MILLI * inspection.feet.unit:
-        done = "its moments were taken as N mm"
-        advice = "are they N mm?"
+    if arm > MILLI * unit:
         remedies.append(
             Remedy(
-                kind="N mm for N m", text=text, done=done, advice=advice, change=_scaled(1.0, 1e-3)
+                kind="N mm for N m",
+                text=text,
+                done="its moments were taken as N mm",
+                advice="are they N mm?",
+                change=_scaled(1.0, 1e-3),
             )
         )
     return remedies
 
 
+def _other_units(name: str, away: float, moments_too: bool) -> list[Remedy]:
+    """Points, and maybe moments, in mm or cm; `away` their distance from the origin as read."""
+    also = " and moments" if moments_too else ""
+    return [
+        Remedy(
+            kind=f"{word} for m",
+            text=f"points of force '{name}' lie {away:.3g} m from the origin, the feet do not",
+            done=f"its points{also} were taken as {word}",
+            advice=f"are its points{also} in {word}?",
+            change=_scaled(factor, factor if moments_too else 1.0),
+        )
+        for factor, word in ((1e-3, "mm"), (1e-2, "cm"))
+    ]
+
+
 def _about(origin: Array, force: Array, point: Array, torque: Array) -> tuple[Array, Array, Array]:
-    """A force whose moment was about an origin (3,), with that about its center of pressure."""
+    """Move the moment of a force from an origin (3,) to its center of pressure.
+
+    Parameters
+    ----------
+    force, point, torque : (..., 3) [N], [m], [N m]
+
+    Returns
+    -------
+    (..., 3) each
+    """
     return force, point, torque - np.cross(point - origin, force)
 
 
 def _scaled(points: float, moments: float) -> Change:
-    """The change that multiplies points and moments."""
+    """Make the change that multiplies points and moments."""
     return lambda force, point, torque: (force, points * point, moments * torque)
 
 
 def _origin(force: Array, point: Array, torque: Array) -> Array:
-    """The point that moments are about (3,), by least squares: torque = (point - origin) x force
-    [m].
+    """Point that moments are about, by least squares: torque = (point - origin) x force.
+
+    Parameters
+    ----------
+    force, point, torque : (samples, 3) [N], [m], [N m]
+
+    Returns
+    -------
+    (3,) [m]
     """
     rows = np.zeros((len(force), 3, 3))
     # force x origin, as a matrix on the origin
-    rows[:, 0, 1], rows[:, 0, 2] = -force[:, 2], force[:, 1]
-    rows[:, 1, 0], rows[:, 1, 2] = force[:, 2], -force[:, 0]
-    rows[:, 2, 0], rows[:, 2, 1] = -force[:, 1], force[:, 0]
+    rows[:, 0, 1] = -force[:, 2]
+    rows[:, 0, 2] = force[:, 1]
+    rows[:, 1, 0] = force[:, 2]
+    rows[:, 1, 2] = -force[:, 0]
+    rows[:, 2, 0] = -force[:, 1]
+    rows[:, 2, 1] = force[:, 0]
     matrix = rows.reshape(-1, 3)
     # Along the mean force the origin says nothing: a weak pull to 0 settles it.
     weak = 1e-3 * float(np.linalg.norm(matrix))
@@ -165,7 +191,7 @@ def _origin(force: Array, point: Array, torque: Array) -> Array:
 
 
 def check_feet(inspection: Inspection) -> Iterator[Finding]:
-    """Forces on one foot whose center of pressure lies under another, or under none."""
+    """Find forces on one foot whose center of pressure lies under another, or under none."""
     feet = inspection.feet
     unit = inspection.feet.unit
     stands = standing(inspection)
@@ -213,8 +239,9 @@ def check_feet(inspection: Inspection) -> Iterator[Finding]:
 
 
 def _swings(stands: NDArray[np.bool_], foot: int, own: int) -> bool:
-    """Whether a foot is in the air in most frames of a step while another one stands: it does not
-    carry the load.
+    """Tell whether a foot is in the air in most frames of a step while another one stands.
+
+    Then it does not carry the load; `stands` (frames, feet).
     """
     return bool(stands[:, foot].mean() < SWINGS and stands[:, own].mean() > 1.0 - SWINGS)
 
@@ -222,7 +249,13 @@ def _swings(stands: NDArray[np.bool_], foot: int, own: int) -> bool:
 def _wrong_foot(
     inspection: Inspection, number: int, steps: list[tuple[slice, int | None]], distances: Array
 ) -> Finding:
-    """A force that is put on a foot while it acts under another in some steps."""
+    """Name a force that is put on a foot while it acts under another in some steps.
+
+    Parameters
+    ----------
+    steps : frames of each, and the foot that carries it where it is another one
+    distances : (frames, feet) [m]
+    """
     feet = inspection.feet
     name = inspection.name(number)
     body = inspection.wrenches.bodies[number]
@@ -254,7 +287,7 @@ def _wrong_foot(
 
 
 def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Array) -> Finding:
-    """A force under no foot; `distances` (frames, feet) has NaN where a foot is in the air."""
+    """Name a force under no foot; `distances` (frames, feet), NaN of feet in the air."""
     here = np.concatenate([np.arange(span.start, span.stop) for span in spans])
     near = float(np.nanmean(np.nanmin(distances[here], axis=1)))
     name = inspection.name(number)
@@ -270,26 +303,46 @@ def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Ar
 def on_carriers(
     wrenches: Wrenches, name: str, carriers: tuple[str, ...], edges: list[float]
 ) -> Wrenches:
-    """Each step of a wrench on its own body, as a wrench for each; `carriers` by step, `edges`
-    between steps [s].
+    """Put each step of a wrench on its own body, as a wrench for each.
+
+    Parameters
+    ----------
+    wrenches : at their own times
+    name : of the wrench
+    carriers : bodies, by step
+    edges : times between steps [s]
     """
     index = wrenches.names.index(name)
-    met = tuple(dict.fromkeys(carriers))
+    bodies = tuple(dict.fromkeys(carriers))
     step = np.searchsorted(edges, wrenches.time)
     always = np.ones(len(wrenches), bool)
-    acts = np.array([[carrier == body for carrier in carriers] for body in met])[:, step]
+    acts = np.array([[carrier == body for carrier in carriers] for body in bodies])[:, step]
     parts = [
-        (number, label, wrenches.bodies[number], always)
-        for number, label in enumerate(wrenches.names)
+        Part(number=number, name=other, body=wrenches.bodies[number], acts=always)
+        for number, other in enumerate(wrenches.names)
     ]
-    labels = [name] if len(met) == 1 else [f"{name}_{body}" for body in met]
-    parts[index : index + 1] = [(index, *part) for part in zip(labels, met, acts, strict=True)]
+    parts[index : index + 1] = [
+        Part(
+            number=index,
+            name=name if len(bodies) == 1 else f"{name}_{body}",
+            body=body,
+            acts=acts[row],
+        )
+        for row, body in enumerate(bodies)
+    ]
     return shared_out(wrenches, parts)
 
 
 def _between(inspection: Inspection, distances: Array) -> NDArray[np.bool_]:
-    """Frames (frames,) in which a center of pressure lies between two soles, by its distances
-    (frames, feet).
+    """Tell when a center of pressure lies between two soles.
+
+    Parameters
+    ----------
+    distances : (frames, feet) of the center of pressure [m]
+
+    Returns
+    -------
+    (frames,)
     """
     feet = inspection.feet
     if len(feet.feet) < 2:
@@ -305,7 +358,7 @@ def _between(inspection: Inspection, distances: Array) -> NDArray[np.bool_]:
 
 
 def check_shared_plates(inspection: Inspection) -> Iterator[Finding]:
-    """Plates that two feet stand on at once: their center of pressure lies between the soles."""
+    """Find plates that two feet stand on: the center of pressure lies between the soles."""
     feet = inspection.feet
     if len(feet.feet) < 2:
         return

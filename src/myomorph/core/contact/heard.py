@@ -1,6 +1,4 @@
-"""Contacts that microphones heard: impacts on instruments as contact intervals and short forces on
-what strikes.
-"""
+"""Contacts that microphones heard: impacts as contact intervals and as short forces."""
 
 from __future__ import annotations
 
@@ -56,14 +54,20 @@ class SoundPlan:
 
 @dataclass(frozen=True, eq=False)
 class Heard:
-    """Impacts as contacts and forces."""
+    """Impacts as contacts and forces.
+
+    Attributes
+    ----------
+    impacts : forces on bodies at the motion's times
+    sites : names of the sites that strike
+    """
 
     contacts: Contacts
-    impacts: Wrenches  # forces on bodies at the motion's times
-    sites: tuple[str, ...]  # names of the sites that strike
+    impacts: Wrenches
+    sites: tuple[str, ...]
 
 
-def heard_contacts(
+def heard_contacts(  # page: a recording of sound and of motion, with its filter
     plan: SoundPlan,
     model: Model,
     motion: Motion,
@@ -71,41 +75,46 @@ def heard_contacts(
     recorded: Motion,
     cutoff: float | None,
 ) -> Heard:
-    """Impacts during a motion, each at the site that struck.
-    `recorded`: the motion before it was filtered: a filter takes most of a impact's change of
-    velocity away; `cutoff`: of that filter, which the forces go through too [Hz].
+    """Find impacts during a motion, each at the site that struck.
+
+    Parameters
+    ----------
+    plan : the recording of impacts
+    model : of the body that strikes
+    motion : filtered, whose times forces have
+    sites : that may strike
+    recorded : the motion before it was filtered: a filter takes most of an impact's change of
+        velocity away
+    cutoff : of that filter, which the forces go through too [Hz]
     """
     sound = plan.sound
-    result: tuple[str, ...] = ()
+    notes: list[str] = []
     if plan.find_clock:
-        clock = sound_clock(
-            hear_impacts(sound, plan.instruments, plan.speed), model, recorded, sites
-        )
+        impacts_heard = hear_impacts(sound, plan.instruments, plan.speed)
+        clock = sound_clock(impacts_heard, model, recorded, sites)
         sound = replace(sound, start=sound.start + clock.shift)
-        result = (
-            (
-                f"the sound begins at {sound.start:.3f} s of the motion, as {clock.impacts} impacts"
-                f" show ({clock.ratio:.1f} times better than the next best time)"
-            ),
+        notes.append(
+            f"the sound begins at {sound.start:.3f} s of the motion, as {clock.impacts} impacts"
+            f" show ({clock.ratio:.1f} times better than the next best time)"
         )
     heard = hear_impacts(sound, plan.instruments, plan.speed, np.asarray(recorded.time))
     struck = striking_sites(heard, model, recorded, sites)
-    own = tuple(dict.fromkeys(name for instrument in plan.instruments for name in instrument.sites))
     inside = HeardImpacts(
         heard.instruments, tuple(heard.impacts[number] for number in struck), heard.warnings
     )
     contacts = contacts_heard(inside, tuple(struck.values()), plan.pulse)
-    warned: tuple[str, ...] = ()
+    notes += contacts.warnings
     if plan.impulse == "motion":
         impacts = _impacts_by_motion(plan, heard, struck, model, recorded, sites)
     else:
         laws = calibration_pairs(heard, plan.known)
-        impacts, warned = impacts_from_sound(heard, laws, struck, plan.directions)
-    forces = impact_wrenches(impacts, model, motion, sites, plan.pulse, cutoff)
+        impacts, warnings = impacts_from_sound(heard, laws, struck, plan.directions)
+        notes += warnings
+    names = [name for instrument in plan.instruments for name in instrument.sites]
     return Heard(
-        Contacts(contacts.sites, contacts.intervals, (*result, *contacts.warnings, *warned)),
-        forces,
-        own,
+        contacts=Contacts(contacts.sites, contacts.intervals, tuple(notes)),
+        impacts=impact_wrenches(impacts, model, motion, sites, plan.pulse, cutoff),
+        sites=tuple(dict.fromkeys(names)),
     )
 
 
@@ -117,7 +126,13 @@ def _impacts_by_motion(
     motion: Motion,
     sites: Sequence[Site],
 ) -> tuple[Impact, ...]:
-    """Impulses as effective mass times change of velocity, along each instrument's direction."""
+    """Impulses as effective mass times change of velocity, along each instrument's direction.
+
+    Parameters
+    ----------
+    struck : site by place in `heard.impacts`
+    motion : before it was filtered
+    """
     by_name = {site.name: site for site in sites}
     results = []
     for index, name in struck.items():

@@ -1,10 +1,14 @@
-"""Impacts as forces: impulse from loudness or from motion, and short pulses on the body that holds
-the stick.
+"""Impacts as forces: impulse from loudness or from motion, and short pulses on what strikes.
 
-p = e^a E^b    from the energy E of the sound, calibrated with impacts of known impulse; the
-pressure that a struck membrane sends out grows with the impulse, so b is near 1/2 p = m dv
-from the change of velocity dv of the tip and the mass m it strikes with, m = 1 / (d^T J M^-1 J^T d)
-(Khatib 1995, effective mass of a point along d)
+    p = e^a E^b
+
+from the energy E of the sound, calibrated with impacts of known impulse; the pressure that a struck
+membrane sends out grows with the impulse, so b is near 1/2;
+
+    p = m dv,   m = 1 / (d^T J M^-1 J^T d)
+
+from the change of velocity dv of the tip and the mass m it strikes with (Khatib 1995, effective
+mass of a point along d).
 """
 
 from __future__ import annotations
@@ -42,31 +46,54 @@ TOUCH = 0.006
 
 @dataclass(frozen=True)
 class ImpulseLaw:
-    """Impulse of a impact from the energy of its sound: p = scale E^exponent."""
+    """Impulse of an impact from the energy of its sound: p = scale E^exponent.
 
-    scale: float  # impulse at an energy of 1 [N s]
-    exponent: float  # 1/2 for an instrument that answers linearly
-    error: float  # standard deviation of log p about the law: a share, 0.1 for 10 %
-    # lowest, highest: energies of the calibration impacts
+    Attributes
+    ----------
+    scale : impulse at an energy of 1 [N s]
+    exponent : 1/2 for an instrument that answers linearly
+    error : standard deviation of log p about the law: a share, 0.1 for 10 %
+    lowest, highest : energies of the calibration impacts
+    impacts : how many there were
+    """
+
+    scale: float
+    exponent: float
+    error: float
     lowest: float
     highest: float
-    impacts: int  # how many there were
+    impacts: int
 
     def impulse(self, energy: ArrayLike) -> Array:
-        """[N s], of energies of any shape; 0 of 0."""
+        """Impulse of energies; 0 of 0.
+
+        Parameters
+        ----------
+        energy : of any shape [full scale^2 s]
+
+        Returns
+        -------
+        as the energies [N s]
+        """
         return self.scale * np.maximum(np.asarray(energy, dtype=np.float64), 0.0) ** self.exponent
 
     def covers(self, energy: float) -> bool:
-        """Whether an energy lies among those calibrated on, a factor of 2 (6 dB in power: 3) around
-        them allowed.
-        """
+        """Tell whether an energy lies among those calibrated on, by a factor of 2 (3 dB)."""
         return 0.5 * self.lowest <= energy <= 2.0 * self.highest
 
 
 def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike) -> ImpulseLaw:
-    """The law through impacts of known impulse, a straight line of log p over log E.
-    `energies`, `impulses` (impacts,) of one instrument [full scale^2 s], [N s]; the exponent is
-    drawn towards 1/2 where they hardly differ.
+    """Fit the law through impacts of known impulse, a straight line of log p over log E.
+
+    The exponent is drawn towards 1/2 where energies hardly differ.
+
+    Parameters
+    ----------
+    energies, impulses : (impacts,) of one instrument [full scale^2 s], [N s]
+
+    Raises
+    ------
+    BadData : another number of both, none, or one that is not above 0
     """
     E = np.atleast_1d(np.asarray(energies, float))
     p = np.atleast_1d(np.asarray(impulses, float))
@@ -84,10 +111,10 @@ def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike) -> ImpulseLaw:
     across = x - x.mean()
     slope = float((across @ y + PRIOR * LINEAR) / (across @ across + PRIOR))
     offset = float(np.mean(y - slope * x))
-    left = len(E) - 2
-    error = (
-        float(np.sqrt(np.sum((y - offset - slope * x) ** 2) / left)) if left > 0 else float("nan")
-    )
+    degrees = len(E) - 2
+    error = float("nan")
+    if degrees > 0:
+        error = float(np.sqrt(np.sum((y - offset - slope * x) ** 2) / degrees))
     return ImpulseLaw(
         scale=float(np.exp(offset)),
         exponent=slope,
@@ -101,9 +128,18 @@ def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike) -> ImpulseLaw:
 def calibration_pairs(
     heard: HeardImpacts, known: Mapping[str, Sequence[tuple[float, float]]]
 ) -> dict[str, ImpulseLaw]:
-    """A law for each instrument from impacts of known time and impulse.
-    `known`: instrument to (time [s], impulse [N s]) of each impact; the nearest heard one within 50
-    ms is it.
+    """Fit a law for each instrument to impacts of known time and impulse.
+
+    Parameters
+    ----------
+    heard : impacts on the clock of the known ones
+    known : instrument to (time [s], impulse [N s]) of each impact; the nearest heard one within 50
+        ms is it
+
+    Raises
+    ------
+    BadData : none of the known impacts on an instrument was heard
+    UnknownName : an instrument was not recorded
     """
     laws = {}
     for name, entries in known.items():
@@ -125,11 +161,31 @@ def calibration_pairs(
 def effective_mass(
     model: Model, motion: Motion, body: str, point: ArrayLike, direction: ArrayLike
 ) -> Array:
-    """Mass (frames,) with which a point of a body meets an impact along a direction [kg].
-    1 / (d^T J M^-1 J^T d) over the coordinates that are free, couplers and loops kept, joints taken
-    as loose: over a few milliseconds an impact outruns what muscles hold. It is inf where the point
-    cannot move that way. `point` (3,) in the body's frame [m]; `direction` (3,) or (frames, 3) in
-    ground.
+    """Mass with which a point of a body meets an impact along a direction.
+
+        m = 1 / (d^T J M^-1 J^T d)
+
+    over the coordinates that are free, couplers and loops kept, joints taken as loose: over a few
+    milliseconds an impact outruns what muscles hold. It is inf where the point cannot move that
+    way.
+
+    Source: Khatib 1995.
+
+    Parameters
+    ----------
+    model : of the body
+    motion : coordinates over time
+    body : its name
+    point : (3,) in the body's frame [m]
+    direction : (3,) or (frames, 3) in ground
+
+    Returns
+    -------
+    (frames,) [kg]
+
+    Raises
+    ------
+    BadModel : coordinates move no mass
     """
     tree = compile_tree(model)
     b = tree.body_number(body)
@@ -157,12 +213,20 @@ def effective_mass(
 
 @read_only
 class Impact:
-    """A short force on a body at one of its sites."""
+    """A short force on a body at one of its sites.
 
-    site: str  # name
-    time: float  # when it begins [s]
-    impulse: float  # [N s]
-    direction: Array  # (3,) of the force on the body, in ground (made a unit vector)
+    Attributes
+    ----------
+    site : its name
+    time : when it begins [s]
+    impulse : [N s]
+    direction : (3,) of the force on the body, in ground (made a unit vector)
+    """
+
+    site: str
+    time: float
+    impulse: float
+    direction: Array
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -179,8 +243,20 @@ class Impact:
 def striking_sites(
     heard: HeardImpacts, model: Model, motion: Motion, sites: Sequence[Site]
 ) -> dict[int, str]:
-    """Site that made each impact, by its place in `heard.impacts`: the one whose velocity changed
-    most then. Impacts outside the motion, or on an instrument without a site, are left out.
+    """Find the site that made each impact: the one whose velocity changed most then.
+
+    Impacts outside the motion, or on an instrument without a site, are left out.
+
+    Parameters
+    ----------
+    heard : impacts on the motion's clock
+    model : of the body that strikes
+    motion : coordinates over time
+    sites : that may strike
+
+    Returns
+    -------
+    names by place in `heard.impacts`
     """
     by_name = {site.name: site for site in sites}
     possible = {instrument.name: instrument.sites for instrument in heard.instruments}
@@ -192,19 +268,33 @@ def striking_sites(
     result = {}
     for index, impact in enumerate(heard.impacts):
         names = possible[impact.instrument]
-        if names and motion.time[0] <= impact.time <= motion.time[-1]:
-            result[index] = max(
-                names,
-                key=lambda one: float(np.linalg.norm(_jump(motion.time, tips[one], impact.time))),
-            )
+        if not names or not motion.time[0] <= impact.time <= motion.time[-1]:
+            continue
+        changes = {
+            name: float(np.linalg.norm(_jump(motion.time, tips[name], impact.time)))
+            for name in names
+        }
+        result[index] = max(changes, key=changes.__getitem__)
     return result
 
 
 def velocity_change(model: Model, motion: Motion, site: Site, time: float) -> Array:
-    """Change of a site's velocity (3,) in an impact at `time`, in ground [m/s].
+    """Change of a site's velocity in an impact.
+
     Between straight lines through its places in the 30 ms before and after it touches. Motion
     capture smooths an impact over its frames and its filter, so this is too small where either is
     slow.
+
+    Parameters
+    ----------
+    model : of the body
+    motion : coordinates over time
+    site : that strikes
+    time : of the impact [s]
+
+    Returns
+    -------
+    (3,) in ground [m/s]
     """
     return _jump(motion.time, site_places(model, motion, site), time)
 
@@ -215,10 +305,23 @@ def impacts_from_sound(
     sites: Mapping[int, str],
     normals: Mapping[str, ArrayLike],
 ) -> tuple[tuple[Impact, ...], tuple[str, ...]]:
-    """Impacts heard whose site is known, and warnings, one line each.
-    `laws`: of each instrument; `sites`: by place in `heard.impacts`, as `striking_sites` finds;
-    `normals`: instrument to the direction in which it pushes back, in ground; y where it is not
-    named.
+    """Impacts that were heard and whose site is known, with warnings.
+
+    Parameters
+    ----------
+    heard : all impacts
+    laws : of each instrument
+    sites : by place in `heard.impacts`, as `striking_sites` finds
+    normals : instrument to the direction in which it pushes back, in ground; y where it is not
+        named
+
+    Returns
+    -------
+    impacts, and warnings, one line each
+
+    Raises
+    ------
+    UnknownName : an instrument has no law
     """
     result = []
     beyond = []
@@ -247,7 +350,7 @@ def impacts_from_sound(
     return tuple(result), tuple(warnings)
 
 
-def impact_wrenches(
+def impact_wrenches(  # page: a pulse and a filter beside what strikes
     impacts: Sequence[Impact],
     model: Model,
     motion: Motion,
@@ -255,24 +358,34 @@ def impact_wrenches(
     duration: float = 0.008,
     cutoff: float | None = None,
 ) -> Wrenches:
-    """Blows as external loads at the motion's times, one for each site that was struck.
-    `duration`: of a half-sine pulse [s]; on a slower clock the pulse is as wide as the clock can
-    carry; `cutoff`: low-pass that the motion went through [Hz]: its accelerations are spread over
-    an impact, and so must the force be that balances them; None for none.
+    """Impacts as external loads at the motion's times, one for each site that was struck.
+
+    Parameters
+    ----------
+    impacts : on the body
+    model : of the body
+    motion : coordinates over time
+    sites : that may strike
+    duration : of a half-sine pulse [s]; on a slower clock the pulse is as wide as the clock can
+        carry
+    cutoff : low-pass that the motion went through [Hz]: its accelerations are spread over an
+        impact, and so must the force be that balances them; None for none
+
+    Raises
+    ------
+    UnknownName : an impact on a site that does not exist
     """
     by_name = {site.name: site for site in sites}
     for impact in impacts:
         check_name("contact site", impact.site, by_name, "the model's sites")
     struck = tuple(dict.fromkeys(impact.site for impact in impacts))
-    forces, points = (np.zeros((len(motion), len(struck), 3)) for _ in range(2))
-    for s, name in enumerate(struck):
-        points[:, s] = site_places(model, motion, by_name[name])
-        for impact in impacts:
-            if impact.site == name:
-                forces[:, s] += (
-                    pulse(motion.time, impact.time, impact.impulse, duration)[:, None]
-                    * impact.direction
-                )
+    forces = np.zeros((len(motion), len(struck), 3))
+    points = np.zeros((len(motion), len(struck), 3))
+    for column, name in enumerate(struck):
+        points[:, column] = site_places(model, motion, by_name[name])
+    for impact in impacts:
+        size = pulse(motion.time, impact.time, impact.impulse, duration)
+        forces[:, struck.index(impact.site)] += size[:, None] * impact.direction
     if cutoff is not None and struck:
         forces = lowpass(forces, motion.rate, cutoff)
     bodies = tuple(by_name[name].body for name in struck)
@@ -287,13 +400,27 @@ def impact_wrenches(
 
 
 def pulse(time: Array, start: float, impulse: float, duration: float) -> Array:
-    """A half-sine of force (frames,) that keeps its impulse and its middle on any clock [N].
-    Frame k gets the mean of the pulse under its hat function, the straight lines up from the frame
+    """Make a half-sine of force that keeps its impulse and its middle on any clock.
+
+    A frame gets the mean of the pulse under its hat function, the straight lines up from the frame
     before and down to the frame after. The hats add up to 1 and reproduce t, so that sums by the
     trapezoidal rule of F and t F are the integrals exactly, whatever the frame rate; a pulse
     between two frames becomes the two forces that balance at its middle. What lies beyond the
-    clock's ends is lost. `time` (frames,) ascending [s]; `start`, `impulse`, `duration` [s], [N s],
-    [s].
+    clock's ends is lost.
+
+    Parameters
+    ----------
+    time : (frames,) ascending [s]
+    start, duration : of the pulse [s]
+    impulse : [N s]
+
+    Returns
+    -------
+    (frames,) [N]
+
+    Raises
+    ------
+    BadData : a duration that is not above 0, or fewer than two frames
     """
     if not duration > 0.0:
         raise BadData(f"a pulse of {duration:g} s: expected above 0")
@@ -309,7 +436,17 @@ def pulse(time: Array, start: float, impulse: float, duration: float) -> Array:
 
 
 def _integrals(since: Array, impulse: float, duration: float) -> tuple[Array, Array]:
-    """First and second integral of a half-sine that begins at 0, at the times `since`."""
+    """First and second integral of a half-sine that begins at 0.
+
+    Parameters
+    ----------
+    since : (frames,) times [s]
+    impulse, duration : [N s], [s]
+
+    Returns
+    -------
+    (frames,) [N s] and (frames,) [N s^2]
+    """
     s = np.clip(since, 0.0, duration)
     angle = np.pi * s / duration
     first = 0.5 * impulse * (1.0 - np.cos(angle))
@@ -320,7 +457,18 @@ def _integrals(since: Array, impulse: float, duration: float) -> tuple[Array, Ar
 
 
 def site_places(model: Model, motion: Motion, site: Site) -> Array:
-    """Middle of a site (frames, 3) in ground [m]."""
+    """Middle of a site over a motion.
+
+    Parameters
+    ----------
+    model : of the body
+    motion : coordinates over time
+    site : on the body
+
+    Returns
+    -------
+    (frames, 3) in ground [m]
+    """
     tree = compile_tree(model)
     number = tree.body_number(site.body)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
@@ -328,8 +476,12 @@ def site_places(model: Model, motion: Motion, site: Site) -> Array:
 
 
 def _jump(time: Array, places: Array, at: float) -> Array:
-    """Change of velocity (3,) about a time: between straight lines through the places before and
-    after it.
+    """Change of velocity (3,) about a time, between straight lines through the places around it.
+
+    Parameters
+    ----------
+    time, places : (frames,) [s] and (frames, 3) [m]
+    at : [s]
     """
     before = _velocity(time, places, at - AROUND, at)
     after = _velocity(time, places, at + TOUCH, at + TOUCH + AROUND)
@@ -337,8 +489,14 @@ def _jump(time: Array, places: Array, at: float) -> Array:
 
 
 def _velocity(time: Array, places: Array, start: float, stop: float) -> Array:
-    """Slope (3,) of the straight line through places between two times, a frame more where there
-    are too few.
+    """Slope (3,) of the straight line through places between two times [m/s].
+
+    It is over a frame more where there are too few.
+
+    Parameters
+    ----------
+    time, places : (frames,) [s] and (frames, 3) [m]
+    start, stop : [s]
     """
     step = float(np.median(np.diff(time)))
     chosen = (time >= start - 1e-9) & (time <= stop + 1e-9)
@@ -347,5 +505,5 @@ def _velocity(time: Array, places: Array, start: float, stop: float) -> Array:
         chosen = np.abs(time - middle) <= 1.5 * step
     if chosen.sum() < 2:
         return np.zeros(3)
-    apart = time[chosen] - time[chosen].mean()
-    return apart @ places[chosen] / (apart @ apart)
+    since = time[chosen] - time[chosen].mean()
+    return since @ places[chosen] / (since @ since)

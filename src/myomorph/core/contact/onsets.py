@@ -1,8 +1,8 @@
-"""Onsets in one channel of sound: when something begins to sound, to a fraction of a millisecond,
-and how loud.
+"""Onsets in one channel of sound: when something begins to sound, and how loud.
 
 An onset is where the energy in several bands rises together over what was heard before; its first
-arrival is the sample at which the variance of the signal changes (Maeda 1985).
+arrival is the sample at which the variance of the signal changes (Maeda 1985), to a fraction of a
+millisecond.
 """
 
 from __future__ import annotations
@@ -11,52 +11,75 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.series import Sound
 
-HOP = 0.001  # Step of short-time energies [s]
+HOP = 0.001
+"""Step of short-time energies [s]."""
 AHEAD = 0.005
 BEHIND = 0.025
 APART = 0.001
 """Energy of the next 5 ms is held against that of 25 ms that ended 1 ms ago [s]."""
-WINDOW = 0.006  # Time either side of an onset in which its first arrival is looked for [s]
-SLOWEST = 2000.0  # Rate down to which a signal is thinned [Hz]
+WINDOW = 0.006
+"""Time either side of an onset in which its first arrival is looked for [s]."""
+SLOWEST = 2000.0
+"""Rate down to which a signal is thinned [Hz]."""
 LEARNT = 0.03
-ORDER = 24  # Time before that from which linear prediction is fitted [s], and its order
-QUIET = 0.005  # Time before an onset in which the loudness before is taken [s]
-BLOCK = 0.002  # Time for which one linear prediction is used [s]
-LOWEST = 50.0  # What lies below is left out [Hz]
-RISE = 1.2  # Least rise of the energy that was not foreseen, its natural logarithm: 1.2 is 5 dB
-THRESHOLD = 4.0  # The same in standard deviations that noise alone would have
-REST = 0.05  # Least time between two impacts of one instrument [s]
-HEARD = 0.02  # Time over which the energy of an impact is taken [s]
+ORDER = 24
+"""Time before that from which linear prediction is fitted [s], and its order."""
+QUIET = 0.005
+"""Time before an onset in which the loudness before is taken [s]."""
+BLOCK = 0.002
+"""Time for which one linear prediction is used [s]."""
+LOWEST = 50.0
+"""Frequency below which all is left out [Hz]."""
+RISE = 1.2
+"""Least rise of the energy that was not foreseen, its natural logarithm: 1.2 is 5 dB."""
+THRESHOLD = 4.0
+"""The same in standard deviations that noise alone would have."""
+REST = 0.05
+"""Least time between two impacts of one instrument [s]."""
+HEARD = 0.02
+"""Time over which the energy of an impact is taken [s]."""
 
 
 @dataclass(frozen=True)
 class Onset:
-    """One arrival in one channel."""
+    """One arrival in one channel.
+
+    Attributes
+    ----------
+    time : at the microphone [s]
+    energy : sum of the squared signal over `HEARD`, background taken off [full scale^2 s]
+    background : the same of what was heard before
+    """
 
     channel: str
-    time: float  # at the microphone [s]
-    energy: float  # sum of the squared signal over `HEARD`, background taken off [full scale^2 s]
-    background: float  # the same of what was heard before
+    time: float
+    energy: float
+    background: float
 
 
 @read_only
 class Heard:
-    """One channel without rumble, at its own rate and thinned by 4 again and again, as long as that
-    holds drums.
+    """One channel without rumble, at its own rate and thinned by 4 as often as that holds drums.
+
+    Attributes
+    ----------
+    levels : signal (samples,) and rate [Hz]; soft impacts on a large drum show in the slow ones
+        only
+    start : time of the first sample [s]
     """
 
     channel: str
-    # signal (samples,) and rate [Hz]; soft impacts on a large drum show in the slow ones only
     levels: tuple[tuple[Array, float], ...]
-    start: float  # time of the first sample [s]
+    start: float
 
 
 def listen(sound: Sound, channel: str) -> Heard:
-    """One channel made ready; the filter is causal, so that nothing comes before its cause."""
+    """Make one channel ready; the filter is causal, so that nothing comes before its cause."""
     lowest = min(LOWEST, 0.4 * sound.rate)
     high = scipy.signal.butter(2, lowest, "highpass", fs=sound.rate, output="sos")
     signal = scipy.signal.sosfilt(high, sound[channel].astype(np.float64))
@@ -67,22 +90,14 @@ def listen(sound: Sound, channel: str) -> Heard:
 
 
 def onsets(heard: Heard) -> tuple[Onset, ...]:
-    """Arrivals in one channel, whatever instrument they come from."""
+    """Find arrivals in one channel, whatever instrument they come from."""
     signal, rate = heard.levels[0]
     hops = int(len(signal) / rate / HOP)
     if hops < 100:
         return ()
     table = np.array([_excess(signal, rate, hops) for signal, rate in heard.levels])
-    excess = table.sum(axis=0)
-    # Where nothing has been learnt yet everything is unforeseen, and at the end too little is
-    # heard.
-    excess[: round(LEARNT / HOP)] = excess[-round(AHEAD / HOP) :] = 0.0
-    rest = 2 * round(0.5 * REST / HOP) + 1
-    peaks = np.flatnonzero(
-        (excess > 0.0) & (excess == scipy.ndimage.maximum_filter1d(excess, rest))
-    )
     results: list[Onset] = []
-    for peak in peaks:
+    for peak in _peaks(table.sum(axis=0)):
         # The fastest level that shows it has the time best.
         signal, rate = heard.levels[int(np.argmax(table[:, peak] >= 0.5 * table[:, peak].max()))]
         time = heard.start + _first_arrival(signal, round(peak * HOP * rate), rate) / rate
@@ -96,33 +111,66 @@ def onsets(heard: Heard) -> tuple[Onset, ...]:
     return tuple(results)
 
 
+def _peaks(excess: Array) -> NDArray[np.int64]:
+    """Hops (peaks,) at which an excess (hops,) is largest for a while.
+
+    Where nothing has been learnt yet everything is unforeseen, and at the end too little is heard.
+    """
+    excess[: round(LEARNT / HOP)] = 0.0
+    excess[-round(AHEAD / HOP) :] = 0.0
+    width = 2 * round(0.5 * REST / HOP) + 1
+    largest = scipy.ndimage.maximum_filter1d(excess, width)
+    return np.flatnonzero((excess > 0.0) & (excess == largest))
+
+
 def energy_after(heard: Heard, time: float) -> tuple[float, float]:
     """Energy of what begins at a time, what was heard before taken off, and how much that was.
+
     In the slowest level, what still rings is foreseen by linear prediction and taken off wave by
     wave; of what lies above it, the mean power of the time `QUIET` before.
     """
-    (signal, rate) = heard.levels[0]
-    (slow, slow_rate) = heard.levels[-1]
-    whole, before = _powers(signal, rate, time - heard.start, HEARD)
-    low, low_before = _powers(slow, slow_rate, time - heard.start, HEARD)
-    first = round((time - heard.start) * slow_rate)
-    gap = max(round(APART * slow_rate), 1)
-    learnt = max(int(LEARNT * slow_rate), 8 * ORDER)
-    past = slow[max(first - gap - learnt, 0) : max(first - gap, 0)]
-    length = min(int(HEARD * slow_rate), len(slow) - first)
-    rings = _foreseen(past, gap + length)[gap:]
-    new = float(np.sum((slow[first : first + length] - rings) ** 2)) / slow_rate
+    signal, rate = heard.levels[0]
+    slow, slow_rate = heard.levels[-1]
+    since = time - heard.start
+    energy, before = _powers(signal, rate, since, HEARD)
+    low, low_before = _powers(slow, slow_rate, since, HEARD)
+    new, rings = _without_ringing(slow, slow_rate, since)
     # A prediction that runs away is worse than none.
-    new, low_before = (
-        (new, float(np.sum(rings**2)) / slow_rate) if new < low else (low - low_before, low_before)
-    )
-    above = max(whole - low - max(before - low_before, 0.0), 0.0) if len(heard.levels) > 1 else 0.0
+    if new < low:
+        low_before = rings
+    else:
+        new = low - low_before
+    above = 0.0
+    if len(heard.levels) > 1:
+        above = max(energy - low - max(before - low_before, 0.0), 0.0)
     return new + above, before
 
 
+def _without_ringing(signal: Array, rate: float, since: float) -> tuple[float, float]:
+    """Energy of a stretch without what still rings, and that of the ringing.
+
+    Parameters
+    ----------
+    signal : (samples,)
+    since : when the stretch begins [s]
+    """
+    first = round(since * rate)
+    gap = max(round(APART * rate), 1)
+    learnt = max(int(LEARNT * rate), 8 * ORDER)
+    past = signal[max(first - gap - learnt, 0) : max(first - gap, 0)]
+    length = min(int(HEARD * rate), len(signal) - first)
+    rings = _foreseen(past, gap + length)[gap:]
+    new = float(np.sum((signal[first : first + length] - rings) ** 2)) / rate
+    return new, float(np.sum(rings**2)) / rate
+
+
 def _powers(signal: Array, rate: float, since: float, length: float) -> tuple[float, float]:
-    """Energy of a stretch that begins at `since`, and that of one as long by the power of the time
-    `QUIET` before.
+    """Energy of a stretch, and that of one as long by the power of the time `QUIET` before.
+
+    Parameters
+    ----------
+    signal : (samples,)
+    since, length : when the stretch begins, and how long it is [s]
     """
     first = round(since * rate)
     count = int(length * rate)
@@ -133,8 +181,11 @@ def _powers(signal: Array, rate: float, since: float, length: float) -> tuple[fl
 
 
 def _foreseen(past: Array, count: int) -> Array:
-    """How a signal goes on for `count` samples by linear prediction from its past; silence where
-    that is too short.
+    """Continue a signal (samples,) by linear prediction, by silence where it is short.
+
+    Returns
+    -------
+    (count,)
     """
     if len(past) < 4 * ORDER:
         return np.zeros(count)
@@ -146,7 +197,7 @@ def _foreseen(past: Array, count: int) -> Array:
 
 
 def _prediction(past: Array) -> Array:
-    """Weights (ORDER,) of the samples before in the linear prediction that fits a stretch best."""
+    """Weights (ORDER,) of earlier samples in the linear prediction that fits a stretch best."""
     rows = np.lib.stride_tricks.sliding_window_view(past, ORDER + 1)
     gram = rows[:, :-1].T @ rows[:, :-1]
     gram[np.diag_indices(ORDER)] += 1e-6 * np.trace(gram) / ORDER + 1e-300
@@ -154,8 +205,14 @@ def _prediction(past: Array) -> Array:
 
 
 def _excess(signal: Array, rate: float, hops: int) -> Array:
-    """By how much the rise of unforeseen energy passes its threshold (hops,).
+    """Excess of the rise of unforeseen energy over its threshold (hops,).
+
     The rise is log(energy ahead / energy behind), both with the quiet of the whole recording added.
+
+    Parameters
+    ----------
+    signal : (samples,)
+    hops : number of steps of `HOP`
     """
     ahead = round(AHEAD / HOP)
     behind = round(BEHIND / HOP)
@@ -178,9 +235,18 @@ def _excess(signal: Array, rate: float, hops: int) -> Array:
 
 
 def _innovation(signal: Array, rate: float) -> Array:
-    """What linear prediction does not foresee (samples,): each block by a model of the `LEARNT`
-    before it. Ringing drums and hum are foreseen, a new impact is not (Glover, Lazzarini and
-    Timoney 2011).
+    """Rest of a signal that linear prediction does not foresee, by blocks.
+
+    Each block has a model of the `LEARNT` before it. Ringing drums and hum are foreseen, a new
+    impact is not (Glover, Lazzarini and Timoney 2011).
+
+    Parameters
+    ----------
+    signal : (samples,)
+
+    Returns
+    -------
+    (samples,)
     """
     block = max(int(BLOCK * rate), 1)
     learnt = max(int(LEARNT * rate), 8 * ORDER)
@@ -208,9 +274,15 @@ def _innovation(signal: Array, rate: float) -> Array:
 
 def _first_arrival(signal: Array, near: int, rate: float) -> int:
     """Sample at which something new begins, around the sample `near`.
+
     An autoregressive model of what was heard before takes off whatever still rings (Sleeman and van
-    Eck 1999); the arrival is where the variance of the rest changes: the least k log(var before) +
-    (n - k) log(var after).
+    Eck 1999); the arrival is where the variance of the rest changes: the i of least
+
+        i log(var before) + (n - i) log(var after)
+
+    Parameters
+    ----------
+    signal : (samples,)
     """
     reach = int(WINDOW * rate)
     learnt = max(int(LEARNT * rate), 8 * ORDER)
@@ -232,8 +304,16 @@ def _first_arrival(signal: Array, near: int, rate: float) -> int:
 
 
 def _unforeseen(signal: Array, known: int) -> Array:
-    """What the first `known` samples, continued by a linear prediction fitted to them, do not
-    predict of the rest.
+    """Rest of a signal that a linear prediction of its first samples does not predict.
+
+    Parameters
+    ----------
+    signal : (samples,)
+    known : number of samples that it is fitted to
+
+    Returns
+    -------
+    (samples - known,)
     """
     if known < 4 * ORDER:
         return signal[known:]

@@ -1,41 +1,57 @@
-"""What a marked weight or rod on a force plate shows: a wrench in the plate's axes and its line in
-the laboratory.
-"""
+"""A marked weight or rod on a force plate: its wrench, and its line in the laboratory."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from myomorph.core.contact.plates import plate_axes, plate_wrench
 from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only, runs
-from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.model import STANDARD_GRAVITY
 from myomorph.core.model.series import Markers, PlateRecording
+
+STILL = 0.01
+"""Speed below which a weight is at rest [m/s]."""
+MIN_REST = 1.0
+"""Rest that makes a placement [s]."""
+SETTLE = 0.2
+"""Time left out at both ends of a rest [s]."""
+WINDOW = 0.25
+"""Duration of pieces into which a push of a rod is cut [s]."""
+MIN_LOAD = 0.1
+"""Share of the largest normal force above which the plate is loaded."""
 
 
 @dataclass(frozen=True)
 class MarkedWeight:
-    """A weight that stands on the plate, or a rod that is pushed onto it."""
+    """A weight that stands on the plate, or a rod that is pushed onto it.
 
-    name: str  # for messages; placements of one name are of one mass
-    markers: tuple[str, ...]  # on the weight
-    # of each marker in the mass center, summing to 1; None for their mean (a dumbbell's two ends, a
-    # bar's)
+    Attributes
+    ----------
+    name : for messages; placements of one name are of one mass
+    markers : on the weight
+    shares : of each marker in the mass center, summing to 1, maybe negative; None for their mean (a
+        dumbbell's two ends, a bar's)
+    mass : [kg]; None if unknown, then only the direction of the force is used
+    axis : two of the markers, the lower first, on the line of a rod; the force passes along it.
+        None for a weight at rest, whose force is vertical and passes through its mass center
+    tip : from the rod's lower marker down to its tip [m]; the tip then lies on the plate's surface
+    """
+
+    name: str
+    markers: tuple[str, ...]
     shares: tuple[float, ...] | None = None
-    mass: float | None = None  # [kg]; None if unknown, then only the direction of the force is used
-    # two of the markers, the lower first, on the line of a rod; the force passes along it. None for
-    # a weight at rest, whose force is vertical and passes through its mass center
+    mass: float | None = None
     axis: tuple[str, str] | None = None
-    # from the rod's lower marker down to its tip [m]; the tip then lies on the plate's surface
     tip: float | None = None
 
     def __post_init__(self) -> None:
         if self.shares is not None and (
-            # a share may be negative
             len(self.shares) != len(self.markers) or abs(sum(self.shares) - 1.0) > 1e-6
         ):
             raise BadData(
@@ -50,35 +66,38 @@ class MarkedWeight:
             )
 
 
-STILL = 0.01  # Speed below which a weight is at rest [m/s]
-SHORTEST = 1.0  # Rest that makes a placement [s]
-SETTLE = 0.2  # Time left out at both ends of a rest [s]
-WINDOW = 0.25  # Pieces into which a push of a rod is cut [s]
-LEAST = 0.1  # Share of the largest normal force above which the plate is loaded
-
-
 @read_only
 class Placement:
-    """One rest of a weight, or one piece of a push with a rod."""
+    """One rest of a weight, or one piece of a push with a rod.
 
-    name: str  # for messages
-    # (3,) mean, of the plate on the weight, about the center of the top surface, in the plate's
-    # axes [N]
+    Attributes
+    ----------
+    name : for messages
+    force, moment : (3,) mean, of the plate on the weight, about the center of the top surface, in
+        the plate's axes [N], [N m]
+    point : (3,) through which the force passes, in the laboratory [m]
+    direction : (3,) unit, of the force on the weight, in the laboratory
+    weight : name of the weight
+    expected : size the force should have, NaN if unknown [N]
+    contact : (3,) where the plate's surface is touched, in the laboratory [m], or None
+    pushed : a rod's push, which need not be steady
+    tared : whether what the unloaded plate reads was subtracted, or needed not to be
+    moved : how far the weight moved while it should have rested [m]
+    unsteady : standard deviation of the force, low-passed by averaging over a tenth of a second, as
+        a share of it
+    """
+
+    name: str
     force: Array
-    # (3,) mean, of the plate on the weight, about the center of the top surface, in the plate's
-    # axes [N m]
     moment: Array
-    point: Array  # (3,) through which the force passes, in the laboratory [m]
-    direction: Array  # (3,) unit, of the force on the weight, in the laboratory
-    weight: str = ""  # name of the weight
-    expected: float = float("nan")  # size the force should have, NaN if unknown [N]
-    # (3,) where the plate's surface is touched, in the laboratory [m], or None
+    point: Array
+    direction: Array
+    weight: str = ""
+    expected: float = float("nan")
     contact: Array | None = None
-    pushed: bool = False  # a rod's push, which need not be steady
-    tared: bool = True  # whether what the unloaded plate reads was subtracted, or needed not to be
-    moved: float = 0.0  # how far the weight moved while it should have rested [m]
-    # standard deviation of the force, low-passed by averaging over a tenth of a second, as a share
-    # of it
+    pushed: bool = False
+    tared: bool = True
+    moved: float = 0.0
     unsteady: float = 0.0
 
     def __post_init__(self) -> None:
@@ -98,10 +117,30 @@ class Placement:
 
     @property
     def line(self) -> tuple[Array, Array]:
-        """Line of action in the plate's axes: the point nearest to the plate's center (3,) [m],
-        unit direction (3,).
+        """Line of action in the plate's axes: a point (3,) [m] and a unit direction (3,).
+
+        The point is the nearest to the plate's center.
         """
         return np.cross(self.force, self.moment) / self.size**2, self.force / self.size
+
+
+class PlateSamples(NamedTuple):
+    """Wrench of a plate on what stands on it, in the plate's axes.
+
+    Attributes
+    ----------
+    time : (samples,) [s]
+    force, moment : (samples, 3) [N], [N m]
+    """
+
+    time: Array
+    force: Array
+    moment: Array
+
+    def within(self, start: float, end: float) -> PlateSamples:
+        """Choose samples between two times [s]."""
+        chosen = (self.time >= start) & (self.time <= end)
+        return PlateSamples(self.time[chosen], self.force[chosen], self.moment[chosen])
 
 
 def find_placements(
@@ -111,18 +150,34 @@ def find_placements(
     weight: MarkedWeight,
     intervals: Sequence[tuple[float, float]] | None = None,
 ) -> tuple[Placement, ...]:
-    """Placements in one recording: each rest of a weight while the plate is loaded, each piece of a
-    rod's push. A weight that never rests while the plate carries it becomes a placement that says
-    how far it moved. `plate_time` (samples,) on the markers' clock [s]; `intervals` (start, end) of
-    the placements [s]; None looks for them.
+    """Find placements in one recording: each rest of a weight, each piece of a rod's push.
+
+    A weight that never rests while the plate carries it becomes a placement that says how far it
+    moved.
+
+    Parameters
+    ----------
+    recording : channels of the plate
+    plate_time : (samples,) on the markers' clock [s]
+    markers : of the weight
+    weight : with the names of its markers
+    intervals : (start, end) of the placements [s]; None looks for them
+
+    Returns
+    -------
+    in the order of time
+
+    Raises
+    ------
+    UnknownName : a marker is not in the recording
+    BadData : no placement, or nothing recorded during one
     """
-    lacking = [name for name in weight.markers if name not in markers.names]
-    if lacking:
-        raise UnknownName("marker", lacking[0], markers.names, "the recording")
+    for name in weight.markers:
+        check_name("marker", name, markers.names, "the recording")
     gravity = _gravity(recording, markers, weight)
     force, moment = _on_weight(recording, plate_time, gravity)
     normal = np.abs(force[:, 2])
-    loaded = normal > LEAST * np.quantile(normal, 0.995)
+    loaded = normal > MIN_LOAD * np.quantile(normal, 0.995)
     tared = int(np.count_nonzero(~loaded)) > 10
     if tared:
         force = force - np.median(force[~loaded], axis=0)
@@ -134,36 +189,27 @@ def find_placements(
             f"no placement of '{weight.name}' on plate '{recording.name}': it is never loaded long"
             " enough"
         )
+    recorded = PlateSamples(plate_time, force, moment)
     results = []
     for number, (start, end) in enumerate(intervals, 1):
-        samples = (plate_time >= start) & (plate_time <= end)
+        samples = recorded.within(start, end)
         frames = (markers.time >= start) & (markers.time <= end)
-        if samples.sum() < 2 or not frames.any():
+        if len(samples.time) < 2 or not frames.any():
             raise BadData(
                 f"no samples of plate '{recording.name}' and markers between {start:g} and"
                 f" {end:g} s"
             )
         name = f"{weight.name} {number} ({start:.2f} to {end:.2f} s)"
-        one = _placement(
-            name,
-            weight,
-            force[samples],
-            moment[samples],
-            plate_time[samples],
-            markers,
-            frames,
-            gravity,
-        )
-        results.append(replace(one, tared=tared))
+        placement = _placement(name, weight, samples, markers, frames, gravity)
+        results.append(replace(placement, tared=tared))
     return tuple(results)
 
 
 def _gravity(recording: PlateRecording, markers: Markers, weight: MarkedWeight) -> Array:
     """Gravity (3,) along the laboratory's axis nearest to the plate's normal [m/s^2]."""
     normal = plate_axes(recording.corners)[:, 2]
-    places = np.concatenate([markers[name] for name in weight.markers]) - recording.corners.mean(
-        axis=0
-    )
+    seen = np.concatenate([markers[name] for name in weight.markers])
+    places = seen - recording.corners.mean(axis=0)
     above = np.nanmedian(places @ normal) if np.isfinite(places).any() else -1.0
     axis = int(np.argmax(np.abs(normal)))
     gravity = np.zeros(3)
@@ -172,7 +218,17 @@ def _gravity(recording: PlateRecording, markers: Markers, weight: MarkedWeight) 
 
 
 def _on_weight(recording: PlateRecording, plate_time: Array, gravity: Array) -> tuple[Array, Array]:
-    """Wrench of the plate on what stands on it, in the plate's axes, whatever sign the file has."""
+    """Wrench of the plate on what stands on it, in the plate's axes, whatever sign the file has.
+
+    Parameters
+    ----------
+    plate_time : (samples,) [s]
+    gravity : (3,) in the laboratory [m/s^2]
+
+    Returns
+    -------
+    (samples, 3) [N] and (samples, 3) [N m]
+    """
     if len(recording.channels) != len(plate_time):
         raise BadData(
             f"{recording.name} has {len(recording.channels)} samples, but its clock has"
@@ -187,7 +243,12 @@ def _on_weight(recording: PlateRecording, plate_time: Array, gravity: Array) -> 
 def _intervals(
     plate_time: Array, loaded: np.ndarray, markers: Markers, weight: MarkedWeight
 ) -> list[tuple[float, float]]:
-    """Start and end [s] of rests, or of the pieces of a push."""
+    """Start and end [s] of rests, or of the pieces of a push.
+
+    Parameters
+    ----------
+    plate_time, loaded : (samples,) [s], and when the plate is loaded
+    """
     result: list[tuple[float, float]] = []
     still = np.asarray(np.interp(plate_time, markers.time, _speed(markers, weight)) < STILL)
     for start, stop in runs(loaded):
@@ -197,21 +258,19 @@ def _intervals(
             cuts = np.arange(first + SETTLE, last - SETTLE - WINDOW, WINDOW)
             result += [(float(cut), float(cut) + WINDOW) for cut in cuts]
             continue
-        if last - first < SHORTEST:
+        if last - first < MIN_REST:
             continue
         rests = [
             (float(plate_time[start + a]) + SETTLE, float(plate_time[start + b - 1]) - SETTLE)
             for a, b in runs(still[start:stop])
-            if plate_time[start + b - 1] - plate_time[start + a] >= SHORTEST
+            if plate_time[start + b - 1] - plate_time[start + a] >= MIN_REST
         ]
         result += rests or [(first + SETTLE, last - SETTLE)]
     return result
 
 
 def _speed(markers: Markers, weight: MarkedWeight) -> Array:
-    """Speed (frames,) of the weight's markers over a tenth of a second either way, inf where unseen
-    [m/s].
-    """
+    """Speed (frames,) of a weight over a tenth of a second either way, inf where unseen."""
     values = np.stack([markers[name] for name in weight.markers], axis=1)
     reach = max(1, round(0.1 * markers.rate))
     frames = np.arange(len(markers))
@@ -231,48 +290,66 @@ def _speed(markers: Markers, weight: MarkedWeight) -> Array:
 def _placement(
     name: str,
     weight: MarkedWeight,
-    force: Array,
-    moment: Array,
-    time: Array,
+    samples: PlateSamples,
     markers: Markers,
     frames: np.ndarray,
     gravity: Array,
 ) -> Placement:
+    """Means over one placement.
+
+    Parameters
+    ----------
+    name : for messages
+    frames : (frames,) of the markers that belong to it
+    gravity : (3,) in the laboratory [m/s^2]
+
+    Raises
+    ------
+    BadData : a marker is never seen in it
+    """
     values = np.stack([markers[marker][frames] for marker in weight.markers], axis=1)
     seen = np.isfinite(values).all(axis=2)
     if not seen.any(axis=0).all():
         hidden = weight.markers[int(np.flatnonzero(~seen.any(axis=0))[0])]
         raise BadData(f"placement '{name}': marker '{hidden}' is never seen in it")
     means = np.nanmean(values, axis=0)
-    shares = (
-        np.full(len(means), 1.0 / len(means)) if weight.shares is None else np.array(weight.shares)
-    )
+    shares = np.full(len(means), 1.0 / len(means))
+    if weight.shares is not None:
+        shares = np.array(weight.shares)
     direction = -gravity
     contact = None
     if weight.axis is not None:
-        lower, upper = (means[weight.markers.index(marker)] for marker in weight.axis)
-        direction = upper - lower
+        lower = means[weight.markers.index(weight.axis[0])]
+        direction = means[weight.markers.index(weight.axis[1])] - lower
         if weight.tip is not None:
             contact = lower - weight.tip * direction / np.linalg.norm(direction)
-    mean = force.mean(axis=0)
-    expected = float("nan") if weight.mass is None else weight.mass * float(np.linalg.norm(gravity))
+    expected = float("nan")
+    if weight.mass is not None and weight.axis is None:
+        expected = weight.mass * float(np.linalg.norm(gravity))
+    force = samples.force.mean(axis=0)
     return Placement(
         name=name,
-        force=mean,
-        moment=moment.mean(axis=0),
+        force=force,
+        moment=samples.moment.mean(axis=0),
         point=shares @ means,
         direction=direction,
         weight=weight.name,
-        expected=expected if weight.axis is None else float("nan"),
+        expected=expected,
         contact=contact,
         pushed=weight.axis is not None,
         moved=_wander(markers.time[frames], values.mean(axis=1)),
-        unsteady=_wander(time, force) / float(np.linalg.norm(mean)),
+        unsteady=_wander(samples.time, samples.force) / float(np.linalg.norm(force)),
     )
 
 
 def _wander(time: Array, values: Array) -> float:
-    """Root mean square distance from the mean of averages over tenths of a second."""
+    """Root mean square distance from the mean of averages over tenths of a second.
+
+    Parameters
+    ----------
+    time : (samples,) [s]
+    values : (samples, 3)
+    """
     number = np.floor((time - time[0]) / 0.1).astype(np.int64)
     finite = np.isfinite(values).all(axis=1)
     number = number[finite]

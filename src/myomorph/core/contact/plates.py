@@ -1,10 +1,11 @@
-"""Force plates: from the channels of a recording to force on the subject, center of pressure and
-free torque.
+"""Force plates: from channels to force on the subject, center of pressure and free torque.
 
 In the plate's axes (x from corner 2 to 1, y from corner 4 to 1, z = x cross y, by custom
 downwards), with F and M the force and the moment about the center of the top surface,
 
-    M = M_sensor + F x origin,    center of pressure = (-M_y / F_z, M_x / F_z, 0),    T = M - center x F.
+    M = M_sensor + F x origin
+    center of pressure = (-M_y / F_z, M_x / F_z, 0)
+    T = M - center x F
 
 Source: C3D user guide (Motion Lab Systems), FORCE_PLATFORM:TYPE, ORIGIN, CORNERS, CAL_MATRIX; type
 3 after Kistler's formulae. The files hold the force of the plate on the subject. Who mounts a plate
@@ -32,35 +33,62 @@ distance, or nearer, and to twice that share of what the next best one leaves: a
 as its file says is never turned for less.
 """
 
-# Samples that carry this share of the largest force count; below, the center of pressure is noise
 FIRM = 0.3
+"""Samples with this share of the largest force count; below, centers are noise."""
 MIN_COUNT = 20
+"""Number of such samples that tell a plate's first corner."""
+MAX_OUTSIDE = 0.1
+"""Share of loaded samples whose center of pressure may lie outside the plate."""
+MAX_IDLE = 0.01
+"""Force that an unloaded plate may read, as a share of the largest."""
+
+
+REFUSED = {
+    5: "AMTI or Kistler with eight channels and a calibration matrix",
+    6: "four three-axis sensors",
+    7: "Kistler with an 8 by 8 calibration matrix",
+    11: "Kistler split-belt treadmill",
+    12: "Kistler split-belt treadmill",
+    21: "AMTI stairs",
+}
+THRESHOLD = 0.03
+"""A plate counts as loaded above this share of the largest normal force in the trial."""
+SHORTEST = 0.02
+"""Shorter loadings and gaps are taken for noise [s]."""
 
 
 @dataclass(frozen=True)
 class FirstCorner:
-    """How far the center of pressure is from the body, for each corner of a plate counted as the
-    first.
+    """Distance of the center of pressure to the body, by the corner counted as a plate's first.
+
+    Attributes
+    ----------
+    distances : median horizontal distance from the middle of the markers seen, corner 1 to 4 first
+        [m]
+    best : how many corners further the first one is, 0 to 3
     """
 
-    # median horizontal distance from the middle of the markers seen, corner 1 to 4 first [m]
     distances: tuple[float, float, float, float]
-    best: int  # how many corners further the first one is, 0 to 3
+    best: int
 
     @property
     def clear(self) -> bool:
         """Whether another corner than the file's is clearly the first."""
-        least, second = sorted(self.distances)[:2]
+        nearest, second = sorted(self.distances)[:2]
         return (
             self.best != 0
-            and least < CLEARLY * self.distances[0]
-            and least < 2.0 * CLEARLY * second
+            and nearest < CLEARLY * self.distances[0]
+            and nearest < 2.0 * CLEARLY * second
         )
 
 
 def counted_from(plate: ForcePlate, corner: int) -> ForcePlate:
-    """The plate with its corners counted from another one (0 for the file's first), what it
-    measured turned along.
+    """Count the corners of a plate from another one, with its measurements turned along.
+
+    Parameters
+    ----------
+    plate : as its file has it
+    corner : number of the first corner, 0 for the file's
     """
     axes = plate_axes(plate.corners)
     corners = np.roll(plate.corners, -corner, axis=0)
@@ -76,8 +104,15 @@ def counted_from(plate: ForcePlate, corner: int) -> ForcePlate:
 
 
 def plate_axes(corners: Array) -> Array:
-    """Rotation (3, 3) whose columns are the x, y and z axes of a plate with these corners (4, 3) in
-    the laboratory.
+    """Axes of a plate in the laboratory, by its corners.
+
+    Parameters
+    ----------
+    corners : (4, 3) [m]
+
+    Returns
+    -------
+    (3, 3) columns x, y and z
     """
     x = corners[0] - corners[1]
     z = np.cross(x, corners[0] - corners[3])
@@ -86,37 +121,56 @@ def plate_axes(corners: Array) -> Array:
 
 
 def first_corner(plate: ForcePlate, plate_time: Array, markers: Markers) -> FirstCorner | None:
-    """Which corner of a plate is probably its first; None where too little is known.
-    `plate`: forces as the file's corners give them, center of pressure NaN where unloaded;
-    `markers`: of what stands on it, in the same laboratory.
+    """Find which corner of a plate is probably its first; None where too little is known.
+
+    Parameters
+    ----------
+    plate : forces as the file's corners give them, center of pressure NaN where unloaded
+    plate_time : (samples,) [s]
+    markers : of what stands on it, in the same laboratory
+
+    Returns
+    -------
+    distances for each first corner, and the best one
     """
     axes = plate_axes(plate.corners)
     normal = axes[:, 2]
     size = np.abs(plate.forces @ normal)
     middle = _middle(markers, plate_time)
-    known = np.isfinite(plate.points).all(axis=1) & np.isfinite(middle).all(axis=1)
-    if not known.any():
+    firm = np.isfinite(plate.points).all(axis=1) & np.isfinite(middle).all(axis=1)
+    if not firm.any():
         return None
-    firm = known & (size > FIRM * np.nanmax(size[known]))
+    firm &= size > FIRM * np.nanmax(size[firm])
     if firm.sum() < MIN_COUNT:
         return None
     center = plate.corners.mean(axis=0)
-    pressed = plate.points[firm] - center
-    pressed = pressed - (pressed @ normal)[:, None] * normal
-    target = middle[firm] - center
-    target = target - (target @ normal)[:, None] * normal
+    pressed = _across(plate.points[firm] - center, normal)
+    target = _across(middle[firm] - center, normal)
     along = pressed @ axes
     distances = []
     for corner in range(4):
         place = along @ plate_axes(np.roll(plate.corners, -corner, axis=0)).T
         distances.append(float(np.median(np.linalg.norm(place - target, axis=1))))
-    return FirstCorner(
-        (distances[0], distances[1], distances[2], distances[3]), int(np.argmin(distances))
-    )
+    a, b, c, d = distances
+    return FirstCorner(distances=(a, b, c, d), best=int(np.argmin(distances)))
+
+
+def _across(vectors: Array, normal: Array) -> Array:
+    """Parts of vectors (vectors, 3) across a normal (3,)."""
+    return vectors - (vectors @ normal)[:, None] * normal
 
 
 def _middle(markers: Markers, time: Array) -> Array:
-    """Mean of the markers seen (samples, 3) at other times, NaN where none was seen near."""
+    """Mean of the markers seen at other times.
+
+    Parameters
+    ----------
+    time : (samples,) [s]
+
+    Returns
+    -------
+    (samples, 3) [m], NaN where none was seen near
+    """
     seen = np.asarray(np.isfinite(markers.values).all(axis=2))
     count = seen.sum(axis=1)
     total = np.where(seen[:, :, None], markers.values, 0.0).sum(axis=1)
@@ -133,23 +187,20 @@ def _middle(markers: Markers, time: Array) -> Array:
     return result
 
 
-REFUSED = {
-    5: "AMTI or Kistler with eight channels and a calibration matrix",
-    6: "four three-axis sensors",
-    7: "Kistler with an 8 by 8 calibration matrix",
-    11: "Kistler split-belt treadmill",
-    12: "Kistler split-belt treadmill",
-    21: "AMTI stairs",
-}
-
-# A plate counts as loaded above this share of the largest normal force in the trial
-THRESHOLD = 0.03
-SHORTEST = 0.02  # Shorter loadings and gaps are taken for noise [s]
-
-
 def plate_wrench(plate: PlateRecording) -> tuple[Array, Array]:
-    """Force and moment about the center of the top surface, (samples, 3) each, in the plate's axes
-    [N, N m].
+    """Force and moment about the center of the top surface, in the plate's axes.
+
+    Parameters
+    ----------
+    plate : its channels
+
+    Returns
+    -------
+    (samples, 3) [N] and (samples, 3) [N m]
+
+    Raises
+    ------
+    BadData : a type that is not built, or no calibration matrix
     """
     channels = plate.channels
     if plate.kind not in (1, 2, 3, 4):
@@ -179,8 +230,15 @@ def plate_wrench(plate: PlateRecording) -> tuple[Array, Array]:
 
 
 def _sensor_wrench(plate: PlateRecording, channels: Array) -> tuple[Array, Array]:
-    """Wrench of a plate with a three-axis sensor near each corner: Fx12, Fx34, Fy14, Fy23,
-    Fz1..Fz4.
+    """Wrench of a plate with a three-axis sensor near each corner.
+
+    Parameters
+    ----------
+    channels : (samples, 8) Fx12, Fx34, Fy14, Fy23, Fz1..Fz4 [N]
+
+    Returns
+    -------
+    (samples, 3) [N] and (samples, 3) [N m]
     """
     a, b, depth = np.abs(plate.origin)
     x12, x34, y14, y23, z1, z2, z3, z4 = channels.T
@@ -193,6 +251,7 @@ def _sensor_wrench(plate: PlateRecording, channels: Array) -> tuple[Array, Array
 
 def force_plate(plate: PlateRecording) -> ForcePlate:
     """Force on the subject, center of pressure and free torque of one plate, in the laboratory.
+
     The center of pressure is NaN only where the normal force is zero: see `force_plates` for
     loading.
     """
@@ -219,7 +278,12 @@ def force_plate(plate: PlateRecording) -> ForcePlate:
 
 
 def _corrected(center: Array, polynomial: Array) -> Array:
-    """Center of pressure after Kistler's correction of sixth order, whose coefficients are in mm."""
+    """Correct the center of pressure (samples, 3) [m] by Kistler's polynomial of sixth order.
+
+    Parameters
+    ----------
+    polynomial : (2, 6) coefficients for x and y, in mm
+    """
     x = 1000.0 * center[:, 0]
     y = 1000.0 * center[:, 1]
     p, q = polynomial
@@ -229,7 +293,8 @@ def _corrected(center: Array, polynomial: Array) -> Array:
 
 
 def force_plates(trial: Trial) -> Trial:
-    """The trial with `plates` made of its `plate_recordings`, and warnings about what looks wrong.
+    """Make `plates` of a trial's `plate_recordings`, with warnings about what looks wrong.
+
     Each plate's center of pressure and free torque are NaN where it is unloaded. A plate of a type
     that is not built is left out with a warning that names it. Which way is up is known from the
     markers: the force of a loaded plate must point from the plate to the subject, else force and
@@ -266,7 +331,7 @@ def force_plates(trial: Trial) -> Trial:
 
 
 def _while_loaded(plate: ForcePlate, state: NDArray[np.bool_]) -> ForcePlate:
-    """The plate with center of pressure and free torque only where it is loaded."""
+    """Keep center of pressure and free torque only where a plate is loaded (samples,)."""
     hidden = ~state[:, None]
     points = np.where(hidden, np.nan, plate.points)
     torques = np.where(hidden, np.nan, plate.torques)
@@ -276,7 +341,7 @@ def _while_loaded(plate: ForcePlate, state: NDArray[np.bool_]) -> ForcePlate:
 def _turned(
     plate: ForcePlate, state: NDArray[np.bool_], trial: Trial, warnings: list[str]
 ) -> ForcePlate:
-    """The plate turned under the body where its corners are clearly counted from the wrong one."""
+    """Turn a plate under the body where its corners are clearly counted from the wrong one."""
     if trial.markers is None:
         return plate
     corner = first_corner(_while_loaded(plate, state), trial.plate_time, trial.markers)
@@ -293,7 +358,7 @@ def _turned(
 def _pulls_down(
     plates: Sequence[ForcePlate], states: Sequence[NDArray[np.bool_]], trial: Trial
 ) -> bool:
-    """Whether the load of all plates points away from the side where the markers are."""
+    """Tell whether the load of all plates points away from the side where the markers are."""
     if trial.markers is None or not np.isfinite(trial.markers.values).any():
         return False
     load = 0.0
@@ -305,11 +370,21 @@ def _pulls_down(
 
 
 def loaded_samples(plates: Sequence[ForcePlate], rate: float) -> list[NDArray[np.bool_]]:
-    """For each plate, which samples (samples,) carry a load.
+    """Tell which samples of each plate carry a load.
+
     The threshold is a share of the largest normal force of all plates, so that a mouse and a jumper
     are judged alike, and counts from what the plate reads when idle (which may be tens of newtons).
     A plate whose largest force does not stand out of its own noise, or that never changes, is never
     loaded.
+
+    Parameters
+    ----------
+    plates : of one trial
+    rate : [Hz]
+
+    Returns
+    -------
+    (samples,) for each plate
     """
     normals = [_pressing(plate) for plate in plates]
     peaks = [
@@ -336,8 +411,12 @@ def _pressing(plate: ForcePlate) -> Array:
 
 
 def _idle(pressing: Array, largest: float) -> float:
-    """What an unloaded plate reads [N]: the median of small samples, if they are a group of their
-    own.
+    """Find what an unloaded plate reads [N]: the median of small samples, if they stand apart.
+
+    Parameters
+    ----------
+    pressing : (samples,) normal force [N]
+    largest : of all plates [N]
     """
     size = np.abs(pressing[np.isfinite(pressing)])
     cut = 0.15 * largest
@@ -348,7 +427,7 @@ def _idle(pressing: Array, largest: float) -> float:
 
 
 def _warnings(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_]) -> list[str]:
-    """What looks wrong with one plate."""
+    """Say what looks wrong with one plate; `state` (samples,) when it is loaded."""
     result = []
     if recording.kind == 3 and not recording.origin[:2].any():
         result.append(
@@ -365,7 +444,7 @@ def _warnings(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bo
         [np.linalg.norm(plate.corners[0] - plate.corners[index]) for index in (1, 3)]
     )
     share = float(np.mean(np.any(np.abs(local[:, :2]) > 1.1 * half, axis=1))) if len(local) else 0.0
-    if share > 0.1:
+    if share > MAX_OUTSIDE:
         result.append(
             f"the center of pressure of {plate.name} lies outside the plate in {100 * share:.0f} %"
             " of loaded samples: its origin, corners or channels may be wrong"
@@ -374,7 +453,7 @@ def _warnings(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bo
     if len(idle) > 10:
         rest = abs(float(np.median(idle)))
         peak = float(np.nanmax(np.abs(plate.forces[state] @ axes[:, 2])))
-        if rest > 0.01 * peak:
+        if rest > MAX_IDLE * peak:
             result.append(f"{plate.name} reads {rest:.3g} N with nobody on it: was it set to zero?")
     return result
 
@@ -382,49 +461,67 @@ def _warnings(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bo
 def wrenches_from_plates(
     plates: Sequence[ForcePlate], plate_time: Array, time: Array | None = None
 ) -> Wrenches:
-    """Wrenches of the plates on the clock `time` (frames,) [s], bodies unknown ("").
+    """Make wrenches of plates on another clock, bodies unknown ("").
+
     Force and moment about each plate's center are interpolated and the center of pressure is made
     of them anew, so an edge of loading carries no stray point. Where a plate is unloaded, or `time`
     lies outside the recording, force and torque are zero and the point is the plate's center.
+
+    Parameters
+    ----------
+    plates : of one recording
+    plate_time : (samples,) their clock [s]
+    time : (frames,) the other clock [s]; their own by default
+
+    Returns
+    -------
+    one wrench per plate
+
+    Raises
+    ------
+    BadData : no plate, or plates of another clock
     """
     if not plates:
         raise BadData("there is no force plate to make wrenches of")
-    clock = (
-        np.asarray(plate_time, dtype=np.float64)
-        if time is None
-        else np.asarray(time, dtype=np.float64)
-    )
+    own_clock = np.asarray(plate_time)
+    clock = np.asarray(plate_time if time is None else time, dtype=np.float64)
     values = np.zeros((3, len(clock), len(plates), 3))
     for index, plate in enumerate(plates):
         if len(plate.forces) != len(plate_time):
             raise BadData(
                 f"{plate.name} has {len(plate.forces)} samples, but its clock has {len(plate_time)}"
             )
-        values[:, :, index] = _on_clock(plate, np.asarray(plate_time), clock)
-    return Wrenches(clock, tuple(plate.name for plate in plates), ("",) * len(plates), *values)
+        values[:, :, index] = _on_clock(plate, own_clock, clock)
+    forces, points, torques = values
+    return Wrenches(
+        time=clock,
+        names=tuple(plate.name for plate in plates),
+        bodies=("",) * len(plates),
+        forces=forces,
+        points=points,
+        torques=torques,
+    )
 
 
 def _on_clock(plate: ForcePlate, plate_time: Array, clock: Array) -> tuple[Array, Array, Array]:
-    """Force, point and free torque of one plate on another clock."""
+    """Move one plate onto another clock.
+
+    Parameters
+    ----------
+    plate_time, clock : (samples,) and (frames,) [s]
+
+    Returns
+    -------
+    (frames, 3) force [N], point [m] and free torque [N m]
+    """
     middle = plate.corners.mean(axis=0)
     loaded = np.isfinite(np.hstack((plate.points, plate.forces, plate.torques)).sum(axis=1))
     force = np.where(loaded[:, None], plate.forces, 0.0)
     arm = np.where(loaded[:, None], plate.points - middle, 0.0)
     moment = np.where(loaded[:, None], plate.torques, 0.0) + np.cross(arm, force)
     if clock is not plate_time:
-        inside = (clock >= plate_time[0] - 1e-9) & (clock <= plate_time[-1] + 1e-9)
-        force = np.column_stack(
-            [
-                np.where(inside, np.interp(clock, plate_time, force[:, axis]), 0.0)
-                for axis in range(3)
-            ]
-        )
-        moment = np.column_stack(
-            [
-                np.where(inside, np.interp(clock, plate_time, moment[:, axis]), 0.0)
-                for axis in range(3)
-            ]
-        )
+        force = _interpolated(clock, plate_time, force)
+        moment = _interpolated(clock, plate_time, moment)
     normal = plate_axes(plate.corners)[:, 2]
     pressing = force @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -434,3 +531,10 @@ def _on_clock(plate: ForcePlate, plate_time: Array, clock: Array) -> tuple[Array
     force = np.where(usable[:, None], force, 0.0)
     torque = np.where(usable[:, None], moment - np.cross(arm, force), 0.0)
     return force, arm + middle, torque
+
+
+def _interpolated(clock: Array, time: Array, values: Array) -> Array:
+    """Interpolate values (samples, 3) at times (samples,) on a clock (frames,), 0 outside."""
+    inside = (clock >= time[0] - 1e-9) & (clock <= time[-1] + 1e-9)
+    columns = [np.where(inside, np.interp(clock, time, column), 0.0) for column in values.T]
+    return np.column_stack(columns)

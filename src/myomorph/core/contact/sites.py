@@ -1,6 +1,4 @@
-"""Where bodies touch the world: sites at the corners of every sole, of hands, seat and back, by the
-bodies' names.
-"""
+"""Contact sites by the bodies' names: corners of every sole, hands, seat and back."""
 
 from __future__ import annotations
 
@@ -34,9 +32,14 @@ Heads of the first and fifth metatarsal, tips of the great and of the fourth toe
 that models draw.
 """
 
-HEEL = (r"calc|heel", r"(?<!fore)(?<!mid)foot")  # What a heel's body is called, the surest first
-BONE_DEPTH = 0.06  # How far the bones of a foot reach below its origin, over the same distance
-SEGMENT_SITES = ("hand_r", "hand_l", "seat", "back")  # What `body_sites` knows
+HEEL = (r"calc|heel", r"(?<!fore)(?<!mid)foot")
+"""Names of a heel's body, the surest first."""
+BONE_DEPTH = 0.06
+"""Depth of the bones of a foot below its origin, over the same distance."""
+SEGMENT_SITES = ("hand_r", "hand_l", "seat", "back")
+"""Names that `body_sites` knows."""
+MAX_SNAP = np.radians(20.0)
+"""Angle between a direction and an axis of a body up to which the axis is taken [rad]."""
 
 
 @dataclass(frozen=True)
@@ -55,22 +58,29 @@ class FootOptions:
 
 @read_only
 class Foot:
-    """One foot of a model in its default posture."""
+    """One foot of a model in its default posture.
 
-    name: str  # of the group of its sites, as "foot_r"
-    # heel, toes: bodies; the same one where the foot has no joint between
+    Attributes
+    ----------
+    name : of the group of its sites, as "foot_r"
+    heel, toes : bodies; the same one where the foot has no joint between
+    axes : (3, 3) columns forwards, up and outwards, in ground
+    origin : (3,) under which the heel stands, in ground [m]
+    length : from the heel to the toes' joint [m]
+    """
+
+    name: str
     heel: str
     toes: str
-    axes: Array  # (3, 3) columns forwards, up and outwards, in ground
-    origin: Array  # (3,) under which the heel stands, in ground [m]
-    length: float  # from the heel to the toes' joint [m]
+    axes: Array
+    origin: Array
+    length: float
 
 
 def foot_sites(
     model: Model, surfaces: Mapping[str, Surface] | None = None, options: FootOptions | None = None
 ) -> tuple[Site, ...]:
-    """Heel, ball and toes of every foot: six points at the corners of its sole, in the group of the
-    foot.
+    """Make six sites at the corners of every sole: heel, ball and toes, in the foot's group.
 
     Names are `heel_medial_r`, `ball_lateral_l`, ...; groups are `foot_r` and `foot_l`. Where they
     lie comes from the bones' meshes where they are given, else from the joint of the toes, in the
@@ -85,7 +95,7 @@ def foot_sites(
 
     Returns
     -------
-    six sites a foot, points on their bodies [m]
+    six sites per foot, points on their bodies [m]
 
     Raises
     ------
@@ -97,8 +107,8 @@ def foot_sites(
     >>> import myomorph as mm
     >>> still = mm.model.Transform.identity()
     >>> ahead = mm.model.Transform(np.eye(3), np.array([0.18, 0.0, 0.0]))
-    >>> bodies = [mm.model.Body(name, 1.0, np.zeros(3), 0.01 * np.eye(3)) for name in ("calcn_r", "toes_r")]
-    >>> ankle = mm.model.Joint("ankle_r", "WeldJoint", "ground", "calcn_r", still, still)
+    >>> bodies = [mm.model.Body(name, 1.0, np.zeros(3), 0.01 * np.eye(3)) for name in ("calcn_r",
+    "toes_r")] >>> ankle = mm.model.Joint("ankle_r", "WeldJoint", "ground", "calcn_r", still, still)
     >>> toes = mm.model.Joint("mtp_r", "WeldJoint", "calcn_r", "toes_r", ahead, still)
     >>> model = mm.Model("foot", tuple(bodies), (ankle, toes), (), [0.0, -9.80665, 0.0])
     >>> [site.name for site in mm.contact.foot_sites(model)]
@@ -107,13 +117,14 @@ def foot_sites(
     """
     options = options or FootOptions()
     cone = replace(options.cone, direction=model.up)
+    poses = standing_poses(model)
     sites = []
     for foot in feet_of(model):
         part = foot.name[:-6]
         side = foot.name[-2:]
         for label, point in _corners(model, foot, surfaces or {}, options).items():
             body = foot.toes if label.startswith("toe") else foot.heel
-            local = standing_poses(model)[body].inverse().apply(point)
+            local = poses[body].inverse().apply(point)
             sites.append(
                 Site(
                     name=f"{part}{label}{side}",
@@ -127,11 +138,16 @@ def foot_sites(
 
 
 def feet_of(model: Model) -> tuple[Foot, ...]:
-    """The feet by the bodies' names, right before left; raises `BadData` where there is none.
+    """Find feet by the bodies' names, right before left.
+
     A foot's down is the floor's in the default posture; where that is within 20 degrees of an axis
     of the heel's body, it is that axis, as models draw feet flat on the ground of their own frame.
     In a joined model the feet of each part are named with what stands before its heel's name:
     `tori_foot_r`.
+
+    Raises
+    ------
+    BadData : no foot is found
     """
     segments = segments_of(model)
     poses = standing_poses(model)
@@ -142,26 +158,30 @@ def feet_of(model: Model) -> tuple[Foot, ...]:
             for body in model.bodies
             if segments[body.name].name == "foot" and segments[body.name].side == side
         ]
-        for pattern in HEEL:
-            for heel in bodies:
-                match = re.search(pattern, heel.name, re.IGNORECASE)
-                part = "" if match is None else heel.name[: match.start()]
-                if match is not None and f"{part}foot{ending}" not in by_name:
-                    toes = [
-                        body
-                        for body in bodies
-                        if body.name.startswith(part) and "toe" in body.name.lower()
-                    ]
-                    outwards = 1.0 if side == "right" else -1.0
-                    by_name[f"{part}foot{ending}"] = _foot(
-                        model, f"{part}foot{ending}", heel, toes, poses, outwards
-                    )
+        outwards = 1.0 if side == "right" else -1.0
+        for part, heel in _heels(bodies).items():
+            toes = [
+                body for body in bodies if body.name.startswith(part) and "toe" in body.name.lower()
+            ]
+            name = f"{part}foot{ending}"
+            by_name[name] = _foot(model, name, heel, toes, poses, outwards)
     if not by_name:
         raise BadData(
             f"no foot of model '{model.name}' is found by its bodies' names (calcn, heel, foot,"
             " toes, and a side): name contact sites and their points yourself"
         )
     return tuple(by_name.values())
+
+
+def _heels(bodies: Sequence[Body]) -> dict[str, Body]:
+    """Find the heel among the bodies of a foot, by what stands before its name."""
+    heels: dict[str, Body] = {}
+    for pattern in HEEL:
+        for body in bodies:
+            match = re.search(pattern, body.name, re.IGNORECASE)
+            if match is not None:
+                heels.setdefault(body.name[: match.start()], body)
+    return heels
 
 
 def _foot(
@@ -172,7 +192,7 @@ def _foot(
     poses: dict[str, Transform],
     outwards: float,
 ) -> Foot:
-    """A foot of a heel and the first of some bodies of toes, which may be none."""
+    """Make a foot of a heel and the first of some bodies of toes, which may be none."""
     toes = (*bodies, heel)[0]
     pose = poses[heel.name]
     up = _snapped(pose.rotation, model.up)
@@ -195,20 +215,33 @@ def _foot(
 
 
 def _snapped(rotation: Array, direction: Array) -> Array:
-    """The axis of a body that lies within 20 degrees of a direction, or the direction itself."""
+    """Take the axis of a body that lies within 20 degrees of a direction, or the direction itself.
+
+    Parameters
+    ----------
+    rotation : (3, 3) of the body
+    direction : (3,) in ground
+
+    Returns
+    -------
+    (3,) in ground
+    """
     along = rotation.T @ direction
     index = int(np.argmax(np.abs(along)))
-    return (
-        np.sign(along[index]) * rotation[:, index]
-        if abs(along[index]) > np.cos(np.radians(20.0))
-        else direction
-    )
+    if abs(along[index]) > np.cos(MAX_SNAP):
+        return np.sign(along[index]) * rotation[:, index]
+    return direction
 
 
 def _corners(
     model: Model, foot: Foot, surfaces: Mapping[str, Surface], options: FootOptions
 ) -> dict[str, Array]:
-    """Corners of a sole in ground, in the default posture [m]."""
+    """Corners of a sole in ground, in the default posture, by label.
+
+    Returns
+    -------
+    (3,) each [m]
+    """
     outline = {label: np.array(corners) * foot.length for label, corners in OUTLINE.items()}
     depth = BONE_DEPTH * foot.length
     bones = {
@@ -227,7 +260,12 @@ def _corners(
 def _vertices(
     body: Body, surfaces: Mapping[str, Surface], foot: Foot, poses: dict[str, Transform]
 ) -> Array:
-    """Vertices of a body's meshes along the foot's axes, from its origin (n, 3)."""
+    """Vertices of a body's meshes along the foot's axes.
+
+    Returns
+    -------
+    (vertices, 3) from the foot's origin [m]
+    """
     meshes = body_meshes(body, surfaces)
     if not meshes:
         return np.zeros((0, 3))
@@ -235,8 +273,16 @@ def _vertices(
 
 
 def _outline_of(vertices: Array, length: float) -> dict[str, Array]:
-    """Corners (along, outwards) of the bones of a foot: of its rear, at the ball, and of the
-    foremost part.
+    """Corners of the bones of a foot: of its rear, at the ball, and of the foremost part.
+
+    Parameters
+    ----------
+    vertices : (vertices, 3) along the foot's axes [m]
+    length : of the foot [m]
+
+    Returns
+    -------
+    (2,) each, along the foot and outwards [m]
     """
     x = vertices[:, 0]
     z = vertices[:, 2]
@@ -261,12 +307,12 @@ def _outline_of(vertices: Array, length: float) -> dict[str, Array]:
 
 
 def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
-    """Sites by name: `hand_r`, `hand_l` (a grip that takes force any way), `seat` and `back`
-    (patches).
+    """Make sites by name: `hand_r`, `hand_l`, `seat` and `back`.
 
-    A hand's site is its body's mass center. The seat is four points about the ischial tuberosities,
-    placed from the hip joints; the back, four points behind the thorax' mass center. Both are
-    pushed along the body's own axes, up and forwards in the default posture.
+    Hands are grips that take force any way, seat and back are patches. A hand's site is its body's
+    mass center. The seat is four points about the ischial tuberosities, placed from the hip joints;
+    the back, four points behind the thorax' mass center. Both are pushed along the body's own axes,
+    up and forwards in the default posture.
 
     Parameters
     ----------
@@ -297,18 +343,17 @@ def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
     sites = []
     for name in names:
         check_name("contact site", name, SEGMENT_SITES, "body_sites")
-        base = name.split("_")[0]
-        sites.append(
-            _hand(model, name)
-            if base == "hand"
-            else _seat(model)
-            if base == "seat"
-            else _back(model)
-        )
+        if name == "seat":
+            sites.append(_seat(model))
+        elif name == "back":
+            sites.append(_back(model))
+        else:
+            sites.append(_hand(model, name))
     return tuple(sites)
 
 
 def _hand(model: Model, name: str) -> Site:
+    """Site at the mass center of a hand, a grip."""
     side = {"r": "right", "l": "left"}.get(name[-1], "")
     segments = segments_of(model)
     bodies = [
@@ -331,6 +376,7 @@ def _hand(model: Model, name: str) -> Site:
 
 
 def _seat(model: Model) -> Site:
+    """Four points about the ischial tuberosities, placed from the hip joints."""
     poses = standing_poses(model)
     up = model.up
     segments = segments_of(model)
@@ -363,6 +409,7 @@ def _seat(model: Model) -> Site:
 
 
 def _back(model: Model) -> Site:
+    """Four points behind the mass center of the thorax."""
     segments = segments_of(model)
     poses = standing_poses(model)
     up = model.up

@@ -20,36 +20,45 @@ from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import index_of
 from myomorph.core.model.series import Sound
 
-
-def speed_of_sound(celsius: float) -> float:
-    """In dry air [m/s]: 331.3 sqrt(1 + T / 273.15)."""
-    if not -80.0 < celsius < 80.0:
-        raise BadData(f"air of {celsius:g} degrees C: expected -80 to 80")
-    return float(331.3 * np.sqrt(1.0 + celsius / 273.15))
-
-
-SPEED = 343.0  # Of sound in air of 20 degrees C [m/s]
-TOGETHER = 0.02  # Arrivals this close may be one impact in several microphones [s]
-# Energy below which an impact of an instrument is none, as a share of its loud ones
+SPEED = 343.0
+"""Speed of sound in air of 20 degrees C [m/s]."""
+TOGETHER = 0.02
+"""Arrivals this close may be one impact in several microphones [s]."""
 SOFTEST = 0.002
+"""Energy below which an impact of an instrument is none, as a share of its loud ones."""
 ECHO = 0.03
 ECHO_TIME = 0.12
 """An impact of less than this share of the energy of another of its instrument within so long [s]
 is its echo.
 """
-OWN = 0.75  # Part of a channel's energy that its own instrument must explain, so that it was struck
+OWN = 0.75
+"""Part of a channel's energy that its own instrument must explain, so that it was struck."""
+
+
+def speed_of_sound(celsius: float) -> float:
+    """Speed of sound in dry air [m/s]: 331.3 sqrt(1 + T / 273.15)."""
+    if not -80.0 < celsius < 80.0:
+        raise BadData(f"air of {celsius:g} degrees C: expected -80 to 80")
+    return float(331.3 * np.sqrt(1.0 + celsius / 273.15))
 
 
 @dataclass(frozen=True, eq=False)
 class Instrument:
-    """Something that sounds when it is struck, and the microphone that stands nearest to it."""
+    """Something that sounds when it is struck, and the microphone that stands nearest to it.
+
+    Attributes
+    ----------
+    channel : name of the microphone's channel
+    distance : from the place that is struck to that microphone [m]
+    sites : contact sites of the body that may strike it, such as the tips of two sticks
+    others : distances to microphones of other channels [m], where known: they give how loud it is
+        there
+    """
 
     name: str
-    channel: str  # name of the microphone's channel
-    distance: float = 0.0  # from the place that is struck to that microphone [m]
-    # contact sites of the body that may strike it, such as the tips of two sticks
+    channel: str
+    distance: float = 0.0
     sites: tuple[str, ...] = ()
-    # distances to microphones of other channels [m], where known: they give how loud it is there
     others: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
     def __post_init__(self) -> None:
@@ -63,18 +72,24 @@ class Instrument:
 
 @dataclass(frozen=True)
 class HeardImpact:
-    """One impact on one instrument."""
+    """One impact on one instrument.
+
+    Attributes
+    ----------
+    time : at the instrument, on the motion's clock [s]
+    energy : what its own microphone got of it [full scale^2 s]
+    confidence : 0 to 1: the part of what was heard then in its microphone that is this impact
+    """
 
     instrument: str
-    time: float  # at the instrument, on the motion's clock [s]
-    energy: float  # what its own microphone got of it [full scale^2 s]
-    # 0 to 1: the part of what was heard then in its microphone that is this impact
+    time: float
+    energy: float
     confidence: float
 
 
 @dataclass(frozen=True)
 class HeardImpacts:
-    """All impacts that were heard, in the order of time, and what looks wrong, one line each."""
+    """Impacts that were heard, in the order of time, and what looks wrong, one line each."""
 
     instruments: tuple[Instrument, ...]
     impacts: tuple[HeardImpact, ...]
@@ -82,21 +97,31 @@ class HeardImpacts:
 
     def of(self, instrument: str) -> tuple[HeardImpact, ...]:
         """Impacts on one instrument; raises `UnknownName`."""
-        index_of(
-            "instrument",
-            instrument,
-            tuple(instrument.name for instrument in self.instruments),
-            "the sound",
-        )
+        names = tuple(instrument.name for instrument in self.instruments)
+        index_of("instrument", instrument, names, "the sound")
         return tuple(impact for impact in self.impacts if impact.instrument == instrument)
 
 
 def hear_impacts(
     sound: Sound, instruments: Sequence[Instrument], speed: float = SPEED, time: Array | None = None
 ) -> HeardImpacts:
-    """Impacts on every instrument, each heard once.
-    `sound`: all channels on one clock, which `sound.start` ties to the motion's; `time` (frames,)
-    of the motion, where there is one: a sound of another length is reported [s].
+    """Find impacts on every instrument, each heard once.
+
+    Parameters
+    ----------
+    sound : all channels on one clock, which `sound.start` ties to the motion's
+    instruments : with their microphones
+    speed : of sound [m/s]
+    time : (frames,) of the motion, where there is one: a sound of another length is reported [s]
+
+    Returns
+    -------
+    in the order of time, with warnings
+
+    Raises
+    ------
+    BadData : no instrument, two of one name, or no time in common with the motion
+    UnknownName : a channel is not in the sound
     """
     names = tuple(instrument.name for instrument in instruments)
     if not names or len(set(names)) != len(names):
@@ -115,59 +140,78 @@ def hear_impacts(
     channels = tuple(dict.fromkeys(instrument.channel for instrument in instruments))
     heard = {name: listen(sound, name) for name in channels}
     arrivals = {name: onsets(heard[name]) for name in channels}
-    impacts = _told_apart(instruments, arrivals, heard, speed)
-    kept: list[HeardImpact] = []
+    separated = _told_apart(instruments, arrivals, heard, speed)
+    impacts: list[HeardImpact] = []
     for name in names:
-        on_it = _without_echoes([impact for impact in impacts if impact.instrument == name])
-        kept += on_it
+        on_it = _without_echoes([impact for impact in separated if impact.instrument == name])
+        impacts += on_it
         if not on_it:
             warnings.append(f"no impact on '{name}' was heard")
-    return HeardImpacts(
-        tuple(instruments), tuple(sorted(kept, key=lambda item: item.time)), tuple(warnings)
-    )
+    in_order = sorted(impacts, key=lambda impact: impact.time)
+    return HeardImpacts(tuple(instruments), tuple(in_order), tuple(warnings))
 
 
 def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
-    """What is wrong with a recording: silent and clipped channels, another length than the
-    motion's.
+    """Find silent and clipped channels, and another length than the motion's.
+
+    Parameters
+    ----------
+    sound : all channels on one clock
+    time : (frames,) of the motion [s]
+
+    Returns
+    -------
+    one line each
+
+    Raises
+    ------
+    BadData : the sound and the motion have no time in common
     """
-    results = []
-    for name in sound.names:
-        channel = sound[name]
-        peak = float(np.abs(channel).max(initial=0.0))
-        if peak < 1e-5:
-            results.append(f"sound channel '{name}' is silent")
-            continue
-        for edge in (channel.max(), channel.min()):
-            flat = max((stop - start for start, stop in runs(channel == edge)), default=0)
-            if flat >= 3 and abs(edge) > 0.5 * peak:
-                at = sound.start + int(np.argmax(channel == edge)) / sound.rate
-                results.append(
-                    f"sound channel '{name}' is clipped at {abs(edge):.2g} of full scale, first at"
-                    f" {at:.3f} s: energies of loud impacts are too small"
-                )
-                break
-    if time is not None:
-        stop = sound.start + sound.duration
-        first = float(time[0])
-        last = float(time[-1])
-        if stop <= first or sound.start >= last:
-            raise BadData(
-                f"the sound runs from {sound.start:g} to {stop:g} s, the motion from {first:g} to"
-                f" {last:g} s: they have no time in common"
-            )
-        if abs(sound.start - first) > 0.1 or abs(stop - last) > 0.1:
-            results.append(
-                f"the sound runs from {sound.start:.3f} to {stop:.3f} s, the motion from"
-                f" {first:.3f} to {last:.3f} s: impacts are known where both run; check the sound's"
-                " start"
-            )
-    return tuple(results)
+    faults = [fault for name in sound.names for fault in _channel_faults(sound, name)]
+    if time is None:
+        return tuple(faults)
+    stop = sound.start + sound.duration
+    first = float(time[0])
+    last = float(time[-1])
+    if stop <= first or sound.start >= last:
+        raise BadData(
+            f"the sound runs from {sound.start:g} to {stop:g} s, the motion from {first:g} to"
+            f" {last:g} s: they have no time in common"
+        )
+    if abs(sound.start - first) > 0.1 or abs(stop - last) > 0.1:
+        faults.append(
+            f"the sound runs from {sound.start:.3f} to {stop:.3f} s, the motion from"
+            f" {first:.3f} to {last:.3f} s: impacts are known where both run; check the sound's"
+            " start"
+        )
+    return tuple(faults)
+
+
+def _channel_faults(sound: Sound, name: str) -> list[str]:
+    """Say whether a channel is silent or clipped."""
+    channel = sound[name]
+    peak = float(np.abs(channel).max(initial=0.0))
+    if peak < 1e-5:
+        return [f"sound channel '{name}' is silent"]
+    for edge in (channel.max(), channel.min()):
+        flat = max((stop - start for start, stop in runs(channel == edge)), default=0)
+        if flat >= 3 and abs(edge) > 0.5 * peak:
+            at = sound.start + int(np.argmax(channel == edge)) / sound.rate
+            return [
+                f"sound channel '{name}' is clipped at {abs(edge):.2g} of full scale, first at"
+                f" {at:.3f} s: energies of loud impacts are too small"
+            ]
+    return []
 
 
 def contacts_heard(heard: HeardImpacts, sites: Sequence[str], duration: float = 0.01) -> Contacts:
-    """Impacts as contacts: each site touches its instrument for `duration` seconds.
-    `sites`: that made each impact, as `impacts.striking_sites` finds.
+    """Make contact intervals of impacts: each site touches its instrument for a duration [s].
+
+    Parameters
+    ----------
+    heard : impacts whose site is known
+    sites : that made each impact, as `impacts.striking_sites` finds
+    duration : [s]
     """
     known = tuple(
         dict.fromkeys(name for instrument in heard.instruments for name in instrument.sites)
@@ -195,7 +239,7 @@ def _told_apart(
     heard: Mapping[str, Heard],
     speed: float,
 ) -> list[HeardImpact]:
-    """Arrivals of all channels as impacts: those that are close in time are explained together."""
+    """Make impacts of arrivals in all channels: those close in time belong together."""
     ways = {instrument.name: instrument.distance / speed for instrument in instruments}
     entries = sorted(
         (
@@ -244,7 +288,7 @@ def _energies(
     heard: Mapping[str, Heard],
     speed: float,
 ) -> Array:
-    """What each instrument's microphone got (instruments,) while a group of arrivals sounded."""
+    """Energy that each microphone got (instruments,) while a group of arrivals sounded."""
     energies = {i: onset.energy for _, i, onset in reversed(group)}
     result = np.zeros(len(instruments))
     for i, instrument in enumerate(instruments):
@@ -257,9 +301,18 @@ def _energies(
 
 
 def _bleed(instruments: Sequence[Instrument], energies: Array) -> Array:
-    """Energy (instruments, instruments) in microphone i of a impact on j that gives 1 in its own.
+    """Energy in microphone i of an impact on j that gives 1 in its own.
+
     The median of what the louder half of the impacts that were loudest on j left in i; with fewer
     than four of these it falls with the square of the distances, where they are known.
+
+    Parameters
+    ----------
+    energies : (groups, instruments)
+
+    Returns
+    -------
+    (instruments, instruments)
     """
     count = len(instruments)
     relative = energies / np.maximum(np.quantile(energies, 0.9, axis=0), 1e-300)
@@ -282,12 +335,12 @@ def _bleed(instruments: Sequence[Instrument], energies: Array) -> Array:
 
 def _without_echoes(impacts: Sequence[HeardImpact]) -> list[HeardImpact]:
     """Impacts on one instrument, in order, without weak ones soon after a loud one."""
-    kept: list[HeardImpact] = []
+    own: list[HeardImpact] = []
     for impact in sorted(impacts, key=lambda impact: impact.time):
-        near = [item for item in kept if impact.time - item.time <= ECHO_TIME]
+        near = [item for item in own if impact.time - item.time <= ECHO_TIME]
         if any(impact.energy < ECHO * candidate.energy for candidate in near):
             continue
-        if kept and impact.time - kept[-1].time < 0.5 * REST:
+        if own and impact.time - own[-1].time < 0.5 * REST:
             continue
-        kept.append(impact)
-    return kept
+        own.append(impact)
+    return own

@@ -25,27 +25,35 @@ from myomorph.core.model.series import Series
 from myomorph.core.model.spatial import Transform
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
-SQUARE = 1e-6  # An axis of ground that a cell's axis leans to by less than this has no part of it
+SQUARE = 1e-6
+"""An axis of ground that a cell's axis leans to by less than this has no part of it."""
 
 
 @read_only
 class Step:
-    """A tread or a rung and its load cell."""
+    """A tread or a rung and its load cell.
+
+    Attributes
+    ----------
+    pose : of the tread in ground: origin in the middle of its surface, z out of it, x and y along
+        its edges
+    size : extents of the surface along x and y [m]
+    measures : which of `COMPONENTS` the cell gives, in the order of its channels (or of the rows of
+        `matrix`)
+    channels : names of its channels
+    matrix : (components, channels) from channels to [N] and [N m], with cross-talk; None for one to
+        one
+    origin : (3,) point of the tread's frame about which the cell's moments are [m]
+    sense : 1 where the cell gives the force on the animal, -1 where that on the step
+    """
 
     name: str
-    # of the tread in ground: origin in the middle of its surface, z out of it, x and y along its
-    # edges
     pose: Transform
-    size: tuple[float, float]  # extents of the surface along x and y [m]
-    # which of `COMPONENTS` the cell gives, in the order of its channels (or of the rows of
-    # `matrix`)
+    size: tuple[float, float]
     measures: tuple[str, ...]
-    channels: tuple[str, ...]  # names of its channels
-    # (components, channels) from channels to [N] and [N m], with cross-talk; None for one to one
+    channels: tuple[str, ...]
     matrix: Array | None = None
-    # (3,) point of the tread's frame about which the cell's moments are [m]
     origin: Array = field(default_factory=lambda: np.zeros(3))
-    # 1 where the cell gives the force on the animal, -1 where that on the step
     sense: Literal[1, -1] = 1
 
     def __post_init__(self) -> None:
@@ -75,24 +83,41 @@ class Step:
             object.__setattr__(self, "matrix", frozen_array(matrix))
 
     def rotated(self, rotation: Array) -> Step:
-        """The same step in a ground whose axes are the rows of `rotation` (3, 3)."""
+        """Turn the step into a ground of other axes.
+
+        Parameters
+        ----------
+        rotation : (3, 3) whose rows are the axes
+
+        Returns
+        -------
+        the step in that ground
+        """
         turn = Transform(rotation, np.zeros(3))
         return replace(self, pose=turn @ self.pose)
 
 
 @dataclass(frozen=True)
 class StairOptions:
-    """When a step is loaded, and how near a foot must be."""
+    """Thresholds of a step's load, and of a foot that stands on it.
 
-    # loaded, unloaded: shares of body weight between which a step begins and ceases to be loaded
+    Attributes
+    ----------
+    loaded, unloaded : shares of body weight between which a step begins and ceases to be loaded
+    noise : and as many standard deviations of the cell's noise
+    shortest : loadings and gaps that last less are taken for noise [s]
+    search_range : distance from a foot to the tread it stands on, at most, over the height of the
+        center of mass
+    still : a foot that stands moves slower than this, over the speed sqrt(g height)
+    tare : "quiet" subtracts what the cells read unloaded, "none" takes channels as they are
+    """
+
     loaded: float = 0.04
     unloaded: float = 0.02
-    noise: float = 5.0  # and as many standard deviations of the cell's noise
-    shortest: float = 0.02  # loadings and gaps that last less are taken for noise [s]
-    # distance from a foot to the tread it stands on, at most, over the height of the center of mass
+    noise: float = 5.0
+    shortest: float = 0.02
     search_range: float = 0.25
-    still: float = 0.3  # a foot that stands moves slower than this, over the speed sqrt(g height)
-    # "quiet" subtracts what the cells read unloaded, "none" takes channels as they are
+    still: float = 0.3
     tare: Literal["quiet", "none"] = "quiet"
 
     def __post_init__(self) -> None:
@@ -105,46 +130,59 @@ class StairOptions:
 
 @read_only
 class StepLoads:
-    """What the cells measure, in ground."""
+    """Loads of steps in ground, as their cells measure them.
 
-    time: Array  # (samples,) [s]
+    Attributes
+    ----------
+    time : (samples,) [s]
+    forces, moments : (samples, steps, 3) on the animal, moments about the tread's middle [N],
+        [N m]; NaN where the cell does not measure them
+    pressing : (samples, steps) along the tread's normal, the part of it that is measured [N]
+    loaded : (samples, steps)
+    noise : (steps,) standard deviation of `pressing` while nothing is on the step [N]
+    notes : what looks wrong, one line each
+    """
+
+    time: Array
     steps: tuple[Step, ...]
-    # forces, moments: (samples, steps, 3) on the animal, moments about the tread's middle [N], [N
-    # m]; NaN where the cell does not measure them
     forces: Array
     moments: Array
-    # (samples, steps) along the tread's normal, the part of it that is measured [N]
     pressing: Array
-    loaded: np.ndarray  # (samples, steps)
-    noise: Array  # (steps,) standard deviation of `pressing` while nothing is on the step [N]
-    notes: tuple[str, ...] = ()  # what looks wrong, one line each
+    loaded: np.ndarray
+    noise: Array
+    notes: tuple[str, ...] = ()
 
 
 def step_loads(
     steps: Sequence[Step], channels: Series, weight: float, options: StairOptions | None = None
 ) -> StepLoads:
-    """Forces and moments on each step, and when it is loaded.
-    `channels` (samples, channels) as recorded; those of all steps among them; `weight`: of the body
-    [N].
+    """Find forces and moments on each step, and when it is loaded.
+
+    Parameters
+    ----------
+    steps : with their load cells
+    channels : (samples, channels) as recorded; those of all steps among them
+    weight : of the body [N]
+    options : thresholds
+
+    Raises
+    ------
+    BadData : no step, two of one name, a step without fz, or without its channels
     """
     options = options or StairOptions()
     _check(steps, channels, weight)
     notes: list[str] = []
-    count = len(steps)
-    frames = len(channels)
-    forces = np.full((frames, count, 3), np.nan)
-    moments = np.full((frames, count, 3), np.nan)
-    pressing = np.zeros((frames, count))
-    loaded = np.zeros((frames, count), np.bool_)
-    noise = np.zeros(count)
+    shape = (len(channels), len(steps))
+    forces = np.full((*shape, 3), np.nan)
+    moments = np.full((*shape, 3), np.nan)
+    pressing = np.zeros(shape)
+    loaded = np.zeros(shape, np.bool_)
+    noise = np.zeros(len(steps))
     for index, step in enumerate(steps):
-        raw = channels.values[:, [channels.names.index(channel) for channel in step.channels]]
-        # Of force on the animal, in the cell's axes.
-        components = float(step.sense) * (raw if step.matrix is None else raw @ step.matrix.T)
-        if options.tare == "quiet":
-            components -= _idle(components, step, weight, options)
-        pressing[:, index] = np.nan_to_num(components[:, step.measures.index("fz")])
-        noise[index] = _noise(pressing[:, index])
+        components = _components(step, channels, weight, options)
+        normal = np.nan_to_num(components[:, step.measures.index("fz")])
+        pressing[:, index] = normal
+        noise[index] = _noise(normal)
         level = max(options.loaded * weight, options.noise * noise[index])
         if options.noise * noise[index] > options.loaded * weight:
             notes.append(
@@ -152,7 +190,7 @@ def step_loads(
                 f"{100 * level / weight:.0f} % of body weight"
             )
         lower = level * options.unloaded / options.loaded
-        smooth = _averaged(pressing[:, index], channels.time, options.shortest)
+        smooth = _averaged(normal, channels.time, options.shortest)
         state = hysteresis(smooth > level, smooth < lower)
         loaded[:, index] = steady(state, channels.time, options.shortest)
         forces[:, index], moments[:, index] = _in_ground(step, components)
@@ -168,16 +206,25 @@ def step_loads(
     )
 
 
+def _components(step: Step, channels: Series, weight: float, options: StairOptions) -> Array:
+    """Components (samples, components) on the animal, in the cell's axes [N], [N m]."""
+    raw = channels.values[:, [channels.names.index(channel) for channel in step.channels]]
+    components = float(step.sense) * (raw if step.matrix is None else raw @ step.matrix.T)
+    if options.tare == "quiet":
+        components -= _idle(components, step, weight, options)
+    return components
+
+
 def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
+    """Refuse steps that the recording cannot serve."""
     if not steps:
         raise BadData("no step is given: stairs need at least one")
     if not (np.isfinite(weight) and weight > 0.0):
         raise BadData(f"the body weighs {weight:g} N: thresholds of steps need its weight")
     names = [step.name for step in steps]
     if len(set(names)) != len(names):
-        raise BadData(
-            f"two steps are named '{next(name for name in names if names.count(name) > 1)}'"
-        )
+        twice = next(name for name in names if names.count(name) > 1)
+        raise BadData(f"two steps are named '{twice}'")
     for step in steps:
         if "fz" not in step.measures:
             raise BadData(
@@ -192,14 +239,22 @@ def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
                 )
 
 
-def _idle(own: Array, step: Step, weight: float, options: StairOptions) -> Array:
-    """What the components read with nobody on the step: the mode of what presses least, all medians
-    of it.
+def _idle(components: Array, step: Step, weight: float, options: StairOptions) -> Array:
+    """Median of the components with nobody on the step: at the mode of what presses least.
+
+    Parameters
+    ----------
+    components : (samples, components) [N], [N m]
+    weight : of the body [N]
+
+    Returns
+    -------
+    (components,) medians
     """
-    press = own[:, step.measures.index("fz")]
+    press = components[:, step.measures.index("fz")]
     known = np.isfinite(press)
     if known.sum() < 10:
-        return np.zeros(own.shape[1])
+        return np.zeros(components.shape[1])
     # The half of the samples that lies closest together is the unloaded one, for a step that is
     # mostly free.
     order = np.sort(press[known])
@@ -207,44 +262,64 @@ def _idle(own: Array, step: Step, weight: float, options: StairOptions) -> Array
     start = int(np.argmin(order[half:] - order[: len(order) - half]))
     middle = float(np.median(order[start : start + half + 1]))
     near = known & (np.abs(press - middle) < max(options.unloaded * weight, 3.0 * _noise(press)))
-    return np.asarray(np.nanmedian(own[near], axis=0), dtype=np.float64)
+    return np.asarray(np.nanmedian(components[near], axis=0), dtype=np.float64)
 
 
 def _noise(values: Array) -> float:
-    """Standard deviation of the noise, from the differences of neighboring samples (median: steps
-    do not count).
+    """Find the noise of values (samples,) by differences of neighbouring samples.
+
+    It is that of a normal distribution with their median size: steps do not count.
     """
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     return float(np.median(steps) / (0.6744897501960817 * np.sqrt(2.0))) if len(steps) else 0.0
 
 
 def _averaged(values: Array, time: Array, over: float) -> Array:
+    """Average values (samples,) over half of a duration [s], at times (samples,)."""
     width = max(1, round(0.5 * over / float(np.median(np.diff(time))))) if len(time) > 1 else 1
     kernel = np.ones(width) / width
     return np.convolve(np.pad(values, width, mode="edge"), kernel, mode="same")[width:-width]
 
 
-def _in_ground(step: Step, own: Array) -> tuple[Array, Array]:
-    """Force and moment about the tread's middle (samples, 3) in ground, NaN where an axis is not
-    measured.
+def _in_ground(step: Step, components: Array) -> tuple[Array, Array]:
+    """Force and moment about the tread's middle in ground, NaN where an axis is not measured.
+
+    F = R f,   M = R m + (R o) x F
+
+    Parameters
+    ----------
+    components : (samples, components) in the cell's axes [N], [N m]
+
+    Returns
+    -------
+    (samples, 3) [N] and (samples, 3) [N m]
     """
     known = np.array([item in step.measures for item in COMPONENTS])
-    full = np.zeros((len(own), 6))
+    measured = np.zeros((len(components), 6))
     for column, name in enumerate(step.measures):
-        full[:, COMPONENTS.index(name)] = own[:, column]
+        measured[:, COMPONENTS.index(name)] = components[:, column]
     rotation = step.pose.rotation
+    leans = np.abs(rotation) > SQUARE
     shift = np.cross(np.eye(3), step.origin)
-    moment = full[:, 3:] + full[:, :3] @ shift.T
+    moment = measured[:, 3:] + measured[:, :3] @ shift.T
     moment_known = known[3:] & _reached(np.abs(shift) > 0.0, known[:3])
-    force_in = np.where(
-        _reached(np.abs(rotation) > SQUARE, known[:3]), full[:, :3] @ rotation.T, np.nan
+    force = measured[:, :3] @ rotation.T
+    return (
+        np.where(_reached(leans, known[:3]), force, np.nan),
+        np.where(_reached(leans, moment_known), moment @ rotation.T, np.nan),
     )
-    moment_in = np.where(
-        _reached(np.abs(rotation) > SQUARE, moment_known), moment @ rotation.T, np.nan
-    )
-    return force_in, moment_in
 
 
 def _reached(uses: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(3,) whether all that a component is made of is known."""
+    """Tell whether all that a component is made of is known.
+
+    Parameters
+    ----------
+    uses : (3, 3) which inputs a component has
+    known : (3,)
+
+    Returns
+    -------
+    (3,)
+    """
     return np.all(~uses | known[None, :], axis=1)

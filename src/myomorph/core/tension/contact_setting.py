@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.core.contact.feet_on_steps import Stairs, shared_stairs, stairs_contacts
 from myomorph.core.contact.heard import heard_contacts
-from myomorph.core.contact.held_objects import find_holds, raised_contacts
+from myomorph.core.contact.held_objects import RaisedContact, find_holds, raised_contacts
 from myomorph.core.contact.plan import FOREVER, ContactPlan
 from myomorph.core.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.core.contact.site_motion import plate_height, rest_on_floor
@@ -68,19 +68,6 @@ class Measurements:
     plate_time: Array | None = None
     cutoff: float | None = None
     standing: Motion | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class RaisedContact:
-    """Contact of a site that rests on something else than the floor, by the motion.
-
-    Attributes
-    ----------
-    activation : (frames,)
-    """
-
-    contacts: Contacts
-    activation: Array
 
 
 def set_contacts(
@@ -361,8 +348,7 @@ def _raised(
     for site in plan.sites:
         if site.name in plan.surfaces and site.against == GROUND and site.name not in known:
             surface = plan.surfaces[site.name]
-            contacts, activation = raised_contacts(model, motion, site, soles, surface)
-            raised[site.name] = RaisedContact(contacts, activation)
+            raised[site.name] = raised_contacts(model, motion, site, soles, surface)
     return raised
 
 
