@@ -156,7 +156,8 @@ def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[in
 
     first = np.arange(n, dtype=np.int64)
     for row, coupled in enumerate(neighbors):
-        first[rank[row]] = min(rank[row], *rank[coupled])
+        # A row without entries is coupled to none.
+        first[rank[row]] = rank[[row, *coupled]].min()
 
     sorted_entries = np.lexsort((rank[rows], columns))
     place = np.empty(len(rows), np.int64)
