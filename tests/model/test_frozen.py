@@ -37,6 +37,7 @@ EXCEPTIONS: dict[str, str] = {
     "myomorph.body.calibrate.shared_problem.Point": KERNELS,
     "myomorph.body.calibrate.shared_problem.Reduced": KERNELS,
     "myomorph.body.calibrate.shared_problem.SharedProblem": KERNELS,
+    "myomorph.body.sensors.fit_mounting.FramesAt": KERNELS,
     "myomorph.core.muscles.coupled_arms.LoopGroup": KERNELS,
     "myomorph.core.muscles.fiber_equations.Fibers": KERNELS,
     "myomorph.core.muscles.fiber_states.FiberStates": KERNELS,

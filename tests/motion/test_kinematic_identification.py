@@ -100,6 +100,37 @@ def test_symmetric_gives_one_factor_for_both_sides(subject):
     np.testing.assert_allclose(distances(found.model), distances(subject.model), atol=2e-3)
 
 
+def test_any_subset_of_the_unknowns_is_estimated(subject, found):
+    lengths = calibrate(subject.generic, [subject.markers], replace(EXACT, fit=("lengths",)))
+    np.testing.assert_array_equal([one.shift for one in lengths.markers], 0.0)
+    markers = calibrate(subject.generic, [subject.markers], replace(EXACT, fit=("markers",)))
+    np.testing.assert_array_equal([one.factor for one in markers.lengths], markers.size)
+    np.testing.assert_array_equal([one.sd for one in markers.lengths], 0.0)
+    # Together they explain more than either alone.
+    for alone in (lengths, markers):
+        assert found.rms_after < alone.rms_after < alone.rms_before
+    with pytest.raises(UnknownName, match="masses"):
+        calibrate(subject.generic, [subject.markers], replace(EXACT, fit=("masses",)))
+    with pytest.raises(BadData, match="nothing to fit"):
+        calibrate(subject.generic, [subject.markers], replace(EXACT, fit=()))
+
+
+def test_a_calibration_certifies_itself(subject, found):
+    """Its estimate has every unknown, what each source of residuals left, and the noise is right."""
+    estimate = found.estimate
+    assert estimate.converged == found.converged
+    lengths = estimate.values["lengths"]
+    np.testing.assert_array_equal(lengths, [one.factor for one in found.lengths])
+    np.testing.assert_array_equal(
+        estimate.posterior.sd[: len(lengths)], [one.sd for one in found.lengths]
+    )
+    explained = {one.name: one for one in estimate.explained}
+    assert set(explained) == {"markers", "usual bodies", "symmetric posture"}
+    assert not explained["markers"].prior
+    assert 0.5 < explained["markers"].rms < 1.1
+    assert any(line.startswith("markers: ") for line in estimate.certificate)
+
+
 def test_in_turn_as_the_dissertation_reaches_the_same_place(subject):
     """[D] (a), (b), (c) against all at once: the same cost to 2 %, the same lengths to 2 mm, in
     many more steps.

@@ -23,6 +23,7 @@ from myomorph.body.calibrate.shared_problem import (
     SharedProblem,
 )
 from myomorph.body.calibrate.shared_unknowns import MarkersAt, as_fit
+from myomorph.core.fit.noise import residual_sd
 from myomorph.core.fit.solver import Method, Solution, minimize
 from myomorph.core.fit.unknowns import Bools
 from myomorph.core.model.arrays import Array
@@ -281,10 +282,10 @@ def _noise(
     rows = problem.prior.rows[:, free]
     H = minimum.reduced.H[np.ix_(free, free)]
     used = float(np.trace(np.linalg.solve(H + variance * rows.T @ rows, H)))
-    left = seen - minimum.reduced.angles_free - used
-    if left < 0.2 * seen:
+    explained = minimum.reduced.angles_free + used
+    if explained > 0.8 * seen:
         return NOISE_UNKNOWN * problem.unit, False
-    return max(float(np.sqrt(squares / left)), NOISE_LEAST * problem.unit), True
+    return max(residual_sd(squares, seen, explained), NOISE_LEAST * problem.unit), True
 
 
 def _alternate(

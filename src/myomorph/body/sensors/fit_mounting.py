@@ -21,11 +21,12 @@ from myomorph.body.sensors.first_guess import CalibrationPose, Guess
 from myomorph.body.sensors.undetermined import body_slopes, joint_angles
 from myomorph.core.fit.elimination import Eliminated, eliminated
 from myomorph.core.fit.estimation import Estimate, estimate_of
+from myomorph.core.fit.noise import residual_sd
 from myomorph.core.fit.problem import Problem
 from myomorph.core.fit.residuals import LinearPrior, NormalEquations, Residuals
 from myomorph.core.fit.solver import Method, Solution, minimize
 from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values, turned
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.inertial_sensors import InertialSensors
 from myomorph.core.model.series import Markers
 from myomorph.core.model.spatial import rotation_from_vector, vector_from_rotation
@@ -390,9 +391,10 @@ def _noise(errors: Array, coordinates: int) -> float:
     """
     numbers = int(np.isfinite(errors).sum())
     # Poses explain as many numbers as they have coordinates, of those that are joints between
-    # sensors at most.
-    explained = len(errors) * min(coordinates, 3 * errors.shape[1] - 3)
-    return float(np.sqrt(np.nansum(errors**2) / max(numbers - explained, numbers / 3, 1)))
+    # sensors at most, and never all.
+    joints = len(errors) * min(coordinates, 3 * errors.shape[1] - 3)
+    explained = min(joints, 2 * numbers / 3, numbers - 1)
+    return residual_sd(float(np.nansum(errors**2)), numbers, explained)
 
 
 class MountingEstimate(NamedTuple):
@@ -458,7 +460,7 @@ class FrameResiduals:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@read_only
 class PoseAt:
     """The calibration pose at a mounting: its coordinates, and how they follow the mounting."""
 

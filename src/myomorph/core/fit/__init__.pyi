@@ -13,6 +13,7 @@ from .estimation import estimate as estimate
 from .estimation import estimate_of as estimate_of
 from .noise import RecordingNoise as RecordingNoise
 from .noise import noise_of_residuals as noise_of_residuals
+from .noise import residual_sd as residual_sd
 from .noise import spectrum_floor as spectrum_floor
 from .posterior import Posterior as Posterior
 from .problem import Equations as Equations

@@ -17,6 +17,25 @@ FLOOR_BAND = 0.8  # From this share of half the sampling rate on, a spectrum is 
 MIN_BAND = 8  # Frequencies that a floor needs
 
 
+def residual_sd(squares: float, count: int, explained: float) -> float:
+    """Standard deviation of noise from what a fit left.
+
+        sqrt(sum of squares / (count - explained))
+
+    Parameters
+    ----------
+    squares : sum of squares of the residuals
+    count : of recorded numbers
+    explained : of them, as many as the fit can follow: unknowns less what their priors hold
+
+    Returns
+    -------
+    in the residuals' unit; infinite where nothing is left
+    """
+    freedom = count - explained
+    return float(np.sqrt(squares / freedom)) if freedom > 0.0 else np.inf
+
+
 @read_only
 class RecordingNoise:
     """Errors of each item of a recording, as far as they are known; NaN is "not known".
@@ -104,8 +123,9 @@ def noise_of_residuals(
         if seen[:, item].sum() < MIN_FRAMES or explained >= 0.8:
             continue
         own = residuals[:, item]
-        freedom = axes * int(seen[:, item].sum()) * (1.0 - explained)
-        sd[item] = np.sqrt(np.nansum(own**2) / freedom)
+        count = axes * int(seen[:, item].sum())
+        squares = float(np.sum(own[seen[:, item]] ** 2))
+        sd[item] = residual_sd(squares, count, explained * count)
         alike[item] = step * float(np.median(correlation_times([own])))
     return RecordingNoise(
         names=tuple(names),

@@ -274,7 +274,7 @@ class Unknowns:
         return frozen_array([float(value) for value in values])
 
 
-class Values(Mapping[str, Array]):
+class Values:
     """Values of all unknowns: by the name of a block (unknowns of the block,), together in `x`."""
 
     __slots__ = ("_shared", "unknowns", "x")
@@ -286,12 +286,6 @@ class Values(Mapping[str, Array]):
 
     def __getitem__(self, block: str) -> Array:
         return self.x[self.unknowns.slices[block]]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.unknowns.slices)
-
-    def __len__(self) -> int:
-        return len(self.unknowns.blocks)
 
     def nudged(self, index: int, size: float) -> Values:
         """Move one unknown (by its place in `x`) a step further, by its block's chart."""
