@@ -173,7 +173,14 @@ def leavings(one: Chair) -> tuple[Leaving, ...]:
                 continue
             near = {name: _nearest(time, state, frame, rising) for name, state in sat.items()}
             if all(abs(one - time[frame]) < 0.5 for one in near.values()):
-                found.append(Leaving(rising, **near))
+                found.append(
+                    Leaving(
+                        rising=rising,
+                        motion=near["motion"],
+                        force=near["force"],
+                        plates=near["plates"],
+                    )
+                )
     return tuple(found)
 
 

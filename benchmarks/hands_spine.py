@@ -42,9 +42,10 @@ def regressed_point(model: mm.Model) -> Array:
     """L5/S1 (3,) in the pelvis's frame, by the places of the pelvis's markers on the calibrated
     model [m].
     """
-    right, left, *back = (model.marker(name).location for name in ("RASI", "LASI", "RPSI", "LPSI"))
+    right = model.marker("RASI").location
+    left = model.marker("LASI").location
     middle = 0.5 * (right + left)
-    rear = 0.5 * (back[0] + back[1])
+    rear = 0.5 * (model.marker("RPSI").location + model.marker("LPSI").location)
     across = (right - left) / np.linalg.norm(right - left)
     up = np.cross(right - rear, left - rear)
     up /= np.linalg.norm(up)

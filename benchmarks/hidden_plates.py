@@ -75,14 +75,14 @@ class HiddenCase:
 def _case(name: str, recording: str, mass: float | None = None, **more: Any) -> HiddenCase:
     files = RECORDINGS[recording]
     markers = files.motion if more.get("tracked") else files.markers
-    return HiddenCase(
+    case = HiddenCase(
         name=name,
         model=files.model,
         markers=markers,
         forces=files.loads,
         mass=mass or files.mass,
-        **more,
     )
+    return replace(case, **more)
 
 
 CASES = (

@@ -148,6 +148,13 @@ def _model(folder: Path, dynamics: bool, functions: bool = True) -> object:
 def _read(place: Path) -> MocoFound:
     facts = json.loads((place / "found.json").read_text(encoding="utf-8"))
     with np.load(place / "found.npz") as kept:
-        found = {name: np.array(kept[name]) for name in ("time", "activations", "forces")}
-    rest = {name: facts[name] for name in ("seconds", "iterations", "success")}
-    return MocoFound(muscles=tuple(facts["muscles"]), model=place / "model.osim", **found, **rest)
+        return MocoFound(
+            time=np.array(kept["time"]),
+            muscles=tuple(facts["muscles"]),
+            activations=np.array(kept["activations"]),
+            forces=np.array(kept["forces"]),
+            model=place / "model.osim",
+            seconds=facts["seconds"],
+            iterations=facts["iterations"],
+            success=facts["success"],
+        )

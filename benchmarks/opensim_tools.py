@@ -38,6 +38,11 @@ def read_table(path: Path) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
     return values[:, 0], tuple(names[1:]), values[:, 1:]
 
 
+def _result(path: Path, seconds: float) -> ToolResult:
+    clock, names, values = read_table(path)
+    return ToolResult(time=clock, names=names, values=values, seconds=seconds)
+
+
 def load(path: Path) -> opensim.Model:
     """The model, its system built."""
     model = opensim.Model(str(path))
@@ -77,7 +82,7 @@ def inverse_kinematics(
         began = time.perf_counter()
         tool.run()
         seconds = time.perf_counter() - began
-        return ToolResult(*read_table(out), seconds)
+        return _result(out, seconds)
 
 
 def inverse_dynamics(
@@ -101,7 +106,7 @@ def inverse_dynamics(
         began = time.perf_counter()
         tool.run()
         seconds = time.perf_counter() - began
-        return ToolResult(*read_table(Path(folder) / "id.sto"), seconds)
+        return _result(Path(folder) / "id.sto", seconds)
 
 
 EARTH = (-np.pi / 2, 0.0, 0.0)
@@ -152,4 +157,4 @@ def imu_inverse_kinematics(
     began = time.process_time()
     tool.run(False)
     seconds = time.process_time() - began
-    return ToolResult(*read_table(folder / "angles.sto"), seconds)
+    return _result(folder / "angles.sto", seconds)

@@ -5,7 +5,7 @@ them.
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import myomorph as mm
@@ -32,7 +32,7 @@ class Recording:
 
 
 RECORDINGS = {
-    name: Recording(**files)
+    name: replace(Recording(model=files["model"]), **files)
     for name, files in tomllib.loads(
         Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
     ).items()

@@ -46,15 +46,15 @@ def muscle(
             PathPoint(f"{name}-P{i + 1}", body, np.array(at)) for i, (body, at) in enumerate(points)
         )
     )
-    return Muscle(
+    plain = Muscle(
         name=name,
         kind="Millard2012EquilibriumMuscle",
         path=path,
         max_isometric_force=1000.0,
         optimal_fiber_length=0.1,
         tendon_slack_length=0.2,
-        **more,
-    )  # type: ignore[arg-type]
+    )
+    return replace(plain, **more)
 
 
 def leg(**muscles: Muscle) -> Model:

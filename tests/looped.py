@@ -37,14 +37,22 @@ def looped_tree(seed, kinds=("PointConstraint", "WeldConstraint"), functional=Fa
         one = len(model.bodies) - i
         two = 2 + i
         world = Transform(random_rotation(rng), rng.normal(size=3))
-        ends = [
-            Transform(poses.rotations[0, b], poses.origins[0, b]).inverse() @ world
-            for b in (one, two)
-        ]
         loops.append(
-            Loop(f"loop{i}", kind, model.bodies[one - 1].name, model.bodies[two - 1].name, *ends)
+            Loop(
+                name=f"loop{i}",
+                kind=kind,
+                body_1=model.bodies[one - 1].name,
+                body_2=model.bodies[two - 1].name,
+                pose_1=_pose(poses, one).inverse() @ world,
+                pose_2=_pose(poses, two).inverse() @ world,
+            )
         )
     return replace(model, loops=tuple(loops)), closed[0]
+
+
+def _pose(poses, body):
+    """Of a body in the first frame."""
+    return Transform(poses.rotations[0, body], poses.origins[0, body])
 
 
 def four_bar(crank=0.3, coupler=0.7, rocker=0.6, ground=0.8, kind="PointConstraint"):
@@ -186,11 +194,11 @@ def pinocchio_rates(model, coordinates, velocities, accelerations):
     for rate in (pin.getFrameVelocity, pin.getFrameClassicalAcceleration):
         for loop, frames in zip(model.loops, ends, strict=True):
             rows = 6 if loop.kind == "WeldConstraint" else 3
-            one, two = (
-                rate(theirs, data, end, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).vector[:rows]
-                for end in frames
-            )
-            yield one, two
+            axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            first, second = frames
+            of_first = rate(theirs, data, first, axes).vector[:rows]
+            of_second = rate(theirs, data, second, axes).vector[:rows]
+            yield of_first, of_second
 
 
 def markers_of(model, values, noise=0.0, seed=0):

@@ -31,10 +31,10 @@ BROKEN = """
 from myomorph.core.model.extension import CommandEntry, Extension, StepEntry
 
 EXTENSION = Extension(
-    steps=(StepEntry(name="lost", place="half_kit.nowhere:STEP", help="A step that is not there."),),
+    steps=(StepEntry(name="lost", place="half_kit.nowhere:STEP", help="A step that is missing."),),
     commands={
         "gone": CommandEntry(function="half_kit.nowhere:gone_command", help="Another."),
-        "info": CommandEntry(function="half_kit.nowhere:info_command", help="A name that is taken."),
+        "info": CommandEntry(function="half_kit.nowhere:info_command", help="A name in use."),
     },
 )
 """

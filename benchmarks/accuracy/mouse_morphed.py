@@ -28,7 +28,7 @@ from myomorph.bones.morph.morphed import Architecture
 from myomorph.bones.morph.species.counterparts import MuscleHomology
 from myomorph.bones.study.species_morphing import read_species
 from myomorph.core.muscles.kinematics import default_path_lengths
-from myomorph.lab.analysis.groups import Animal, Group, compare_groups
+from myomorph.lab.analysis.groups import Animal, CurveDifference, Group, compare_groups
 from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 from truths.mouse_motion import clip_fits, rms
 from truths.mouse_recordings import KEYPOINTS, with_keypoints
@@ -267,6 +267,10 @@ TWO_MICE = ("1R_12_01_26", "none_12_01_26")
 """Of one session, with enough strides each."""
 
 
+def _regions(curve: CurveDifference) -> str:
+    return "; ".join(f"{start:.0f} to {stop:.0f}" for start, stop in curve.regions)
+
+
 def _difference(what: str, first: Group, second: Group) -> Row:
     found = compare_groups(first, second)
     scalars = [one for one in found.scalars if one.holm < found.options.alpha]
@@ -281,11 +285,7 @@ def _difference(what: str, first: Group, second: Group) -> Row:
         ),
         "curves": len(found.curves),
         "that differ, at [% of stride]": (
-            ", ".join(
-                f"{one.name} ({'; '.join(f'{a:.0f} to {b:.0f}' for a, b in one.regions)})"
-                for one in curves
-            )
-            or "none"
+            ", ".join(f"{one.name} ({_regions(one)})" for one in curves) or "none"
         ),
         "notes": "; ".join(found.notes),
     }

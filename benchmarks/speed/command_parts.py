@@ -39,8 +39,9 @@ def watched(function, label):
                 stack[-1] += spent
     return call
 
-machinery.ExtensionFileLoader.create_module = watched(machinery.ExtensionFileLoader.create_module, "imports")
-machinery.ExtensionFileLoader.exec_module = watched(machinery.ExtensionFileLoader.exec_module, "imports")
+compiled = machinery.ExtensionFileLoader
+compiled.create_module = watched(compiled.create_module, "imports")
+compiled.exec_module = watched(compiled.exec_module, "imports")
 executed = watched(machinery.SourceFileLoader.exec_module, "imports")
 
 def exec_module(loader, module):

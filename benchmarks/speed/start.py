@@ -1,8 +1,8 @@
 """How long a user waits: import, the first command on a new machine with compilation, later
 commands, and where the time of a one-second trial goes; size on disk.
 
-`python -m benchmarks start [--before REVISION]`: processor times of this checkout beside those of an
-earlier revision, in turns.
+`python -m benchmarks start [--before REVISION]`: processor times of this checkout beside those of
+an earlier revision, in turns.
 """
 
 from __future__ import annotations

@@ -57,9 +57,8 @@ def specimen_steps(made: VirtualSpecimen) -> dict[str, float]:
     marks.append(time.perf_counter())
     cutoff = choose_cutoff(tracked).cutoff
     marks.append(time.perf_counter())
-    without, intact = (
-        swing_recordings(one, cutoff, muscles=k == 1) for k, one in enumerate(tracked)
-    )
+    without = swing_recordings(tracked[0], cutoff, muscles=False)
+    intact = swing_recordings(tracked[1], cutoff, muscles=True)
     marks.append(time.perf_counter())
     identify_specimen("virtual", without, intact, options=ViscosityOptions(draws=DRAWS))
     marks.append(time.perf_counter())

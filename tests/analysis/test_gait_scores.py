@@ -4,6 +4,8 @@ say.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,8 @@ def curves(right, left):
 
 
 def norm(mean=USUAL, **more):
-    return GaitNorm(mean=mean, deviation=np.ones_like(mean), persons=30, source="made", **more)
+    made = GaitNorm(mean=mean, deviation=np.ones_like(mean), persons=30, source="made")
+    return replace(made, **more)
 
 
 def test_the_norm_itself_scores_nothing():

@@ -206,9 +206,10 @@ def test_model_without_mass(arm, command):
 
 def test_entity_bomb(arm, spoilt):
     names = "abcdefghij"
-    entities = "".join(
-        f'<!ENTITY {name} "{10 * f"&{other};"}">\n' for other, name in itertools.pairwise(names)
-    )
+    entities = ""
+    for other, name in itertools.pairwise(names):
+        ten = 10 * f"&{other};"
+        entities += f'<!ENTITY {name} "{ten}">\n'
     arm.model.write_text(BOMB.format(entities=entities))
     spoilt("model", arm.model.name)
 

@@ -16,7 +16,8 @@ COMMAND = """
 import sys
 from myomorph.lab.cli import main
 status = main(sys.argv[1:])
-heavy = [name for name in ("numba", "llvmlite", "pydantic", "h5py", "mujoco") if name in sys.modules]
+every = ("numba", "llvmlite", "pydantic", "h5py", "mujoco")
+heavy = [name for name in every if name in sys.modules]
 print("LOADED", *heavy)
 sys.exit(status)
 """

@@ -58,10 +58,12 @@ def test_a_walk_given_by_its_loads_file(data):
     samples = np.rint(markers.time * 2000).astype(int)
     samples = samples[samples < len(opensim_says)]
     thin = Wrenches(
-        opensim_says.time[samples],
-        opensim_says.names,
-        ("", ""),
-        *(getattr(opensim_says, part)[samples] for part in ("forces", "points", "torques")),
+        time=opensim_says.time[samples],
+        names=opensim_says.names,
+        bodies=("", ""),
+        forces=opensim_says.forces[samples],
+        points=opensim_says.points[samples],
+        torques=opensim_says.torques[samples],
     )
     positions = {
         body: np.stack([markers[one] for one in some], axis=1)[: len(samples)]

@@ -247,7 +247,11 @@ def test_blows_are_loads_whose_torque_over_time_is_their_moment():
         time=time, names=("a", "b"), values=zeros, velocities=zeros, accelerations=zeros
     )
     given = (("tip_a", 0.301, 0.5), ("tip_b", 0.5, 0.2), ("tip_a", 0.6, 0.1))
-    impacts = [Impact(*one, np.array([1.0, 0.0, 0.0])) for one in given]
+    forward = np.array([1.0, 0.0, 0.0])
+    impacts = [
+        Impact(site=site, time=instant, impulse=impulse, direction=forward)
+        for site, instant, impulse in given
+    ]
     loads = impact_wrenches(impacts, model, motion, SITES)
     assert loads.names == ("tip_a", "tip_b")
     assert loads.bodies == ("a", "b")

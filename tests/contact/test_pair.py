@@ -117,11 +117,17 @@ def on(bodies, forces, motion, point):
     )
 
 
+def no_wrenches(time):
+    """Of no plate."""
+    nothing = np.zeros((len(time), 0, 3))
+    return Wrenches(time=time, names=(), bodies=(), forces=nothing, points=nothing, torques=nothing)
+
+
 def test_what_passes_between_two_is_what_their_momentum_tells():
     model, motion = moving_pair()
     pull = np.random.default_rng(5).normal(size=(len(motion), 1, 3)) * 80.0
     place = np.array([0.2, 1.1, 0.3])
-    nothing = Wrenches(motion.time, (), (), *np.zeros((3, len(motion), 0, 3)))
+    nothing = no_wrenches(motion.time)
     needed = action_reaction(model, motion, ("tori", "uke"), nothing)
     # The floor is made to give what each needs beyond the pull, all of it through one point of one
     # foot.
@@ -157,7 +163,7 @@ def test_the_residual_of_an_unmeasured_foot_is_the_change_of_momentum():
     )
     path = [center_of_mass(tree, forward_kinematics(tree, one)) for one in steps]
     acceleration = (path[0] - 2.0 * path[1] + path[2]) / step**2
-    nothing = Wrenches(motion.time, (), (), *np.zeros((3, len(motion), 0, 3)))
+    nothing = no_wrenches(motion.time)
     found = action_reaction(model, motion, ("tori", "uke"), nothing)
     np.testing.assert_allclose(
         found.residual[:, 3:], model.mass * (acceleration - model.gravity), rtol=1e-4, atol=0.05

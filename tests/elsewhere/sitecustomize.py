@@ -59,7 +59,10 @@ def refusing(function: Callable[..., Any]) -> Callable[..., Any]:
 
     def looked(*paths: Any, **options: Any) -> Any:
         if any(map(is_open, paths)):
-            raise PermissionError(errno.EACCES, "Access is denied", paths[0], None, *paths[1:2])
+            error = PermissionError(errno.EACCES, "Access is denied", paths[0])
+            if len(paths) > 1:
+                error.filename2 = paths[1]
+            raise error
         return function(*paths, **options)
 
     return looked

@@ -66,12 +66,16 @@ def test_frame_by_frame_is_the_batch(walk: tuple[Model, Motion, Wrenches]) -> No
     )
     use = np.isin(np.round(filtered.time, 6), np.round(online.used, 6))
     assert use.sum() == len(online.used) > 70
-    noise = {"moment_noise": float(online.sigma[0]), "force_noise": float(online.sigma[3])}
+    options = BaseOptions(
+        correlated=False,
+        moment_noise=float(online.sigma[0]),
+        force_noise=float(online.sigma[3]),
+    )
     batch = fit_base(
         model,
         [Recording(filtered, forces, use)],
         online.base,
-        BaseOptions(correlated=False, **noise),
+        options,
     )
     state = online.state()
     size = np.maximum(np.abs(batch.estimate), batch.size)

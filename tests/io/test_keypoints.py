@@ -104,7 +104,10 @@ def test_files_that_cannot_be_used_are_named(tmp_path):
 
 
 def test_files_made_to_fill_the_memory_are_refused(tmp_path):
-    nested = "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 9))
+    nested = ""
+    for k in range(1, 9):
+        nine = ", ".join([f"*a{k - 1}"] * 9)
+        nested += f"a{k}: &a{k} [{nine}]\n"
     (tmp_path / "a.yaml").write_text(f"a0: &a0 [{', '.join('x' * 9)}]\n{nested}names: [*a8]\n")
     with pytest.raises(BadFile, match="a name cannot be a list"):
         read_keypoint_names(tmp_path / "a.yaml")

@@ -15,9 +15,14 @@ from myomorph.core.model.series import Wrenches
 
 
 def made_wrenches(frames=7):
-    draw = np.random.default_rng(3).normal(size=(3, frames, 2, 3))
+    forces, points, torques = np.random.default_rng(3).normal(size=(3, frames, 2, 3))
     return Wrenches(
-        np.linspace(0.5, 1.1, frames), ("calcn_r", "hand_l"), ("calcn_r", "hand_l"), *draw
+        time=np.linspace(0.5, 1.1, frames),
+        names=("calcn_r", "hand_l"),
+        bodies=("calcn_r", "hand_l"),
+        forces=forces,
+        points=points,
+        torques=torques,
     )
 
 
@@ -69,7 +74,15 @@ def test_points_of_idle_loads_are_numbers():
 
 
 def test_a_load_without_a_body_is_refused():
-    wrenches = Wrenches(np.zeros(1), ("plate 1",), ("",), *np.zeros((3, 1, 1, 3)))
+    nothing = np.zeros((1, 1, 3))
+    wrenches = Wrenches(
+        time=np.zeros(1),
+        names=("plate 1",),
+        bodies=("",),
+        forces=nothing,
+        points=nothing,
+        torques=nothing,
+    )
     with pytest.raises(BadData, match="acts on no body"):
         loads_table(wrenches)
 

@@ -109,12 +109,16 @@ def test_the_end_is_the_batch(walk: tuple[Model, LiveRecording]) -> None:
     )
     use = np.isin(np.round(filtered.time, 6), np.round(online.used, 6))
     assert use.sum() == len(online.used) > 90
-    noise = {"moment_noise": float(online.sigma[0]), "force_noise": float(online.sigma[3])}
+    options = BaseOptions(
+        correlated=False,
+        moment_noise=float(online.sigma[0]),
+        force_noise=float(online.sigma[3]),
+    )
     batch = fit_base(
         model,
         [Recording(filtered, forces, use)],
         online.base,
-        BaseOptions(correlated=False, **noise),
+        options,
     )
     size = np.maximum(np.abs(batch.estimate), batch.size)
     np.testing.assert_allclose(result.state.fit.estimate / size, batch.estimate / size, atol=1e-8)

@@ -43,8 +43,11 @@ def test_it_is_the_offline_chain_with_the_same_filter(
     known = np.isfinite(motion.values).all(axis=1)
     assert known.sum() > 70
     motion = Motion(
-        *(motion.time[known], motion.names),
-        *(one[known] for one in (motion.values, motion.velocities, motion.accelerations)),
+        time=motion.time[known],
+        names=motion.names,
+        values=motion.values[known],
+        velocities=motion.velocities[known],
+        accelerations=motion.accelerations[known],
     )
     zero = np.zeros_like(each[known, :, :3])
     external = Wrenches(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from myomorph.bones.morph.maps.fields import BoneMap
@@ -20,14 +22,14 @@ def given(body: str, matrix: Array, offset: Array, **surfaces: object) -> BoneMa
     size = float(np.cbrt(abs(np.linalg.det(matrix))))
     sign = np.sign(np.linalg.det(matrix))
     whole = Similarity(sign * nearest_rotation(sign * matrix), offset, size)
-    return BoneMap(
+    bare = BoneMap(
         body=body,
         target_body=body,
         map=AffineMap(matrix, offset),
         whole=whole,
         basis="given",
-        **surfaces,
-    )  # type: ignore[arg-type]
+    )
+    return replace(bare, **surfaces)
 
 
 def similar(model: Model, size: float, seed: int | None = None) -> dict[str, BoneMap]:

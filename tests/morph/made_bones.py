@@ -21,7 +21,8 @@ def real_bone(name: str, edge: float = 0.006) -> Surface:
     package = pytest.importorskip("myo_sim")
     bone = read_mesh(Path(package.MODELS_DIR) / "meshes" / f"{name}.stl")
     mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=True)
-    return Surface(*trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, edge))
+    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, edge)
+    return Surface(vertices=vertices, faces=faces)
 
 
 def deformed(points: np.ndarray, bone: Surface, size: float = 1.0) -> np.ndarray:

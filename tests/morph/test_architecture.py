@@ -27,15 +27,17 @@ NAMES = tuple("abcdefghij")
 
 def source() -> Model:
     rng = np.random.default_rng(0)
+    sizes = rng.uniform([100, 0.05], [900, 0.1], (len(NAMES), 2)).tolist()
     muscles = tuple(
         Muscle(
-            name,
-            "Millard2012EquilibriumMuscle",
-            Path(()),
-            *(float(v) for v in rng.uniform([100, 0.05], [900, 0.1])),
-            0.1,
+            name=name,
+            kind="Millard2012EquilibriumMuscle",
+            path=Path(()),
+            max_isometric_force=force,
+            optimal_fiber_length=fiber,
+            tendon_slack_length=0.1,
         )
-        for name in NAMES
+        for name, (force, fiber) in zip(NAMES, sizes, strict=True)
     )
     return Model(
         name="man", bodies=(), joints=(), coordinates=(), gravity=np.zeros(3), muscles=muscles

@@ -35,7 +35,8 @@ def test_gradient_and_curvature_are_derivatives_of_the_cost(seed):
         location = rng.normal(size=3)
         number = tree.body_index[name]
         place = poses.rotations[0, number] @ location + poses.origins[0, number]
-        tasks.append(HeightTask(name, location, np.array([place @ model.up]), 0.5))
+        height = np.array([place @ model.up])
+        tasks.append(HeightTask(body=name, location=location, heights=height, weight=0.5))
     held_against_differences(tree, tasks, c, c + rng.normal(scale=0.2, size=len(c)))
 
 
@@ -58,9 +59,8 @@ def test_a_measured_height_moves_the_body():
     number = compile_tree(model).body_index[body]
     lifted = poses.origins[:, number] @ model.up + 0.1
     plain = inverse_kinematics(model, markers)
-    fit = inverse_kinematics(
-        model, markers, InverseKinematicsOptions(tasks=[HeightTask(body, np.zeros(3), lifted, 1e4)])
-    )
+    task = HeightTask(body=body, location=np.zeros(3), heights=lifted, weight=1e4)
+    fit = inverse_kinematics(model, markers, InverseKinematicsOptions(tasks=[task]))
     assert fit.converged.all()
     assert fit.task_errors["HeightTask"].shape == (FRAMES, 1)
     np.testing.assert_allclose(fit.task_errors["HeightTask"], 0.0, atol=1e-3)

@@ -175,7 +175,10 @@ def test_forces_that_end_too_early_are_refused():
 def test_forces_are_extended_by_a_step_and_a_half_at_either_end(share):
     step = 1 / 128
     time = np.arange(33) * step
-    given = Wrenches(time, ("plate",), ("foot",), *(np.ones((33, 1, 3)) for _ in range(3)))
+    ones = np.ones((33, 1, 3))
+    given = Wrenches(
+        time=time, names=("plate",), bodies=("foot",), forces=ones, points=ones, torques=ones
+    )
     for wanted in (time[0] - share * step, time[-1] + share * step):
         if share < 1.5:
             assert resample_wrenches(given, np.sort([wanted, time[16]])).forces == pytest.approx(

@@ -108,7 +108,13 @@ def test_torques_of_the_copy_are_those_of_the_model(gait):
     columns = [copied.coordinate_names.index(name) for name in model.coordinate_names]
     rates[0][:, columns] = speeds
     rates[1][:, columns] = accelerations
-    full = Motion(time, copied.coordinate_names, there, *rates)
+    full = Motion(
+        time=time,
+        names=copied.coordinate_names,
+        values=there,
+        velocities=rates[0],
+        accelerations=rates[1],
+    )
     values = motion_arrays(compile_tree(copied), full)
     theirs = dict(zip(copy.simple, copy.generalized_forces(*values).T, strict=True))
     for coupler in reversed(copied.couplers):

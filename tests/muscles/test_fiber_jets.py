@@ -84,7 +84,10 @@ def test_derivatives_of_pulls_and_stretches_are_those_of_finite_differences(kind
     over = []
     for step in h * np.eye(3):
         over.append((of(*(at + step[:, None])) - of(*(at - step[:, None]))) / (2.0 * h))
-    x, u, a = (one / size for one, size in zip(over, scale, strict=True))
+    over_x, over_u, over_a = over
+    x = over_x / scale[0]
+    u = over_u / scale[1]
+    a = over_a / scale[2]
     found = np.column_stack(
         [x[:, 0], u[:, 0], a[:, 0], x[:, 1], x[:, 2], u[:, 2], x[:, 3], u[:, 3], a[:, 3]],
     )

@@ -29,7 +29,16 @@ SPEEDS = np.linspace(-0.2, 0.2, 11)[:, None]
 def one_muscle(kind, pennation=0.2, **parameters):
     """A model of one muscle from the ground to a block that slides."""
     path = Path((PathPoint("a", "ground", np.zeros(3)), PathPoint("b", "block", np.zeros(3))))
-    muscle = Muscle("m", kind, path, pennation_at_optimal=pennation, parameters=parameters, **SIZES)
+    muscle = Muscle(
+        name="m",
+        kind=kind,
+        path=path,
+        max_isometric_force=SIZES["max_isometric_force"],
+        optimal_fiber_length=SIZES["optimal_fiber_length"],
+        tendon_slack_length=SIZES["tendon_slack_length"],
+        pennation_at_optimal=pennation,
+        parameters=parameters,
+    )
     axis = Axis(
         kind="translation", vector=np.array([1.0, 0, 0]), function=linear(1.0), coordinates=("x",)
     )

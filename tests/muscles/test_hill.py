@@ -64,12 +64,14 @@ def muscle(kind: str, pennation: float = 0.0, **parameters: float) -> Muscle:
     """A muscle of the class at its default parameters but for those given."""
     path = Path((PathPoint("a", "ground", np.zeros(3)), PathPoint("b", "block", np.zeros(3))))
     return Muscle(
-        kind + f"{pennation}",
-        kind,
-        path,
+        name=f"{kind}{pennation}",
+        kind=kind,
+        path=path,
+        max_isometric_force=SIZES["max_isometric_force"],
+        optimal_fiber_length=SIZES["optimal_fiber_length"],
+        tendon_slack_length=SIZES["tendon_slack_length"],
         pennation_at_optimal=pennation,
         parameters=parameters,
-        **SIZES,
     )
 
 

@@ -11,9 +11,21 @@ NAN = float("nan")
 
 def difference(quantity, means, half, whole, sd):
     middle = means[0] - means[1]
-    limits = (middle - half, middle + half, sd, middle - whole, middle + whole)
     return ValueDifference(
-        "slow", "fast", "id", quantity, "N m", True, "subjects", (4, 4), means, *limits
+        first="slow",
+        second="fast",
+        step="id",
+        quantity=quantity,
+        unit="N m",
+        paired=True,
+        unit_of="subjects",
+        count=(4, 4),
+        means=means,
+        low=middle - half,
+        high=middle + half,
+        measured_sd=sd,
+        low_all=middle - whole,
+        high_all=middle + whole,
     )
 
 

@@ -19,8 +19,10 @@ from trees import random_rotation, random_tree
 
 
 def bushing(one, two, rng, **parts):
-    poses = [Transform(random_rotation(rng), 0.1 * rng.normal(size=3)) for _ in range(2)]
-    return Bushing("bush", one, two, *poses, **parts)
+    pose_1 = Transform(random_rotation(rng), 0.1 * rng.normal(size=3))
+    pose_2 = Transform(random_rotation(rng), 0.1 * rng.normal(size=3))
+    free = Bushing(name="bush", body_1=one, body_2=two, pose_1=pose_1, pose_2=pose_2)
+    return replace(free, **parts)
 
 
 @pytest.fixture

@@ -81,8 +81,13 @@ def test_joint_forces_agree_with_pinocchio(seed):
     pin = pytest.importorskip("pinocchio")
     model = random_tree(seed)
     rng = np.random.default_rng(seed)
+    values, velocities, accelerations = rng.normal(size=(3, 2, len(model.coordinates)))
     motion = Motion(
-        np.arange(2.0), model.coordinate_names, *rng.normal(size=(3, 2, len(model.coordinates)))
+        time=np.arange(2.0),
+        names=model.coordinate_names,
+        values=values,
+        velocities=velocities,
+        accelerations=accelerations,
     )
     tree = compile_tree(model)
     applied = pushed(tree, 2, seed)
@@ -139,9 +144,15 @@ def test_loops_carry_what_they_were_given_to_carry():
     model, closed = looped_tree(1, kinds=("WeldConstraint",), bodies=16)
     rng = np.random.default_rng(2)
     c = np.tile(closed, (3, 1))
-    motion, _ = closed_motion(
-        model, Motion(np.arange(3.0), model.coordinate_names, c, *rng.normal(size=(2, *c.shape)))
+    velocities, accelerations = rng.normal(size=(2, *c.shape))
+    given = Motion(
+        time=np.arange(3.0),
+        names=model.coordinate_names,
+        values=c,
+        velocities=velocities,
+        accelerations=accelerations,
     )
+    motion, _ = closed_motion(model, given)
     tree = compile_tree(model)
     arrays = motion_arrays(tree, motion)
     c, cdot, cddot = arrays

@@ -41,7 +41,16 @@ SITES = (
 
 def test_forces_at_sites_survive(tmp_path):
     draw = np.random.default_rng(2)
-    forces = ContactForces(TIME, SITES, draw.random((4, 3)), *draw.normal(size=(3, 4, 3, 3)))
+    activations = draw.random((4, 3))
+    forces_at_sites, points, torques = draw.normal(size=(3, 4, 3, 3))
+    forces = ContactForces(
+        time=TIME,
+        sites=SITES,
+        activations=activations,
+        forces=forces_at_sites,
+        points=points,
+        torques=torques,
+    )
     with new_result(tmp_path / "x.nc") as writer:
         put_contact_forces(writer, forces)
     found = get_contact_forces(read_result(tmp_path / "x.nc"))

@@ -37,7 +37,14 @@ def values():
 
 
 def test_series_survive(tmp_path, values):
-    wrenches = Wrenches(TIME, ("w",), ("foot",), *(values[:, None] + i for i in range(3)))
+    wrenches = Wrenches(
+        time=TIME,
+        names=("w",),
+        bodies=("foot",),
+        forces=values[:, None],
+        points=values[:, None] + 1,
+        torques=values[:, None] + 2,
+    )
     emg = Emg(np.arange(20) / 40.0, ("m",), np.random.default_rng(1).random((20, 1)))
     events = (Event(0.1, "Foot Strike", "Left"), Event(0.3, "Ünicode"))
     with new_result(tmp_path / "x.nc") as writer:
@@ -60,7 +67,8 @@ def test_series_survive(tmp_path, values):
 
 def test_forces_of_which_none_is_left_are_no_forces(tmp_path, values):
     """Plates on which nobody steps while a motion lasts are left out, all of them in the end."""
-    none = Wrenches(TIME, (), (), *(np.zeros((5, 0, 3)) for _ in range(3)))
+    nothing = np.zeros((5, 0, 3))
+    none = Wrenches(time=TIME, names=(), bodies=(), forces=nothing, points=nothing, torques=nothing)
     with new_result(tmp_path / "x.nc") as writer:
         writer.time(TIME)
         store.put_torques(writer, Series(TIME, NAMES, values), none)
@@ -206,7 +214,9 @@ def test_hash_of_a_file_is_that_of_its_bytes(tmp_path):
 def test_provenance_round_trips(step, sources, options):
     made = Provenance(
         step=step,
-        sources=tuple(Source(*one) for one in sources),
+        sources=tuple(
+            Source(role=role, name=name, sha256=sha256) for role, name, sha256 in sources
+        ),
         options=options,
         version="1.0",
         date="2024-01-01T00:00:00+00:00",

@@ -43,16 +43,14 @@ EXACT = CertificateOptions(residual=0.0, reserve=0.0)
 
 def solved(model, motion, task, actuators=(), **more):
     """The problem of a motion with contacts, solved, and what was found."""
-    problem = tension_problem(
-        TensionInputs(
-            model,
-            motion,
-            inverse_dynamics(model, motion),
-            actuators=actuators,
-            contacts=task,
-            **more,
-        )
+    inputs = TensionInputs(
+        model=model,
+        motion=motion,
+        torques=inverse_dynamics(model, motion),
+        actuators=actuators,
+        contacts=task,
     )
+    problem = tension_problem(replace(inputs, **more))
     over_frames(problem.solve, len(motion), None, problem.window)
     return problem, problem.result()
 

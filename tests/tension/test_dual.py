@@ -52,9 +52,17 @@ def solve(
     count = directions.shape[1]
     frames = len(torques)
     weights = np.ones(count) if weights is None else weights
-    each = (frozen_array(one) for one in (weights, np.full(count, exponent), low, high))
-    first = 0 * shape.first if capped else shape.first
-    fixed = Separable(shape.start, shape.row, first, *each, capped, peak)
+    fixed = Separable(
+        start=shape.start,
+        row=shape.row,
+        first=0 * shape.first if capped else shape.first,
+        weight=frozen_array(weights),
+        exponent=frozen_array(np.full(count, exponent)),
+        lower=frozen_array(low),
+        upper=frozen_array(high),
+        capped=capped,
+        peak=peak,
+    )
     values = np.empty((frames, len(rows)))
     values[:, shape.place] = directions[rows, columns]
     x = np.empty((frames, count))
@@ -218,8 +226,15 @@ def _bisected_on(wide):
     `_step` takes.
     """
     shape = pattern(np.zeros(1, np.int64), np.zeros(1, np.int64), (1, 1))
-    each = (np.array([one]) for one in (0.5 * wide, 2.0, 0.0, 1.0))
-    fixed = Separable(shape.start, shape.row, shape.first, *each)
+    fixed = Separable(
+        start=shape.start,
+        row=shape.row,
+        first=shape.first,
+        weight=np.array([0.5 * wide]),
+        exponent=np.array([2.0]),
+        lower=np.array([0.0]),
+        upper=np.array([1.0]),
+    )
     return _stepped(
         fixed, np.zeros(1), np.zeros((3, 1)), np.array([-1.0 / 3.0]), np.ones(1), 0.5, 0.0
     )

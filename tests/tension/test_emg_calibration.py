@@ -305,7 +305,7 @@ def test_what_cannot_be_used_is_named(pair):
         ({"shape": 2.0}, "expected -10 to 0"),
     ):
         with pytest.raises(BadData, match=message):
-            EmgOptions(**wrong)
+            replace(EmgOptions(), **wrong)
 
 
 def test_a_delay_that_torques_do_not_tell_is_said(data):

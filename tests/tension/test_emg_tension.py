@@ -4,6 +4,8 @@ that do not fit.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from readable import frame_program, solve_program
@@ -138,7 +140,7 @@ def test_emg_that_does_not_fit_is_refused_by_name(walker):
         ({"weight": -1.0}, "EMG weight -1"),
     ):
         with pytest.raises(BadData, match=message):
-            EmgOptions(**wrong)
+            replace(EmgOptions(), **wrong)
 
 
 def test_frames_without_a_body_in_sight_take_none_of_the_others(walker):

@@ -12,11 +12,20 @@ def joined():
     """A tension of a joined model of two parts with two muscles each."""
     rng = np.random.default_rng(1)
     names = ("one_soleus", "one_tibant", "two_soleus", "two_tibant")
-    each = [rng.normal(size=(5, 4)) for _ in range(5)]
+    lengths, velocities, tendon_strains, fiber_powers, tendon_powers = rng.normal(size=(5, 5, 4))
     ends = np.array([True, False, False, False, True])
     unreachable = (Unreachable("two_tibant", 3, -0.4),)
     fibers = Fibers(
-        *each, ends, ~ends, ("one_tibant", "two_tibant"), unreachable, Certificate(1e-5, 1e-7, 12)
+        lengths=lengths,
+        velocities=velocities,
+        tendon_strains=tendon_strains,
+        fiber_powers=fiber_powers,
+        tendon_powers=tendon_powers,
+        transient=ends,
+        bridged=~ends,
+        rigid=("one_tibant", "two_tibant"),
+        unreachable=unreachable,
+        certificate=Certificate(1e-5, 1e-7, 12),
     )
     none = np.zeros((5, 0))
     zeros = np.zeros((5, 4))

@@ -96,13 +96,13 @@ def test_the_first_step_is_newtons_for_all_unknowns_at_once():
     start = [*solver.v, solver.multipliers(at)[1], solver.y]
 
     def slopes(flat):
-        f, a, x, lam, y = (
-            part.reshape(shape) for part, shape in zip(np.split(flat, ends), sizes, strict=True)
-        )
+        parts = np.split(flat, ends)
+        f, a, x, lam, y = [part.reshape(shape) for part, shape in zip(parts, sizes, strict=True)]
         at = solver.linearize([f, a, x], y)
-        over_f, over_a, over_x = (
-            box.barrier(v, solver.mu)[0] for box, v in zip(solver.boxes, (f, a, x), strict=True)
-        )
+        f_box, a_box, x_box = solver.boxes
+        over_f = f_box.barrier(f, solver.mu)[0]
+        over_a = a_box.barrier(a, solver.mu)[0]
+        over_x = x_box.barrier(x, solver.mu)[0]
         over_f += solver._smooth_slope(f) - np.einsum("fr,frm->fm", y, program.pulls)
         over_f[:-1] += lam * at.g[..., 1]
         over_f[1:] += lam * at.g[..., 2]

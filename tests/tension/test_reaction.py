@@ -176,8 +176,20 @@ def test_actuators_and_bushings_do_on_bodies_what_they_do_along_coordinates():
         wanted[:, P.coordinate[here]] = 2.5 * entries[:, here]
         found = along_coordinates(tree, c, of_actuators(tree, poses, actuators, force))
         np.testing.assert_allclose(found, wanted, atol=1e-11)
-    ends = [Transform(random_rotation(rng), 0.1 * rng.normal(size=3)) for _ in range(2)]
-    bush = Bushing("bush", "body1", "body6", *ends, *rng.uniform(1.0, 5.0, (4, 3)))
+    pose_1 = Transform(random_rotation(rng), 0.1 * rng.normal(size=3))
+    pose_2 = Transform(random_rotation(rng), 0.1 * rng.normal(size=3))
+    turning, turning_rate, shifting, shifting_rate = rng.uniform(1.0, 5.0, (4, 3))
+    bush = Bushing(
+        name="bush",
+        body_1="body1",
+        body_2="body6",
+        pose_1=pose_1,
+        pose_2=pose_2,
+        rotational_stiffness=turning,
+        rotational_damping=turning_rate,
+        translational_stiffness=shifting,
+        translational_damping=shifting_rate,
+    )
     found = along_coordinates(tree, c, of_bushings(tree, poses, [bush], rates))
     np.testing.assert_allclose(found, bushing_forces(tree, [bush], c, rates), atol=1e-10)
     np.testing.assert_allclose(of_bushings(tree, poses, [bush], rates).sum(axis=1), 0.0, atol=1e-11)

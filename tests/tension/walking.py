@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from myomorph.core.io.loads import read_external_loads
@@ -70,7 +72,7 @@ def ready(model: Model, motion: Motion, sites) -> Series:
 def task(model: Model, motion: Motion, sites=None, measured=(), **options) -> ContactTask:
     """Both feet may touch the ground; frames do not know of each other unless asked."""
     sites = soles() if sites is None else sites
-    settings = ContactOptions(**{"smoothness": 0.0, **options})
+    settings = replace(ContactOptions(smoothness=0.0), **options)
     return ContactTask(
         sites=tuple(sites),
         activations=ready(model, motion, sites),

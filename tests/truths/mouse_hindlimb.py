@@ -181,13 +181,16 @@ def _wrap_object(row: Table) -> WrapObject:
     )  # type: ignore[arg-type]
 
 
+def _path_wrap(row: Table) -> PathWrap:
+    first, last = row["range"]
+    return PathWrap(wrap_object=row["wrap"], method=row["method"], first=int(first), last=int(last))
+
+
 def _muscle(row: Table, curve_sets: Table, groups: tuple[str, ...]) -> Muscle:
     points = tuple(
         PathPoint(f"{row['name']}-P{i + 1}", one[1], one[2:]) for i, one in enumerate(row["points"])
     )
-    wraps = tuple(
-        PathWrap(one["wrap"], one["method"], *map(int, one["range"])) for one in row["wraps"]
-    )
+    wraps = tuple(map(_path_wrap, row["wraps"]))
     parameters = {
         name: float(value) for name, value in row["other"].items() if name not in NOT_PARAMETERS
     }

@@ -69,7 +69,14 @@ def optimality(
         result[3, number] = np.abs(pressed * away).max() / (
             1e-6 + float(solved.cost(solved.x[number : number + 1])[0])
         )
-    return Optimality(chosen, *result)
+    stationarity, balance, bounds, complementarity = result
+    return Optimality(
+        frames=chosen,
+        stationarity=stationarity,
+        balance=balance,
+        bounds=bounds,
+        complementarity=complementarity,
+    )
 
 
 def cost_slope(solved: SolvedFrames, x: Array) -> Array:

@@ -5,7 +5,7 @@ that sensors have.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,9 +53,7 @@ class SensorErrors:
     axes: float = 0.035  # of the orientation of joint axes, the body's against the model's [rad]
 
 
-NO_ERRORS = SensorErrors(
-    **dict.fromkeys(("skin", "noise", "pose", "heading", "drift", "axes"), 0.0)
-)
+NO_ERRORS = SensorErrors(skin=0.0, noise=0.0, pose=0.0, heading=0.0, drift=0.0, axes=0.0)
 
 
 @read_only
@@ -87,7 +85,7 @@ def simulated_sensors(
     errors = errors or SensorErrors()
     rng = np.random.default_rng(seed)
     off: dict[str, float] = {name: 0.0 for group in GROUPS.values() for name in group}
-    sources = Sources(**{**off, "joint_axis": errors.axes})
+    sources = replace(Sources(), **{**off, "joint_axis": errors.axes})
     person = drawn_model(model, Draw(0, sources, Normals(1, seed)))
     tree = compile_tree(person)
     count = len(bodies)

@@ -21,7 +21,7 @@ from myomorph.lab.uncertainty.bodies import Draw, drawn_model, drawn_subject, st
 from myomorph.lab.uncertainty.normals import Normals
 from myomorph.lab.uncertainty.sources import GROUPS, Sources
 
-NONE = Sources(**{name: 0.0 for names in GROUPS.values() for name in names})
+NONE = replace(Sources(), **{name: 0.0 for names in GROUPS.values() for name in names})
 
 
 def draw(number=0, draws=200, **sizes):
@@ -138,7 +138,7 @@ def test_points_of_paths_move_by_their_size(model):
 )
 def test_a_size_that_is_none_is_refused(name, value):
     with pytest.raises(BadData, match=name):
-        Sources(**{name: value})
+        replace(Sources(), **{name: value})
 
 
 def test_arrays_of_a_drawn_model_are_those_that_compiling_it_anew_makes(data):

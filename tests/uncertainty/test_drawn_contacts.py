@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,7 @@ SITES = tuple(
 
 
 def draw(number, **sizes):
-    return Draw(number, Sources(**sizes), Normals(50))
+    return Draw(number, replace(Sources(), **sizes), Normals(50))
 
 
 def ready(*spans):

@@ -37,10 +37,15 @@ MUSCLES = ("deltoid", "supraspinatus", "teres", "biceps")
 
 def law(axes: int = 3, **terms: float | Array) -> PassiveLaw:
     """A law of the given terms, all others zero."""
-    each = {"viscosity": np.zeros(axes), "stiffness": np.zeros(axes), "rest_moment": np.zeros(axes)}
-    each |= {name: np.broadcast_to(value, (axes,)) for name, value in terms.items() if name in each}
-    rest = {name: float(terms.get(name, 0.0)) for name in ("coulomb", "quadratic", "muscle")}
-    return PassiveLaw(**each, **rest, hinges=np.asarray(terms.get("hinges", np.zeros(3))))
+    return PassiveLaw(
+        viscosity=np.broadcast_to(terms.get("viscosity", 0.0), (axes,)),
+        stiffness=np.broadcast_to(terms.get("stiffness", 0.0), (axes,)),
+        rest_moment=np.broadcast_to(terms.get("rest_moment", 0.0), (axes,)),
+        coulomb=float(terms.get("coulomb", 0.0)),
+        quadratic=float(terms.get("quadratic", 0.0)),
+        muscle=float(terms.get("muscle", 0.0)),
+        hinges=np.asarray(terms.get("hinges", np.zeros(3))),
+    )
 
 
 @lru_cache(maxsize=1)

@@ -86,6 +86,6 @@ def test_a_plate_and_a_center_that_are_off_are_told_only_together(swings):
 
 
 def test_without_a_source_nothing_is_estimated(swings):
-    none = ErrorOptions(**dict.fromkeys(ErrorOptions().names, 0.0))
+    none = replace(ErrorOptions(), **dict.fromkeys(ErrorOptions().names, 0.0))
     assert estimate_instruments({"without": swings}, none).sources == ()
     assert Instruments.assumed(none).rows == ()

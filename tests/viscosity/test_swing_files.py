@@ -75,7 +75,7 @@ def plate_of(wrenches, rotation, center):
 
 
 def opened(folder, specimen, markers, loads, **given):
-    files = SpecimenFiles("s", folder / "arm.osim", **given)
+    files = replace(SpecimenFiles("s", folder / "arm.osim"), **given)
     place = given.pop("place", None)
     return open_swing(
         SwingFiles("one", folder / markers, folder / loads), specimen.model, files, place

@@ -46,9 +46,8 @@ def reports():
 
 
 def given(reports, **changes):
-    return ViscosityInput(
-        "shoulder <1>", reports, notes=(Note("simulated", "made & drawn"),), **changes
-    )
+    made = ViscosityInput("shoulder <1>", reports, notes=(Note("simulated", "made & drawn"),))
+    return replace(made, **changes)
 
 
 def test_tables_are_as_the_paper_prints_them(reports):

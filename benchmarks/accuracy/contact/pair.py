@@ -288,7 +288,7 @@ def measure_compliance() -> Iterable[Row]:
 
 def _three(**changes: Any) -> tuple[VirtualPair, ...]:
     """One bout of each kind."""
-    return simulated(*(PairOptions(kind, 0, **changes) for kind in KINDS))
+    return simulated(*(replace(PairOptions(kind, 0), **changes) for kind in KINDS))
 
 
 def _beside(errors: dict[tuple[str, str], list[Errors]]) -> Row:

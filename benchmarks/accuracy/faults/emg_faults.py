@@ -66,7 +66,8 @@ def implant(folder: Path, stride: str) -> Walk:
 def _swaps(walk: Walk) -> Row:
     """Exchange each pair of channels that are no noise; the delay is the clean recording's."""
     names = tuple(name for name in walk.channels if name not in _noisy(walk))
-    trial = EmgTrial(*walk.part(walk.calibrated), walk.emg)
+    motion, torques = walk.part(walk.calibrated)
+    trial = EmgTrial(motion=motion, torques=torques, emg=walk.emg)
     delay = calibrate_emg(walk.model, [trial], walk.channels, EmgOptions(weight=10.0)).delays[0]
     motion, torques = walk.part(walk.tested)
     alone = mm.solve_tension(walk.model, motion, torques)

@@ -393,7 +393,13 @@ def found(name: str) -> Found:
             else next(one for one in real(data) if one.name == name)
         )
         kept.write_text(json.dumps(asdict(run(case, folder))), encoding="utf-8")
-    return Found(**json.loads(kept.read_text(encoding="utf-8")))
+    facts = json.loads(kept.read_text(encoding="utf-8"))
+    return Found(
+        tables=facts["tables"],
+        transfer=facts["transfer"],
+        notes=facts["notes"],
+        truth=facts["truth"],
+    )
 
 
 def sets() -> Iterator[tuple[str, Found]]:

@@ -403,12 +403,17 @@ def measure_held_out(folder: Path) -> Iterator[Row]:
                 yield row(person, train, test)
 
 
+def _trial(part: Part) -> SubjectTrial:
+    name, markers, wrenches = part
+    return SubjectTrial(name=name, markers=markers, wrenches=wrenches)
+
+
 def row(person: Recorded, train: list[Part], test: Part) -> Row:
     """Calibrated, identified and refined from the one, held against the other."""
     settings = mm.CalibrationOptions(mass=person.mass, static=person.static)
     model = mm.calibrate(person.model, [markers for _, markers, _ in train], settings).model
-    trials = [SubjectTrial(*one) for one in train]
-    unseen = SubjectTrial(*test)
+    trials = [_trial(part) for part in train]
+    unseen = _trial(test)
     options = RefineOptions()
     on_given = opened(model, unseen, options)
     given = errors_on(model, on_given)

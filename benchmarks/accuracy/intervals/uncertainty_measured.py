@@ -8,7 +8,7 @@ measured values are seen by nothing but the comparison.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -155,22 +155,45 @@ def _of_plates(folder: Path, case: HiddenCase) -> Mapping[str, Held]:
         folder, hidden, '"tension"', "contact_groups", options, 'contacts = "auto"'
     )
     time = hidden.motion.time
-    parts: dict[str, list[list[Array]]] = {axis: [] for axis in AXES}
+    parts: dict[str, list[Held]] = {axis: [] for axis in AXES}
     for side, force, _ in feet_of(hidden):
         columns = [f"foot_{side[0]}_f{'xyz'[axis]}" for axis in AXES.values()]
-        low, found, high = (
+        low, found, high = [
             np.column_stack([np.interp(time[frames], one.time, one[name]) for name in columns])
             for one in tables
-        )
+        ]
         carrying = np.maximum(force[frames, 1], high[:, 0]) > LOADED * hidden.weight
         for k, (axis, at) in enumerate(AXES.items()):
             parts[axis].append(
-                [one[carrying] for one in (force[frames, at], low[:, k], found[:, k], high[:, k])]
+                Held(
+                    truth=force[frames, at][carrying],
+                    low=low[carrying, k],
+                    found=found[carrying, k],
+                    high=high[carrying, k],
+                )
             )
-    return {
-        axis: Held(*(np.concatenate(one) for one in zip(*own, strict=True)))
-        for axis, own in parts.items()
-    }
+    return {axis: joined(held) for axis, held in parts.items()}
+
+
+def joined(parts: Sequence[Held]) -> Held:
+    """Values of all parts, one behind the other."""
+    return Held(
+        truth=np.concatenate([part.truth for part in parts]),
+        low=np.concatenate([part.low for part in parts]),
+        found=np.concatenate([part.found for part in parts]),
+        high=np.concatenate([part.high for part in parts]),
+    )
+
+
+def held_at(time: Array, truth: Array, tables: Sequence[mm.Table], column: str) -> Held:
+    """A column of the tables of lower limits, values and upper limits, at times."""
+    low, found, high = tables
+    return Held(
+        truth=truth,
+        low=np.interp(time, low.time, low[column]),
+        found=np.interp(time, found.time, found[column]),
+        high=np.interp(time, high.time, high[column]),
+    )
 
 
 def drawn(
@@ -246,15 +269,9 @@ def measure_pins(folder: Path) -> Iterator[Row]:
                     here / "sizes.toml",
                 )
                 tables = limits(here / "angles.mot")
-            held = {
-                name: Held(values, *(np.interp(time, one.time, one[name]) for one in tables))
-                for name, values in truth.items()
-            }
-            parts = zip(
-                *((one.truth, one.low, one.found, one.high) for one in held.values()), strict=True
-            )
+            held = {name: held_at(time, values, tables, name) for name, values in truth.items()}
             row: Row = {"markers": words, "sizes": stated}
-            row |= Held(*(np.concatenate(one) for one in parts)).row("all", "deg", factor)
+            row |= joined(list(held.values())).row("all", "deg", factor)
             for name, one in held.items():
                 shares = one.row("", "deg", factor)
                 row[f"{name}: inside [%], width, 90 % of the error [deg]"] = ", ".join(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.accuracy.intervals.uncertainty_measured import Held, drawn
+from benchmarks.accuracy.intervals.uncertainty_measured import drawn, held_at
 from benchmarks.hidden_plates import CASES, opened
 from benchmarks.results import load
 from myomorph.core.motion.turns import floating_coordinates
@@ -33,9 +33,7 @@ def measure(folder: Path) -> Iterator[Row]:
         for name in floating_coordinates(hidden.model):
             moved = hidden.model.coordinate(name).motion == "translational"
             column = f"{name}_force" if moved else f"{name}_moment"
-            held = Held(
-                np.zeros(len(clock)), *(np.interp(clock, one.time, one[column]) for one in tables)
-            )
+            held = held_at(clock, np.zeros(len(clock)), tables, column)
             row |= held.row(
                 name.removeprefix("pelvis_"), "N" if moved else "N m", FACTORS["generalized_force"]
             )

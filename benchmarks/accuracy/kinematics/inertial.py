@@ -80,13 +80,12 @@ def measure_filter() -> Iterator[Row]:
     for path in sorted(folder.glob("*.mat")):
         data = loadmat(path, squeeze_me=True)
         clock = np.arange(len(data["imu_gyr"])) / data["sampling_rate"]
-        signals = {
-            "angular_velocities": "imu_gyr",
-            "accelerations": "imu_acc",
-            "magnetic_fields": "imu_mag",
-        }
         raw = InertialSensors(
-            clock, ("sensor",), **{name: data[key][:, None] for name, key in signals.items()}
+            time=clock,
+            names=("sensor",),
+            angular_velocities=data["imu_gyr"][:, None],
+            accelerations=data["imu_acc"][:, None],
+            magnetic_fields=data["imu_mag"][:, None],
         )
         optics = data["opt_quat"] / np.linalg.norm(data["opt_quat"], axis=1, keepdims=True)
         moving = data["movement"].astype(bool) & np.isfinite(optics).all(axis=1)

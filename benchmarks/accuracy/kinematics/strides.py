@@ -42,20 +42,51 @@ class Walk:
     up: str = "z"
 
 
-DELAWARE = (("RCAL", "LCAL"), ("RMT2", "LMT2"), ("RASI", "LASI"))
-GAIT = (("RHEE", "LHEE"), ("RTOE", "LTOE"), ("SACR",))
+def _delaware(name: str) -> Walk:
+    return Walk(
+        name=name,
+        file=f"c3d-opensim-walking/{name}.c3d",
+        heels=("RCAL", "LCAL"),
+        toes=("RMT2", "LMT2"),
+        pelvis=("RASI", "LASI"),
+    )
 
 
-def _read(name: str, recording: str, *places: tuple[str, str]) -> Walk:
-    return Walk(name, RECORDINGS[recording].markers, *places, RECORDINGS[recording].loads, "y")
+def _gait(name: str, file: str) -> Walk:
+    return Walk(
+        name=name,
+        file=f"c3d-gait-plugingait/{file}",
+        heels=("RHEE", "LHEE"),
+        toes=("RTOE", "LTOE"),
+        pelvis=("SACR",),
+    )
+
+
+def _read(
+    name: str,
+    recording: str,
+    heels: tuple[str, str],
+    toes: tuple[str, str],
+    pelvis: tuple[str, str],
+) -> Walk:
+    files = RECORDINGS[recording]
+    return Walk(
+        name=name,
+        file=files.markers,
+        heels=heels,
+        toes=toes,
+        pelvis=pelvis,
+        loads=files.loads,
+        up="y",
+    )
 
 
 WALKS = (
-    Walk("walking2", "c3d-opensim-walking/walking2.c3d", *DELAWARE),
-    Walk("walking5", "c3d-opensim-walking/walking5.c3d", *DELAWARE),
-    Walk("test_walking", "c3d-opensim-walking/test_walking.c3d", *DELAWARE),
-    Walk("HC002D", "c3d-gait-plugingait/HC002D/Straight/HC002D06.c3d", *GAIT),
-    Walk("HC030A, a child", "c3d-gait-plugingait/HC030A/Straight/HC030A05.c3d", *GAIT),
+    _delaware("walking2"),
+    _delaware("walking5"),
+    _delaware("test_walking"),
+    _gait("HC002D", "HC002D/Straight/HC002D06.c3d"),
+    _gait("HC030A, a child", "HC030A/Straight/HC030A05.c3d"),
     _read("Rajagopal", "rajagopal", ("R.Heel", "L.Heel"), ("R.Toe", "L.Toe"), ("R.ASIS", "L.ASIS")),
     _read(
         "gait2354",

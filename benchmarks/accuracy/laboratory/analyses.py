@@ -276,10 +276,8 @@ def rows_of(case: Case, folder: Path) -> Iterator[dict[str, object]]:
             shares += list(share)
             k = int(np.argmax(share))
             if share[k] > worst[0]:
-                worst = (
-                    float(share[k]),
-                    f"{name.removeprefix(f'a_{analysis}_').removesuffix('.sto')}: {common[k]}",
-                )
+                table = name.removeprefix(f"a_{analysis}_").removesuffix(".sto")
+                worst = (float(share[k]), f"{table}: {common[k]}")
         yield {
             "case": case.name,
             "analysis": analysis,

@@ -80,17 +80,13 @@ def _row(path: Path, folder: Path) -> Row:
         ]
         said = (failed or lines[-1:] or [""])[0].removeprefix("error: ").replace(f"{path}: ", "")
         fine = status == 0 and reports > 0
+        ending = "one line" if status == 2 and len(failed) == 1 else f"exit {status}"
+        helps = "yes" if OPTION.search(said) else "no"
         return {
             "file": str(path.relative_to(folder)),
-            "ends with": (
-                "report"
-                if fine
-                else "one line"
-                if status == 2 and len(failed) == 1
-                else f"exit {status}"
-            ),
+            "ends with": "report" if fine else ending,
             "line": "" if fine else said.replace("|", "/")[:160],
-            "names what helps": "" if fine else "yes" if OPTION.search(said) else "no",
+            "names what helps": "" if fine else helps,
             "time [s]": seconds,
         }
 

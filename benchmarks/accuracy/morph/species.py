@@ -153,8 +153,13 @@ def compare(found: Muscles, truth: Muscles, pair: MuscleHomology, ground: Ground
         word: np.stack([found.arm(pair.sources, word), truth.arm(pair.targets, word)])
         for word in ground.coordinates
     }
+    origin, insertion = errors
     return Compared(
-        ", ".join(pair.targets), *errors, float(np.mean(beside)) / float(np.mean(lengths)), arms
+        name=", ".join(pair.targets),
+        origin=origin,
+        insertion=insertion,
+        path=float(np.mean(beside)) / float(np.mean(lengths)),
+        arms=arms,
     )
 
 
@@ -163,7 +168,7 @@ def on_skeleton(data: Path) -> Ground:
     bodies = mouse(data)
     joints = Posed(bodies.model, {}).joints("mouse")
     chain = [joints[SEGMENTS[one][0]] for one in ("Thigh_r", "Leg_r", "Foot_r", "Toes_r")]
-    thigh, shank, foot = (float(np.linalg.norm(b - a)) for a, b in pairwise(chain))
+    thigh, shank, foot = [float(np.linalg.norm(b - a)) for a, b in pairwise(chain)]
     lengths = {
         "mouse": float(np.ptp(bodies.surfaces["mouse"].vertices[:, 1])),
         "mouse__RFemur": thigh,

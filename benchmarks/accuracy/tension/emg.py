@@ -353,7 +353,9 @@ def measure_calibration(folder: Path) -> Iterator[Row]:
 
 
 def _calibrated(walk: Walk, span: tuple[float, float]) -> EmgCalibration:
-    return calibrate_emg(walk.model, [EmgTrial(*walk.part(span), walk.emg)], walk.channels)
+    motion, torques = walk.part(span)
+    trial = EmgTrial(motion=motion, torques=torques, emg=walk.emg)
+    return calibrate_emg(walk.model, [trial], walk.channels)
 
 
 def measure_study(folder: Path) -> Iterator[Row]:
@@ -363,9 +365,7 @@ def measure_study(folder: Path) -> Iterator[Row]:
     walk = loaded(folder)
     table = mm.read_sto(folder / "walk-so-jointload-emg/results_SO/results_states.sto")
     motion, torques = replace(walk, every=1).part((10.9, 11.7))
-    calibration = calibrate_emg(
-        walk.model, [EmgTrial(*walk.part(walk.calibrated), walk.emg)], walk.channels
-    )
+    calibration = _calibrated(walk, walk.calibrated)
     left = [name for name in walk.model.muscle_names if name.endswith("_l")]
     theirs = {
         name: np.interp(motion.time, table.time, table[f"/forceset/{name}/activation"])

@@ -64,7 +64,7 @@ def _case(
     name: str, recording: str, span: tuple[float, float], interval: int, **more: Any
 ) -> TensionCase:
     files = RECORDINGS[recording]
-    return TensionCase(
+    case = TensionCase(
         name=name,
         model=files.model,
         motion=files.motion,
@@ -72,8 +72,8 @@ def _case(
         start=span[0],
         end=span[1],
         interval=interval,
-        **more,
     )
+    return replace(case, **more)
 
 
 CASES = (

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -172,8 +173,8 @@ class Setting:
     by_site: bool = False
 
 
-def _contacts(**changes: object) -> Setting:
-    return Setting(ContactOptions(**changes))  # type: ignore[arg-type]
+def _contacts(**changes: Any) -> Setting:
+    return Setting(contacts=replace(ContactOptions(), **changes))
 
 
 def _tension(**changes: object) -> Setting:

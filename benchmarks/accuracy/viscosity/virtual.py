@@ -67,12 +67,19 @@ def joint_run(seed: int) -> JointRun:
     swings = swing_recordings(tracked, cutoff, muscles=False)
     found = identify_specimen("joint", swings, (), options=ViscosityOptions(seed=seed)).without
     assert found is not None
-    known = (joint.truth.damping, joint.truth.mass, joint.truth.com)
-    parts = [
-        (truth, one.value, one.low, one.high)
-        for truth, one in zip(known, (found.viscosity, found.mass, found.com), strict=True)
-    ]
-    return JointRun(seed, kind, stiffness, cutoff, *parts)
+    return JointRun(
+        seed=seed,
+        kind=kind,
+        stiffness=stiffness,
+        cutoff=cutoff,
+        viscosity=_beside(joint.truth.damping, found.viscosity),
+        mass=_beside(joint.truth.mass, found.mass),
+        com=_beside(joint.truth.com, found.com),
+    )
+
+
+def _beside(truth: float, estimate: Interval) -> tuple[float, float, float, float]:
+    return (truth, estimate.value, estimate.low, estimate.high)
 
 
 def joint_runs(seeds: Sequence[int]) -> list[JointRun]:
@@ -149,9 +156,8 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     specimen = made.specimen
     tracked = [track(specimen, one.swing_trials()) for one in (made.without, made.intact)]
     cutoff = choose_cutoff(tracked).cutoff
-    without, intact = (
-        swing_recordings(one, cutoff, muscles=k == 1) for k, one in enumerate(tracked)
-    )
+    without = swing_recordings(tracked[0], cutoff, muscles=False)
+    intact = swing_recordings(tracked[1], cutoff, muscles=True)
     pcsa = dict(zip(specimen.muscles, specimen.isometric_forces.tolist(), strict=True))
     found = identify_specimen(
         made.published.name, without, intact, pcsa, made.published.measured_muscle_mass

@@ -110,18 +110,20 @@ def morph_command(
             ),
             "goes with --target",
         )
-        details = (
-            landmarks,
-            geometry,
-            skin,
-            unit,
-            mass,
-            together,
-            mirror,
-            across,
-            _links(link or []),
+        morph_files = MorphFiles(
+            source=source,
+            bones=bones,
+            landmarks=landmarks,
+            geometry=geometry,
+            skin=skin,
+            unit=unit,
+            mass=mass,
+            together=together,
+            mirror=mirror,
+            across=across,
+            links=_links(link or []),
         )
-        morphed = morphing.morph_files(MorphFiles(source, bones, *details), settings)
+        morphed = morphing.morph_files(morph_files, settings)
         drawn = None
     lost = morphing.write_morphed(morphed, out, tables, drawn)
     notes = dict.fromkeys(

@@ -217,17 +217,17 @@ class LiveChain:
                 " has those"
             )
         if limits is not None and limits.draws:
-            arguments = (
-                self._names,
-                self.bodies,
-                self.filter,
-                source.rate,
-                self.feet.up,
-                limits,
-                sources,
-                tension,
+            self.limits = LiveLimits(
+                model,
+                names=self._names,
+                bodies=self.bodies,
+                filter=self.filter,
+                rate=source.rate,
+                up=self.feet.up,
+                options=limits,
+                sources=sources,
+                tension=tension,
             )
-            self.limits = LiveLimits(model, *arguments)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -154,10 +154,9 @@ def live_markdown(
     )
     lines = ["\n\n".join(facts), "", "| Segment | identified |", "|---|---|"]
     for words, sides in segment_levels(names, segments, state.levels).items():
-        lines += [
-            f"| {f'{side} {words}'.strip()} | {100 * level:.0f} % |"
-            for side, level in sides.items()
-        ]
+        for side, level in sides.items():
+            segment = f"{side} {words}".strip()
+            lines.append(f"| {segment} | {100 * level:.0f} % |")
     return "\n".join(lines)
 
 

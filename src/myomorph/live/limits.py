@@ -203,7 +203,10 @@ class LiveLimits:
             table = result[start:][: part.shape[1]]
             np.maximum(part[:2], np.minimum(table, lower), out=part[:2])
             np.minimum(part[:2], upper, out=part[:2])
-        return FrameLimits(*parts)
+        coordinates, torques, activations, forces = parts
+        return FrameLimits(
+            coordinates=coordinates, torques=torques, activations=activations, forces=forces
+        )
 
     def _work(self, instant: Instant) -> Iterator[None]:
         """Errors of the pose, and where it is due, all that follows from them; stops between parts

@@ -94,16 +94,19 @@ class LivePage:
         places = np.array(markers) if self._markers else np.zeros((0, 3))
         state = "" if frame.state == SOLVED else STATES[frame.state]
         shared = frame.tension
-        limits = () if frame.limits is None else (frame.limits.torques[:2], frame.limits.forces[:2])
-        arrays = (
-            frame.pose,
-            shared.activations,
-            shared.forces,
-            frame.torques,
-            frame.wrenches,
-            places,
+        limits = frame.limits
+        return Shown(
+            coordinates=frame.pose,
+            activations=shared.activations,
+            forces=shared.forces,
+            torques=frame.torques,
+            wrenches=frame.wrenches,
+            markers=places,
+            state=state,
+            facts=facts,
+            torque_limits=None if limits is None else limits.torques[:2],
+            force_limits=None if limits is None else limits.forces[:2],
         )
-        return Shown(*arrays, state, facts, *limits)
 
     def close(self) -> None:
         """Take the page down."""

@@ -223,8 +223,9 @@ def _head(
         ),
     ]
     if raw:
+        numbers = ", ".join(f"{number:02d}" for number in raw)
         lines.append(
-            f"Raw is specimen {', '.join(f'{number:02d}' for number in raw)}: C3D of a plate that"
+            f"Raw is specimen {numbers}: C3D of a plate that"
             " lies up to 1.5 degrees and 8 mm an axis off its place in the file, pushes of a rod"
             " with two markers on it, and a CT of bones and clusters with 0.2 mm of noise and"
             " points picked 0.5 mm off."

@@ -252,8 +252,8 @@ def unknown_notes(pose: PlatePose, kept: Sequence[Placement], known: bool) -> li
         shift = direction[3:]
         moves = np.linalg.norm(shift) > np.linalg.norm(turn)
         axis = (shift if moves else turn) / np.linalg.norm(shift if moves else turn)
-        place = f"({', '.join(f'{x:.2f}' for x in axis)})"
-        what = f"the place along {place}" if moves else f"the turn about {place}"
+        components = ", ".join(f"{x:.2f}" for x in axis)
+        what = f"the place along ({components})" if moves else f"the turn about ({components})"
         if abs(axis @ up) > 0.95 * np.linalg.norm(up):
             what = "the height" if moves else "the turn about the vertical"
         hint = (
@@ -367,7 +367,11 @@ def calibrate_plate(
     notes += outlier_notes(kept, distances, out_distances) + sign_notes(kept, pose)
     shares = [item.size / item.expected for item in kept if np.isfinite(item.expected)]
     return PlateCalibration(
-        **vars(pose),
+        rotation=pose.rotation,
+        center=pose.center,
+        covariance=pose.covariance,
+        unknown=pose.unknown,
+        cost=pose.cost,
         names=tuple(item.name for item in kept),
         distances=distances,
         angles=angles,

@@ -47,8 +47,9 @@ STEP = 0.2812e-3
     ],
 )
 def test_formats_of_one_recording_agree(folder, names, tolerance, data):
-    first, *others = (read_c3d(data(f"{ORG}/{folder}/{name}")) for name in names)
-    for other in others:
+    first = read_c3d(data(f"{ORG}/{folder}/{names[0]}"))
+    for name in names[1:]:
+        other = read_c3d(data(f"{ORG}/{folder}/{name}"))
         assert other.markers.names == first.markers.names
         np.testing.assert_array_equal(other.markers.time, first.markers.time)
         np.testing.assert_allclose(

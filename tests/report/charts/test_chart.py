@@ -127,7 +127,7 @@ def test_bars_are_as_long_as_their_values() -> None:
     drawing = ElementTree.fromstring(
         bar_plot("t", "cm", ["a", "b"], [np.array([2.0, 1.0])], ["first"], ["RMS"])
     )
-    long, short = (float(one.get("width", "")) for one in drawing.iter() if one.tag == "rect")
+    long, short = [float(one.get("width", "")) for one in drawing.iter() if one.tag == "rect"]
     assert long == pytest.approx(2 * short, rel=0.01)
 
 

@@ -14,7 +14,7 @@ from myomorph.lab.uncertainty.bodies import Draw, drawn_model
 from myomorph.lab.uncertainty.normals import Normals
 from myomorph.lab.uncertainty.sources import GROUPS, Sources
 
-NONE = Sources(**{name: 0.0 for names in GROUPS.values() for name in names})
+NONE = replace(Sources(), **{name: 0.0 for names in GROUPS.values() for name in names})
 
 
 def test_errors_of_drawn_parameters_come_out_as_they_were_drawn(arm):

@@ -22,12 +22,17 @@ NAME = ("id", "knee_angle_r_moment, maximum")
 DRAWS = KEPT_DRAWS
 
 
+def measured(value):
+    step, quantity = NAME
+    return Value(step=step, quantity=quantity, value=value, unit="N m")
+
+
 def gathered(trials):
     """Trials as (subject, condition, value, errors (draws,) or None)."""
     values = MeasuredValues()
     for k, (subject, condition, value, errors) in enumerate(trials):
         drawn = None if errors is None else ValueErrors((NAME,), errors[:, None])
-        values.add((subject, condition, f"t{k}"), [Value(*NAME, value, "N m")], drawn)
+        values.add((subject, condition, f"t{k}"), [measured(value)], drawn)
     return differences(values, ("a", "b"))
 
 
@@ -117,7 +122,7 @@ def test_a_condition_of_one_trial_without_strides_has_no_curves_to_be_far_from()
     }
     condition = GrowingCondition("rise")
     search = OutlierSearch()
-    condition.add("s", "rise1", [Value(*NAME, 1.0, "N m")], OF_TRIAL, curves)
+    condition.add("s", "rise1", [measured(1.0)], OF_TRIAL, curves)
     condition.without_whole_trials()
     search.add_curves(("s", "rise", "rise1"), condition, OF_TRIAL, curves)
     assert search.found() == []

@@ -77,7 +77,9 @@ def held(arm):
     (arm.folder / "ball.mot").write_text(table_text(columns))
     (arm.folder / "contacts.toml").write_text(CONTACTS)
     acceleration = differentiate(Motion(table.time, ("x", "y", "z"), places), None).accelerations
-    return SimpleNamespace(**vars(arm), acceleration=acceleration)
+    return SimpleNamespace(
+        folder=arm.folder, motion=arm.motion, out=arm.out, acceleration=acceleration
+    )
 
 
 def study(held, extra=BALL, trial="reach"):

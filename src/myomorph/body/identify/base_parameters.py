@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -133,7 +134,7 @@ def base_parameters(
         tared=_tared(model, still, columns) if len(rest.dependent) else np.zeros((len(columns), 0)),
     )
     names = tuple(bare.describe(i, most=3) for i in range(len(bare)))
-    return BaseParameters(**{**bare.__dict__, "names": names})
+    return replace(bare, names=names)
 
 
 def _tared(model: Model, held: Mapping[str, float], columns: np.ndarray) -> Array:

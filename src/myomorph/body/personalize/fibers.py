@@ -96,7 +96,19 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
     models = muscle_models(model)
     muscles = model.muscles
     pairs = list(zip(models, muscles, strict=True))
-    sizes = FiberSizes(*np.array([kind.sizes(muscle) for kind, muscle in pairs]).reshape(-1, 8).T)
+    # Of a muscle, the fields of `FiberSizes` in their order.
+    table = np.array([kind.sizes(muscle) for kind, muscle in pairs]).reshape(-1, 8)
+    force, fiber, tendon, height, shortest_fiber, shortest_along, cos_optimal, speed = table.T
+    sizes = FiberSizes(
+        force=force,
+        fiber=fiber,
+        tendon=tendon,
+        height=height,
+        shortest=shortest_fiber,
+        shortest_along=shortest_along,
+        cos_optimal=cos_optimal,
+        speed=speed,
+    )
     sine = sizes.height / sizes.fiber
     curves = [kind.curves(muscle) for kind, muscle in pairs]
     shortest = np.array(
@@ -366,7 +378,12 @@ def follow(
         return result
     elastic = _elastic(shapes, sizes, lengths, speeds, activations, step)
     return Followed(
-        *(np.where(rigid, values, other) for values, other in zip(result, elastic, strict=True))
+        force=np.where(rigid, result.force, elastic.force),
+        length=np.where(rigid, result.length, elastic.length),
+        by_fiber=np.where(rigid, result.by_fiber, elastic.by_fiber),
+        by_slack=np.where(rigid, result.by_slack, elastic.by_slack),
+        by_strain=np.where(rigid, result.by_strain, elastic.by_strain),
+        by_activation=np.where(rigid, result.by_activation, elastic.by_activation),
     )
 
 
@@ -398,15 +415,20 @@ def _rigid(
         total = total + shapes.damping * v
         return sizes.force * np.where(reaches & (total.real > 0.0), total, 0.0) * cosine, x
 
+    # df/dx = Im f(x + ih) / h
     h = 1e-30
-    plain = (sizes.fiber, sizes.slack, sizes.strain, a)
-    force, x = pull(*plain)
-    slopes = [
-        pull(*(value + 1j * h if i == index else value for i, value in enumerate(plain)))[0].imag
-        / h
-        for index in range(4)
-    ]
-    return Followed(force, x, *slopes)
+    fiber = sizes.fiber
+    slack = sizes.slack
+    strain = sizes.strain
+    force, length = pull(fiber, slack, strain, a)
+    return Followed(
+        force=force,
+        length=length,
+        by_fiber=pull(fiber + 1j * h, slack, strain, a)[0].imag / h,
+        by_slack=pull(fiber, slack + 1j * h, strain, a)[0].imag / h,
+        by_strain=pull(fiber, slack, strain + 1j * h, a)[0].imag / h,
+        by_activation=pull(fiber, slack, strain, a + 1j * h)[0].imag / h,
+    )
 
 
 def _elastic(
@@ -422,4 +444,12 @@ def _elastic(
     follow_elastic(
         tables, rows, size_table, kept, shapes.slower, shapes.rigid, *given, float(step), result
     )
-    return Followed(*result)
+    force, length, by_fiber, by_slack, by_strain, by_activation = result
+    return Followed(
+        force=force,
+        length=length,
+        by_fiber=by_fiber,
+        by_slack=by_slack,
+        by_strain=by_strain,
+        by_activation=by_activation,
+    )

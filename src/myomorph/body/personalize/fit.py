@@ -241,8 +241,15 @@ def fit(
     # How far fibers work is an assumption: it moves what recordings leave open, but they say no
     # more for it.
     covariance[np.ix_(free, free)] = np.linalg.inv(known[np.ix_(free, free)])
-    rest = tuple(part.activations for part in parts), tuple(shrink * part.weight for part in parts)
-    return Fitted(p, covariance, noise, *rest, done, moved)
+    return Fitted(
+        p=p,
+        covariance=covariance,
+        noise=noise,
+        activations=tuple(part.activations for part in parts),
+        weights=tuple(shrink * part.weight for part in parts),
+        steps=done,
+        moved=moved,
+    )
 
 
 @read_only

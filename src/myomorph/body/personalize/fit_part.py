@@ -76,7 +76,7 @@ class Part:
         prior = self.prior
         sizes = prior.sizes(p)
         followed = follow(self.shapes, sizes, w.lengths, w.speeds, self.activations, w.step)
-        at = Followed(*(self._of(item) for item in followed))
+        at = self._followed(followed)
         gains = prior.gains_of(p)
         measured = self._of(self.measured)
         now = self._of(self.activations)
@@ -97,11 +97,20 @@ class Part:
         jacobian = self._jacobian(at, sizes.fiber, sizes.strain, p, expected)
         if widening:
             more = follow(self.shapes, sizes, w.lengths, w.speeds, self.activations + MORE, w.step)
-            self.widening = self._widening(
-                at, Followed(*(self._of(item) for item in more)), sizes.fiber, sizes.strain, p
-            )
+            self.widening = self._widening(at, self._followed(more), sizes.fiber, sizes.strain, p)
         self.jacobian = (self.whiten @ jacobian).reshape(-1, len(p))
         self.slopes = jacobian
+
+    def _followed(self, every: Followed) -> Followed:
+        """What belongs to the frames that are fitted."""
+        return Followed(
+            force=self._of(every.force),
+            length=self._of(every.length),
+            by_fiber=self._of(every.by_fiber),
+            by_slack=self._of(every.by_slack),
+            by_strain=self._of(every.by_strain),
+            by_activation=self._of(every.by_activation),
+        )
 
     def _known_activations(
         self, gains: Array, noise: Noise, measured: np.ndarray

@@ -345,14 +345,20 @@ def _estimates(
         high = values[1] * np.exp(spread)
         if parameter == SLACK and free:
             low, high = _slack_interval(prior, p, before if kept else fitted.covariance, at)
-        numbers = (
-            float(values[0]),
-            float(values[1]),
-            float(low),
-            float(high),
-            1.0 if kept else ratio,
+        result.append(
+            MuscleEstimate(
+                of=of,
+                parameter=parameter,
+                generic=float(values[0]),
+                person=float(values[1]),
+                low=float(low),
+                high=float(high),
+                variance_ratio=1.0 if kept else ratio,
+                identifiable="no" if kept else level,
+                bound=bound,
+                kept=kept,
+            )
         )
-        result.append(MuscleEstimate(of, parameter, *numbers, "no" if kept else level, bound, kept))
 
     _, point, force, strain, gain = prior.parts
     for m, name in enumerate(prior.names):

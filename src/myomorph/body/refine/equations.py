@@ -200,12 +200,10 @@ def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
         factors = np.ones(len(problem.lengths))
         factors[i] += LENGTH_STEP
         longer = compile_tree(problem.stretched(factors)).arrays
-        pairs = (
-            (longer.pre_p, unstretched.pre_p),
-            (longer.post_p, unstretched.post_p),
-            (longer.functions.coefficients, unstretched.functions.coefficients),
-        )
-        pre, post, coefficients = ((a - b) / LENGTH_STEP for a, b in pairs)
+        pre = (longer.pre_p - unstretched.pre_p) / LENGTH_STEP
+        post = (longer.post_p - unstretched.post_p) / LENGTH_STEP
+        of_functions = longer.functions.coefficients - unstretched.functions.coefficients
+        coefficients = of_functions / LENGTH_STEP
         result.append((pre, post, coefficients))
     return result
 
@@ -280,7 +278,11 @@ def _by_mass(problem: Problem, at: Unknowns, trial: TrialData, rates: Rates) -> 
     T = tangents(at.parameters[moved])
     result = np.zeros((len(trial.time), 6, 10 * len(moved)))
     motion = Motion(
-        trial.time, problem.model.coordinate_names, *(rate.copy() for rate in rates[:3])
+        time=trial.time,
+        names=problem.model.coordinate_names,
+        values=rates[0].copy(),
+        velocities=rates[1].copy(),
+        accelerations=rates[2].copy(),
     )
     for block in regressor_blocks(model, motion):
         by_link = block.rows.reshape(len(block.rows), 6, -1, 10)[:, :, moved]

@@ -341,7 +341,13 @@ def motion_of(problem: Problem, at: Unknowns, number: int) -> Motion:
     # Sets dependent values too.
     problem.predict(tree, problem.placed(at.factors, at.shifts), trial, rates)
     couple_rates_frames(tree, from_values, rates[1], rates[2])
-    return Motion(trial.time, problem.model.coordinate_names, *rates[:3])
+    return Motion(
+        time=trial.time,
+        names=problem.model.coordinate_names,
+        values=rates[0],
+        velocities=rates[1],
+        accelerations=rates[2],
+    )
 
 
 def generic_parameters(model: Model, mass: float) -> Array:

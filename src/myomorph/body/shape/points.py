@@ -195,10 +195,10 @@ def fill(skin: Skin, spacing: float = SPACING) -> Array:
     high = np.ceil(vertices.max(axis=0) / spacing - 0.5).astype(np.int64)
     blocks = (high - low) // BLOCK + 1
     if blocks.prod() * BLOCK**3 > MAX_GRID_POINTS:
-        extent = np.ptp(vertices, axis=0)
+        box = " x ".join(f"{length:.3g}" for length in np.ptp(vertices, axis=0))
         raise BadData(
-            f"a grid of {1000 * spacing:g} mm in a box of {' x '.join(f'{x:.3g}' for x in extent)}"
-            f" m is more than {MAX_GRID_POINTS:,} points: give a wider spacing"
+            f"a grid of {1000 * spacing:g} mm in a box of {box} m is more than"
+            f" {MAX_GRID_POINTS:,} points: give a wider spacing"
         )
     passed = _passed(vertices / spacing - 0.5 - low, faces, blocks)
     if not skin.watertight:

@@ -252,9 +252,11 @@ def _with_points(muscle: Muscle, shifts: Mapping[tuple[str, str], Array]) -> Mus
         elif isinstance(point, PathPoint):
             points.append(replace(point, location=point.location + by))
         else:
-            x, y, z = (
-                combined([f], np.ones(1), float(s))
-                for f, s in zip(point.functions, by, strict=True)
+            x, y, z = point.functions
+            shifted = (
+                combined([x], np.ones(1), float(by[0])),
+                combined([y], np.ones(1), float(by[1])),
+                combined([z], np.ones(1), float(by[2])),
             )
-            points.append(replace(point, functions=(x, y, z)))
+            points.append(replace(point, functions=shifted))
     return replace(muscle, path=replace(muscle.path, points=tuple(points)))

@@ -177,10 +177,8 @@ def warning_section(checks: MorphChecks) -> Section:
     worst = (warning for kind in KINDS for warning in checks.of(kind)[:FIRST_WARNINGS])
     first = tuple((KINDS[warning.kind][0], warning.text) for warning in worst)
     limits = checks.options
-    lead = (
-        f"{f'{len(rows)} warnings' if rows else 'No warning'} compared with the source scaled to"
-        " the target. "
-    )
+    count = f"{len(rows)} warnings" if rows else "No warning"
+    lead = f"{count} compared with the source scaled to the target. "
     lead += (
         "Checked: paths that run deeper through a bone than the source's by"
         f" {100 * limits.deeper:g} % of the longest bone, anywhere in the range of a coordinate;"

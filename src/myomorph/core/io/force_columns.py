@@ -142,12 +142,15 @@ def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wre
         for name, columns in zip(names, chosen, strict=True)
         if "" in columns.point
     )
-    parts = [
-        np.stack([_vectors(table, getattr(columns, part)) for columns in chosen], axis=1)
-        for part in ("force", "point", "torque")
-    ]
-    owners = tuple(bodies.values()) if bodies else ("",) * len(names)
-    return Wrenches(table.time, names, owners, *parts, notes=notes)
+    return Wrenches(
+        time=table.time,
+        names=names,
+        bodies=tuple(bodies.values()) if bodies else ("",) * len(names),
+        forces=np.stack([_vectors(table, columns.force) for columns in chosen], axis=1),
+        points=np.stack([_vectors(table, columns.point) for columns in chosen], axis=1),
+        torques=np.stack([_vectors(table, columns.torque) for columns in chosen], axis=1),
+        notes=notes,
+    )
 
 
 def _vectors(table: Table, columns: tuple[str, ...]) -> Array:
@@ -160,26 +163,22 @@ def _vectors(table: Table, columns: tuple[str, ...]) -> Array:
     return values
 
 
+def _vector_columns(table: Table, *prefixes: str) -> tuple[str, ...]:
+    """The columns of x, y and z that begin with the first of the prefixes that has all, or ()."""
+    names = set(table.names)
+    for prefix in prefixes:
+        columns = tuple(f"{prefix}{axis}" for axis in "xyz")
+        if names.issuperset(columns):
+            return columns
+    return ()
+
+
 def _with_prefix(table: Table, prefix: str, source: str) -> ForceColumns:
     """The columns of the force whose names begin so, as OpenSim names them or a laboratory."""
     torque = prefix.replace("force", "torque")
-    choices = (
-        (f"{prefix}v", f"{prefix}F", prefix),
-        (f"{prefix}p", f"{prefix}P"),
-        (torque, f"{prefix}m", f"{torque}m"),
-    )
-    names = set(table.names)
-    force, point, free = (
-        next(
-            (
-                tuple(f"{start}{axis}" for axis in "xyz")
-                for start in starts
-                if {f"{start}{axis}" for axis in "xyz"} <= names
-            ),
-            (),
-        )
-        for starts in choices
-    )
+    force = _vector_columns(table, f"{prefix}v", f"{prefix}F", prefix)
+    point = _vector_columns(table, f"{prefix}p", f"{prefix}P")
+    free = _vector_columns(table, torque, f"{prefix}m", f"{torque}m")
     if force and point:
         return ForceColumns(name=prefix, force=force, point=point, torque=free)
     known = force_columns(table.names)

@@ -75,7 +75,11 @@ def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs
         known[name] = np.array(sides)
     table.done()
     return {
-        body: LandmarkPairs(tuple(pair), *np.stack(list(pair.values()), axis=1))
+        body: LandmarkPairs(
+            names=tuple(pair),
+            source=np.stack([source for source, _ in pair.values()]),
+            target=np.stack([target for _, target in pair.values()]),
+        )
         for body, pair in pairs.items()
     }
 

@@ -301,7 +301,10 @@ def pose_problem(
         else [recording.values[:, recording.names.index(name)] for name in names]
     )
     positions = columns or [np.empty((frames, 3))] * len(names)
-    tracked = [MarkerTask(*marker) for marker in zip(names, positions, weights, strict=True)]
+    tracked = [
+        MarkerTask(marker=name, positions=path, weight=weight)
+        for name, path, weight in zip(names, positions, weights, strict=True)
+    ]
     targets = coordinate_targets(tree, time, options)
     others = [
         task for task in options.tasks if recording is not None or isinstance(task, CoordinateTask)

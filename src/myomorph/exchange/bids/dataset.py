@@ -154,8 +154,8 @@ class _Dataset:
         told = {"TaskName": trial}
         if condition := self.conditions.get((subject, trial), ""):
             told["TaskDescription"] = condition
-        self._write_recording(stored, Path(*names), stem, told)
-        derived = self.folder / DERIVED / Path(*names) / "motion"
+        self._write_recording(stored, Path("/".join(names)), stem, told)
+        derived = self.folder.joinpath(DERIVED, *names, "motion")
         derived.mkdir(parents=True, exist_ok=True)
         for table, signals in result_tables(stored):
             whole = replace(signals, facts=told | dict(signals.facts))

@@ -172,11 +172,9 @@ def plates_of(signals: Signals) -> tuple[ForcePlate, ...]:
     for point, group in signals.by_point.items():
         if ("N", "x") not in group:
             continue
-        force, place, torque = (
-            np.column_stack([_column(signals, group.get((unit, axis))) for axis in AXES])
-            for _, unit in PARTS.values()
-        )
-        torque = np.nan_to_num(torque)
+        force = _part(signals, group, "force")
+        place = _part(signals, group, "point")
+        torque = np.nan_to_num(_part(signals, group, "torque"))
         around = corners.get(point)
         plates.append(
             ForcePlate(
@@ -189,6 +187,12 @@ def plates_of(signals: Signals) -> tuple[ForcePlate, ...]:
             )
         )
     return tuple(plates)
+
+
+def _part(signals: Signals, group: Mapping[tuple[str, str], int], part: str) -> Array:
+    """A part of a force (frames, 3) by its name in `PARTS`."""
+    _, unit = PARTS[part]
+    return np.column_stack([_column(signals, group.get((unit, axis))) for axis in AXES])
 
 
 def _column(signals: Signals, column: int | None) -> Array:

@@ -195,8 +195,17 @@ def channels_of_file(path: Path, needed: Sequence[str]) -> tuple[Channel, ...]:
     missing = [name for name in needed if rows and name not in rows[0]]
     if missing:
         raise BadFile(files[-1], f"has no column '{missing[0]}'", f"expected {', '.join(needed)}")
-    keys = ("name", "type", "units", "component", "tracked_point", "placement")
-    return tuple(Channel(*(row.get(key) or UNKNOWN for key in keys)) for row in rows)
+    return tuple(
+        Channel(
+            name=row.get("name") or UNKNOWN,
+            kind=row.get("type") or UNKNOWN,
+            unit=row.get("units") or UNKNOWN,
+            component=row.get("component") or UNKNOWN,
+            point=row.get("tracked_point") or UNKNOWN,
+            placement=row.get("placement") or UNKNOWN,
+        )
+        for row in rows
+    )
 
 
 def facts_of_file(path: Path) -> dict[str, Any]:

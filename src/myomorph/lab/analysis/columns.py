@@ -69,9 +69,15 @@ def extremes(series: Series, factors: Mapping[str, float] | None = None) -> list
     for i, name in enumerate(series.names):
         values = series.values[:, i] * (factors or {}).get(name, 1.0)
         if np.isfinite(values).any():
-            ends = int(np.nanargmin(values)), int(np.nanargmax(values))
-            low_at, high_at = ends
-            low = (float(values[low_at]), float(series.time[low_at]))
-            high = (float(values[high_at]), float(series.time[high_at]))
-            rows.append(ExtremesRow(name, *low, *high))
+            low_at = int(np.nanargmin(values))
+            high_at = int(np.nanargmax(values))
+            rows.append(
+                ExtremesRow(
+                    name=name,
+                    low=float(values[low_at]),
+                    low_time=float(series.time[low_at]),
+                    high=float(values[high_at]),
+                    high_time=float(series.time[high_at]),
+                )
+            )
     return rows

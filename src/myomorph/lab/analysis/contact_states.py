@@ -97,8 +97,15 @@ def solved_contacts(forces: ContactForces) -> Contacts:
     for index, site in enumerate(forces.sites):
         for start, stop in runs(forces.activations[:, index] > 0.0):
             sure = min(float(forces.activations[start:stop, index].max()), 1.0)
-            ends = float(forces.time[start]), float(forces.time[stop - 1])
-            touches.append(Touch(site.name, *ends, site.against, sure))
+            touches.append(
+                Touch(
+                    site=site.name,
+                    start=float(forces.time[start]),
+                    stop=float(forces.time[stop - 1]),
+                    surface=site.against,
+                    confidence=sure,
+                )
+            )
     return Contacts(forces.names, tuple(touches))
 
 

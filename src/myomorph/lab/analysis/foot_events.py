@@ -262,8 +262,13 @@ def _with_events(
     track: FootTrack, strikes: Sequence[float], lifts: Sequence[float], usual: float, source: str
 ) -> FootTrack:
     near = NEAREST * usual
-    better = _replaced(track.strikes, strikes, near), _replaced(track.lifts, lifts, near)
-    return FootTrack(track.place, *better, track.seen, source)
+    return FootTrack(
+        place=track.place,
+        strikes=_replaced(track.strikes, strikes, near),
+        lifts=_replaced(track.lifts, lifts, near),
+        seen=track.seen,
+        source=source,
+    )
 
 
 def _replaced(events: Array, better: Sequence[float], near: float) -> Array:

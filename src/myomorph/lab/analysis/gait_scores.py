@@ -197,4 +197,5 @@ def _estimate(strides: Array, drawn: Array | None) -> Interval:
 def _scaled(score: Interval, log_scores: tuple[float, float]) -> Interval:
     """100 less ten standard deviations of the logarithm; a low score is a high index."""
     logs = (np.log((score.value, score.high, score.low)) - log_scores[0]) / log_scores[1]
-    return Interval(*(100.0 - 10.0 * logs).tolist())
+    value, low, high = (100.0 - 10.0 * logs).tolist()
+    return Interval(value=value, low=low, high=high)

@@ -206,9 +206,9 @@ def compare_paired(first: Group, second: Group, options: GroupOptions | None = N
     blunt = (
         f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be called so at {{:.3g}}"
     )
-    former_part, other_part = zip((first.name, second.name), zip(*pairs, strict=True), strict=True)
-    former = Group(*former_part)
-    other = Group(*other_part)
+    firsts, seconds = zip(*pairs, strict=True)
+    former = Group(name=first.name, animals=firsts)
+    other = Group(name=second.name, animals=seconds)
     return _compared(former, other, options, (n,), (few, blunt), notes)
 
 
@@ -286,10 +286,19 @@ def _scalars(
                 ).p
             )
         mean, low, high = map(float, _mean_interval(samples, options.confidence))
-        ends = permutations.g_interval(g, *sizes, confidence=options.confidence)
+        g_low, g_high = permutations.g_interval(g, *sizes, confidence=options.confidence)
         scalars.append(
             ScalarDifference(
-                name, _described(former), _described(other), mean, low, high, g, *ends, p
+                name=name,
+                first=_described(former),
+                second=_described(other),
+                difference=mean,
+                low=low,
+                high=high,
+                g=g,
+                g_low=g_low,
+                g_high=g_high,
+                p=p,
             )
         )
     alone = np.array([scalar.p for scalar in scalars])

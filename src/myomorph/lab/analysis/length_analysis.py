@@ -84,20 +84,27 @@ class LengthAnalysis:
             return None
         mean = curves[whole].mean(axis=0)
         percent = self.lengths[limb].percent
-        fastest = (float("nan"), float("nan"))
+        shortening = lengthening = float("nan")
         if limb in self.rates and self.fiber[column] > 0.0:
             rates = (
                 self.rates[limb].values[whole, :, self.rates[limb].names.index(muscle)]
                 / self.fiber[column]
             )
             if np.isfinite(rates).all():
-                fastest = (float(-rates.min(axis=1).mean()), float(rates.max(axis=1).mean()))
-        shortest = float(np.min(curves[whole], axis=1).mean())
-        longest = float(np.max(curves[whole], axis=1).mean())
-        at = float(percent[int(np.argmin(mean))]), float(percent[int(np.argmax(mean))])
-        lengths = float(self.standing[column]), float(self.fiber[column])
+                shortening = float(-rates.min(axis=1).mean())
+                lengthening = float(rates.max(axis=1).mean())
         return MuscleRange(
-            muscle, limb, int(whole.sum()), shortest, longest, *at, *lengths, *fastest
+            muscle=muscle,
+            limb=limb,
+            strides=int(whole.sum()),
+            shortest=float(np.min(curves[whole], axis=1).mean()),
+            longest=float(np.max(curves[whole], axis=1).mean()),
+            shortest_at=float(percent[int(np.argmin(mean))]),
+            longest_at=float(percent[int(np.argmax(mean))]),
+            standing=float(self.standing[column]),
+            fiber=float(self.fiber[column]),
+            shortening=shortening,
+            lengthening=lengthening,
         )
 
 
@@ -125,8 +132,15 @@ def length_analysis(
             speeds[limb] = over_cycles(_columns(rates, names), spans)
     standing = dict(zip(model.muscle_names, default_path_lengths(model), strict=True))
     fibers = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
-    sizes = (np.array([table[name] for name in lengths.names]) for table in (standing, fibers))
-    return LengthAnalysis(tuple(lengths.names), owners, by_limb, every, speeds, *sizes)
+    return LengthAnalysis(
+        muscles=tuple(lengths.names),
+        limbs=owners,
+        strides=by_limb,
+        lengths=every,
+        rates=speeds,
+        standing=np.array([standing[name] for name in lengths.names]),
+        fiber=np.array([fibers[name] for name in lengths.names]),
+    )
 
 
 def _owners(model: Model, muscles: tuple[str, ...]) -> tuple[str, ...]:

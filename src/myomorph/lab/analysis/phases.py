@@ -140,7 +140,9 @@ def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float) -> 
                         source=f"mean of {len(times)}{plates}",
                     )
                 )
-    kind = "" if not events else "gait" if known else "contact"
+    kind = ""
+    if events:
+        kind = "gait" if known else "contact"
     return GroundPhases(kind, tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
 
 

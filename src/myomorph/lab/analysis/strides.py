@@ -222,9 +222,16 @@ def find_strides(
     phases = {
         name: _phases(strikes[limbs[0].name], track.strikes) for name, track in tracks.items()
     }
-    by_limb = FrozenMap(strikes), FrozenMap(lifts), FrozenMap(phases)
     strides.sort(key=lambda stride: stride.start)
-    return Strides(tuple(strides), *by_limb, frozen_array(along), ground, tuple(notes))
+    return Strides(
+        strides=tuple(strides),
+        strikes=FrozenMap(strikes),
+        lifts=FrozenMap(lifts),
+        phases=FrozenMap(phases),
+        direction=frozen_array(along),
+        ground_speed=ground,
+        notes=tuple(notes),
+    )
 
 
 def _trunk(points: Series, limbs: Sequence[foot_events.Limb], body: Sequence[str]) -> Array:

@@ -700,12 +700,12 @@ def _model(
         model, without = generic_model(sites, height, request.mass, arms, alone)
         path = generic
         write_osim(model, path)
+        of_height = "" if height is None else f", from those of a body of {height:g} m"
         text = (
             "No model was given (--model FILE): myo-sim's"
             f" legs{', trunk and arms' if arms else ' and trunk'} with {len(model.muscles)}"
             f" muscles, {len(model.markers)} markers placed on its bones by landmark, its segments"
-            " stretched to the"
-            f" recordings{'' if height is None else f', from those of a body of {height:g} m'}. "
+            f" stretched to the recordings{of_height}. "
         )
         if alone:
             text += (
@@ -793,7 +793,10 @@ def _names(recordings: Sequence[Recording]) -> list[str]:
     for recording, name in zip(recordings, names, strict=True):
         plain = name.lower() in ("markers", "marker", "motion", "motion_capture")
         parent = recording.path.resolve().parent.name
-        result.append(
-            parent if plain and parent else f"{parent}_{name}" if names.count(name) > 1 else name
-        )
+        if plain and parent:
+            result.append(parent)
+        elif names.count(name) > 1:
+            result.append(f"{parent}_{name}")
+        else:
+            result.append(name)
     return result

@@ -186,7 +186,15 @@ def architectures() -> Mapping[str, Architecture]:
     """Lines of the table by the muscle's name without its side."""
     text = (files("myomorph.lab.analyze") / "data" / "architecture.toml").read_text("utf-8")
     return FrozenMap(
-        {name: Architecture(*map(float, line)) for name, line in tomllib.loads(text).items()}
+        {
+            name: Architecture(
+                fiber=float(fiber),
+                pennation=float(pennation),
+                section=float(section),
+                at_zero=float(at_zero),
+            )
+            for name, (fiber, pennation, section, at_zero) in tomllib.loads(text).items()
+        }
     )
 
 
@@ -258,10 +266,9 @@ def with_cylinders(model: Model) -> Model:
                     quadrant=cylinder.side,
                 )
             )
-            uses |= {
-                f"{muscle}_{side}": PathWrap(name, "hybrid", *cylinder.between)
-                for muscle in cylinder.muscles
-            }
+            first, last = cylinder.between
+            wrap = PathWrap(wrap_object=name, method="hybrid", first=first, last=last)
+            uses |= {f"{muscle}_{side}": wrap for muscle in cylinder.muscles}
     muscles = tuple(_around(muscle, uses.get(muscle.name)) for muscle in model.muscles)
     return replace(model, muscles=muscles, wrap_objects=(*model.wrap_objects, *made))
 

@@ -5,7 +5,7 @@ landmark.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
@@ -160,23 +160,23 @@ def _places(table: str) -> dict[str, tuple[str, Array]]:
 def _generic(arms: bool) -> Model:
     model = with_arms(legs_and_trunk()) if arms else legs_and_trunk()
     model = with_architecture(with_cylinders(with_abductors(in_opensim_form(model))))
+    dependent = model.dependent_coordinates
+    coordinates = tuple(_held(coordinate, dependent) for coordinate in model.coordinates)
+    return replace(model, coordinates=coordinates, kept=())
+
+
+def _held(coordinate: Coordinate, dependent: Collection[str]) -> Coordinate:
+    """The coordinate, locked or with the bounds that a recording needs."""
+    if coordinate.name in LOCKED:
+        return replace(coordinate, locked=True, default=0.0)
     # A bound of what follows a knee at the end of the knee's range is one that OpenSim cannot keep
     # to.
-    held = [
-        replace(coordinate, locked=True, default=0.0)
-        if coordinate.name in LOCKED
-        else replace(coordinate, clamped=False)
-        if coordinate.name in model.dependent_coordinates
-        else replace(
-            coordinate,
-            range=(coordinate.range[0] - FURTHER, coordinate.range[1] + FURTHER),
-            clamped=True,
-        )
-        if coordinate.name in WIDENED
-        else coordinate
-        for coordinate in model.coordinates
-    ]
-    return replace(model, coordinates=tuple(held), kept=())
+    if coordinate.name in dependent:
+        return replace(coordinate, clamped=False)
+    if coordinate.name in WIDENED:
+        low, high = coordinate.range
+        return replace(coordinate, range=(low - FURTHER, high + FURTHER), clamped=True)
+    return coordinate
 
 
 def legs_and_trunk() -> Model:

@@ -26,22 +26,22 @@ def leg_model() -> Model:
     """
     model = legs_and_trunk()
     girdle, rise, lift = _shoulder_girdle()
-    held = [
-        (
-            replace(coordinate, locked=True, default=0.0)
-            if coordinate.name in LOCKED
-            else replace(coordinate, clamped=False)
-            if coordinate.name in FREED
-            else coordinate
-        )
-        for coordinate in model.coordinates
-    ]
+    held = [_held(coordinate) for coordinate in model.coordinates]
     return replace(
         model,
         bodies=(*model.bodies, girdle),
         joints=(*model.joints, rise),
         coordinates=(*held, lift),
     )
+
+
+def _held(coordinate: Coordinate) -> Coordinate:
+    """The coordinate, locked or without bounds where the jump needs it."""
+    if coordinate.name in LOCKED:
+        return replace(coordinate, locked=True, default=0.0)
+    if coordinate.name in FREED:
+        return replace(coordinate, clamped=False)
+    return coordinate
 
 
 def _shoulder_girdle() -> tuple[Body, Joint, Coordinate]:

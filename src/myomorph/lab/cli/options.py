@@ -142,9 +142,11 @@ def documented(owner: Documented) -> Documented:
     for name, text in attribute_help(
         owner, "Attributes" if isinstance(owner, type) else "Parameters"
     ).items():
-        switch: dict[str, Any] = {"negative": ()} if defaults[name] is False else {}
         if not _has_help(kinds[name]):
-            kinds[name] = Annotated[kinds[name], Parameter(help=_sentence(text), **switch)]
+            described = Parameter(help=_sentence(text))
+            if defaults[name] is False:
+                described = Parameter(help=_sentence(text), negative=())
+            kinds[name] = Annotated[kinds[name], described]
     owner.__annotations__ = kinds
     return owner
 

@@ -210,7 +210,5 @@ def _model_warnings(model: Model) -> list[str]:
 
 def _counted(kinds: Sequence[str]) -> str:
     """'3 PinJoint, 1 FreeJoint' of a list of kinds."""
-    counts = Counter(kinds).most_common()
-    return f"{len(kinds)}" + (
-        f": {', '.join(f'{count} {kind}' for kind, count in counts)}" if counts else ""
-    )
+    counts = ", ".join(f"{count} {kind}" for kind, count in Counter(kinds).most_common())
+    return f"{len(kinds)}: {counts}" if counts else f"{len(kinds)}"

@@ -191,8 +191,9 @@ FACTORS: Mapping[str, float] = FrozenMap(
         JOINT_CONTACT_LOAD.name: 1.05,
     }
 )
-"""By quantity; found on simulated motions and held against others, as docs/validation/uncertainty.md
-says. Of a quantity that is not named nothing is known: its limits stay as drawn.
+"""By quantity; found on simulated motions and held against others, as
+docs/validation/uncertainty.md says. Of a quantity that is not named nothing is known: its limits
+stay as drawn.
 """
 MAGNITUDES = ("_f", "_force")
 """Ends of columns that are magnitudes of forces, which are never below 0."""

@@ -172,7 +172,7 @@ def _jump_trial() -> TrialInputs:
             InverseKinematicsOptions(marker_weights=FrozenMap(weights)),
             Differentiation(jump.cutoff),
         ),
-        inputs=ByType(
+        inputs=ByType(  # page: a collection, whose values have no names
             Recording(Trial(jump.markers, jump.trial.plates, events=jump.events)),
             ExternalLoads(lambda motion: jump.wrenches),
             RecordedEmg(envelopes(jump.analog)),

@@ -310,7 +310,16 @@ def simulate_bout(
         mujoco.mj_step2(m, data)
         record["tensions"][index] = -data.actuator_force
         _record_forces(m, data, record, index)
-    return Run(**record)
+    return Run(
+        time=record["time"],
+        qpos=record["qpos"],
+        activations=record["activations"],
+        tensions=record["tensions"],
+        forces=record["forces"],
+        moments=record["moments"],
+        places=record["places"],
+        strayed=record["strayed"],
+    )
 
 
 def _standing(

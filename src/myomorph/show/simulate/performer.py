@@ -270,8 +270,11 @@ def _dynamics(
     torques = np.zeros((len(time), compiled.nv - 6))
     before = tone
     activations = np.zeros((len(time), compiled.nu))
+    values, velocities, accelerations = states
     for frame in range(len(time)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = (values[frame] for values in states)
+        data.qpos[:] = values[frame]
+        data.qvel[:] = velocities[frame]
+        data.qacc[:] = accelerations[frame]
         mujoco.mj_inverse(compiled, data)
         needed = np.array(data.qfrc_inverse)
         for blow in part.blows:

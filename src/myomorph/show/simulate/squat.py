@@ -153,7 +153,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
         name="squat",
         subject="simulated body",
         model=model,
-        inputs=ByType(
+        inputs=ByType(  # page: a collection, whose values have no names
             Recording(Trial(markers)),
             ExternalLoads(lambda motion: noisy),
             BodyMass(model.mass),
@@ -229,8 +229,13 @@ class Splines:
     def at(self, rate: float, duration: float) -> Motion:
         """The motion with exact derivatives at so many frames a second."""
         time = np.arange(round(rate * duration) + 1) / rate
-        orders = [self.spline(time, order) for order in range(3)]
-        return Motion(time, self.names, *orders)
+        return Motion(
+            time=time,
+            names=self.names,
+            values=self.spline(time, 0),
+            velocities=self.spline(time, 1),
+            accelerations=self.spline(time, 2),
+        )
 
 
 def squat_splines(model: Model, options: SimulationOptions) -> Splines:

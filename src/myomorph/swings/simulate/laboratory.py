@@ -72,7 +72,14 @@ class Sampled:
 
     def every(self, number: int) -> Sampled:
         """Every so many-th frame."""
-        return Sampled(*(getattr(self, name)[::number] for name in self.__dataclass_fields__))
+        return Sampled(
+            time=self.time[::number],
+            rotations=self.rotations[::number],
+            rates=self.rates[::number],
+            accelerations=self.accelerations[::number],
+            wrench=self.wrench[::number],
+            lengthening=self.lengthening[::number],
+        )
 
 
 @dataclass(frozen=True, eq=False)

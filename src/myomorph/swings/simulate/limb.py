@@ -224,6 +224,10 @@ def swing_mjcf(
         for name, path in paths.items()
     )
     speeds = "".join(f'<tendonvel name="{name}" tendon="{name}"/>' for name in paths) + "</sensor>"
+    clamped = f'<body name="clamped">{clamp}' if clamp else ""
+    unclamped = "</body>" if clamp else ""
+    tendons = f"<tendon>{tendons}</tendon>" if tendons else ""
+    ball = f'<joint name="joint" type="ball" damping="{damping!r}"/>'
     return f"""<mujoco model="virtual specimen">
   <option gravity="{text(specimen.model.gravity)}"/>
   <default><geom contype="0" conaffinity="0" mass="0" group="4"/><site size="0.002" group="4"/>\
@@ -231,18 +235,18 @@ def swing_mjcf(
   <worldbody>
     <body name="base" pos="{text(center)}">
       <site name="plate"/>
-      {f'<body name="clamped">{clamp}' if clamp else ""}
+      {clamped}
       <body name="scapula" quat="{text(quaternion(stand.rotation))}">{on_base}</body>
       <body name="limb" quat="{text(quaternion(rest))}">
-        {joint or f'<joint name="joint" type="ball" damping="{damping!r}"/>'}
+        {joint or ball}
         {inertial(parameters)}
         <site name="center"/>
         {on_limb}{loose}
       </body>
-      {"</body>" if clamp else ""}
+      {unclamped}
     </body>
   </worldbody>
-  {f"<tendon>{tendons}</tendon>" if tendons else ""}\
+  {tendons}\
 {SENSORS.format(body="limb").replace("</sensor>", speeds)}
 </mujoco>"""
 
@@ -269,9 +273,8 @@ def _muscles_mjcf(
     for muscle in model.muscles:
         path = []
         for i, point in enumerate(fixed_points(muscle)):
-            path.append(
-                f'<site site="{site(point.body, f"{muscle.name}-{i + 1}", point.location)}"/>'
-            )
+            point_name = f"{muscle.name}-{i + 1}"
+            path.append(f'<site site="{site(point.body, point_name, point.location)}"/>')
             for wrap in (wrap for wrap in tendon_wraps(muscle) if wrap.after == i):
                 side = ""
                 if wrap.side is not None:

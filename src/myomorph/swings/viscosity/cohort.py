@@ -210,7 +210,8 @@ def specimen_row(specimen_viscosity: SpecimenViscosity) -> Row:
     """The quantities of one specimen; what is lacking is absent, what was weighed has no width."""
     known = specimen_viscosity.estimates
     if specimen_viscosity.measured_muscle_mass is not None:
-        known["measured_muscle_mass"] = Interval(*[specimen_viscosity.measured_muscle_mass] * 3)
+        weighed = specimen_viscosity.measured_muscle_mass
+        known["measured_muscle_mass"] = Interval(value=weighed, low=weighed, high=weighed)
     return FrozenMap(known)
 
 

@@ -191,7 +191,8 @@ def clear_paths(target: Model, ground: Ground, weight: float = WEIGHT) -> Cleara
     if vain:
         model = _put_back(model, target, vain)
         left = ground.excess(model, watched)
-    return Clearance(target, *_taken_back(target, model, ground, left, watched), before)
+    smaller, left_after = _taken_back(target, model, ground, left, watched)
+    return Clearance(start=target, model=smaller, after=left_after, before=before)
 
 
 def _taken_back(

@@ -48,9 +48,9 @@ def paired_postures(
     if pairs is None:
         pairs = {name: (name, 1.0, 0.0) for name in source.coordinate_names}
     rng = np.random.default_rng(0)
-    standing = [
-        _standing(model, values) for model, values in zip((source, target), defaults, strict=True)
-    ]
+    source_defaults, target_defaults = defaults
+    of_source = _standing(source, source_defaults)
+    of_target = _standing(target, target_defaults)
     for name, (theirs, factor, _) in pairs.items():
         ours = source.coordinate(name)
         shares = rng.integers(0, LEVELS, COUNT) / (LEVELS - 1.0)
@@ -59,12 +59,12 @@ def paired_postures(
         reach = MAX_SLIDE if ours.motion == "translational" else MAX_TURN
         low, high = np.clip(ours.range, ours.default - reach, ours.default + reach)
         taken = low + shares * (high - low)
-        standing[0][1:, source.coordinate_names.index(name)] = taken
+        of_source[1:, source.coordinate_names.index(name)] = taken
         other = target.coordinate(theirs)
-        standing[1][1:, target.coordinate_names.index(theirs)] = _alike(
+        of_target[1:, target.coordinate_names.index(theirs)] = _alike(
             taken, ours, other, factor > 0.0
         )
-    return Postures(*standing)
+    return Postures(source=of_source, target=of_target)
 
 
 def _standing(model: Model, values: Mapping[str, float]) -> Array:
@@ -203,7 +203,10 @@ def compared_coordinates(
             for coordinate_name in source.coordinate_names
             if coordinate_name in target.coordinate_names
         }
-    pairs = tuple(CoordinatePair(name, *row) for name, row in table.items())
+    pairs = tuple(
+        CoordinatePair(source=name, target=other, factor=factor, offset=offset)
+        for name, (other, factor, offset) in table.items()
+    )
     for pair in pairs:
         for model, name in ((source, pair.source), (target, pair.target)):
             index_of("coordinate", name, model.coordinate_names, f"model '{model.name}'")

@@ -296,8 +296,10 @@ def joint_warnings(morph: Morph, longest: float, options: CheckOptions) -> Itera
 
 def _mm(meters: float) -> str:
     """Millimeters, to a hundredth below one."""
-    size = abs(1e3 * meters)
-    return f"{1e3 * meters:.{0 if size == 0.0 else 1 if size >= 1.0 else 2}f} mm"
+    millimeters = 1e3 * meters
+    if millimeters == 0.0:
+        return f"{millimeters:.0f} mm"
+    return f"{millimeters:.1f} mm" if abs(millimeters) >= 1.0 else f"{millimeters:.2f} mm"
 
 
 def _value(radians: float) -> str:

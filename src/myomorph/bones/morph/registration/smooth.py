@@ -278,9 +278,10 @@ class _Moving:
 
     def at(self, coefficients: Array) -> Samples:
         """Where they are."""
-        first, second = (
-            a + b @ coefficients for a, b in zip(self.turned, self.slopes, strict=True)
-        )
+        first_start, second_start = self.turned
+        first_slope, second_slope = self.slopes
+        first = first_start + first_slope @ coefficients
+        second = second_start + second_slope @ coefficients
         return Samples(
             self.laid + self.rows @ coefficients, unit(np.cross(first, second)), self.samples.rim
         )

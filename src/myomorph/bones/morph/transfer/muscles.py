@@ -43,11 +43,9 @@ def path_lengths(
     """Lengths (postures, muscles) of the paths of two models that have the same muscles, the
     default posture first.
     """
-    both = ((source, postures.source), (target, postures.target))
-    ours, theirs = (
-        compile_paths(model).evaluate(values, progress=progress)[0] for model, values in both
-    )
-    return ours, theirs
+    of_source = compile_paths(source).evaluate(postures.source, progress=progress)[0]
+    of_target = compile_paths(target).evaluate(postures.target, progress=progress)[0]
+    return of_source, of_target
 
 
 @dataclass(frozen=True)

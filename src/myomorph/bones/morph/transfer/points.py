@@ -208,14 +208,18 @@ def _transferred_points(
             )
         sure = transfers[body].within(places[here])
         for row, i in enumerate(here):
-            known = (
-                float(put.lifted[row]),
-                float(put.depth_source[row]),
-                float(put.depth_target[row]),
-                float(sure[row]),
-            )
+            owner, name = owners[i]
             transferred[i] = TransferredPoint(
-                *owners[i], body, transfers[body].body, places[i], put.points[row], *known
+                owner=owner,
+                name=name,
+                body=body,
+                target_body=transfers[body].body,
+                source=places[i],
+                target=put.points[row],
+                lifted=float(put.lifted[row]),
+                depth_source=float(put.depth_source[row]),
+                depth_target=float(put.depth_target[row]),
+                within=float(sure[row]),
             )
     return [transferred[i] for i in range(len(bodies))]
 
@@ -265,12 +269,18 @@ def _point(
         stretched(f, 1.0, setting.travel.get(name, 1.0))
         for f, name in zip(point.functions, point.coordinates, strict=True)
     ]
-    x, y, z = (
-        combined(functions, row, to.target[i] - row @ to.source) for i, row in enumerate(matrix)
+    offset = [to.target[i] - row @ to.source for i, row in enumerate(matrix)]
+    x = combined(functions, matrix[0], offset[0])
+    y = combined(functions, matrix[1], offset[1])
+    z = combined(functions, matrix[2], offset[2])
+    x_name, y_name, z_name = _names(point, matrix)
+    # What does not move has no coordinate.
+    coordinates = (
+        x_name if x.arity else "",
+        y_name if y.arity else "",
+        z_name if z.arity else "",
     )
-    names = _names(point, matrix)
-    a, b, c = (name if f.arity else "" for f, name in zip((x, y, z), names, strict=True))
-    return replace(point, body=transfer.body, functions=(x, y, z), coordinates=(a, b, c))
+    return replace(point, body=transfer.body, functions=(x, y, z), coordinates=coordinates)
 
 
 def _names(point: MovingPathPoint, matrix: Array) -> tuple[str, str, str]:

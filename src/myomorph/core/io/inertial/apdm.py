@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from myomorph.core.io.inertial.signals import sensors_of_signals
 from myomorph.core.io.parsing.guard import run_guarded, seconds_for
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadFile
@@ -127,8 +128,8 @@ def _sensor(
         time = np.arange(frames) / rate
     else:
         raise BadFile(path, f"sensor '{name}' has no times and no rate", HINT)
-    cut: dict[str, Any] = {kind: values[:frames] for kind, values in signals.items()}
-    return InertialSensors(time, (name,), source=str(path), **cut)
+    cut = {kind: values[:frames] for kind, values in signals.items()}
+    return sensors_of_signals(time, (name,), cut, source=str(path))
 
 
 def _text(value: Any) -> str:

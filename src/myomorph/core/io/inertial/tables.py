@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from myomorph.core.io.inertial.signals import sensors_of_signals
 from myomorph.core.io.inertial.xsens import COLUMNS, HEAD_LINES, read_dot
 from myomorph.core.io.parsing.text import file_text, number
 from myomorph.core.io.sto import read_sto
@@ -100,9 +102,7 @@ def _delsys(path: Path, cells: list[str], mark: str, lines: list[str]) -> Inerti
     )
     if sensors is None:
         raise BadFile(path, "has no sensor with all axes of an accelerometer and a gyroscope", HINT)
-    return InertialSensors(
-        sensors.time, sensors.names, **sensors.signals, warnings=sensors.warnings, source=str(path)
-    )
+    return replace(sensors, source=str(path))
 
 
 CHANNEL = re.compile(
@@ -171,7 +171,7 @@ def sensors_of_channels(
             notes,
         )
         signals[kind] = scale * values[:, picked]
-    return InertialSensors(time, tuple(found), warnings=tuple(notes), **signals)
+    return sensors_of_signals(time, tuple(found), signals, warnings=tuple(notes))
 
 
 def _axes(kind: str) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
+from myomorph.core.io.inertial.signals import sensors_of_signals
 from myomorph.core.io.parsing.text import file_text, parse_cells, quick_numbers
 from myomorph.core.io.parsing.xml import read_xml
 from myomorph.core.model.arrays import Array
@@ -73,7 +74,7 @@ def read_mvnx(path: Path) -> InertialSensors:
         if kind == "sensor"
         else ("has no sensors: the orientations are those of MVN's segments",)
     )
-    return InertialSensors(time, names, warnings=notes, source=str(path), **signals)
+    return sensors_of_signals(time, names, signals, warnings=notes, source=str(path))
 
 
 def _all(element: etree._Element, tag: str) -> list[etree._Element]:
@@ -158,12 +159,12 @@ def _table(path: Path, rate_unit: float) -> InertialSensors:
         )
     tag = re.search(r"DeviceTag:?[,\s]*(\S+)", head)
     name = tag.group(1).strip(",;") if tag else path.stem.split("_")[-1]
-    return InertialSensors(
+    return sensors_of_signals(
         _clock(values, where, head, path),
         (name,),
+        signals,
         warnings=tuple(notes),
         source=str(path),
-        **signals,
     )
 
 

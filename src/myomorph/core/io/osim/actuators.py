@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from lxml import etree
@@ -22,6 +22,7 @@ from myomorph.core.model.spatial import Transform
 
 KINDS = ("CoordinateActuator", "TorqueActuator", "PointActuator", "PointToPointActuator")
 OLD = 10905
+ActuatorKind = Literal["coordinate", "torque", "point", "point_to_point"]
 
 BEFORE = (
     "<is_model_control>true</is_model_control>",
@@ -38,52 +39,51 @@ AFTER = ("<min_nodes />", "<max_nodes />", "<kp>100</kp>", "<kv>20</kv>")
 def read_actuator(node: Node) -> Actuator:
     """An ideal actuator with the names the file gives, not yet looked up in a model."""
     old = node.document.version < OLD
-    common: dict[str, Any] = {
-        "optimal_force": node.number("optimal_force", 1.0),
-        "min_control": node.number("min_control", -np.inf, infinite=True),
-        "max_control": node.number("max_control", np.inf, infinite=True),
-        "enabled": node.is_applied,
-    }
     if node.kind == "CoordinateActuator":
-        return Actuator(
-            node.name, "coordinate", coordinate=plain_name(node.text("", "coordinate")), **common
-        )
+        coordinate = plain_name(node.text("", "coordinate"))
+        return replace(_bare(node, "coordinate"), coordinate=coordinate)
     if node.kind == "TorqueActuator":
         axis = node.vector("direction_A" if old else "axis", (0.0, 0.0, 1.0)) * (
             -1.0 if old else 1.0
         )
-        return Actuator(
-            node.name,
-            "torque",
+        return replace(
+            _bare(node, "torque"),
             body=_body(node, "body_B" if old else "bodyA"),
             other_body=_body(node, "body_A" if old else "bodyB"),
             direction=axis,
             direction_is_global=node.flag("torque_is_global", True),
-            **common,
         )
     if node.kind == "PointActuator":
         direction = node.vector("direction_A" if old else "direction", (1.0, 0.0, 0.0)) * (
             -1.0 if old else 1.0
         )
-        return Actuator(
-            node.name,
-            "point",
+        return replace(
+            _bare(node, "point"),
             body=_body(node, "body_B" if old else "body"),
             point=node.vector("point_B" if old else "point"),
             direction=direction,
             point_is_global=node.flag("point_is_global", False),
             direction_is_global=node.flag("force_is_global", old),
-            **common,
         )
-    return Actuator(
-        node.name,
-        "point_to_point",
+    return replace(
+        _bare(node, "point_to_point"),
         body=_body(node, "bodyA"),
         other_body=_body(node, "bodyB"),
         point=node.vector("pointA"),
         other_point=node.vector("pointB"),
         point_is_global=node.flag("points_are_global", False),
-        **common,
+    )
+
+
+def _bare(node: Node, kind: ActuatorKind) -> Actuator:
+    """What actuators of all kinds have."""
+    return Actuator(
+        name=node.name,
+        kind=kind,
+        optimal_force=node.number("optimal_force", 1.0),
+        min_control=node.number("min_control", -np.inf, infinite=True),
+        max_control=node.number("max_control", np.inf, infinite=True),
+        enabled=node.is_applied,
     )
 
 

@@ -130,10 +130,17 @@ def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
             continue
         (body_1, pose_1) = tied_frame(node, frames, "1")
         (body_2, pose_2) = tied_frame(node, frames, "2")
-        parts = {part: node.vector(part) for part in BUSHING_PARTS}
         bushings.append(
             Bushing(
-                name=node.name, body_1=body_1, body_2=body_2, pose_1=pose_1, pose_2=pose_2, **parts
+                name=node.name,
+                body_1=body_1,
+                body_2=body_2,
+                pose_1=pose_1,
+                pose_2=pose_2,
+                rotational_stiffness=node.vector("rotational_stiffness"),
+                rotational_damping=node.vector("rotational_damping"),
+                translational_stiffness=node.vector("translational_stiffness"),
+                translational_damping=node.vector("translational_damping"),
             )
         )
     return tuple(bushings)

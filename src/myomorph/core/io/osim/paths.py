@@ -99,11 +99,13 @@ class PathReader:
                 raise node.bad(f"its {axis}_location depends on a coordinate, but names none")
             functions.append(function.raised(float(offset)))
             coordinates.append(self._coordinate(name, node) if function.arity else "")
+        x, y, z = functions
+        x_name, y_name, z_name = coordinates
         return MovingPathPoint(
             name=node.name,
             body=body,
-            functions=tuple(functions),  # type: ignore[arg-type]
-            coordinates=tuple(coordinates),  # type: ignore[arg-type]
+            functions=(x, y, z),
+            coordinates=(x_name, y_name, z_name),
         )
 
     def _coordinate(self, text: str, node: Node) -> str:

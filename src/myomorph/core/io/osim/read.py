@@ -36,7 +36,7 @@ from myomorph.core.model.model import (
 from myomorph.core.model.paths import Ligament, Muscle, WrapObject
 from myomorph.core.model.spatial import Transform
 
-Named = TypeVar("Named", Muscle, Actuator, Joint, Marker)
+Named = TypeVar("Named", Muscle, Actuator, Joint, Marker)  # page: typing takes types by position
 
 
 @dataclass(frozen=True)

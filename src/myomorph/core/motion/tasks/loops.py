@@ -70,7 +70,13 @@ def ties_of(tree: Tree, lever: float = 1.0) -> Ties | None:
                 ties.append(
                     (loops.body_1[i], loops.body_2[i], ends[0] + away[0], ends[1] + away[1])
                 )
-    return Ties(*(np.array(values) for values in zip(*ties, strict=True)))
+    body_1, body_2, point_1, point_2 = zip(*ties, strict=True)
+    return Ties(
+        body_1=np.array(body_1),
+        body_2=np.array(body_2),
+        point_1=np.array(point_1),
+        point_2=np.array(point_2),
+    )
 
 
 @inner

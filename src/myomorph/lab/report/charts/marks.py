@@ -64,7 +64,10 @@ def frame(
     """The area between four borders for values within limits; `unit` stands behind the last tick to
     the right.
     """
-    return Frame(Axis(*x, left, right, unit), Axis(*y, bottom, top))
+    return Frame(
+        x=Axis(low=x[0], high=x[1], start=left, stop=right, unit=unit),
+        y=Axis(low=y[0], high=y[1], start=bottom, stop=top),
+    )
 
 
 def drawing(
@@ -99,9 +102,8 @@ def mark(tag: str, kind: str, under: str = "", **attributes: str | float) -> str
     """An SVG element of a class of the style sheet; `under` is shown under the pointer."""
     written = ""
     for name, value in attributes.items():
-        written += (
-            f' {name.replace("_", "-")}="{f"{value:.1f}" if isinstance(value, float) else value}"'
-        )
+        shown = f"{value:.1f}" if isinstance(value, float) else value
+        written += f' {name.replace("_", "-")}="{shown}"'
     opened = f'<{tag} class="{kind}"{written}'
     return f"{opened}><title>{escape(under)}</title></{tag}>" if under else f"{opened}/>"
 

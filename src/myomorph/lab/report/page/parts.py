@@ -268,7 +268,10 @@ class Reference:
 @cache
 def _known() -> Mapping[str, Reference]:
     text = (files("myomorph.lab.report") / "page" / "references.toml").read_text(encoding="utf-8")
-    return {key: Reference(key, **entry) for key, entry in tomllib.loads(text).items()}
+    return {
+        key: Reference(key=key, used=entry["used"], text=entry["text"], link=entry.get("link", ""))
+        for key, entry in tomllib.loads(text).items()
+    }
 
 
 def listed(keys: Collection[str]) -> tuple[Reference, ...]:

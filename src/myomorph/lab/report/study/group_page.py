@@ -262,7 +262,9 @@ def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves: stat
         known = np.isfinite(curve.g)
         at = int(np.argmax(np.where(known, np.abs(curve.g), -1.0)))
         size = with_interval(
-            Interval(*(float(values[at]) for values in (curve.g, curve.g_low, curve.g_high)))
+            Interval(
+                value=float(curve.g[at]), low=float(curve.g_low[at]), high=float(curve.g_high[at])
+            )
         )
         largest = f"{size} at {100.0 * at / max(len(curve.g) - 1, 1):.0f} %" if known.any() else "–"
         where = ", ".join(f"{a:.0f}–{b:.0f} %" for a, b in curve.regions) or "–"

@@ -28,6 +28,7 @@ from myomorph.lab.report.page.parts import (
 from myomorph.lab.report.study import group_page
 from myomorph.lab.report.study.study_input import (
     Described,
+    Outlier,
     StudyInput,
     TrialLine,
     TrialState,
@@ -202,6 +203,14 @@ def _quality(study: StudyInput) -> list[Section]:
     return [Section("quality", "Quality", lead, figures=tuple(figures), grids=grids)]
 
 
+def _outlier_words(outlier: Outlier) -> str:
+    """What is unusual: "step width 0.3 m (median 0.1, score 5)"."""
+    unit = "" if outlier.unit == "1" else f" {outlier.unit}"
+    median = number(outlier.middle)
+    score = number(outlier.score)
+    return f"{outlier.quantity} {number(outlier.value)}{unit} (median {median}, score {score})"
+
+
 def _described(study: StudyInput) -> list[Section]:
     if not study.described:
         return []
@@ -213,12 +222,17 @@ def _described(study: StudyInput) -> list[Section]:
     ]
     rest = [described for described in study.described if described not in first]
     parts = (
-        (first, ("Strides", False)),
-        (rest, (f"All {len(rest)}{' others' if first else ''}", True)),
+        (first, "Strides", False),
+        (rest, f"All {len(rest)}{' others' if first else ''}", True),
     )
     grids = tuple(
-        Grid(("Quantity", *names), tuple(map(_described_row, part)), *shown)
-        for part, shown in parts
+        Grid(
+            head=("Quantity", *names),
+            rows=tuple(map(_described_row, part)),
+            title=title,
+            folded=folded,
+        )
+        for part, title, folded in parts
     )
     each = (
         "subjects, each the mean of its trials"
@@ -383,11 +397,7 @@ def _outliers(study: StudyInput) -> list[Section]:
         by_trial.values(), key=lambda each: -max(abs(outlier.score) for outlier in each)
     ):
         lines.sort(key=lambda outlier: -abs(outlier.score))
-        words = "; ".join(
-            f"{line.quantity} {number(line.value)}{'' if line.unit == '1' else f' {line.unit}'} "
-            f"(median {number(line.middle)}, score {number(line.score)})"
-            for line in lines[:MAX_LISTED]
-        )
+        words = "; ".join(map(_outlier_words, lines[:MAX_LISTED]))
         rows.append((lines[0].subject, lines[0].trial, lines[0].condition, str(len(lines)), words))
     lead = (
         "Values whose modified z-score, 0.6745 (x − median) / median absolute deviation, in the"

@@ -168,7 +168,8 @@ def _path_caption(analysis: MotionAnalysis) -> str:
         printed += " Each axis has its own scale."
     if len(analysis.persons) == 1 and 2 <= len(stages) <= len(ORDINAL):
         colors = zip(stages, ("blue", "violet", "green", "ochre"), strict=False)
-        printed += f" Phases: {', '.join(f'{stage.name} {color}' for stage, color in colors)}."
+        phases = ", ".join(f"{stage.name} {color}" for stage, color in colors)
+        printed += f" Phases: {phases}."
     return printed
 
 

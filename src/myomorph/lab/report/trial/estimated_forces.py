@@ -67,12 +67,16 @@ def acting_forces(results: ReportInput) -> Wrenches | None:
     if instead.all():
         return estimated
     time = estimated.time
-    parts = {
-        what: _at(time, measured.time, getattr(measured, what))
-        for what in ("forces", "points", "torques")
-    }
-    parts["forces"] = np.where(instead[..., None], 0.0, np.nan_to_num(parts["forces"]))
-    return estimated.and_others(Wrenches(time, measured.names, measured.bodies, *parts.values()))
+    measured_forces = np.nan_to_num(_at(time, measured.time, measured.forces))
+    others = Wrenches(
+        time=time,
+        names=measured.names,
+        bodies=measured.bodies,
+        forces=np.where(instead[..., None], 0.0, measured_forces),
+        points=_at(time, measured.time, measured.points),
+        torques=_at(time, measured.time, measured.torques),
+    )
+    return estimated.and_others(others)
 
 
 def _instead(forces: ContactForces, measured: Wrenches, model: Model | None) -> np.ndarray:

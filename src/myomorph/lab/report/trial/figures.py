@@ -266,7 +266,17 @@ def pair_panel(
                 known = (f"truth {STYLE[side]}", f"{side} truth".strip())
                 style, label = (STYLE[side], side or "value") if source is series else known
                 ends = (None, None) if source is truth else limits_of(spread, [name], factor)
-                lines.append(Line(source.time, factor * source[name], style, label, False, *ends))
+                low, high = ends
+                lines.append(
+                    Line(
+                        time=source.time,
+                        values=factor * source[name],
+                        style=style,
+                        label=label,
+                        low=low,
+                        high=high,
+                    )
+                )
     return time_plot(title, unit, lines, span, events, second=second, margin=margin)
 
 
@@ -316,8 +326,17 @@ def activation_panel(
             )
             if mean is not None:
                 ends = (None, None) if source is truth else limits_of(spread, members)
-                named = (side + label).strip() or "activation"
-                lines.append(Line(source.time, mean, f"{style}{STYLE[side]}", named, False, *ends))
+                low, high = ends
+                lines.append(
+                    Line(
+                        time=source.time,
+                        values=mean,
+                        style=f"{style}{STYLE[side]}",
+                        label=(side + label).strip() or "activation",
+                        low=low,
+                        high=high,
+                    )
+                )
     parts = max(len(members) for members in pair.members.values())
     unit = f"{parts} parts" if parts > 1 else ""
     return time_plot(

@@ -185,11 +185,10 @@ def _notes(
     scores: GaitScores | None,
 ) -> list[str]:
     """Context of the page: who the norm is, what is missing, and the report's warnings."""
-    notes = (
-        []
-        if norm is None
-        else [f"Norm: {norm.source}{f'; {norm.persons} persons' if norm.persons else ''}."]
-    )
+    notes = []
+    if norm is not None:
+        persons = f"; {norm.persons} persons" if norm.persons else ""
+        notes.append(f"Norm: {norm.source}{persons}.")
     notes += [note] if note else []
     if norm is not None:
         if not norm.same_definitions:

@@ -134,9 +134,19 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
         if center is not None and rows is not None and len(rows) > 1
         else None
     )
-    shown = (persons, contacts, limbs, clock, touching, cutting, measures, related)
     return MotionAnalysis(
-        preset, bool(named), prepared.span, tuple(axis_names(prepared.up)[1]), *shown
+        preset=preset,
+        chosen=bool(named),
+        span=prepared.span,
+        axes=tuple(axis_names(prepared.up)[1]),
+        persons=persons,
+        contacts=contacts,
+        limbs=limbs,
+        time=clock,
+        touching=touching,
+        cutting=cutting,
+        measures=measures,
+        correlations=related,
     )
 
 

@@ -42,6 +42,8 @@ def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -
         return f"{text}: {sensed or 'no frame shows a marker'}"
     worst, largest, lost, *_ = tables.marker_verdicts(fit, tables.body_scale(markers))
     within = "within" if worst.state == largest.state == "ok" else "over"
+    sensors = f"; {sensed}" if sensed else ""
+    unconverged = f"; {lost.value:.0f} frames did not converge" if lost.value else ""
     closed = (
         "" if fit.closure is None else f"; loops closed to {float(np.nanmax(fit.closure)):.1g} m"
     )
@@ -51,8 +53,7 @@ def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -
         f"{worst.time:.2f} s), largest {largest.value:.2f} cm ({largest.worst} at"
         f" {largest.time:.2f} s): {within} "
         f"{worst.limit:.3g} and {largest.limit:.3g} cm (Hicks et al."
-        f" 2015){f'; {sensed}' if sensed else ''}"
-        f"{f'; {lost.value:.0f} frames did not converge' if lost.value else ''}{closed}"
+        f" 2015){sensors}{unconverged}{closed}"
     )
 
 
@@ -239,11 +240,8 @@ def calibration_line(calibration: Calibration) -> str:
     )
     ended += f" (last change {calibration.last_change:.1g})"
     fixed = Counter(angle.source for angle in calibration.zero_angles)
-    zeros = (
-        f"; zero angles by {', '.join(f'{name} {fixed[name]}' for name in SOURCES if fixed[name])}"
-        if fixed
-        else ""
-    )
+    counts = ", ".join(f"{name} {fixed[name]}" for name in SOURCES if fixed[name])
+    zeros = f"; zero angles by {counts}" if fixed else ""
     limit = "within" if calibration.rms_after <= tables.MARKER_RMS else "over"
     return (
         f"{count} frames, {len(names)} markers: root mean square {1e3 * calibration.rms_before:.1f}"

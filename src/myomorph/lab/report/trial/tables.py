@@ -303,9 +303,18 @@ def reserve_verdicts(
                 f", which is negligible: held against {100 * NEGLIGIBLE:g} % of the largest joint"
                 " torque"
             )
-        sizes = (100 * worst.share, unit, 100 * RESERVE)
-        at = float(time[worst.frame])
-        rows.append(Verdict(Quantity.RESERVES, *sizes, worst.coordinate, at, CHECKLIST, detail))
+        rows.append(
+            Verdict(
+                quantity=Quantity.RESERVES,
+                value=100 * worst.share,
+                unit=unit,
+                limit=100 * RESERVE,
+                worst=worst.coordinate,
+                time=float(time[worst.frame]),
+                source=CHECKLIST,
+                detail=detail,
+            )
+        )
     root = {name for group in root_coordinates(model) for name in group}
     unmoved = [
         name for name in names if driven and name in torques.names and name not in (*root, *driven)

@@ -324,7 +324,8 @@ def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | N
             )
         elif not isinstance(site.intervals, str):
             touches += [
-                Touch(site.name, *span, site.against, source="file") for span in site.intervals
+                Touch(site=site.name, start=start, stop=stop, surface=site.against, source="file")
+                for start, stop in site.intervals
             ]
         else:
             continue

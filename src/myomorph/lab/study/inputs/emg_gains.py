@@ -92,19 +92,22 @@ def read_gains(path: Path) -> SubjectGains:
 
 
 def _calibration(data: dict[str, Any]) -> EmgCalibration:
-    arrays: dict[str, Any] = {
-        name: np.array(data[name], dtype=float)
-        for name in ("delays", "gains", "offsets", "shapes", "by_torque")
-    }
-    for name in ("intervals", "held_out"):
-        arrays[name] = np.array(data[name], dtype=float).reshape(len(data["channels"]), 2)
+    channels = tuple(data["channels"])
+    count = len(channels)
+
     return EmgCalibration(
-        tuple(data["channels"]),
+        channels=channels,
+        delays=np.array(data["delays"], dtype=float),
+        gains=np.array(data["gains"], dtype=float),
+        offsets=np.array(data["offsets"], dtype=float),
+        shapes=np.array(data["shapes"], dtype=float),
+        by_torque=np.array(data["by_torque"], dtype=float),
+        intervals=np.array(data["intervals"], dtype=float).reshape(count, 2),
+        held_out=np.array(data["held_out"], dtype=float).reshape(count, 2),
         warnings=tuple(data["warnings"]),
         synergies=tuple(map(_synergies, data["synergies"])),
         weight=float(data["weight"]),
         others_weight=float(data["others_weight"]),
-        **arrays,
     )
 
 

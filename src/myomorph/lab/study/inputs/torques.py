@@ -82,9 +82,9 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
             )
     values = table.values[:, list(columns.values())]
     if not np.isfinite(values).all():
-        frame, column_ = (int(one[0]) for one in np.nonzero(~np.isfinite(values)))
+        frame, column = np.argwhere(~np.isfinite(values))[0].tolist()
         raise BadData(
-            f"{path}: the torque of '{list(columns)[column_]}' has no finite value at"
+            f"{path}: the torque of '{list(columns)[column]}' has no finite value at"
             f" {table.time[frame]:g} s; fill the gap, or use --time START END"
         )
     notes = (

@@ -193,11 +193,14 @@ def _line(
             f" {listing(Path(model).name, near)}"
         )
     return Measures(
-        subject,
-        folder / model if model else None,
+        subject=subject,
+        model=folder / model if model else None,
+        mass=numbers.get("mass"),
+        height=numbers.get("height"),
+        chest=numbers.get("chest"),
         sex=SEXES.get(sex.lower()),
+        age=numbers.get("age"),
         group=texts.get("group", ""),
-        **numbers,
     )
 
 

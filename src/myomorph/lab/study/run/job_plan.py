@@ -23,7 +23,7 @@ from myomorph.lab.study.inputs.reading import open_model
 from myomorph.lab.study.inputs.refined import RefinedFile
 from myomorph.lab.study.inputs.soft_tissue import SoftTissueFile
 from myomorph.lab.study.plan.plan import Plan
-from myomorph.lab.study.run.work import Graph, Recording, Work
+from myomorph.lab.study.run.work import Graph, Recording, Work, outcome_of
 from myomorph.lab.study.step.folder_steps import FolderSteps
 from myomorph.lab.study.step.job_steps import JobSteps
 from myomorph.lab.study.step.step import large_variables, step_of
@@ -135,7 +135,8 @@ def open_study_steps(
     model: Model | None, read: str, fresh: bool, *, inputs: StudyInputs, key: Key
 ) -> JobSteps:
     """What is done for the whole study."""
-    return FolderSteps(scope="study", inputs=inputs, outcome=Outcome(*key, inputs.out), fresh=fresh)
+    outcome = outcome_of(key, inputs.out)
+    return FolderSteps(scope="study", inputs=inputs, outcome=outcome, fresh=fresh)
 
 
 def graph_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
@@ -244,7 +245,7 @@ class _Works:
         self.works.append(
             Work(
                 scope="trial",
-                outcome=Outcome(*key, home, condition=files.condition),
+                outcome=outcome_of(key, home, condition=files.condition),
                 steps=steps,
                 open=partial(
                     open_trial_steps, files=files, steps=steps, settings=settings, folder=home
@@ -305,7 +306,6 @@ class _Works:
             if step_of(step, "study").applies(inputs):
                 key = GATHERED if step == TABLES else (step, "")
                 opened = partial(open_study_steps, inputs=inputs, key=key)
-                works.append(
-                    Work(scope="study", outcome=Outcome(*key, self.out), steps=(step,), open=opened)
-                )
+                outcome = outcome_of(key, self.out)
+                works.append(Work(scope="study", outcome=outcome, steps=(step,), open=opened))
         return tuple(works)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -20,7 +21,7 @@ from myomorph.lab.study.plan.plan import Plan
 from myomorph.lab.study.run.job_plan import graph_of
 from myomorph.lab.study.run.step_times import Learning
 from myomorph.lab.study.run.watching import StudyWatcher
-from myomorph.lab.study.run.work import Graph, Work, not_run
+from myomorph.lab.study.run.work import Graph, Work, not_run, outcome_of
 from myomorph.lab.study.workers.jobs import Ended, Job, Workers
 from myomorph.lab.study.workers.local_workers import InProcess
 
@@ -107,7 +108,7 @@ class Schedule:
         try:
             model, read = self.models.of(work.model)
         except Exception as error:
-            self._end(work, failed(Outcome(*work.key, work.folder), error))
+            self._end(work, failed(outcome_of(work.key, work.folder), error))
             return
         # With the hash of the model's file they see where it has changed since.
         reused = None if work.fresh else work.reused(model, read)
@@ -137,7 +138,7 @@ class Schedule:
             if self.losses[work.key] > 1
             else f"not run: {FULL}"
         )
-        self._end(work, Outcome(*work.key, work.folder, error=text))
+        self._end(work, replace(outcome_of(work.key, work.folder), error=text))
 
     def _end(self, work: Work, outcome: Outcome) -> None:
         self.full = self.full or outcome.full

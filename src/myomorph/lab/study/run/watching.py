@@ -220,10 +220,8 @@ def outcome_line(outcome: Outcome) -> str:
         parts.append(f"because {', '.join(outcome.changed)}")
     if outcome.error:
         parts.append(outcome.error)
-    return (
-        f"{'failed' if outcome.error else 'done'} {name}:"
-        f" {'; '.join((*parts, f'{outcome.seconds:.2f} s'))}"
-    )
+    parts.append(f"{outcome.seconds:.2f} s")
+    return f"{'failed' if outcome.error else 'done'} {name}: {'; '.join(parts)}"
 
 
 def named(key: Key) -> str:

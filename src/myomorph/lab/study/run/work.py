@@ -124,9 +124,16 @@ class Work:
         return replace(outcome, subject=subject, trial=trial, condition=condition, seconds=seconds)
 
 
+def outcome_of(key: Key, folder: Path, condition: str = "") -> Outcome:
+    """Begin the outcome of what has a key, with its results in a folder."""
+    subject, trial = key
+    return Outcome(subject=subject, trial=trial, folder=folder, condition=condition)
+
+
 def not_run(work: Work, why: str, fault: bool = False) -> Outcome:
     """The outcome of a job that could not begin; `fault`: by a fault of Myomorph."""
-    return Outcome(*work.key, work.folder, error=f"not run: {why}", fault=fault)
+    outcome = outcome_of(work.key, work.folder)
+    return replace(outcome, error=f"not run: {why}", fault=fault)
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,29 @@ by them.
 Row = tuple[str, ...]
 NAMES = attrgetter("first", "second", "step", "quantity", "unit")
 NUMBERS = attrgetter("difference", "low", "high", "measured_sd", "low_all", "high_all")
-_Pair = tuple[bool, str, tuple[int, int], tuple[float, float], float, float, float, float, float]
-"""What two conditions come to in one quantity: `ValueDifference` from `paired` on."""
 _Name = tuple[str, str]  # Step and quantity.
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Limits:
+    """Intervals of a difference, as `ValueDifference` has them."""
+
+    low: float
+    high: float
+    measured_sd: float
+    low_all: float
+    high_all: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Pair:
+    """One quantity in two conditions, as `ValueDifference` has it."""
+
+    paired: bool
+    unit_of: str
+    count: tuple[int, int]
+    means: tuple[float, float]
+    limits: _Limits
 
 
 @read_only
@@ -153,7 +173,25 @@ def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[Value
             if one and other:
                 pair = _of_one(one, other) if alone else _of_many(one, other)
                 if pair is not None:
-                    result.append(ValueDifference(first, second, name[0], name[1], unit, *pair))
+                    step, quantity = name
+                    result.append(
+                        ValueDifference(
+                            first=first,
+                            second=second,
+                            step=step,
+                            quantity=quantity,
+                            unit=unit,
+                            paired=pair.paired,
+                            unit_of=pair.unit_of,
+                            count=pair.count,
+                            means=pair.means,
+                            low=pair.limits.low,
+                            high=pair.limits.high,
+                            measured_sd=pair.limits.measured_sd,
+                            low_all=pair.limits.low_all,
+                            high_all=pair.limits.high_all,
+                        )
+                    )
     return result
 
 
@@ -166,10 +204,16 @@ def _of_many(first: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
             float(np.mean([subjects[name].mean for name in shared])) for subjects in (first, other)
         ]
         square = float(d.var(ddof=1)) / len(d)
-        interval = _intervals(
+        limits = _intervals(
             means[0] - means[1], square, len(d) - 1.0, _mean_variance(errors), held=True
         )
-        return True, "subjects", (len(d), len(d)), (means[0], means[1]), *interval
+        return _Pair(
+            paired=True,
+            unit_of="subjects",
+            count=(len(d), len(d)),
+            means=(means[0], means[1]),
+            limits=limits,
+        )
     if shared:
         return None
     groups = [np.array([each.mean for each in subjects.values()]) for subjects in (first, other)]
@@ -181,8 +225,14 @@ def _of_many(first: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
     drawn = sum(
         _mean_variance([each.error for each in subjects.values()]) for subjects in (first, other)
     )
-    interval = _intervals(means[0] - means[1], *_welch(squares, counts), drawn, held=True)
-    return False, "subjects", counts, (means[0], means[1]), *interval
+    limits = _intervals(means[0] - means[1], *_welch(squares, counts), drawn, held=True)
+    return _Pair(
+        paired=False,
+        unit_of="subjects",
+        count=counts,
+        means=(means[0], means[1]),
+        limits=limits,
+    )
 
 
 def _of_one(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
@@ -194,8 +244,13 @@ def _of_one(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
     if np.isfinite(square):
         # What differs between trials shows in their spread already.
         drawn = float(np.maximum(drawn - first.scatter - second.scatter, 0.0))
-    interval = _intervals(first.mean - second.mean, square, freedom, drawn, held=False)
-    return False, "trials", counts, (first.mean, second.mean), *interval
+    return _Pair(
+        paired=False,
+        unit_of="trials",
+        count=counts,
+        means=(first.mean, second.mean),
+        limits=_intervals(first.mean - second.mean, square, freedom, drawn, held=False),
+    )
 
 
 def _less(first: Array | None, other: Array | None) -> Array | None:
@@ -228,7 +283,7 @@ def _mean_variance(errors: Sequence[Array | None]) -> float:
 
 def _intervals(
     difference: float, square: float, freedom: float, drawn: float, held: bool
-) -> tuple[float, float, float, float, float]:
+) -> _Limits:
     """Interval by the spread (squared standard error, NaN for none), standard deviation by draws
     (their variance, NaN for none), and interval with both: held, the spread holds the errors of the
     draws, else they add to it.
@@ -245,12 +300,12 @@ def _intervals(
         whole = open_ if np.isnan(half) else half
     else:
         whole = max(half, open_) if held else float(np.hypot(half, open_))
-    return (
-        difference - half,
-        difference + half,
-        float(np.sqrt(drawn)),
-        difference - whole,
-        difference + whole,
+    return _Limits(
+        low=difference - half,
+        high=difference + half,
+        measured_sd=float(np.sqrt(drawn)),
+        low_all=difference - whole,
+        high_all=difference + whole,
     )
 
 

@@ -102,17 +102,23 @@ def fiber_work(
             fiber = fibers.fiber_powers[known, m]
             tendon = fibers.tendon_powers[known, m]
             lengths = fibers.lengths[known, m] / optimal[name]
+            fiber_done, fiber_absorbed = _work(time[known], fiber)
+            tendon_returned, tendon_stored = _work(time[known], tendon)
             result.append(
                 FiberWork(
-                    *(name, number, start, stop),
-                    *_work(time[known], fiber),
-                    *_work(time[known], tendon),
-                    *(
-                        float(fiber.max()),
-                        float(tendon.max()),
-                        float(fibers.tendon_strains[known, m].max()),
-                    ),
-                    *(float(lengths.min()), float(lengths.max())),
+                    muscle=name,
+                    stride=number,
+                    start=start,
+                    stop=stop,
+                    fiber_done=fiber_done,
+                    fiber_absorbed=fiber_absorbed,
+                    tendon_returned=tendon_returned,
+                    tendon_stored=tendon_stored,
+                    fiber_peak=float(fiber.max()),
+                    tendon_peak=float(tendon.max()),
+                    max_strain=float(fibers.tendon_strains[known, m].max()),
+                    shortest=float(lengths.min()),
+                    longest=float(lengths.max()),
                 )
             )
     return tuple(result)
@@ -120,8 +126,8 @@ def fiber_work(
 
 def _work(time: Array, power: Array) -> tuple[float, float]:
     """Positive and negative work [J], the latter as a positive number."""
-    each = (np.maximum(power, 0.0), np.maximum(-power, 0.0))
-    done_part, absorbed_part = each
+    done_part = np.maximum(power, 0.0)
+    absorbed_part = np.maximum(-power, 0.0)
     done = float(0.5 * (done_part[1:] + done_part[:-1]) @ np.diff(time))
     absorbed = float(0.5 * (absorbed_part[1:] + absorbed_part[:-1]) @ np.diff(time))
     return done, absorbed

@@ -316,7 +316,8 @@ def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInpu
         date=facts.get("date", ""),
     )
     phases = tuple(
-        Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items()
+        Phase(name=name, start=start, stop=stop)
+        for name, (start, stop) in json.loads(facts.get("phases", "{}")).items()
     )
     choice = AnalysisChoice(
         facts.get("preset", ""), phases, muscles=tuple(json.loads(facts.get("muscles", "[]")))
@@ -363,7 +364,7 @@ def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
         for each in made.values()
         for source in each.sources
     )
-    return tuple(SourceFile(*source) for source in unique)
+    return tuple(SourceFile(role=role, name=name, sha256=sha256) for role, name, sha256 in unique)
 
 
 def _shown_step(step: str, stored: Stored) -> PageStep:

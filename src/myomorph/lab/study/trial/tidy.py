@@ -237,8 +237,16 @@ def read_values(path: Path) -> list[Value]:
         rows = csv.reader(stream)
         next(rows, None)
         return [
-            Value(step, quantity, float(value), unit, *(float(number or "nan") for number in drawn))
-            for step, quantity, value, unit, *drawn in rows
+            Value(
+                step=step,
+                quantity=quantity,
+                value=float(value),
+                unit=unit,
+                low=float(low or "nan"),
+                high=float(high or "nan"),
+                sd=float(sd or "nan"),
+            )
+            for step, quantity, value, unit, low, high, sd in rows
         ]
 
 

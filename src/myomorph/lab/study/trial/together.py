@@ -167,7 +167,7 @@ class Part:
 
 def object_model(description: dict[str, Any]) -> Model:
     """The model of an object from its table as text."""
-    table = ObjectTable(**description)
+    table = ObjectTable.model_validate(description)
     return free_object(
         table.name, table.mass, table.size, inertia=table.inertia, mass_center=table.mass_center
     )
@@ -225,7 +225,7 @@ def join_trials(
         subject=" and ".join(parts),
         model=model,
         options=options,
-        inputs=ByType(
+        inputs=ByType(  # page: a collection, whose values have no names
             Recording(Trial(plates=plates)),
             ExternalLoads(partial(_joined_loads, parts, motions)),
             _emg(parts),

@@ -254,7 +254,8 @@ def tidy_signals(step: str, series: Series, model: Model) -> Signals:
     Parameters
     ----------
     step : that gives it
-    series : (frames, names), whose quantity has a place in these tables; ends that are to be left out are NaN
+    series : (frames, names), whose quantity has a place in these tables; ends that are to be left
+        out are NaN
     model : whose coordinates the columns are, where they are
     """
     quantity = series.known

@@ -191,7 +191,11 @@ def solve_blocks(
     inertia = limb_inertia(sums, counts, inertial, noise)
     products = sums.torque_total(counts)
     frames = float(counts @ sums.frames)
-    problems = (
-        torque_problem(products, parameters, stiffness) for parameters in (inertia.parameters, None)
+    of_joint = torque_problem(products, inertia.parameters, stiffness)
+    of_plate = torque_problem(products, None, stiffness)
+    return Solution(
+        counts=counts,
+        inertia=inertia,
+        joint=joint_viscosity(of_joint, frames),
+        plate=joint_viscosity(of_plate, frames),
     )
-    return Solution(counts, inertia, *(joint_viscosity(problem, frames) for problem in problems))

@@ -116,12 +116,19 @@ def _torque(
     """
     assert motion.velocities is not None
     assert motion.accelerations is not None
-    parts = [
-        np.array(values) for values in (motion.values, motion.velocities, motion.accelerations)
-    ]
-    for values, value in zip(parts, (angle, rate, acceleration), strict=True):
-        values[:, column] = value
-    moved = Motion(motion.time, motion.names, *parts)
+    values = np.array(motion.values)
+    values[:, column] = angle
+    velocities = np.array(motion.velocities)
+    velocities[:, column] = rate
+    accelerations = np.array(motion.accelerations)
+    accelerations[:, column] = acceleration
+    moved = Motion(
+        time=motion.time,
+        names=motion.names,
+        values=values,
+        velocities=velocities,
+        accelerations=accelerations,
+    )
     torques = np.array(inverse_dynamics(model, moved).values)
     tree = compile_tree(model)
     for frame, pose in enumerate(tree.coordinates_of(moved)):

@@ -266,14 +266,18 @@ def shown_condition(condition: Condition) -> ShownCondition:
         for recording in condition.recordings
     ]
     longest = condition.recordings[int(np.argmax(swings))]
-    names = ("viscosity", "axis_viscosity", "excited", "residual", "plate_viscosity", "by_trial")
     return ShownCondition(
         axes=longest.axes,
         trials=len(condition.recordings),
         swings=sum(swings),
         seconds=sum(seconds),
         curves=swing_curves(longest, condition.parameters),
-        **{name: getattr(condition, name) for name in names},
+        viscosity=condition.viscosity,
+        axis_viscosity=condition.axis_viscosity,
+        excited=condition.excited,
+        residual=condition.residual,
+        plate_viscosity=condition.plate_viscosity,
+        by_trial=condition.by_trial,
     )
 
 
@@ -283,11 +287,14 @@ def swing_curves(recording: SwingRecording, parameters: Array) -> SwingCurves:
     unused = ~recording.used[keep][:, None]
     predicted = np.where(unused, np.nan, recording.wrench_rows[keep] @ parameters)
     measured = np.where(unused, np.nan, recording.wrench[keep])
-    motion = (
-        recording.time[keep],
-        recording.swing[keep],
-        recording.angles[keep],
-        recording.rates[keep],
+    return SwingCurves(
+        trial=recording.name,
+        axes=recording.axes,
+        time=recording.time[keep],
+        swing=recording.swing[keep],
+        angles=recording.angles[keep],
+        rates=recording.rates[keep],
+        torque=recording.torque_rows[keep] @ parameters,
+        wrench=measured,
+        predicted=predicted,
     )
-    torque = recording.torque_rows[keep] @ parameters
-    return SwingCurves(recording.name, recording.axes, *motion, torque, measured, predicted)

@@ -160,10 +160,11 @@ def _means(specimens: Sequence[SpecimenReport], lines: Mapping[str, CohortLine])
             "Specimens": LACKING if line is None else str(line.count),
         }
         rows.append({head: cell for head, cell in row.items() if cell is not None})
-    paper = ": truth, paper and estimate" if known else " beside the paper's"
-    title = "Means ± population SD" + (
-        paper if shoulders else ": truth and estimate" if known else ""
-    )
+    title = "Means ± population SD"
+    if shoulders:
+        title += ": truth, paper and estimate" if known else " beside the paper's"
+    elif known:
+        title += ": truth and estimate"
     return Grid(tuple(rows[0]), tuple(tuple(row.values()) for row in rows), title)
 
 

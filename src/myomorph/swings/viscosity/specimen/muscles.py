@@ -188,12 +188,12 @@ def _moving_point(
     )
     if home != point.body:
         return PathPoint(point.name, home, pose.apply(place))
-    x, y, z = (
-        constant(value) if name in gone else function
-        for value, name, function in zip(place, point.coordinates, point.functions, strict=True)
-    )
-    a_name, b_name, c_name = point.coordinates
-    a = "" if a_name in gone else a_name
-    b = "" if b_name in gone else b_name
-    c = "" if c_name in gone else c_name
-    return replace(point, functions=(x, y, z), coordinates=(a, b, c))
+    functions = list(point.functions)
+    moving_names = list(point.coordinates)
+    for axis, name in enumerate(point.coordinates):
+        if name in gone:
+            functions[axis] = constant(place[axis])
+            moving_names[axis] = ""
+    x, y, z = functions
+    x_name, y_name, z_name = moving_names
+    return replace(point, functions=(x, y, z), coordinates=(x_name, y_name, z_name))

@@ -132,9 +132,19 @@ def identify_conditions(
         shared = _with_sway(shared, sway, options.identification.level)
     if acting is not None and shared.without is not None:
         shared, joint = _with_acting(shared, acting, shares, options.identification.level)
-    law = (conditions, options, compared, cutoff, reason)
     return Identified(
-        shared, by_swings, shares, instruments, *law, tuple(lost), tuple(conflicts), joint
+        found=shared,
+        by_swings=by_swings,
+        shares=shares,
+        instruments=instruments,
+        conditions=conditions,
+        options=options,
+        compared=compared,
+        cutoff=cutoff,
+        reason=reason,
+        lost=tuple(lost),
+        conflicts=tuple(conflicts),
+        law=joint,
     )
 
 

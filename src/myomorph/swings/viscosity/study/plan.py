@@ -288,15 +288,16 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
         if chosen
     }
     study = file.study
-    origins = study.real, study.simulated, study.assumed
     return ViscosityPlan(
-        study.name,
-        path,
-        tuple(specimens),
-        FrozenMap(settings),
-        *origins,
-        tuple(remarks),
-        tuple(limbs),
+        name=study.name,
+        path=path,
+        specimens=tuple(specimens),
+        settings=FrozenMap(settings),
+        real=study.real,
+        simulated=study.simulated,
+        assumed=study.assumed,
+        remarks=tuple(remarks),
+        limbs=tuple(limbs),
     )
 
 
@@ -317,16 +318,16 @@ def _specimen(
                     f"{where}: unknown quantity '{name}' in '{table}': there are"
                     f" {listing(name, names)}"
                 )
-    without, intact = (
-        tuple(_recordings(entries, specimen.time, folder, f"{where}: {key}", problems, remarks))
-        for key, entries in zip(OPTIONS.values(), (specimen.removed, specimen.intact), strict=True)
-    )
+    recordings = {}
+    for key, entries in zip(OPTIONS.values(), (specimen.removed, specimen.intact), strict=True):
+        state = f"{where}: {key}"
+        recordings[key] = tuple(
+            _recordings(entries, specimen.time, folder, state, problems, remarks)
+        )
+    without, intact = recordings.values()
     model = named_files.existing(folder, specimen.model, f"{where}: model", problems)
-    same = ("name", "measured_muscle_mass", "base", "joint", "up")
-    maps: dict[str, Any] = {
-        name: FrozenMap(dict(getattr(specimen, name))) for name in ("pcsa", "truth", "paper")
-    }
     return SpecimenFiles(
+        name=specimen.name,
         model=model or folder,
         without=without,
         intact=intact,
@@ -341,20 +342,27 @@ def _specimen(
         ),
         ct=tuple(_scans(specimen.ct, folder, f"{where}: ct", problems)),
         base_load=_base_load(specimen.base_mass, where, problems),
-        **{name: getattr(specimen, name) for name in same},
-        **maps,
+        measured_muscle_mass=specimen.measured_muscle_mass,
+        base=specimen.base,
+        joint=specimen.joint,
+        up=specimen.up,
+        pcsa=FrozenMap(dict(specimen.pcsa)),
+        truth=FrozenMap(dict(specimen.truth)),
+        paper=FrozenMap(dict(specimen.paper)),
     )
+
+
+def _ends(mass: float | tuple[float, float]) -> tuple[float, float]:
+    """The least and the most of a mass."""
+    return (mass, mass) if isinstance(mass, float) else mass
 
 
 def _base_load(base_mass: float | _BaseMass | None, where: str, problems: list[str]) -> BaseLoad:
     table = base_mass if isinstance(base_mass, _BaseMass) else _BaseMass()
     if isinstance(base_mass, float):
         table = _BaseMass(removed=base_mass, intact=base_mass)
-    ends = (
-        (mass, mass) if isinstance(mass, float) else mass for mass in (table.removed, table.intact)
-    )
     try:
-        return BaseLoad(*ends)
+        return BaseLoad(removed=_ends(table.removed), intact=_ends(table.intact))
     except BadData as error:
         problems.append(f"{where}: base_mass: {error}")
         return BaseLoad()

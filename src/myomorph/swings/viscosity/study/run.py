@@ -77,7 +77,8 @@ def graph_of(
         )
 
     def last(outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
-        outcome = Outcome(*GATHERED, out)
+        subject, trial = GATHERED
+        outcome = Outcome(subject=subject, trial=trial, folder=out)
         opened = partial(open_steps, inputs=CohortInputs(plan, outcomes), outcome=outcome)
         return (
             Work(

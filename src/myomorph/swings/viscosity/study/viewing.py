@@ -5,7 +5,7 @@ of the study.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -119,21 +119,30 @@ def _opened(
 def _specimen_model(model: Model, entries: Mapping[str, Any]) -> Model:
     """The specimen of the study as it stood, without markers."""
     names = entries["names"]
-    muscles = {name: tuple(strands) for name, strands in names["muscles"].items()}
-    names = SpecimenNames(**{**names, "bones": tuple(names["bones"]), "muscles": muscles})
-    made = build_specimen(model, names).model
+    specimen_names = SpecimenNames(
+        base=names["base"],
+        first=names["first"],
+        bones=tuple(names["bones"]),
+        muscles={name: tuple(strands) for name, strands in names["muscles"].items()},
+        joint=names["joint"],
+    )
+    made = build_specimen(model, specimen_names).model
     joints = []
     coordinates = []
     for joint in made.joints:
-        above_frame, below_frame = entries["joints"][joint.name]
-        above = Transform(*map(np.array, above_frame))
-        below = Transform(*map(np.array, below_frame))
-        joints.append(replace(joint, parent_frame=above, child_frame=below))
+        above, below = entries["joints"][joint.name]
+        joints.append(replace(joint, parent_frame=_frame(above), child_frame=_frame(below)))
     for coordinate in made.coordinates:
         default, locked = entries["coordinates"][coordinate.name]
         coordinates.append(replace(coordinate, default=default, locked=locked))
     made = replace(made, joints=tuple(joints), coordinates=tuple(coordinates), markers=())
     return replace(made, gravity=np.array(entries["gravity"]))
+
+
+def _frame(plain: Sequence[Any]) -> Transform:
+    """The frame that `_plain` wrote."""
+    rotation, translation = plain
+    return Transform(rotation=np.array(rotation), translation=np.array(translation))
 
 
 def _plain(frame: Transform) -> list[Any]:

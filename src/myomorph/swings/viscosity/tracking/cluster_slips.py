@@ -160,10 +160,12 @@ def _put_back(
         rotations = turn @ rotations
         origins = np.einsum("fij,fj->fi", turn, origins - still[1])
     seen = np.asarray(np.isfinite(origins).all(axis=1))
-    sides = [seen & (np.arange(len(seen)) < at), seen & (np.arange(len(seen)) >= at)]
-    (before, there), (after, here) = (
-        (mean_rotation(rotations[use]), origins[use].mean(axis=0)) for use in sides
-    )
+    earlier = seen & (np.arange(len(seen)) < at)
+    before = mean_rotation(rotations[earlier])
+    there = origins[earlier].mean(axis=0)
+    later = seen & (np.arange(len(seen)) >= at)
+    after = mean_rotation(rotations[later])
+    here = origins[later].mean(axis=0)
     # In the cluster's own frame: from where it is to where it was.
     back = after.T @ before
     shift = after.T @ (there - here)

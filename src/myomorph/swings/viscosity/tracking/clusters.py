@@ -232,7 +232,9 @@ class Clusters:
                 return
         if len(frames) > 0.5 * len(self.values):
             worst = int(np.nanargmax(np.abs(np.nanmedian(misfit, axis=0))))
-            first, other = (self.markers.names[columns[i]] for i in pairs[worst])
+            first_index, other_index = pairs[worst]
+            first = self.markers.names[columns[first_index]]
+            other = self.markers.names[columns[other_index]]
             length = self.lengths[bone][worst]
             raise BadData(
                 f"trial '{self.name}': the markers of '{bone}' are not the model's cluster:"

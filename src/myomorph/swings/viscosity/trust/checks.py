@@ -246,14 +246,13 @@ def _misfit(condition: Condition) -> tuple[Finding, ...]:
 
 def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
     """Faults that the markers, the plate's clock and the held joints show."""
-    findings = [
-        Finding(
-            SLIPPED if slip.cluster else MOVING_BASE if slip.what == "base" else LOOSE_WIRE,
-            slip.what,
-            slip.line,
-        )
-        for slip in tracked.slips
-    ]
+    findings = []
+    for slip in tracked.slips:
+        if slip.cluster:
+            kind = SLIPPED
+        else:
+            kind = MOVING_BASE if slip.what == "base" else LOOSE_WIRE
+        findings.append(Finding(kind, slip.what, slip.line))
     for trial in tracked.trials:
         lost = float(np.mean(~np.isfinite(trial.motion.values).all(axis=1)))
         if lost > LOST:

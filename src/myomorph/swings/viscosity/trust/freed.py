@@ -71,7 +71,8 @@ def acting_law(
     if len(np.unique(sums.trial)) < 2:
         return None
     freed = FreedProblem.of(problem.recordings, sums, phi)
-    alone, *rubbed = (float(freed.fit(FORMS[:1], friction).law[0]) for friction in ("", *FRICTIONS))
+    alone = float(freed.fit(FORMS[:1], "").law[0])
+    rubbed = [float(freed.fit(FORMS[:1], friction).law[0]) for friction in FRICTIONS]
     rubbing = [
         name
         for name, beside in zip(FRICTIONS, rubbed, strict=True)
@@ -208,10 +209,11 @@ class FreedProblem:
     def influences(self, terms: Sequence[str], friction: str = "") -> Influences:
         """Of the blocks on the law's coefficients, then friction."""
         every = np.ones(len(self.trial))
-        whole, *lacking = (
+        whole = np.append(*self.fit(terms, friction, every)[:2])
+        lacking = [
             np.append(*self.fit(terms, friction, every - LACKING * block)[:2])
-            for block in (np.zeros(len(every)), *np.eye(len(every)))
-        )
+            for block in np.eye(len(every))
+        ]
         return Influences(
             values=whole,
             blocks=(whole - np.array(lacking)) / LACKING,

@@ -238,14 +238,21 @@ def compare_passive_laws(
         means = np.sqrt(np.mean(errors, axis=0)) if errors else np.full(3, np.nan)
         free = law_columns(terms, len(problem.axes))[0].shape[1]
         score = effective * np.log(max(float(rss), 1e-300) / samples)
-        numbers = (
-            np.sqrt(rss / samples),
-            score + 2.0 * free,
-            score + np.log(effective) * free,
-            *means,
+        angle_error, moment_error, force_error = means.tolist()
+        fits.append(
+            PassiveFit(
+                terms=terms,
+                coefficients=estimates,
+                law=PassiveLaw.of(coefficients, options.width),
+                free=free,
+                residual=float(np.sqrt(rss / samples)),
+                aic=float(score + 2.0 * free),
+                bic=float(score + np.log(effective) * free),
+                angle_error=angle_error,
+                moment_error=moment_error,
+                force_error=force_error,
+            )
         )
-        law = PassiveLaw.of(coefficients, options.width)
-        fits.append(PassiveFit(terms, estimates, law, free, *map(float, numbers)))
     least_aic = min(fit.aic for fit in fits)
     least_bic = min(fit.bic for fit in fits)
     fits = [replace(fit, aic=fit.aic - least_aic, bic=fit.bic - least_bic) for fit in fits]
@@ -324,11 +331,18 @@ def _shown(
         * Rotation.from_rotvec(turn @ window.recording.angles[window.frames][0]).inv()
         * slack.inv()
     )
-    angles = [
-        (hanging.inv() * Rotation.from_matrix(motion.rotations)).as_rotvec() @ turn
-        for motion in (measured, viscous, chosen)
-    ]
-    return Prediction(measured.time, window.recording.axes, *angles)
+    return Prediction(
+        time=measured.time,
+        axes=window.recording.axes,
+        measured=_angles(measured, hanging) @ turn,
+        viscous=_angles(viscous, hanging) @ turn,
+        chosen=_angles(chosen, hanging) @ turn,
+    )
+
+
+def _angles(motion: SwingMotion, hanging: Rotation) -> Array:
+    """Rotation vectors (frames, 3) of a limb from where it hangs [rad]."""
+    return (hanging.inv() * Rotation.from_matrix(motion.rotations)).as_rotvec()
 
 
 def _estimates(

@@ -270,8 +270,12 @@ def _read(stored: Stored, options: OptionSet) -> Torques | None:
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     report_input = report_input.with_warnings(map(str, get_findings(stored, FINDINGS)))
-    forces = store.get_torques(stored), store.get_wrenches(stored)
-    dynamics = Dynamics(*forces, stored.facts.get("root_note", ""), store.get_derivatives(stored))
+    dynamics = Dynamics(
+        torques=store.get_torques(stored),
+        wrenches=store.get_wrenches(stored),
+        root_note=stored.facts.get("root_note", ""),
+        motion=store.get_derivatives(stored),
+    )
     return replace(report_input, dynamics=dynamics)
 
 
