@@ -684,6 +684,17 @@ def _check_time(
         )
 
 
+def _of_generic_model(model: Model, arms: bool, height: float | None) -> str:
+    """Describe the model that stands in where none was given."""
+    of_height = "" if height is None else f", from those of a body of {height:g} m"
+    return (
+        "No model was given (--model FILE): myo-sim's"
+        f" legs{', trunk and arms' if arms else ' and trunk'} with {len(model.muscles)}"
+        f" muscles, {len(model.markers)} markers placed on its bones by landmark, its segments"
+        f" stretched to the recordings{of_height}. "
+    )
+
+
 def _model(
     everyone: Sequence[Recording], request: AnalyzeRequest, height: float | None, generic: Path
 ) -> tuple[Model, Path, dict[str, str], list[str]]:
@@ -700,13 +711,7 @@ def _model(
         model, without = generic_model(sites, height, request.mass, arms, alone)
         path = generic
         write_osim(model, path)
-        of_height = "" if height is None else f", from those of a body of {height:g} m"
-        text = (
-            "No model was given (--model FILE): myo-sim's"
-            f" legs{', trunk and arms' if arms else ' and trunk'} with {len(model.muscles)}"
-            f" muscles, {len(model.markers)} markers placed on its bones by landmark, its segments"
-            f" stretched to the recordings{of_height}. "
-        )
+        text = _of_generic_model(model, arms, height)
         if alone:
             text += (
                 "No marker is on a leg: arms with markers move, on a trunk that goes where its"

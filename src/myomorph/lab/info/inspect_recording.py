@@ -102,8 +102,7 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], warnings: l
     values = markers.values[seen]
     extent = np.nanmedian(np.nanmax(values, axis=1) - np.nanmin(values, axis=1), axis=0)
     size = float(np.linalg.norm(extent))
-    box = " x ".join(f"{length:.3g}" for length in extent)
-    facts.append(("spread", f"{box} m (x, y, z)"))
+    facts.append(("spread", " x ".join(f"{length:.3g}" for length in extent) + " m (x, y, z)"))
     if len(markers.names) > 2 and size > 15.0:
         warnings.append(
             f"the markers spread over {size:.0f} m: are the positions in another unit than the file"

@@ -204,7 +204,7 @@ def _quality(study: StudyInput) -> list[Section]:
 
 
 def _outlier_words(outlier: Outlier) -> str:
-    """What is unusual: "step width 0.3 m (median 0.1, score 5)"."""
+    """Describe an outlier: "step width 0.3 m (median 0.1, score 5)"."""
     unit = "" if outlier.unit == "1" else f" {outlier.unit}"
     median = number(outlier.middle)
     score = number(outlier.score)
