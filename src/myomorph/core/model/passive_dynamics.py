@@ -69,7 +69,7 @@ def with_passive_dynamics(
         _spring(model, name, damping, stiffness, rest)
         for name in dict.fromkeys((*damping, *stiffness))
     ]
-    replaced = {part.name for part in (*springs, *bushings)}
+    replaced = {spring.name for spring in springs} | {bushing.name for bushing in bushings}
     muscles = [
         replace(muscle, viscosity=viscosity.get(muscle.name, muscle.viscosity))
         for muscle in model.muscles
