@@ -26,7 +26,6 @@ from myomorph.core.model.model import Model
 from myomorph.core.muscles.curves import Curve
 from myomorph.core.muscles.fiber_equations import FiberMuscle
 from myomorph.core.muscles.hill import muscle_models
-from myomorph.core.muscles.muscle_model import FiberSizes
 from myomorph.core.rigid.kernels import inner, kernel
 
 STEP = 0.002
@@ -96,20 +95,10 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
     models = muscle_models(model)
     muscles = model.muscles
     pairs = list(zip(models, muscles, strict=True))
-    # Of a muscle, the fields of `FiberSizes` in their order.
-    table = np.array([kind.sizes(muscle) for kind, muscle in pairs]).reshape(-1, 8)
-    force, fiber, tendon, height, shortest_fiber, shortest_along, cos_optimal, speed = table.T
-    sizes = FiberSizes(
-        force=force,
-        fiber=fiber,
-        tendon=tendon,
-        height=height,
-        shortest=shortest_fiber,
-        shortest_along=shortest_along,
-        cos_optimal=cos_optimal,
-        speed=speed,
-    )
-    sine = sizes.height / sizes.fiber
+    sizes = [kind.sizes(muscle) for kind, muscle in pairs]
+    fiber = np.array([size.fiber for size in sizes])
+    slack = np.array([size.tendon for size in sizes])
+    sine = np.array([size.height for size in sizes]) / fiber
     curves = [kind.curves(muscle) for kind, muscle in pairs]
     shortest = np.array(
         [
@@ -119,7 +108,7 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
             for kind, muscle in pairs
         ]
     )
-    stretches = np.array([kind.elastic for kind in models], bool) & (sizes.tendon > 0.0)
+    stretches = np.array([kind.elastic for kind in models], bool) & (slack > 0.0)
     tendons = [
         kind.tendon(muscle) if stretched else None
         for (kind, muscle), stretched in zip(pairs, stretches, strict=True)
@@ -131,8 +120,8 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
         tendon=_table(STRAINS, tendons, 1.0),
         sine=frozen_array(sine),
         damping=frozen_array([kind.fiber_damping(muscle) for kind, muscle in pairs]),
-        speed=frozen_array(sizes.speed / sizes.fiber),
-        shortest=frozen_array(np.maximum(np.maximum(shortest / sizes.fiber, 1.02 * sine), 0.1)),
+        speed=frozen_array(np.array([size.speed for size in sizes]) / fiber),
+        shortest=frozen_array(np.maximum(np.maximum(shortest / fiber, 1.02 * sine), 0.1)),
         slower=np.array([kind.slowed > 0.0 for kind in models], bool),
         rigid=~stretches | (not elastic),
     )
