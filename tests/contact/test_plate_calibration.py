@@ -14,7 +14,8 @@ from myomorph.core.contact.plates import force_plate, plate_axes
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.series import Markers, PlateRecording
 from myomorph.core.model.spatial import axis_rotation, rotation_from_euler_xyz, vector_from_rotation
-from myomorph.swings.plate_calibration import _Lines, calibrate_plate, place_plate, solve_pose
+from myomorph.swings.plate_calibration import calibrate_plate, place_plate
+from myomorph.swings.plate_pose import LineResiduals, Pose, solve_pose
 from truths.plate_checks import check_plate, pose_deviations
 
 GRAVITY = 9.80665
@@ -150,32 +151,31 @@ def test_the_pose_found_is_a_least_one():
     """No small turn or shift makes the sum of squares smaller."""
     given = pushes(noise=USUAL, tip=True)
     found = calibrate_plate(given)
-    best = solve_pose(given, found.rotation, found.center).cost
-    lines = _Lines(given)
+    lines = LineResiduals.of(given)
+    best = solve_pose(lines, found).cost
     for k in range(6):
         for size in (1e-5, -1e-5):
             turn = axis_rotation(np.eye(3)[k], size) if k < 3 else np.eye(3)
             shift = size * np.eye(3)[k - 3] if k > 2 else np.zeros(3)
-            values, _ = lines.weighted(turn @ found.rotation, found.center + shift)
-            assert values @ values > best
+            near = Pose(rotation=turn @ found.rotation, center=found.center + shift)
+            assert lines.rows(near).cost > best
 
 
 def test_derivatives_of_lengths_are_those_of_finite_differences():
     """The sum of squares is free of how the sides across a force are chosen."""
     given = pushes(noise=USUAL, tip=True)
-    lines = _Lines(given)
+    lines = LineResiduals.of(given)
     axes = axis_rotation((1, 0, 0), 0.02) @ AXES
     center = CENTER + 0.003
 
     def cost(step):
         size = np.linalg.norm(step[:3])
         turn = axis_rotation(step[:3] / size, size) if size > 0 else np.eye(3)
-        values, _ = lines.weighted(turn @ axes, center + step[3:])
-        return values @ values
+        return lines.rows(Pose(rotation=turn @ axes, center=center + step[3:])).cost
 
-    values, slopes = lines.weighted(axes, center)
+    gradient = 2.0 * lines.rows(Pose(rotation=axes, center=center)).normal().g
     difference = [(cost(1e-6 * one) - cost(-1e-6 * one)) / 2e-6 for one in np.eye(6)]
-    np.testing.assert_allclose(2 * slopes.T @ values, difference, rtol=1e-5)
+    np.testing.assert_allclose(gradient, difference, rtol=1e-5)
 
 
 def test_deviations_are_those_that_runs_show():
@@ -194,7 +194,7 @@ def test_deviations_are_those_that_runs_show():
 def test_left_out_residuals_are_those_of_a_fit_without_the_placement():
     given = pushes(noise=USUAL)
     found = calibrate_plate(given)
-    without = solve_pose(given[1:], found.rotation, found.center)
+    without = solve_pose(LineResiduals.of(given[1:]), found)
     nearest, force = given[0].line
     away = given[0].point - without.center - without.rotation @ nearest
     line = without.rotation @ force

@@ -330,3 +330,31 @@ def test_residuals_of_unknowns_that_nobody_declared_are_refused():
 def test_unknowns_that_cannot_be_are_refused(changed, match):
     with pytest.raises(BadData, match=match):
         replace(Unknown(name="length"), **changed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_directions_with_a_large_sd_stay_where_they_are(seed):
+    """The others have the values of a search within their plane alone."""
+    random = np.random.default_rng(seed)
+    directions = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    rows = np.diag([10.0, 5.0, 0.5]) @ directions.T
+    scale = np.array([1.0, 0.1, 3.0])
+    start = random.normal(size=3)
+    right = random.normal(size=3)
+    unknowns = tuple(
+        Unknown(name=f"x {i}", start=value, scale=size)
+        for i, (value, size) in enumerate(zip(start, scale, strict=True))
+    )
+    measured = Measured(
+        name="rows",
+        blocks=("x",),
+        function=lambda values: rows @ (values["x"] / scale) - right,
+        slopes=lambda values: {"x": rows / scale},
+    )
+    problem = Problem(Unknowns((Block(name="x", unknowns=unknowns),)), (measured,))
+    found = minimize(problem, method=Method(tolerance=1e-12, min_gain=0.0, hidden_sd=1.0))
+    moved = directions.T @ ((found.x - start) / scale)
+    expected = right / [10.0, 5.0, 0.5] - directions.T @ (start / scale)
+    assert found.search.converged
+    assert moved[2] == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(moved[:2], expected[:2], atol=1e-9)

@@ -10,17 +10,16 @@ import numpy as np
 from scipy.special import fdtrc as chance_above
 
 from myomorph.core.contact.plate_placements import Placement
-from myomorph.core.contact.plates import plate_axes
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.series import PlateRecording
 from myomorph.core.model.spatial import vector_from_rotation
 from myomorph.swings.plate_calibration import (
     PlateCalibration,
-    believed,
     calibrate_plate,
-    residuals,
-    sizes,
+    nominal_pose,
+    usable_placements,
 )
+from myomorph.swings.plate_pose import LineResiduals, Misfits
 
 
 def pose_deviations(calibration: PlateCalibration) -> Array:
@@ -55,12 +54,11 @@ def check_plate(recording: PlateRecording, placements: Sequence[Placement]) -> P
     so.
     """
     calibration = calibrate_plate(placements, recording)
-    axes = plate_axes(recording.corners)
-    center = recording.corners.mean(axis=0)
-    used, _ = believed(placements)
-    distances, angles = sizes(residuals(used, axes, center))
-    turn = vector_from_rotation(calibration.rotation @ axes.T)
-    shift = calibration.center - center
+    nominal = nominal_pose(recording)
+    used = usable_placements(placements).placements
+    misfits = Misfits.of(LineResiduals.of(used).unweighted(nominal))
+    turn = vector_from_rotation(calibration.rotation @ nominal.rotation.T)
+    shift = calibration.center - nominal.center
     correction = np.concatenate([turn, shift])
     values, vectors = np.linalg.eigh(calibration.covariance)
     shown = values > 1e-12 * max(values.max(), 1e-300)
@@ -71,8 +69,8 @@ def check_plate(recording: PlateRecording, placements: Sequence[Placement]) -> P
     chance = float(chance_above(int(shown.sum()), max(free, 1), share)) if shown.any() else 1.0
     deviations = np.sqrt(np.diag(calibration.covariance))
     return PlateCheck(
-        distances=distances,
-        angles=angles,
+        distances=misfits.distances,
+        angles=misfits.angles,
         shift=shift,
         turn=turn,
         shift_sd=deviations[3:],

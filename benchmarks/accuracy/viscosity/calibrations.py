@@ -11,7 +11,6 @@ import numpy as np
 
 import myomorph as mm
 from myomorph.core.contact.plate_placements import MarkedWeight, Placement, find_placements
-from myomorph.core.contact.plates import plate_axes
 from myomorph.core.io.c3d.read import read_c3d
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.series import PlateRecording
@@ -20,7 +19,8 @@ from myomorph.core.motion.splines import natural_spline
 from myomorph.core.surfaces.clusters import surface_parts
 from myomorph.core.surfaces.linear_maps import Similarity
 from myomorph.core.surfaces.rigid_registration import register_surface
-from myomorph.swings.plate_calibration import calibrate_plate, residuals, sizes
+from myomorph.swings.plate_calibration import calibrate_plate, nominal_pose
+from myomorph.swings.plate_pose import LineResiduals, Misfits
 from myomorph.swings.viscosity.swings.plate import wrench_clock
 from truths.handle_sensor import fit_handle, grip_point, object_motion
 from truths.plate_checks import check_plate, pose_deviations
@@ -131,16 +131,14 @@ def measure_standing(folder: Path) -> Iterator[Row]:
         weight = MarkedWeight("person", ("CentreOfMass",), mass=mass)
         whole = [(float(trial.markers.time[0]), float(trial.markers.time[-1]))]
         one = find_placements(plate, trial.plate_time, trial.markers, weight, whole)[0]
-        distance, angle = sizes(
-            residuals([one], plate_axes(plate.corners), plate.corners.mean(axis=0))
-        )
+        misfits = Misfits.of(LineResiduals.of([one]).unweighted(nominal_pose(plate)))
         yield {
             "recording (real)": path.stem,
             "seconds": whole[0][1] - whole[0][0],
             "force [N]": one.size,
             "body weight [N]": one.expected,
-            "line of action past the center of mass [mm]": 1e3 * float(distance[0]),
-            "force against the vertical [°]": float(np.degrees(angle[0])),
+            "line of action past the center of mass [mm]": 1e3 * float(misfits.distances[0]),
+            "force against the vertical [°]": float(np.degrees(misfits.angles[0])),
             "sway of the center of mass [mm]": 1e3 * one.moved,
         }
 

@@ -59,6 +59,16 @@ class Spread:
         the covariance of the rest
         """
         scale = np.where(np.isfinite(scale), scale, 1.0)
+        levels, directions = np.linalg.eigh(H * scale[:, None] * scale)
+        if limit**-2 > len(H) * np.finfo(float).eps * levels.max(initial=0.0):
+            # Rounding does not reach the limit: information in scales tells all directions.
+            shown = levels > limit**-2
+            known = scale[:, None] * directions[:, shown]
+            return cls(
+                covariance=(known / levels[shown]) @ known.T,
+                hidden=directions[:, ~shown].T,
+                scale=scale,
+            )
         information = np.diag(H)
         alone = np.divide(1.0, np.sqrt(information), out=np.array(scale), where=information > 0.0)
         levels, directions = np.linalg.eigh(H * alone[:, None] * alone)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -39,6 +40,8 @@ class Method:
     max_step : a step that moves an unknown further, in its `scale`, is not tried
     reweighted : weights are made anew at each linearization, so that costs cannot be compared:
         every Gauss-Newton step is taken, undamped
+    hidden_sd : no step moves along directions whose standard deviation is larger than this, in the
+        unknowns' scales: they stay where they are; see `Posterior.of`
     """
 
     iterations: int = 50
@@ -47,6 +50,7 @@ class Method:
     kink: float = 1e-4
     max_step: float = np.inf
     reweighted: bool = False
+    hidden_sd: float = np.inf
 
 
 @read_only
@@ -130,30 +134,75 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """The quadratic model of the cost at a point, over the free unknowns."""
+    """The quadratic model of the cost at a point, over the free unknowns.
+
+    With the projection Q on hidden directions, in the unknowns' scales S, and P = 1 - Q, slope and
+    curvature g, H become
+
+        S^-1 P S g,    S^-1 (P S H S P + m Q) S^-1
+
+    with any m > 0, so that no step has a part in a hidden direction.
+    """
 
     problem: Problem
     at: Evaluated
     free: Bools
     data: NormalEquations
     prior: NormalEquations
+    hidden_sd: float
 
     @classmethod
-    def of(cls, problem: Problem, at: Evaluated, free: Bools) -> _Model:
+    def of(cls, problem: Problem, at: Evaluated, free: Bools, hidden_sd: float) -> _Model:
         data, prior = at.equations
         # What nothing shows stays where it is.
         shown = np.diag(data.H) + np.diag(prior.H) > 0.0
-        return cls(problem=problem, at=at, free=free & shown, data=data, prior=prior)
+        return cls(
+            problem=problem,
+            at=at,
+            free=free & shown,
+            data=data,
+            prior=prior,
+            hidden_sd=hidden_sd,
+        )
 
-    @property
+    @cached_property
+    def _H(self) -> Array:
+        """Curvature (free, free) of all directions."""
+        return (self.data.H + self.prior.H)[np.ix_(self.free, self.free)]
+
+    @cached_property
+    def _scale(self) -> Array:
+        """Scales (free,) S, those that are infinite as 1."""
+        scale = self.problem.unknowns.scale[self.free]
+        return np.where(np.isfinite(scale), scale, 1.0)
+
+    @cached_property
+    def _hidden(self) -> Array | None:
+        """Projection Q (free, free); None where no direction is hidden."""
+        if np.isinf(self.hidden_sd):
+            return None
+        levels, directions = np.linalg.eigh(self._H * self._scale[:, None] * self._scale)
+        hidden = directions[:, levels <= self.hidden_sd**-2]
+        return hidden @ hidden.T if hidden.shape[1] else None
+
+    @cached_property
     def g(self) -> Array:
         """Slope of half the cost (free,)."""
-        return (self.data.g + self.prior.g)[self.free]
+        g = (self.data.g + self.prior.g)[self.free]
+        if self._hidden is None:
+            return g
+        scaled = self._scale * g
+        return (scaled - self._hidden @ scaled) / self._scale
 
     def damped(self, damping: float) -> Array:
         """Curvature of half the cost (free, free), its diagonal raised."""
-        H = (self.data.H + self.prior.H)[np.ix_(self.free, self.free)]
-        return H + damping * np.diag(np.diag(H))
+        H = self._H + damping * np.diag(np.diag(self._H))
+        if self._hidden is None:
+            return H
+        scaled = H * self._scale[:, None] * self._scale
+        shown = np.eye(len(H)) - self._hidden
+        raised = shown @ scaled @ shown + np.trace(scaled) * self._hidden
+        return raised / self._scale[:, None] / self._scale
 
     def step(self, damping: float) -> Array:
         """(unknowns,) to the least of the damped model within bounds."""
@@ -238,7 +287,7 @@ def minimize(
     change = 0.0
     status = LIMIT
     for _ in range(method.iterations):
-        tried = _lower(_Model.of(problem, at, free), damping, method)
+        tried = _lower(_Model.of(problem, at, free, method.hidden_sd), damping, method)
         damping = tried.damping
         change = tried.change
         progress()
@@ -296,7 +345,7 @@ def _reweighted(
     costs = [at.cost]
     status = LIMIT
     for number in range(method.iterations):
-        model = _Model.of(problem, at, free)
+        model = _Model.of(problem, at, free, method.hidden_sd)
         step = model.step(0.0)
         change = float(np.abs(step / unknowns.scale).max(initial=0.0))
         x = np.clip(unknowns.moved(at.x, step), unknowns.low, unknowns.high)

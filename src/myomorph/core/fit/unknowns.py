@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 from myomorph.core.model.arrays import Array, frozen_array
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.spatial import rotation_from_vector, vector_from_rotation
 
 Bools = NDArray[np.bool_]
 Made = TypeVar("Made")
@@ -83,7 +83,13 @@ def added(values: Array, step: Array) -> Array:
 def turned(values: Array, step: Array) -> Array:
     """Turn rotations further: the chart of rotation vectors.
 
-    exp(v') = exp(step) exp(v), so that slopes are those of a small turn on the left.
+        exp(v') = exp(step) exp(v)
+
+    by unit quaternions (w, u), exp(v) = (cos |v| / 2, sin(|v| / 2) v / |v|), with the product
+
+        (w, u) (w', u') = (w w' - u . u', w u' + w' u + u x u')
+
+    Slopes are those of a small turn on the left. Numbers instead of arrays, because there are few.
 
     Parameters
     ----------
@@ -93,10 +99,38 @@ def turned(values: Array, step: Array) -> Array:
     -------
     (3 n,) [rad]
     """
-    rotations = rotation_from_vector(step.reshape(-1, 3)) @ rotation_from_vector(
-        values.reshape(-1, 3)
+    pairs = zip(step.reshape(-1, 3).tolist(), values.reshape(-1, 3).tolist(), strict=True)
+    return np.array([_vector(_product(_quaternion(s), _quaternion(v))) for s, v in pairs]).ravel()
+
+
+def _quaternion(vector: Sequence[float]) -> tuple[float, float, float, float]:
+    """Convert a rotation vector [rad] to a unit quaternion w, x, y, z."""
+    x, y, z = vector
+    angle = math.hypot(x, y, z)
+    share = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
+    return math.cos(0.5 * angle), share * x, share * y, share * z
+
+
+def _product(first: Sequence[float], second: Sequence[float]) -> tuple[float, float, float, float]:
+    """Multiply quaternions w, x, y, z: the first rotation after the second one."""
+    a, b, c, d = first
+    w, x, y, z = second
+    return (
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
     )
-    return vector_from_rotation(rotations).ravel()
+
+
+def _vector(quaternion: Sequence[float]) -> tuple[float, float, float]:
+    """Convert a quaternion to a rotation vector of at most half a turn [rad]."""
+    w, x, y, z = quaternion
+    sine = math.hypot(x, y, z)
+    # A quaternion and its negative are the same rotation; with w >= 0 it is the shorter way.
+    half = math.atan2(sine, abs(w))
+    factor = math.copysign(2.0 * half / sine if sine > 0.0 else 2.0, w)
+    return factor * x, factor * y, factor * z
 
 
 @dataclass(frozen=True, kw_only=True)
