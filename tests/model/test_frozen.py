@@ -43,7 +43,7 @@ EXCEPTIONS: dict[str, str] = {
     "myomorph.core.muscles.fiber_states.FiberStates": KERNELS,
     "myomorph.core.muscles.hill.HillForces": KERNELS,
     "myomorph.core.muscles.kinematics.MuscleKinematics": KERNELS,
-    "myomorph.core.motion.newton.SolvedFrames": "kernels write its arrays, a frame at a time",
+    "myomorph.core.motion.newton.SolvedPoses": "kernels write its arrays, a frame at a time",
     "myomorph.core.motion.online.SteadyFrame": KERNELS,
     "myomorph.core.rigid.dynamics.JointWrenches": KERNELS,
     "myomorph.core.rigid.kinematics.Poses": KERNELS,

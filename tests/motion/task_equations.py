@@ -7,7 +7,7 @@ import pytest
 
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.ik import InverseKinematicsOptions, pose_problem
-from myomorph.core.motion.pose_problem import normal_equations
+from myomorph.core.motion.pose_problem import gradient_and_hessian
 from myomorph.core.motion.tasks.task import new_work, sum_of_costs
 from myomorph.core.rigid.coordinates import couple
 from myomorph.core.rigid.kernels import kernel
@@ -24,7 +24,7 @@ def equations_at(T, P, independent):
     couple(T, c)
     body_poses(T, c, work.R, work.p, work.w, work.o, work.dphi)
     plain = sum_of_costs(P.tasks, c, 0, work)
-    return plain, normal_equations(T, P, 0, c, work), work.g, work.H
+    return plain, gradient_and_hessian(T, P, 0, c, work), work.g, work.H
 
 
 def held_against_differences(tree, tasks, fitting, away):

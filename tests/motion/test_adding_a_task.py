@@ -13,7 +13,7 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Markers
 from myomorph.core.motion import newton
 from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.core.motion.newton import solve_frames
+from myomorph.core.motion.newton import solve_chunk
 from myomorph.core.rigid.kernels import interpreted, signatures_on_disk
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
@@ -84,7 +84,7 @@ def test_one_line_makes_it_a_kind_of_the_package(monkeypatch):
     """
     model, _, markers = moving()
     before = inverse_kinematics(model, markers)
-    monkeypatch.setattr(newton, "KINDS", (*newton.KINDS, HeightTask))
+    monkeypatch.setattr(newton, "TASK_KINDS", (*newton.TASK_KINDS, HeightTask))
     fit = inverse_kinematics(model, markers)
     np.testing.assert_allclose(fit.motion.values, before.motion.values, atol=1e-12)
     assert "HeightTask" not in before.task_errors
@@ -100,4 +100,4 @@ def test_a_task_of_other_frames_is_refused():
 
 def test_kernels_of_kinds_from_elsewhere_do_not_go_to_disk():
     """Another process, which may not have their classes, reads the same index."""
-    assert "HeightArrays" not in str(signatures_on_disk(solve_frames))
+    assert "HeightArrays" not in str(signatures_on_disk(solve_chunk))

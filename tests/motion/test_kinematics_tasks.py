@@ -12,7 +12,7 @@ import pytest
 from myomorph.core.model.model import Marker
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.ik import InverseKinematicsOptions, pose_problem
-from myomorph.core.motion.pose_problem import normal_equations
+from myomorph.core.motion.pose_problem import gradient_and_hessian
 from myomorph.core.motion.tasks.coordinates import CoordinateTask
 from myomorph.core.motion.tasks.task import keep_residuals, new_work, sum_of_costs
 from myomorph.core.rigid.coordinates import couple
@@ -34,7 +34,7 @@ def equations_at(T, P, independent):
     couple(T, c)
     body_poses(T, c, work.R, work.p, work.w, work.o, work.dphi)
     plain = sum_of_costs(P.tasks, c, 0, work)
-    cost = normal_equations(T, P, 0, c, work)
+    cost = gradient_and_hessian(T, P, 0, c, work)
     keep_residuals(P.tasks, c, 0, work)
     return plain, cost, work.g, work.H, work.D
 

@@ -23,7 +23,7 @@ from myomorph.core.motion.tasks.coordinates import CoordinateTask
 from myomorph.core.motion.tasks.loops import ties_of
 from myomorph.core.motion.tasks.markers import MarkerTask
 from myomorph.core.motion.tasks.orientations import OrientationTask
-from myomorph.core.motion.tasks.task import TASKS, Task
+from myomorph.core.motion.tasks.task import Task
 from myomorph.core.motion.turns import floating_coordinates, of_one_branch, of_one_turn
 from myomorph.core.rigid.coordinates import Ints, couple_frames
 from myomorph.core.rigid.loops import closure, free_coordinates
@@ -75,7 +75,8 @@ class KinematicsFit(Labelled):
     marker_names : the markers used
     errors : (frames, markers) distance between model and recording [m], NaN where unseen
     weights : (markers,)
-    converged : (frames,) whether the last step was within the tolerance
+    converged : (frames,) whether the last step was within the tolerance, or the cost can fall no
+        further, see `myomorph.core.motion.newton.solve_poses`
     iterations : (frames,)
     closure : (frames,) how far loops stand open, the largest gap or turning [m or rad]; None
         without loops
@@ -104,9 +105,7 @@ class KinematicsFit(Labelled):
 
     @property
     def held(self) -> tuple[Quantity, ...]:
-        """Coordinates, errors of markers and of sensors where there are any, and what became of
-        each frame.
-        """
+        """Coordinates, errors of markers and of sensors where there are any, convergence."""
         return tuple(
             quantity
             for quantity in (FITTED_COORDINATE, *FIT)
@@ -114,7 +113,7 @@ class KinematicsFit(Labelled):
         )
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], coordinates, markers, sensors."""
+        """Name the coordinates, markers and sensors, with the times [s]."""
         names = {
             "coordinate": self.motion.names,
             "marker": self.marker_names,
@@ -153,14 +152,21 @@ def inverse_kinematics(
 
     In every frame,
 
-    sum_m w_m |x_m(c) - y_m|^2 / sum_m w_m + sum_j v_j (c_j - value_j)^2 + ...,
+        sum_m w_m |x_m(c) - y_m|^2 / sum_m w_m    markers m that are seen
+        + sum_j v_j (c_j - value_j)^2             a `CoordinateTask` of coordinate j
+        + sum_s u_s angle_s(c)^2                  an `OrientationTask` of sensor s, and own tasks
+        + p k sum_j ((c_j - default_j) / unit_j)^2
 
-    the sum of the markers' and all other tasks, over the coordinates that are neither locked,
-    prescribed nor driven by a coupler, clamped ones within their range, so that every loop stays
-    closed: OpenSim's problem (its `InverseKinematicsSolver` on Simbody's `Assembler`), solved by
-    damped Newton steps with analytic first and second derivatives. Unlike there the root of a
-    floating body has no bounds (`root_bounds`): where it stands and turns is a matter of the
-    laboratory.
+    is minimised. The marker of the model lies at x_m, was seen at y_m and has the weight w_m of
+    `marker_weights`. A task pulls its coordinate to `value` with its `weight` v_j; u_s weighs the
+    angle between a body and its measured orientation. The last line draws coordinates that no task
+    shows to the default pose: p is `posture_weight`, k the mean curvature of the tasks of bodies
+    where the frame starts, unit_j 1 rad, or the model's `length_unit`. The sum is taken over the
+    coordinates that are neither locked, prescribed nor driven by a coupler, clamped ones within
+    their range, so that every loop stays closed: OpenSim's problem (its `InverseKinematicsSolver`
+    on Simbody's `Assembler`), solved by damped Newton steps with analytic first and second
+    derivatives. Unlike there the root of a floating body has no bounds (`root_bounds`): where it
+    stands and turns is a matter of the laboratory.
 
     Source: Lu and O'Connor 1999; Seth et al. 2018.
 
@@ -208,7 +214,7 @@ def inverse_kinematics(
     return KinematicsFit(
         motion=Motion(markers.time, model.coordinate_names, values),
         marker_names=names,
-        errors=problem.markers.errors,
+        errors=solved.errors[MarkerTask],
         weights=weights,
         converged=solved.converged,
         iterations=solved.iterations,
@@ -216,9 +222,9 @@ def inverse_kinematics(
         unused_markers=tuple(name for name in markers.names if name not in names),
         missing_markers=tuple(name for name in model.marker_names if name not in markers.names),
         task_errors={
-            TASKS[type(part)].__name__: part.errors
-            for part in problem.tasks[1:]
-            if hasattr(part, "errors")
+            kind.__name__: errors
+            for kind, errors in solved.errors.items()
+            if kind is not MarkerTask
         },
         sensor_names=tuple(
             task.sensor for task in options.tasks if isinstance(task, OrientationTask)
@@ -229,10 +235,22 @@ def inverse_kinematics(
 def poses_near(
     model: Model, markers: Markers, motion: Motion, options: InverseKinematicsOptions | None = None
 ) -> Motion:
-    """The coordinates of `inverse_kinematics` for markers and a model that differ little from those
-    of a motion. Where two axes of a joint are nearly parallel, other angles give nearly the same
-    pose, and a search that begins elsewhere may end in these: here it begins at the motion in every
-    frame. Unknown frames stay unknown.
+    """Coordinates of `inverse_kinematics` for markers and a model close to those of a motion.
+
+    Where two axes of a joint are nearly parallel, other angles give nearly the same pose, and a
+    search that begins elsewhere may end in these: here it begins at the motion in every frame.
+    Unknown frames stay unknown.
+
+    Parameters
+    ----------
+    model : with markers
+    markers : at the times of the motion [m]
+    motion : (frames, coordinates) where each frame begins [rad or m]
+    options : see `InverseKinematicsOptions`
+
+    Returns
+    -------
+    motion, (frames, coordinates) [rad or m], NaN in unknown frames
     """
     options = options or InverseKinematicsOptions()
     refuse_other_times("markers", markers.time, motion.time)
@@ -249,7 +267,16 @@ def poses_near(
 
 
 def marker_rms(errors: Array) -> Array:
-    """(frames,) root mean square of marker errors (frames, markers), NaN where none was seen."""
+    """Root mean square of the errors of the markers seen.
+
+    Parameters
+    ----------
+    errors : (frames, markers) [m], NaN where unseen
+
+    Returns
+    -------
+    (frames,) [m], NaN where none was seen
+    """
     seen = np.isfinite(errors)
     with np.errstate(invalid="ignore"):
         return np.sqrt((np.where(seen, errors, 0.0) ** 2).sum(axis=1) / seen.sum(axis=1))
@@ -258,7 +285,23 @@ def marker_rms(errors: Array) -> Array:
 def tracked_markers(
     model: Model, markers: Markers, options: InverseKinematicsOptions
 ) -> tuple[tuple[str, ...], Array]:
-    """Names and weights of the markers that model and recording share and that have a weight."""
+    """Markers that model and recording share and that have a weight.
+
+    Parameters
+    ----------
+    model : with markers
+    markers : of the recording
+    options : with the weights
+
+    Returns
+    -------
+    names, in the model's order, and weights (markers,); none where other tasks need no marker
+
+    Raises
+    ------
+    BadData : they share no marker, or all that they share have weight 0
+    UnknownName : a weight names a marker that neither has
+    """
     either = dict.fromkeys(model.marker_names + markers.names)
     for name in options.marker_weights:
         index_of("marker", name, tuple(either), "the model or the recording")
@@ -289,8 +332,20 @@ def pose_problem(
     options: InverseKinematicsOptions,
     recording: Markers | None = None,
 ) -> PoseProblem:
-    """The sum of all tasks, and what may move within its bounds; without a recording markers and
-    coordinates alone.
+    """Sum of all tasks, and what may move within its bounds.
+
+    Parameters
+    ----------
+    tree : of the model
+    names : of the markers
+    weights : (markers,)
+    options : with all other tasks
+    recording : with the markers' positions; without one the problem has no frames, and tasks of
+        markers and coordinates alone
+
+    Returns
+    -------
+    problem of all frames
     """
     model = tree.model
     frames = 0 if recording is None else len(recording)
@@ -332,8 +387,17 @@ def pose_problem(
 
 
 def coordinate_targets(tree: Tree, time: Array, options: InverseKinematicsOptions) -> Array:
-    """(frames, coordinates) value of every coordinate's task, or of a locked or prescribed
-    coordinate.
+    """Values that tasks pull coordinates to, and those of locked or prescribed coordinates.
+
+    Parameters
+    ----------
+    tree : of the model
+    time : (frames,) [s]
+    options : with tasks of coordinates, and a motion that gives values
+
+    Returns
+    -------
+    (frames, coordinates) [rad or m]
     """
     model = tree.model
     targets = np.tile(tree.defaults, (len(time), 1))

@@ -1,30 +1,44 @@
-"""The Newton loop of inverse kinematics: damped steps inside the bounds, loops closed, frame after
-frame.
+"""The Newton loop of inverse kinematics: damped steps inside the bounds, loops closed.
 
-A step d of the free coordinates solves
+In each frame the cost
+
+    sum_t cost_t(c) + stiffness sum_j ((c_j - posture_j) / unit_j)^2
+
+is minimised over the free coordinates c_j: the costs of all tasks, and a weak pull towards a
+posture, which determines what no task shows. Its stiffness is `posture_weight` times
+`mean_curvature` where the frame starts. A step d of the free coordinates solves
 
     min 1/2 d^T (H + damping D) d + g^T d  so that  G d = -e,  lower <= c + d <= upper
 
-with the sums of `normal_equations`, the gaps e of the loops, their derivatives G and the curvature
-of their multipliers in H (`tasks.loops`). Coordinates that the loops determine are eliminated;
-every pose on the way closes the loops. An open model has none of these, and the same steps.
+with gradient g and Hessian H of half the cost (`gradient_and_hessian`, and the posture's share),
+the diagonal D of the tasks' Gauss-Newton part, the gaps e of the loops, their derivatives G and the
+curvature of their multipliers in H (`tasks.loops`). Coordinates that the loops determine are
+eliminated; every pose on the way closes the loops. An open model has none of these, and the same
+steps.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.motion.pose_problem import PoseProblem, mean_curvature, normal_equations
+from myomorph.core.motion.pose_problem import PoseProblem, gradient_and_hessian, mean_curvature
 from myomorph.core.motion.tasks.coordinates import CoordinateTask
 from myomorph.core.motion.tasks.loops import close, eliminate, hold_variables, new_closing, ties_at
 from myomorph.core.motion.tasks.markers import MarkerTask
 from myomorph.core.motion.tasks.orientations import OrientationTask
-from myomorph.core.motion.tasks.task import Task, keep_residuals, new_work, shown, sum_of_costs
+from myomorph.core.motion.tasks.task import (
+    TASKS,
+    Task,
+    keep_residuals,
+    new_work,
+    shown,
+    sum_of_costs,
+)
 from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.frames import CHUNK, over_frames
 from myomorph.core.rigid.kernels import bare, kernel
@@ -35,29 +49,48 @@ SCOUT = 16
 
 
 Settings: TypeAlias = tuple[float, float, int]
-"""Weight of the posture relative to the mean curvature, largest last step in units of the
-coordinates, most steps.
+"""Weight of the posture relative to the mean curvature; tolerance, the largest last step in units
+of the coordinates; the most steps of a frame.
 """
 
 
 @dataclass(frozen=True, eq=False)
-class SolvedFrames:
-    """Where the steps ended: (frames, coordinates) [rad or m], NaN in frames that were left out;
-    the sum of all tasks, infinite where loops cannot be closed; whether the last step was within
-    the tolerance.
+class SolvedPoses:
+    """Poses where the steps of each frame ended.
+
+    Attributes
+    ----------
+    values : (frames, coordinates) [rad or m], NaN in frames that were left out
+    cost : (frames,) of all tasks and the posture [m^2], 0 in frames that were left out, infinite
+        where loops cannot be closed
+    converged : (frames,) see `solve_poses`
+    iterations : (frames,) steps
+    errors : by kind of task, (frames, ...) the residuals that it stores, as for markers (frames,
+        markers) distances [m]. They are arrays of the problem, which the next solution of the same
+        problem overwrites
     """
 
     values: Array
     cost: Array
     converged: np.ndarray
     iterations: Ints
+    errors: Mapping[type[Task], Array] = field(default_factory=dict)
 
 
 def task_arrays(tasks: Sequence[Task], tree: Tree, targets: Array) -> tuple[Any, ...]:
-    """Arrays of all tasks, kind by kind: those of `KINDS`, be they empty, and behind them kinds
-    from elsewhere. `targets` (frames, coordinates) are those of `coordinate_targets`.
+    """Compile the values of all tasks, kind by kind.
+
+    Parameters
+    ----------
+    tasks : in any order
+    tree : of the model
+    targets : (frames, coordinates) of `coordinate_targets` [rad or m]
+
+    Returns
+    -------
+    arrays of each kind: those of `TASK_KINDS`, be they empty, and behind them kinds from elsewhere
     """
-    kinds = dict.fromkeys((*KINDS, *(type(task) for task in tasks)))
+    kinds = dict.fromkeys((*TASK_KINDS, *(type(task) for task in tasks)))
     return tuple(
         kind.together([task for task in tasks if type(task) is kind], tree, targets)
         for kind in kinds
@@ -72,11 +105,40 @@ def solve_poses(
     chained: bool = True,
     progress: Callable[[int], None] | None = None,
     chunk: int = CHUNK,
-) -> SolvedFrames:
-    """Minimise the tasks of every frame from `starts` (frames, coordinates) [rad or m]. Chained,
-    each frame begins where those before it lead and only the first of a chunk, and of what comes
-    after a long gap, at its start; frames that no task shows are left out. A chunk is solved by one
-    thread.
+) -> SolvedPoses:
+    """Minimise the cost of every frame.
+
+    *Where a frame begins.* Threads share a recording in chunks of frames, and a chunk cannot wait
+    for the end of the one before it. So `starts.scout_poses` first tracks every `SCOUT`-th frame,
+    the scouts, one after another through the whole recording; `inverse_kinematics` gives each frame
+    the pose of the scout at or before it as its start. Here one thread solves the frames of a chunk
+    in turn. Chained, the first frame of a chunk begins at its start, the second where the first
+    ended, all others on the straight line through the last two. After frames that no task shows,
+    which are left out, the next begins where the last one before them ended; after `SCOUT` or more
+    of them at the start of the next scout, if that is in the chunk and shown. A frame whose loops
+    cannot be closed from where it should begin tries again from the frame before it. Not chained,
+    every frame begins at its own start and none is left out.
+
+    *When a frame has converged.* It has where loops are closed and the last step moved no
+    coordinate by more than the tolerance, in units, or where the last step was an undamped Newton
+    step of size s with s^2 <= tolerance / 100, since that leaves an error of the order of s^2. It
+    has, too, where a step was accepted but the cost fell by less than 1e-13 of itself: rounding
+    lets it fall no further. It has not after the most steps, where no damping lowers the cost, and
+    where loops cannot be closed; nor do frames that are left out count as converged.
+
+    Parameters
+    ----------
+    tree : of the model
+    problem : what is minimised; its arrays of errors are filled
+    starts : (frames, coordinates) [rad or m]
+    settings : posture weight, tolerance and most steps
+    chained : whether a frame begins where those before it lead
+    progress : called with the number of frames just done
+    chunk : frames that a thread solves in turn
+
+    Returns
+    -------
+    poses, (frames, ...), with their cost and convergence
     """
     frames = len(starts)
     values = np.array(starts, order="C")
@@ -85,7 +147,7 @@ def solve_poses(
     iterations = np.empty(frames, np.int64)
 
     def part(first: int, last: int) -> None:
-        solve_frames(
+        solve_chunk(
             tree.arrays,
             problem,
             first,
@@ -99,11 +161,28 @@ def solve_poses(
         )
 
     over_frames(part, frames, progress, chunk)
-    return SolvedFrames(values=values, cost=cost, converged=converged, iterations=iterations)
+    return SolvedPoses(
+        values=values,
+        cost=cost,
+        converged=converged,
+        iterations=iterations,
+        errors={
+            TASKS[type(part)]: part.errors for part in problem.tasks if hasattr(part, "errors")
+        },
+    )
 
 
 def frames_shown(problem: PoseProblem) -> np.ndarray:
-    """(frames,) whether any task shows a frame."""
+    """Find the frames that any task shows.
+
+    Parameters
+    ----------
+    problem : with its tasks
+
+    Returns
+    -------
+    (frames,) whether any task has a measurement
+    """
     result = np.empty(len(problem.fixed), np.bool_)
     fill_shown(problem, result)
     return result
@@ -111,13 +190,13 @@ def frames_shown(problem: PoseProblem) -> np.ndarray:
 
 @kernel
 def fill_shown(P, result):
-    """Fill (frames,) of `frames_shown`."""
+    """Fill `result` (frames,) of `frames_shown`."""
     for frame in range(result.shape[0]):
         result[frame] = shown(P.tasks, frame)
 
 
 @kernel
-def solve_frames(
+def solve_chunk(
     T,
     P,
     first,
@@ -131,8 +210,10 @@ def solve_frames(
     converged,
     iterations,
 ):
-    """`solve_poses` for the frames from `first` up to `last`, whose rows of `values` hold their
-    starts.
+    """Solve the frames from `first` up to `last` in turn, for `solve_poses`.
+
+    Their rows of `values` (frames, coordinates) hold their starts and then their poses; `cost`,
+    `converged` and `iterations` (frames,) are filled.
     """
     n = values.shape[1]
     work = new_work(T, n)
@@ -179,8 +260,9 @@ def solve_frames(
 
 @bare
 def resume(P, frame, last, values):
-    """Start a frame from the next of the poses tracked first, where that frame is shown. Returns
-    whether it is.
+    """Start a frame from the next scout, where that is in the chunk and shown.
+
+    Returns whether it is.
     """
     scout = -(-frame // SCOUT) * SCOUT
     if scout >= last or not shown(P.tasks, scout):
@@ -193,8 +275,9 @@ def resume(P, frame, last, values):
 
 @bare
 def begin(T, P, frame, c, work, closing):
-    """Put c inside its bounds, what is not solved for at its value, and close the loops. Returns
-    whether they are.
+    """Put c inside its bounds, what is not solved for at its value, and close the loops.
+
+    Returns whether they are closed.
     """
     i = 0
     for j in range(c.shape[0]):
@@ -208,14 +291,16 @@ def begin(T, P, frame, c, work, closing):
 
 @bare
 def descend(T, P, frame, posture_weight, tolerance, max_steps, c, work, closing):
-    """Damped Newton steps from c in place, whose poses and gaps `close` has left; they are those of
-    c afterwards. Returns whether the last step was within `tolerance`, the steps, and the cost of
-    all tasks and the posture.
+    """Take damped Newton steps from c in place.
+
+    Poses and gaps in `work` and `closing` are those of c, as `close` has left them, before and
+    afterwards. Returns whether c has converged (see `solve_poses`), the number of steps, and the
+    cost of all tasks and the posture.
     """
     F = P.free
     trial = work.trial
     damping = 0.0
-    cost = normal_equations(T, P, frame, c, work)
+    cost = gradient_and_hessian(T, P, frame, c, work)
     stiffness = posture_weight * mean_curvature(P, work)
     cost += posture_cost(P, c, stiffness)
     for count in range(1, max_steps + 1):
@@ -259,7 +344,7 @@ def descend(T, P, frame, posture_weight, tolerance, max_steps, c, work, closing)
         for j in range(c.shape[0]):
             c[j] = trial[j]
         flat = cost - reached <= 1e-13 * cost
-        cost = normal_equations(T, P, frame, c, work)
+        cost = gradient_and_hessian(T, P, frame, c, work)
         cost += posture_cost(P, c, stiffness)
         if flat:
             return True, count, cost
@@ -268,7 +353,7 @@ def descend(T, P, frame, posture_weight, tolerance, max_steps, c, work, closing)
 
 @bare
 def posture_cost(P, c, stiffness):
-    """Pull towards the posture, which determines what no task shows."""
+    """Cost of the pull towards the posture, which determines what no task shows."""
     total = 0.0
     for j in P.free:
         total += stiffness * ((c[j] - P.posture[j]) / P.unit[j]) ** 2
@@ -277,10 +362,11 @@ def posture_cost(P, c, stiffness):
 
 @bare
 def newton_step(P, work, closing, c, damping):
-    """Damped Newton step of the variables along the loops' ties; those of `work.held` stay where
-    they are. Variables that would leave their bounds are stopped there and the rest is solved
-    again. Returns the largest entry of the step, in units, or -1 where the damped Hessian is not
-    positive definite along the ties.
+    """Find the damped Newton step of the free coordinates along the loops' ties.
+
+    It is left in `work.step`. Coordinates of `work.held` stay where they are; those that would
+    leave their bounds are stopped there and the rest is solved again. Returns the largest entry of
+    the step, in units, or -1 where the damped Hessian is not positive definite along the ties.
     """
     F = P.free
     L = work.L
@@ -315,12 +401,12 @@ def newton_step(P, work, closing, c, damping):
 
 @bare
 def reduced_system(P, work, closing, c, damping):
-    """Normal equations of the independent variables that are not stopped, in the rows of L up to
-    their number, which is returned; theirs are in `work.solved`.
+    """Write the equations of the independent free coordinates that are not stopped into `work.L`.
 
-    With the basis B of the directions along the ties (a column for each independent variable; the
-    identity without loops) and the step s of the others, L = B^T (H + damping D) B and the row
-    behind it is -B^T (g + (H + damping D) s).
+    They fill the rows up to their number, which is returned; their places in `free` are in
+    `work.solved`. With the basis B of the directions along the ties (a column for each independent
+    variable; the identity without loops) and the step s of the others, L = B^T (H + damping D) B
+    and the row behind it is -B^T (g + (H + damping D) s).
     """
     F = P.free
     H = work.H
@@ -397,7 +483,7 @@ def reduced_system(P, work, closing, c, damping):
 
 @bare
 def close_step(work, closing, size):
-    """Let the dependent variables follow the others along the ties."""
+    """Let the dependent coordinates follow the others along the ties."""
     if closing is not None:
         for row in range(closing.rank[0]):
             for a in range(size):
@@ -406,8 +492,9 @@ def close_step(work, closing, size):
 
 @bare
 def solve_in_place(L, n):
-    """Cholesky factor of the lower triangle of L (n, n), then the solution of row n, in place. A
-    variable that nothing determines (an empty pivot from the start) stays at zero. Returns False
+    """Factor the lower triangle of L (n, n) by Cholesky and solve for row n, in place.
+
+    A variable that nothing determines (an empty pivot from the start) stays at zero. Returns False
     where another pivot is not positive.
     """
     for j in range(n):
@@ -437,7 +524,7 @@ def solve_in_place(L, n):
     return True
 
 
-KINDS: tuple[type[Task], ...] = (MarkerTask, CoordinateTask, OrientationTask)
+TASK_KINDS: tuple[type[Task], ...] = (MarkerTask, CoordinateTask, OrientationTask)
 """Every problem has arrays of these in this order, be they empty, so that one compiled loop serves
 all of them.
 """

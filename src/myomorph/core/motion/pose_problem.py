@@ -1,5 +1,6 @@
-"""Inverse kinematics as the kernels read it: tasks, what may move, loops that stay closed, and the
-normal equations.
+"""Inverse kinematics as the kernels read it, with gradient and Hessian of its cost.
+
+That is: tasks, what may move, and loops that stay closed.
 """
 
 from __future__ import annotations
@@ -10,7 +11,33 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.motion.tasks.coordinates import CoordinateArrays
 from myomorph.core.motion.tasks.loops import Ties
 from myomorph.core.motion.tasks.markers import MarkerArrays
-from myomorph.core.motion.tasks.task import add_gradient, add_pair, add_tasks
+from myomorph.core.motion.tasks.task import (
+    EX,
+    EY,
+    EZ,
+    WEIGHT,
+    X_EX,
+    X_EY,
+    X_EZ,
+    XX,
+    XY,
+    XZ,
+    Y_EX,
+    Y_EY,
+    Y_EZ,
+    YY,
+    YZ,
+    Z_EX,
+    Z_EY,
+    Z_EZ,
+    ZZ,
+    X,
+    Y,
+    Z,
+    add_gradient,
+    add_pair,
+    add_tasks,
+)
 from myomorph.core.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate_at, fold_dependents
 from myomorph.core.rigid.kernels import bare
 from myomorph.core.rigid.tree import ROTATION
@@ -18,11 +45,20 @@ from myomorph.core.rigid.vectors import cross, minus, vector
 
 
 class PoseProblem(NamedTuple):
-    """What is minimised, and what may move: coordinates that are solved for (`free`), their bounds
-    [rad or m], the unit by which changes of each coordinate are measured (`coordinate_units`),
-    values (frames, coordinates) of the others. `posture` is what coordinates that no task shows are
-    pulled to, `tasks` arrays of each kind of task, markers and coordinates first, `ties` what
-    closes the loops, None of an open model.
+    """What is minimised, and what may move.
+
+    Arrays of shape (free,) are by place in `free`: `lower[i]` is the bound of coordinate `free[i]`.
+    Arrays of shape (coordinates,) have all coordinates of the model.
+
+    Attributes
+    ----------
+    free : (free,) numbers of the coordinates that are solved for
+    lower, upper : (free,) their bounds [rad or m]
+    unit : (coordinates,) by which changes are measured, see `coordinate_units` [rad or m]
+    fixed : (frames, coordinates) values of those that are not free [rad or m]
+    posture : (coordinates,) what coordinates that no task shows are pulled to [rad or m]
+    tasks : arrays of each kind of task, markers and coordinates first
+    ties : what closes the loops, None of an open model
     """
 
     free: Ints
@@ -45,11 +81,11 @@ class PoseProblem(NamedTuple):
         return self.tasks[1]
 
     def with_markers(self, **fields: Any) -> PoseProblem:
-        """The problem with other fields of its markers."""
+        """Return the problem with other fields of its markers."""
         return self._replace(tasks=(self.markers._replace(**fields), *self.tasks[1:]))
 
     def with_coordinates(self, **fields: Any) -> PoseProblem:
-        """The problem with other fields of its coordinates' values."""
+        """Return the problem with other fields of its coordinates' values."""
         return self._replace(
             tasks=(self.markers, self.coordinates._replace(**fields), *self.tasks[2:])
         )
@@ -57,8 +93,9 @@ class PoseProblem(NamedTuple):
 
 @bare
 def mean_curvature(P, work):
-    """Mean Gauss-Newton diagonal of the tasks of bodies, in units, over the variables that these
-    move.
+    """Mean Gauss-Newton diagonal of the tasks of bodies.
+
+    It is taken in units, D_j unit_j^2, over the free coordinates that these tasks see move.
     """
     total = 0.0
     moved = 0
@@ -71,17 +108,44 @@ def mean_curvature(P, work):
 
 
 @bare
-def normal_equations(T, P, frame, c, work):
-    """Hessian H and gradient g of half the cost in the independent coordinates; poses are those of
-    c.
+def gradient_and_hessian(T, P, frame, c, work):
+    """Gradient g and full Hessian H of half the cost in the independent coordinates.
 
-    Axis k moves a point at x by J_k = v_k + w_k x x (w_k = 0 for a translation). With the point's
-    error e, g_k = sum J_k . e, and for an axis i that comes before or is k, H_ik = sum J_i . J_k +
-    w_i . sum J_k x e; a curved axis function adds phi'' sum J_k . e. All these sums run over the
-    points beyond k and follow from the sums of 1, x, x x^T, e and x e^T, which are gathered body by
-    body from the leaves: the cost does not grow with points times axes. Rows of slopes in the
-    twists of bodies are gathered alike. The diagonal of the Gauss-Newton part goes to D. Returns
-    the cost.
+    Half the cost of points x_m with weights a_m that should lie at y_m is half of
+    sum_m a_m |x_m - y_m|^2. All positions are relative to `work.origin`, and e_m = a_m (x_m - y_m)
+    is the weighted error; below, the index m is left out, and * is the cross product. Where its
+    function phi_k grows by 1, axis k moves a point by
+
+        J_k = w_k * r = v_k + w_k * x,   r = x - o_k,   v_k = o_k * w_k
+
+    with the direction w_k of a rotation and the point r relative to o_k, a point on the axis. For a
+    translation w_k is 0 and v_k its direction. The slope along the axis is then
+
+        s_k = sum J_k . e = v_k . sum e + w_k . sum x * e
+
+    An axis i between the ground and k, or k itself, moves axis k and the point as one rigid body,
+    so that dJ_k/dphi_i = w_i * J_k, and the second derivative along both axes is
+
+        H_ik = sum a J_i . J_k + sum e . (w_i * J_k) = v_i . F + w_i . (N + Q)
+        F = sum a J_k,   N = sum a x * J_k,   Q = sum J_k * e
+
+    Here v_i . F + w_i . N is the Gauss-Newton part, and w_i . Q the rest. With J_k put in,
+
+        F = v_k sum a + w_k * sum a x
+        N = (sum a x) * v_k + (tr(A) 1 - A) w_k,   A = sum a x x^T
+        Q = v_k * sum e + (B - tr(B) 1) w_k,       B = sum x e^T
+
+    All sums run over the points that k moves. They follow from those of a, a x, a x x^T, e and
+    x e^T, which `add_tasks` fills for each body and which are gathered here from the leaves to the
+    ground: the work does not grow with points times axes.
+
+    Where tasks have added rows, residuals r with slopes J in the twist of a body, so that axis k
+    changes r by J . (w_k, v_k), then sum J J^T (w_k, v_k) adds to (N, F), and sum J r . (w_k, v_k)
+    to s_k, with the weights in both sums. `add_gradient` and `add_pair` carry s_k and H_ik from the
+    axes to their coordinates; where phi_k is curved, phi_k'' s_k adds to the Hessian.
+
+    Poses in `work` are those of c. g and H go to `work.g` and `work.H`, the diagonal of the
+    Gauss-Newton part to `work.D`. Returns the cost.
     """
     H = work.H
     g = work.g
@@ -105,7 +169,7 @@ def normal_equations(T, P, frame, c, work):
     axis_fields(T, c, work)
     for b in range(T.parent.shape[0] - 1, 0, -1):
         S = points[b]
-        if S[0] > 0.0 or has_rows:
+        if S[WEIGHT] > 0.0 or has_rows:
             for axis in range(T.axis_start[b + 1] - 1, T.axis_start[b] - 1, -1):
                 w0 = fields[axis, 0]
                 w1 = fields[axis, 1]
@@ -113,19 +177,41 @@ def normal_equations(T, P, frame, c, work):
                 v0 = fields[axis, 3]
                 v1 = fields[axis, 4]
                 v2 = fields[axis, 5]
-                # F = sum J, N = sum x cross J, Q = sum J cross e, all weighted.
-                F0 = S[0] * v0 + w1 * S[3] - w2 * S[2]
-                F1 = S[0] * v1 + w2 * S[1] - w0 * S[3]
-                F2 = S[0] * v2 + w0 * S[2] - w1 * S[1]
-                N0 = S[2] * v2 - S[3] * v1 + (S[7] + S[9]) * w0 - S[5] * w1 - S[6] * w2
-                N1 = S[3] * v0 - S[1] * v2 - S[5] * w0 + (S[4] + S[9]) * w1 - S[8] * w2
-                N2 = S[1] * v1 - S[2] * v0 - S[6] * w0 - S[8] * w1 + (S[4] + S[7]) * w2
-                trace = S[13] + S[17] + S[21]
-                Q0 = v1 * S[12] - v2 * S[11] + S[13] * w0 + S[14] * w1 + S[15] * w2 - trace * w0
-                Q1 = v2 * S[10] - v0 * S[12] + S[16] * w0 + S[17] * w1 + S[18] * w2 - trace * w1
-                Q2 = v0 * S[11] - v1 * S[10] + S[19] * w0 + S[20] * w1 + S[21] * w2 - trace * w2
-                along = v0 * S[10] + v1 * S[11] + v2 * S[12]
-                along += w0 * (S[18] - S[20]) + w1 * (S[19] - S[15]) + w2 * (S[14] - S[16])
+                F0 = S[WEIGHT] * v0 + w1 * S[Z] - w2 * S[Y]
+                F1 = S[WEIGHT] * v1 + w2 * S[X] - w0 * S[Z]
+                F2 = S[WEIGHT] * v2 + w0 * S[Y] - w1 * S[X]
+                N0 = S[Y] * v2 - S[Z] * v1 + (S[YY] + S[ZZ]) * w0 - S[XY] * w1 - S[XZ] * w2
+                N1 = S[Z] * v0 - S[X] * v2 - S[XY] * w0 + (S[XX] + S[ZZ]) * w1 - S[YZ] * w2
+                N2 = S[X] * v1 - S[Y] * v0 - S[XZ] * w0 - S[YZ] * w1 + (S[XX] + S[YY]) * w2
+                trace = S[X_EX] + S[Y_EY] + S[Z_EZ]
+                Q0 = (
+                    v1 * S[EZ]
+                    - v2 * S[EY]
+                    + S[X_EX] * w0
+                    + S[X_EY] * w1
+                    + S[X_EZ] * w2
+                    - trace * w0
+                )
+                Q1 = (
+                    v2 * S[EX]
+                    - v0 * S[EZ]
+                    + S[Y_EX] * w0
+                    + S[Y_EY] * w1
+                    + S[Y_EZ] * w2
+                    - trace * w1
+                )
+                Q2 = (
+                    v0 * S[EY]
+                    - v1 * S[EX]
+                    + S[Z_EX] * w0
+                    + S[Z_EY] * w1
+                    + S[Z_EZ] * w2
+                    - trace * w2
+                )
+                slope_along_axis = v0 * S[EX] + v1 * S[EY] + v2 * S[EZ]
+                slope_along_axis += (
+                    w0 * (S[Y_EZ] - S[Z_EY]) + w1 * (S[Z_EX] - S[X_EZ]) + w2 * (S[X_EY] - S[Y_EX])
+                )
                 if has_rows:
                     rows = work.rows[b]
                     field = fields[axis]
@@ -135,8 +221,8 @@ def normal_equations(T, P, frame, c, work):
                     F0 += row_product(rows[3], field)
                     F1 += row_product(rows[4], field)
                     F2 += row_product(rows[5], field)
-                    along += row_product(work.row_gradient[b], field)
-                add_gradient(T, work, H, g, axis, along)
+                    slope_along_axis += row_product(work.row_gradient[b], field)
+                add_gradient(T, work, H, g, axis, slope_along_axis)
                 a = axis
                 h = b
                 while h > 0:

@@ -10,7 +10,7 @@ from operator import itemgetter
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.motion.newton import SCOUT, Settings, SolvedFrames, frames_shown, solve_frames
+from myomorph.core.motion.newton import SCOUT, Settings, SolvedPoses, frames_shown, solve_chunk
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.turns import nearest_turn, other_branch
 from myomorph.core.rigid.kinematics import forward_kinematics
@@ -39,7 +39,7 @@ def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
     shown = frames_shown(problem)
     posture_weight, _, max_steps = settings
     frames = len(shown)
-    solved = SolvedFrames(
+    solved = SolvedPoses(
         values=np.empty((frames, len(rest))),
         cost=np.empty(frames),
         converged=np.empty(frames, np.bool_),
@@ -48,7 +48,7 @@ def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
 
     def settle(problem: PoseProblem, frame: int, start: Array) -> tuple[float, Array]:
         solved.values[frame] = start
-        solve_frames(
+        solve_chunk(
             tree.arrays,
             problem,
             frame,

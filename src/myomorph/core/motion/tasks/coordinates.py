@@ -17,8 +17,12 @@ from myomorph.core.rigid.tree import Tree
 
 
 class CoordinateArrays(NamedTuple):
-    """Values (frames, coordinates) [rad or m] that coordinates are pulled to, by a weight
-    (coordinates,), 0 for none and for those not solved for [1/rad^2 or 1/m^2].
+    """Values that coordinates are pulled to.
+
+    Attributes
+    ----------
+    weight : (coordinates,) 0 for none and for those not solved for [1/rad^2 or 1/m^2]
+    value : (frames, coordinates) [rad or m]
     """
 
     weight: Array
@@ -68,7 +72,17 @@ class CoordinateTask(Task):
 
     @classmethod
     def together(cls, tasks: Sequence[Self], tree: Tree, targets: Array) -> CoordinateArrays:
-        """Arrays of all coordinates; `targets` hold the tasks' values already.
+        """Compile the weights of all coordinates.
+
+        Parameters
+        ----------
+        tasks : of coordinates
+        tree : of the model
+        targets : (frames, coordinates) the tasks' values already [rad or m]
+
+        Returns
+        -------
+        arrays of all coordinates
 
         Raises
         ------

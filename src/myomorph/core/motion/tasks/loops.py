@@ -1,5 +1,6 @@
-"""Loops that stay closed, as pairs of points that coincide: gaps, eliminated coordinates,
-multipliers.
+"""Loops that stay closed, as pairs of points that coincide.
+
+Their gaps, the coordinates that they eliminate, and the multipliers of the ties:
 
 With gaps e(c) and their derivatives G, Gauss-Jordan elimination with full pivoting turns G d = -e
 into d_dependent = b - A d_independent, whatever its rank, and gives the multipliers of the ties.
@@ -31,8 +32,14 @@ TO_CLOSE = 40  # Newton steps that may close the loops
 
 
 class Ties(NamedTuple):
-    """Pairs of points (ties, 3) [m] in bodies that coincide where loops are closed: one of a point,
-    three of a weld.
+    """Pairs of points in bodies that coincide where loops are closed.
+
+    A loop that closes at a point has one tie, a weld has three.
+
+    Attributes
+    ----------
+    body_1, body_2 : (ties,) numbers of the bodies
+    point_1, point_2 : (ties, 3) in them [m]
     """
 
     body_1: Ints
@@ -54,8 +61,9 @@ class Closing(namedtuple("Closing", "e G A taken dependent rank push H g D Z bef
 
 
 def ties_of(tree: Tree, lever: float = 1.0) -> Ties | None:
-    """The ties of a tree's loops, None of an open one; a weld's second and third lie `lever` [m]
-    along its axes.
+    """List the ties of a tree's loops; None of an open one.
+
+    A weld's second and third tie lie `lever` [m] along its axes.
     """
     if not tree.model.loops:
         return None
@@ -145,8 +153,9 @@ def ties_at(ties, T, c, work, closing):
 
 @bare
 def close(ties, T, P, c, work, closing):
-    """Newton steps of few variables from c in place that close the loops inside the bounds; whether
-    they are closed.
+    """Close the loops inside the bounds, by Newton steps of few variables from c in place.
+
+    Returns whether they are closed.
     """
     if ties is None:
         couple(T, c)
@@ -193,9 +202,11 @@ def close(ties, T, P, c, work, closing):
 
 @bare
 def eliminate(F, closing, held, late):
-    """Gauss-Jordan elimination of G d = -e over the variables F, with full pivoting; returns the
-    rank. Variables that are `held` are not taken, those that come `late` only when no other is
-    left. Afterwards d[taken[row]] = A[row, variables] - sum over the others of A[row, i] d[i].
+    """Eliminate G d = -e over the variables F after Gauss and Jordan, with full pivoting.
+
+    Variables that are `held` are not taken, those that come `late` only when no other is left.
+    Afterwards d[taken[row]] = A[row, variables] - sum over the others of A[row, i] d[i]. Returns
+    the rank.
     """
     A = closing.A
     taken = closing.taken
@@ -246,8 +257,9 @@ def eliminate(F, closing, held, late):
 
 @bare
 def hold_variables(T, ties, P, c, work, closing):
-    """Fill `work.held`: variables that lie at a bound and are pushed outwards. Loops add their
-    curvature to work.H.
+    """Fill `work.held`: variables that lie at a bound and are pushed outwards.
+
+    Loops add their curvature to work.H.
     """
     if ties is None:
         F = P.free
@@ -263,8 +275,9 @@ def hold_variables(T, ties, P, c, work, closing):
 
 @bare
 def multipliers(T, ties, P, c, work, closing):
-    """Multipliers of the ties at c, their curvature added to work.H; fills `work.held`, what a
-    bound holds outwards.
+    """Find the multipliers of the ties at c, and add their curvature to work.H.
+
+    Fills `work.held`: variables that a bound keeps from moving outwards.
     """
     F = P.free
     variables = P.free.shape[0]
@@ -329,12 +342,13 @@ def tie_curvature(T, ties, c, work, closing):
 
 @in_place
 def add_curvature(T, work, closing, axis, b, top, x, f, sign):
-    """What axis axis of body b, with all axes between it and the body `top`, adds for a force f at
-    the point x.
+    """Add the curvature of an axis of body b with all axes between it and the body `top`.
+
+    It is that of a force f at the point x.
     """
     u = vector(work.w, axis)
     moved = cross(u, minus(x, vector(work.o, axis))) if T.axis_kind[axis] == ROTATION else u
-    # `normal_equations` has left the second derivatives of the axes' motions.
+    # `gradient_and_hessian` has left the second derivatives of the axes' motions.
     add_gradient(T, work, closing.H, closing.g, axis, sign * dot(f, moved))
     turning = cross(moved, f)
     h = b

@@ -8,7 +8,16 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.motion.tasks.task import Task, TaskKernels, per_frame
+from myomorph.core.motion.tasks.task import (
+    EX,
+    WEIGHT,
+    X_EX,
+    XX,
+    Task,
+    TaskKernels,
+    X,
+    per_frame,
+)
 from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.kernels import bare
 from myomorph.core.rigid.tree import Tree
@@ -16,9 +25,15 @@ from myomorph.core.rigid.vectors import dot, matrix, minus, plus, times, turned,
 
 
 class MarkerArrays(NamedTuple):
-    """Markers (markers,) on bodies at `location` [m] and where they were seen (frames, markers, 3)
-    [m], NaN where unseen; `errors` (frames, markers) are filled, the distance between model and
-    recording [m].
+    """Markers on bodies, and where they were seen.
+
+    Attributes
+    ----------
+    body : (markers,) number of the body
+    location : (markers, 3) in the body [m]
+    weight : (markers,)
+    observed : (frames, markers, 3) in ground [m], NaN where unseen
+    errors : (frames, markers) filled by `solve_poses`, the distance between model and recording [m]
     """
 
     body: Ints
@@ -92,13 +107,13 @@ def _add(markers, c, frame, work):
         e = times(weight, minus(x, y))
         cost += dot(e, e) / weight
         x = minus(x, z)
-        S[0] += weight
-        square = 4
+        S[WEIGHT] += weight
+        square = XX
         for i in range(3):
-            S[1 + i] += weight * x[i]
-            S[10 + i] += e[i]
+            S[X + i] += weight * x[i]
+            S[EX + i] += e[i]
             for j in range(3):
-                S[13 + 3 * i + j] += x[i] * e[j]
+                S[X_EX + 3 * i + j] += x[i] * e[j]
             for j in range(i, 3):
                 S[square] += weight * x[i] * x[j]
                 square += 1
@@ -118,8 +133,13 @@ def _keep(markers, c, frame, work):
 
 @read_only
 class MarkerTask(Task):
-    """A marker near where it was seen (frames, 3) [m]: weight |x - position|^2, over the weights of
-    all seen.
+    """A marker near where it was seen: weight |x - position|^2, over the weights of all seen.
+
+    Attributes
+    ----------
+    marker : name of it
+    positions : (frames, 3) in ground [m], NaN where unseen
+    weight : 0 leaves it out
     """
 
     marker: str
@@ -130,7 +150,18 @@ class MarkerTask(Task):
 
     @classmethod
     def together(cls, tasks: Sequence[Self], tree: Tree, targets: Array) -> MarkerArrays:
-        """Arrays of all markers."""
+        """Compile all markers.
+
+        Parameters
+        ----------
+        tasks : of markers
+        tree : of the model
+        targets : (frames, coordinates), of which only the number of frames counts
+
+        Returns
+        -------
+        arrays of all markers, their errors NaN
+        """
         marked = [tree.model.marker(task.marker) for task in tasks]
         frames = len(targets)
         positions = [

@@ -1,6 +1,4 @@
-"""Bodies turned as inertial sensors report: the squared angle between a body and a measured
-rotation.
-"""
+"""Bodies turned as inertial sensors report: squared angles between body and measurement."""
 
 from __future__ import annotations
 
@@ -17,9 +15,14 @@ from myomorph.core.rigid.tree import Tree
 
 
 class OrientationArrays(NamedTuple):
-    """Bodies (sensors,) and the rotations (frames, sensors, 3, 3) to ground that were measured of
-    them, NaN where unknown, with weights [m^2/rad^2]; `errors` (frames, sensors) are filled, the
-    angle between body and measurement [rad].
+    """Bodies, and the rotations that were measured of them.
+
+    Attributes
+    ----------
+    body : (sensors,) number of the body
+    rotation : (frames, sensors, 3, 3) to ground, NaN where unknown
+    weight : (frames, sensors) [m^2/rad^2]
+    errors : (frames, sensors) filled by `solve_poses`, the angle between body and measurement [rad]
     """
 
     body: Ints
@@ -94,9 +97,14 @@ def _keep(sensors, c, frame, work):
 
 @read_only
 class OrientationTask(Task):
-    """A body turned as a sensor reports (frames, 3, 3), to ground, NaN where unknown: weight
-    angle^2, where the markers' mean square counts 1 [1/m^2]; the weight is (frames,), or one for
-    all frames [m^2/rad^2].
+    """A body turned as a sensor reports: weight angle^2.
+
+    Attributes
+    ----------
+    sensor : name of it
+    body : that carries it
+    rotations : (frames, 3, 3) of the body to ground, NaN where unknown
+    weight : (frames,), or one for all frames, where the markers' mean square counts 1 [m^2/rad^2]
     """
 
     sensor: str
@@ -108,7 +116,18 @@ class OrientationTask(Task):
 
     @classmethod
     def together(cls, tasks: Sequence[Self], tree: Tree, targets: Array) -> OrientationArrays:
-        """Arrays of all sensors."""
+        """Compile all sensors.
+
+        Parameters
+        ----------
+        tasks : of sensors
+        tree : of the model
+        targets : (frames, coordinates), of which only the number of frames counts
+
+        Returns
+        -------
+        arrays of all sensors, their errors NaN
+        """
         frames = len(targets)
         shape = (frames, len(tasks))
         arrays = OrientationArrays(

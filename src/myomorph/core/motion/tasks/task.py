@@ -1,5 +1,6 @@
-"""What a task of inverse kinematics is, and the sums that tasks add to. The problem of a frame is
-the sum of its tasks.
+"""A task of inverse kinematics, and the sums that tasks add to.
+
+The problem of a frame is the sum of its tasks,
 
     minimise  sum_t cost_t(c)   over the free coordinates c, within their bounds, so that every loop
     stays closed
@@ -23,6 +24,16 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.rigid.kernels import bare, inner, overload
 from myomorph.core.rigid.tree import Tree
 from myomorph.core.rigid.vectors import cross, minus
+
+# Columns of `Work.points`, sums over the points of a body: of their weights; of weight times their
+# position x relative to `Work.origin`, and times x x^T, a symmetric matrix, of which the upper
+# triangle is held; of their weighted error e, and of x e^T, where X_EY is x_0 e_1
+WEIGHT = 0
+X, Y, Z = range(1, 4)
+XX, XY, XZ, YY, YZ, ZZ = range(4, 10)
+EX, EY, EZ = range(10, 13)
+X_EX, X_EY, X_EZ, Y_EX, Y_EY, Y_EZ, Z_EX, Z_EY, Z_EZ = range(13, 22)
+POINT_SUMS = 22  # How many they are
 
 
 class TaskKernels(NamedTuple):
@@ -58,12 +69,18 @@ class Task:
 
     @classmethod
     def together(cls, tasks: Sequence[Self], tree: Tree, targets: Array) -> Any:
-        """Arrays of all tasks of this kind, as the kernels read them: writable and in C order.
+        """Compile all tasks of this kind into arrays as the kernels read them.
 
         Parameters
         ----------
+        tasks : of this kind, may be none
+        tree : of the model
         targets : (frames, coordinates) reference values of the coordinates [rad or m], see
             `coordinate_targets`
+
+        Returns
+        -------
+        named tuple of arrays, writable and in C order
         """
         raise NotImplementedError
 
@@ -73,8 +90,21 @@ TASKS: dict[type, type[Task]] = {}
 
 
 def per_frame(values: Array, frames: int, what: str) -> Array:
-    """Values of each frame (frames, ...) as kernels read them; refused where markers have another
-    number of frames.
+    """Copy values of each frame as kernels read them.
+
+    Parameters
+    ----------
+    values : (frames, ...)
+    frames : number of frames of the markers
+    what : name of the values, for the error
+
+    Returns
+    -------
+    (frames, ...) in C order
+
+    Raises
+    ------
+    BadData : the values have another number of frames than the markers
     """
     values = np.array(values, dtype=np.float64, order="C")
     if len(values) != frames:
@@ -88,6 +118,9 @@ def per_frame(values: Array, frames: int, what: str) -> Array:
 class Work(NamedTuple):
     """Sums that tasks add to, and scratch arrays of one solver.
 
+    There are n coordinates. Of the arrays that hold something for each free coordinate, by its
+    place in `PoseProblem.free`, only the first entries are used.
+
     Sums over bodies have points relative to `origin`, so that they stay exact far from the
     ground's. A residual r of a body, with slopes J in the body's twist (its angular velocity and
     the velocity at `origin`), is a row: it adds J J^T and J r.
@@ -100,24 +133,24 @@ class Work(NamedTuple):
     o: Array  # (axes, 3) [m]
     dphi: Array  # (axes, 2)
 
-    # Half the cost, over the coordinates
+    # Half the cost, over all n coordinates
     H: Array  # (n, n) Hessian, lower triangle
     g: Array  # (n,) gradient
     D: Array  # (n,) diagonal of the Gauss-Newton part of H
     direct: Array  # (n,) curvature of tasks of single independent coordinates, in H and D
 
-    # The Newton step
-    L: Array  # (n + 1, n) factor of H
-    step: Array  # (n,)
+    # The Newton step; of these `trial` has all coordinates, the others have the free ones
+    L: Array  # (n + 1, n) factor of H, rows and columns by place in `solved`
+    step: Array  # (free,)
     trial: Array  # (n,) coordinates after the step
-    held: Array  # (n,) whether a coordinate is at a bound before the step
-    stopped: Array  # (n,) ... and within it
-    late: Array  # (n,) whether a coordinate is solved for last, where loops are closed
-    solved: Array  # (n,) numbers of the coordinates that are solved for
+    held: Array  # (free,) whether a coordinate is at a bound before the step
+    stopped: Array  # (free,) ... and within it
+    late: Array  # (free,) whether a coordinate is solved for last, where loops are closed
+    solved: Array  # (free,) places in `free` of the coordinates that are solved for
 
     # Sums over points and rows of each body
     origin: Array  # (3,) in ground [m]
-    points: Array  # (bodies, 22) weighted sums of 1, x, x x^T (upper 6), e, x e^T; e the error
+    points: Array  # (bodies, POINT_SUMS) columns WEIGHT to Z_EZ
     rows: Array  # (bodies, 6, 6) sums of J J^T
     row_gradient: Array  # (bodies, 6) sums of J r
     has_rows: Array  # (1,) whether any row was added
@@ -129,7 +162,7 @@ class Work(NamedTuple):
 
 @inner
 def new_work(T, n):
-    """Sums and scratch arrays for a tree of n coordinates."""
+    """Make sums and scratch arrays for a tree of n coordinates."""
     bodies = T.parent.shape[0]
     axes = T.axis_kind.shape[0]
     return Work(
@@ -150,7 +183,7 @@ def new_work(T, n):
         late=np.empty(n, np.bool_),
         solved=np.empty(n, np.int64),
         origin=np.empty(3),
-        points=np.empty((bodies, 22)),
+        points=np.empty((bodies, POINT_SUMS)),
         rows=np.zeros((bodies, 6, 6)),
         row_gradient=np.zeros((bodies, 6)),
         has_rows=np.zeros(1, np.bool_),
@@ -161,8 +194,10 @@ def new_work(T, n):
 
 @bare
 def add_row(work, body, slope, residual, weight):
-    """Add weight residual^2 with Gauss-Newton curvature and return it; `slope` in the body's twist
-    at `work.origin`.
+    """Add weight residual^2 with Gauss-Newton curvature and return it.
+
+    `slope` (6,) is that of the residual in the body's angular velocity and velocity at
+    `work.origin`.
     """
     if not work.has_rows[0]:
         work.has_rows[0] = True
@@ -179,27 +214,30 @@ def add_row(work, body, slope, residual, weight):
 
 
 @bare
-def add_gradient(T, work, H, g, axis, along):
-    """Add the gradient through an axis to g, and what the curvature of its function makes of it to
-    H.
+def add_gradient(T, work, H, g, axis, slope_along_axis):
+    """Add the gradient through an axis to g, and the curvature of its function to H.
 
-    An axis moves by a function phi of one coordinate i or of two, i and j; `along` is the slope of
-    half the cost along phi.
+    An axis moves by a function phi of one coordinate i or of two, i and j. With the slope s of half
+    the cost along phi, `slope_along_axis`,
+
+        g_i += dphi/dc_i s,   H_ij += d^2 phi/(dc_i dc_j) s
     """
     i = T.axis_coordinate[axis, 0]
     j = T.axis_coordinate[axis, 1]
-    g[i] += work.dphi[axis, 0] * along
-    H[i, i] += work.curvature[axis, 0] * along
+    g[i] += work.dphi[axis, 0] * slope_along_axis
+    H[i, i] += work.curvature[axis, 0] * slope_along_axis
     if j >= 0:
-        g[j] += work.dphi[axis, 1] * along
-        H[j, j] += work.curvature[axis, 2] * along
-        H[max(i, j), min(i, j)] += work.curvature[axis, 1] * along
+        g[j] += work.dphi[axis, 1] * slope_along_axis
+        H[j, j] += work.curvature[axis, 2] * slope_along_axis
+        H[max(i, j), min(i, j)] += work.curvature[axis, 1] * slope_along_axis
 
 
 @bare
 def add_pair(T, work, H, D, axis, a, plain, curved):
-    """Lower triangle of the Hessian between the coordinates of axis axis and of an earlier axis a
-    (or axis).
+    """Add to the lower triangle of H between the coordinates of an axis and of an earlier axis a.
+
+    `plain` and `curved` are the Gauss-Newton part and the rest of the second derivative along both
+    axes; a may be the axis itself.
     """
     for s in range(2):
         i = T.axis_coordinate[axis, s]
@@ -220,8 +258,9 @@ def add_pair(T, work, H, D, axis, a, plain, curved):
 
 @bare
 def point_slope(work, x, direction):
-    """Slope for `add_row` of the component along a direction of a point of a body at x [m], both in
-    ground.
+    """Slope for `add_row` of the component along a direction of a body's point.
+
+    The point x [m] and the direction are in ground.
     """
     arm = cross(minus(x, (work.origin[0], work.origin[1], work.origin[2])), direction)
     return (arm[0], arm[1], arm[2], direction[0], direction[1], direction[2])
@@ -239,11 +278,11 @@ def no_residual(arrays, c, frame, work):
     return
 
 
-# Each of the next four does one thing for every kind of task. What stands in their bodies runs where
-# kernels are `interpreted`. Numba has no loop over values of different types, so for compiled code
-# the overloads below them unroll that loop at compile time: for the types of `tasks`, each writes
-# the call of the first kind's kernel, and behind it itself for the kinds that are left. A problem
-# with three kinds thus compiles to three calls in a row, without a choice at run time.
+# Each of the next four does one thing for every kind of task. What stands in their bodies runs
+# where kernels are `interpreted`. Numba has no loop over values of different types, so for compiled
+# code the overloads below them unroll that loop at compile time: for the types of `tasks`, each
+# writes the call of the first kind's kernel, and behind it itself for the kinds that are left. A
+# problem with three kinds thus compiles to three calls in a row, without a choice at run time.
 
 
 def shown(tasks: tuple[Any, ...], frame: int) -> bool:

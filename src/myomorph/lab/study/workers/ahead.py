@@ -99,9 +99,9 @@ def cached(wraps: frozenset[str] = frozenset()) -> bool:
 
 def motion_cached() -> bool:
     """Whether an earlier command has left the kernels of inverse kinematics on disk."""
-    from myomorph.core.motion.newton import solve_frames
+    from myomorph.core.motion.newton import solve_chunk
 
-    return bool(signatures_on_disk(solve_frames))
+    return bool(signatures_on_disk(solve_chunk))
 
 
 @contextmanager
