@@ -113,7 +113,12 @@ class KinematicsFit(Labelled):
         )
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Name the coordinates, markers and sensors, with the times [s]."""
+        """Name the coordinates, markers and sensors, with the times.
+
+        Returns
+        -------
+        by dimension, its names; of "time" (frames,) [s]
+        """
         names = {
             "coordinate": self.motion.names,
             "marker": self.marker_names,
