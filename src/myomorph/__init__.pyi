@@ -41,6 +41,7 @@ from .bones.morph.registration.map_bone import map_bone as map_bone
 from .bones.morph.transfer.model import morph_model as morph_model
 from .bones.study.morph_files import source_bones as source_bones
 from .core import contact as contact
+from .core import fit as fit
 from .core import model as model
 from .core import tension as tension
 from .core.contact.states import find_contacts as find_contacts

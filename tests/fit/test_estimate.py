@@ -7,8 +7,6 @@ import pytest
 
 from myomorph.core.fit import (
     Block,
-    Cone,
-    Cones,
     Measured,
     NormalEquations,
     Problem,
@@ -16,9 +14,9 @@ from myomorph.core.fit import (
     Unknowns,
     Verdict,
     estimate,
-    held_out,
-    minimize_in_cones,
 )
+from myomorph.core.fit.cones import Cone, Cones, minimize_in_cones
+from myomorph.core.fit.verdict import held_out
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.provenance import Source
 

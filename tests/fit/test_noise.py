@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from myomorph.core.fit import correlation_times, noise_of_residuals, variance_samples
+from myomorph.core.fit import noise_of_residuals
+from myomorph.core.fit.correlation import correlation_times, variance_samples
 from myomorph.core.model.errors import UnknownName
 
 

@@ -4,17 +4,9 @@ import numpy as np
 import pytest
 import scipy
 
-from myomorph.core.fit import (
-    Block,
-    Measured,
-    Method,
-    Posterior,
-    Problem,
-    Unknown,
-    Unknowns,
-    minimize,
-)
+from myomorph.core.fit import Block, Measured, Method, Posterior, Problem, Unknown, Unknowns
 from myomorph.core.fit import estimate as estimated
+from myomorph.core.fit.solver import minimize
 
 CLOSE = Method(iterations=100, tolerance=1e-12, min_gain=0.0)
 

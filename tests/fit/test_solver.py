@@ -15,12 +15,12 @@ from myomorph.core.fit import (
     Problem,
     Unknown,
     Unknowns,
-    eliminated,
     estimate,
-    minimize,
     turned,
 )
 from myomorph.core.fit.bounds import bounded_step
+from myomorph.core.fit.elimination import eliminated
+from myomorph.core.fit.solver import minimize
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.spatial import rotation_from_vector
 

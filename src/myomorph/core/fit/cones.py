@@ -87,6 +87,24 @@ def minimize_in_cones(
     equations : of the linear residuals about x = 0
     cones : what x has to meet
     tolerance : of the solver's residuals and gap
+
+    Returns
+    -------
+    the minimum, and whether the solver proved it
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> from myomorph.core.fit.cones import Cone, Cones, minimize_in_cones
+    >>> from myomorph.core.fit.cones import Cones
+    >>> from myomorph.core.fit.cones import Cone
+    >>> nearest = mm.fit.NormalEquations(H=np.eye(2), g=np.array([-3.0, 1.0]))
+    >>> positive = Cones(
+    ...     rows=-np.eye(2), right=np.zeros(2), cones=(Cone("nonnegative", 2),)
+    ... )
+    >>> minimize_in_cones(nearest, positive).x.round(4).tolist()
+    [3.0, 0.0]
     """
     # Brought to a size of 1, so that the tolerance means the same for every problem.
     scale = 1.0 / max(float(np.diagonal(equations.H).mean()), 1e-300)

@@ -51,6 +51,14 @@ def correlation_times(runs: Sequence[Array]) -> Array:
     Returns
     -------
     (columns,) [frames], 1 or more
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from myomorph.core.fit.correlation import correlation_times
+    >>> white = np.random.default_rng(0).normal(size=(5000, 1))
+    >>> bool(correlation_times([white])[0] < 1.1)
+    True
     """
     covariance = autocovariance(runs)
     pairs = len(covariance) // 2
@@ -80,6 +88,14 @@ def variance_samples(runs: Sequence[Array]) -> float:
     Returns
     -------
     their number, at most that of all values
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from myomorph.core.fit.correlation import variance_samples
+    >>> white = np.random.default_rng(0).normal(size=(5000, 1))
+    >>> bool(variance_samples([np.repeat(white, 2, axis=0)]) < 7000)
+    True
     """
     covariance = autocovariance(runs).sum(axis=1)
     rho = covariance[: max(len(covariance) // 2, 1)]

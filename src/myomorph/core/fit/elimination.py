@@ -45,6 +45,16 @@ def eliminated(own: Array, shared: Array, residuals: Array) -> Eliminated:
     Returns
     -------
     the equations of the shared unknowns, and how the frame's own follow them
+
+    Examples
+    --------
+    A frame with an offset of its own shows the shared slope by differences alone:
+
+    >>> import numpy as np
+    >>> from myomorph.core.fit.elimination import eliminated
+    >>> frame = eliminated(np.ones((2, 1)), np.array([[0.0], [2.0]]), np.array([1.0, 3.0]))
+    >>> frame.equations.H.round(6).tolist(), frame.equations.g.round(6).tolist()
+    ([[2.0]], [2.0])
     """
     basis, sizes, directions = np.linalg.svd(own, full_matrices=False)
     shown = sizes > SMALLEST * sizes.max(initial=0.0)

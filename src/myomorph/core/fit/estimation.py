@@ -123,16 +123,17 @@ def estimate(
     Examples
     --------
     >>> import numpy as np
-    >>> from myomorph.core.fit import Block, Measured, Problem, Unknown, Unknowns, estimate
+    >>> import myomorph as mm
     >>> time = np.arange(0.0, 1.0, 0.1)
-    >>> line = Block(name="line", unknowns=(Unknown(name="offset"), Unknown(name="slope")))
-    >>> measured = Measured(
+    >>> unknowns = (mm.fit.Unknown(name="offset"), mm.fit.Unknown(name="slope"))
+    >>> line = mm.fit.Block(name="line", unknowns=unknowns)
+    >>> measured = mm.fit.Measured(
     ...     name="positions",
     ...     blocks=("line",),
     ...     function=lambda values: values["line"][0] + values["line"][1] * time - (1 + 2 * time),
     ...     sd=0.01,
     ... )
-    >>> found = estimate(Problem(Unknowns((line,)), (measured,)))
+    >>> found = mm.fit.estimate(mm.fit.Problem(mm.fit.Unknowns((line,)), (measured,)))
     >>> [round(float(value), 6) for value in found.values["line"]]
     [1.0, 2.0]
     >>> found.converged
@@ -160,6 +161,16 @@ def estimate_of(
     Returns
     -------
     the solution with what certifies it
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> from myomorph.core.fit.solver import minimize
+    >>> from myomorph.core.fit.estimation import estimate_of
+    >>> gain = mm.fit.Block(name="gain", unknowns=(mm.fit.Unknown(name="gain", mean=2.0, sd=1.0),))
+    >>> solution = minimize(mm.fit.Problem(mm.fit.Unknowns((gain,)), ()))
+    >>> estimate_of(solution).values["gain"].round(6).tolist()
+    [2.0]
     """
     problem = solution.problem
     explained = tuple(

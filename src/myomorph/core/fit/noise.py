@@ -10,7 +10,7 @@ import scipy
 
 from myomorph.core.fit.correlation import correlation_times
 from myomorph.core.model.arrays import Array, read_only, runs
-from myomorph.core.model.errors import check_name
+from myomorph.core.model.errors import BadData, check_name
 
 MIN_FRAMES = 30  # Fewer show no correlation
 FLOOR_BAND = 0.8  # From this share of half the sampling rate on, a spectrum is noise alone
@@ -18,7 +18,7 @@ MIN_BAND = 8  # Frequencies that a floor needs
 
 
 def residual_sd(squares: float, count: int, explained: float) -> float:
-    """Standard deviation of noise from what a fit left.
+    """Estimate the standard deviation of noise from what a fit left.
 
         sqrt(sum of squares / (count - explained))
 
@@ -31,6 +31,12 @@ def residual_sd(squares: float, count: int, explained: float) -> float:
     Returns
     -------
     in the residuals' unit; infinite where nothing is left
+
+    Examples
+    --------
+    >>> from myomorph.core.fit.noise import residual_sd
+    >>> residual_sd(squares=8.0, count=10, explained=8.0)
+    2.0
     """
     freedom = count - explained
     return float(np.sqrt(squares / freedom)) if freedom > 0.0 else np.inf
@@ -113,8 +119,26 @@ def noise_of_residuals(
     Returns
     -------
     what is known of each item; the spectrum's floor not yet, see `RecordingNoise.with_floor`
+
+    Raises
+    ------
+    BadData : names, time and residuals do not belong together
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> left = np.random.default_rng(0).normal(scale=0.002, size=(500, 1, 3))
+    >>> found = mm.fit.noise_of_residuals(("heel",), np.arange(500) / 100.0, left, "m")
+    >>> round(found.sd_of("heel"), 3)
+    0.002
     """
     frames, items, axes = residuals.shape
+    if items != len(names) or frames != len(time):
+        raise BadData(
+            f"{len(names)} names and {len(time)} times of residuals {residuals.shape}: expected"
+            " (frames, items, axes)"
+        )
     sd = np.full(items, np.nan)
     alike = np.full(items, np.nan)
     step = float(np.median(np.diff(time))) if frames > 1 else np.nan
@@ -152,6 +176,15 @@ def spectrum_floor(values: Array) -> Array:
     -------
     (items,) standard deviation along one axis in the unit of the values, NaN where too few frames
     in a row show it
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from myomorph.core.fit.noise import spectrum_floor
+    >>> time = np.arange(2000)[:, None, None] / 100.0
+    >>> noise = np.random.default_rng(0).normal(scale=0.002, size=(2000, 1, 3))
+    >>> spectrum_floor(np.sin(2.0 * np.pi * time) + noise).round(3)
+    array([0.002])
     """
     floor = np.full(values.shape[1], np.nan)
     for item in range(values.shape[1]):

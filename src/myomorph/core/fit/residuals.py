@@ -84,7 +84,13 @@ class Residuals(Protocol):
 
 @read_only
 class Rows:
-    """Residuals (rows,) in units of their noise, and their slopes (rows, unknowns)."""
+    """Residuals with their slopes.
+
+    Attributes
+    ----------
+    residuals : (rows,) in units of their noise
+    slopes : (rows, unknowns)
+    """
 
     residuals: Array
     slopes: Array
@@ -203,6 +209,7 @@ class LinearPrior:
     ----------
     name, blocks : see `Residuals`
     rows, right : rows (rows, unknowns) x - right (rows,) has standard deviation 1
+    prior : True: it was known before anything was measured
     """
 
     name: str

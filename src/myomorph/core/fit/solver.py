@@ -276,6 +276,19 @@ def minimize(
     Raises
     ------
     UnknownName : `fit` names a block that the problem does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> from myomorph.core.fit.solver import minimize
+    >>> angle = mm.fit.Unknown(name="angle", unit="rad", start=0.1, high=0.5)
+    >>> block = mm.fit.Block(name="angle", unknowns=(angle,))
+    >>> far = mm.fit.Measured(
+    ...     name="far", blocks=("angle",), function=lambda values: values["angle"] - 0.8
+    ... )
+    >>> found = minimize(mm.fit.Problem(mm.fit.Unknowns((block,)), (far,)))
+    >>> found.x.tolist(), found.search.status
+    ([0.5], 'converged')
     """
     method = method or Method()
     free = problem.unknowns.free(fit)

@@ -76,6 +76,13 @@ def added(values: Array, step: Array) -> Array:
     Returns
     -------
     (unknowns,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from myomorph.core.fit.unknowns import added
+    >>> added(np.array([1.0]), np.array([0.5])).tolist()
+    [1.5]
     """
     return values + step
 
@@ -98,6 +105,18 @@ def turned(values: Array, step: Array) -> Array:
     Returns
     -------
     (3 n,) [rad]
+
+    Raises
+    ------
+    ValueError : values or steps are not three for each rotation
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> quarter = np.array([0.0, 0.0, 0.5 * np.pi])
+    >>> (mm.fit.turned(quarter, quarter) / np.pi).round(6).tolist()
+    [0.0, 0.0, 1.0]
     """
     pairs = zip(step.reshape(-1, 3).tolist(), values.reshape(-1, 3).tolist(), strict=True)
     return np.array([_vector(_product(_quaternion(s), _quaternion(v))) for s, v in pairs]).ravel()

@@ -121,6 +121,26 @@ def held_out(
     Returns
     -------
     misfits in units of the noise
+
+    Raises
+    ------
+    BadData : a part is no residual of the problem
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> from myomorph.core.fit.verdict import held_out
+    >>> gain = mm.fit.Block(name="gain", unknowns=(mm.fit.Unknown(name="gain", start=1.0, sd=1.0),))
+    >>> trials = tuple(
+    ...     mm.fit.Measured(
+    ...         name=name, blocks=("gain",), function=lambda values: values["gain"] - 1.5, sd=0.1
+    ...     )
+    ...     for name in ("walk", "run")
+    ... )
+    >>> problem = mm.fit.Problem(mm.fit.Unknowns((gain,)), trials)
+    >>> held_out(problem, ["walk", "run"]).better
+    True
     """
     named = {one.name: one for one in problem.residuals}
     missing = [name for name in parts if name not in named]
