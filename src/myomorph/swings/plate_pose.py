@@ -21,21 +21,11 @@ from functools import cached_property
 import numpy as np
 
 from myomorph.core.contact.plate_placements import Placement
-from myomorph.core.fit import (
-    Block,
-    Evaluation,
-    Method,
-    Posterior,
-    Problem,
-    Rows,
-    Solution,
-    Unknown,
-    Unknowns,
-    Values,
-    minimize,
-    turned,
-)
-from myomorph.core.fit.unknowns import Bools
+from myomorph.core.fit.posterior import Posterior
+from myomorph.core.fit.problem import Problem
+from myomorph.core.fit.residuals import Evaluation, Rows
+from myomorph.core.fit.solver import Method, Solution, minimize
+from myomorph.core.fit.unknowns import Block, Bools, Unknown, Unknowns, Values, turned
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.spatial import (
     axis_rotation,
