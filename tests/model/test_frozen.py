@@ -46,6 +46,8 @@ EXCEPTIONS: dict[str, str] = {
     "myomorph.core.motion.newton.SolvedPoses": "kernels write its arrays, a frame at a time",
     "myomorph.core.motion.online.SteadyFrame": KERNELS,
     "myomorph.core.rigid.dynamics.JointWrenches": KERNELS,
+    "myomorph.core.tension.elastic.problem.WindowResults": "the windows fill its arrays",
+    "myomorph.core.tension.elastic.windows.Paths": KERNELS,
     "myomorph.core.rigid.kinematics.Poses": KERNELS,
     "myomorph.core.rigid.loops.LoopBasis": KERNELS,
 }

@@ -107,8 +107,10 @@ def foot_sites(
     >>> import myomorph as mm
     >>> still = mm.model.Transform.identity()
     >>> ahead = mm.model.Transform(np.eye(3), np.array([0.18, 0.0, 0.0]))
-    >>> bodies = [mm.model.Body(name, 1.0, np.zeros(3), 0.01 * np.eye(3)) for name in ("calcn_r",
-    "toes_r")] >>> ankle = mm.model.Joint("ankle_r", "WeldJoint", "ground", "calcn_r", still, still)
+    >>> inertia = 0.01 * np.eye(3)
+    >>> names = ("calcn_r", "toes_r")
+    >>> bodies = [mm.model.Body(name, 1.0, np.zeros(3), inertia) for name in names]
+    >>> ankle = mm.model.Joint("ankle_r", "WeldJoint", "ground", "calcn_r", still, still)
     >>> toes = mm.model.Joint("mtp_r", "WeldJoint", "calcn_r", "toes_r", ahead, still)
     >>> model = mm.Model("foot", tuple(bodies), (ankle, toes), (), [0.0, -9.80665, 0.0])
     >>> [site.name for site in mm.contact.foot_sites(model)]

@@ -399,8 +399,9 @@ def contact_activations(
     >>> model = mm.read_model("arm.osim")
     >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
     >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]], mm.Cone(direction=model.up))]
-    >>> ready = mm.contact.contact_activations(model, motion, sites, mm.find_contacts(model, motion,
-    sites)) >>> ready.names, ready.values.shape, bool((ready.values <= 1.0).all())
+    >>> contacts = mm.find_contacts(model, motion, sites)
+    >>> ready = mm.contact.contact_activations(model, motion, sites, contacts)
+    >>> ready.names, ready.values.shape, bool((ready.values <= 1.0).all())
     (('hand',), (61, 1), True)
     """
     options = options or ActivationOptions()

@@ -490,7 +490,7 @@ def _chosen_frames(tension: Tension, frames: Sequence[int] | None) -> NDArray[np
     return chosen
 
 
-@dataclass(frozen=True, eq=False)
+@read_only
 class _Groups:
     """Groups in the order of their first site, and the generators of each.
 

@@ -241,8 +241,9 @@ def joint_contact_forces(  # page: as of `joint_reactions`, and the points
     >>> model = mm.read_model("arm.osim")
     >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
     >>> ends = [("upper", (0.0, 0.0, 0.02)), ("lower", (0.0, 0.0, -0.02))]
-    >>> points = [mm.ContactPoint("elbow", name, "", place, (0.0, -1.0, 0.0)) for name, place in
-    ends] >>> mm.joint_contact_forces(model, motion, None, None, points).point_columns
+    >>> down = (0.0, -1.0, 0.0)
+    >>> points = [mm.ContactPoint("elbow", name, "", place, down) for name, place in ends]
+    >>> mm.joint_contact_forces(model, motion, None, None, points).point_columns
     ('upper_elbow', 'lower_elbow')
     """
     if not points:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadModel
 from myomorph.core.model.model import Body, Joint, Model
 from myomorph.core.model.segments import feet_of
@@ -124,7 +124,7 @@ def _triple(vector: Array) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
-@dataclass(frozen=True, eq=False)
+@read_only
 class KneeAxes:
     """Directions on the tibia, and the size of the thigh.
 

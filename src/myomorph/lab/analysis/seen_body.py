@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.crossings import crossings
 from myomorph.core.motion.protocols import Site
@@ -32,6 +32,7 @@ ANKLE = ("shank.lateral_malleolus", "shank.medial_malleolus", "foot.ankle", "foo
 KNEE = ("thigh.lateral_epicondyle", "thigh.medial_epicondyle", "shank.knee", "shank.fibula_head")
 
 
+@read_only
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeenBody:
     """A body as markers show it.
