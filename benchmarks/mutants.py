@@ -1,11 +1,10 @@
-"""Mutation run: how many small wrong changes of the science rooms their own tests notice, with
-cosmic-ray.
+"""Mutation run: how many small wrong changes their own tests notice, with cosmic-ray.
 
 `python -m benchmarks mutants [--count N] [--seed S] [--rooms bones/morph ...] [--work FOLDER]
-[--save]`. A mutant is a change of one line in a copy of the tree; the tests of its room that import the module
-run, nearest first, within `--budget` seconds. FOLDER keeps what a stopped run goes on from. An hour
-for forty; not for Windows; extra `mutants`. Not drawn: constants, defaults, annotations,
-decorators, texts, what is raised or asserted, and `<` to `<=`.
+[--save]`. A mutant is a change of one line in a copy of the tree. The tests of its room that import
+the module run, nearest first, within `--budget` seconds. FOLDER keeps what a stopped run goes on
+from. An hour for forty; not for Windows; extra `mutants`. Not drawn: constants, defaults,
+annotations, decorators, texts, what is raised or asserted, and `<` to `<=`.
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ def test_any_subset_of_the_unknowns_is_estimated(subject, found):
 
 
 def test_a_calibration_certifies_itself(subject, found):
-    """Its estimate has every unknown, what each source of residuals left, and the noise is right."""
+    """Its estimate has all unknowns and what each source of residuals left; the noise is right."""
     estimate = found.estimate
     assert estimate.converged == found.converged
     lengths = estimate.values["lengths"]

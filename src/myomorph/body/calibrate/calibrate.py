@@ -1,4 +1,4 @@
-"""Kinematic identification: the lengths of a body and where its markers sit, from recorded motion."""
+"""Kinematic identification: lengths of a body and positions of its markers, from motion."""
 
 from __future__ import annotations
 

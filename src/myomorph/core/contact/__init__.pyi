@@ -1,4 +1,4 @@
-# The public names of `mm.contact`: where bodies may touch, when they do, and how ready a contact is to carry force.
+# The public names of `mm.contact`: where bodies may touch, when they do, contact activations.
 from .site_motion import Floor as Floor
 from .site_motion import rest_on_floor as rest_on_floor
 from .sites import FootOptions as FootOptions

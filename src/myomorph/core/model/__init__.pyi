@@ -1,4 +1,4 @@
-# The public names of `mm.model`: parts of models and of recordings, and what results say of themselves.
+# The public names of `mm.model`: parts of models and recordings, certificates of results.
 from .contacts import Generators as Generators
 from .contacts import register_law as register_law
 from .findings import Finding as Finding

@@ -95,8 +95,8 @@ class Quantity:
     unit : in SI, "1" where it has none, "N m or N" of rotations and of translations, "" of texts
     meaning : one line
     attribute : path to it in the value that holds it, "" for its name
-    kind : "number" and "single" are floats of 8 and 4 bytes; "count" and "code" integers of 4 and 1;
-        "flag" is a truth value, "text" a text for each entry
+    kind : "number" and "single" are floats of 8 and 4 bytes; "count" and "code" integers of 4 and
+        1; "flag" is a truth value, "text" a text for each entry
     packed : its axes in a result file, where that holds only the entries that can differ from 0
     stored : whether a result file holds it; else only its table and its drawn intervals
     file : table in the folder of results, with the name that OpenSim's users know; "" for none

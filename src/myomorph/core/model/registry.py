@@ -40,7 +40,7 @@ class Provider:
 
 @lru_cache(maxsize=1)
 def providers() -> tuple[Provider, ...]:
-    """All extensions that can be loaded: wings by their names, then installed packages by theirs."""
+    """List all extensions that can be loaded: wings, then installed packages, by name."""
     return (*_wings(), *_installed())
 
 

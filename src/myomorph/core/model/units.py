@@ -62,7 +62,7 @@ def shown_unit(unit: str) -> str:
 
 
 def conversion(unit: str, shown: str) -> float | None:
-    """Return the factor from a unit to the one in which values are shown, None where there is none."""
+    """Return the factor from a unit to the one that is shown, None where there is none."""
     if shown in (unit, written_unit(unit)):
         return 1.0
     return FACTORS.get((unit, shown))

@@ -138,9 +138,9 @@ def _register_overloads() -> None:
 def interpreted() -> Iterator[None]:
     """Kernels run as Python in here: slower by a hundred times, and at once.
 
-    So do those that `over_frames` calls from here in other threads. Functions with an `overload` run
-    their own bodies. Results are the same to the bit, but a division of Python's numbers by zero raises
-    `ZeroDivisionError` where compiled code gives an infinite value.
+    So do those that `over_frames` calls from here in other threads. Functions with an `overload`
+    run their own bodies. Results are the same to the bit, but a division of Python's numbers by
+    zero raises `ZeroDivisionError` where compiled code gives an infinite value.
     """
     before = _INTERPRETED.set(True)
     try:

@@ -44,7 +44,7 @@ def matching(folder: Path, pattern: str, where: str, problems: list[str]) -> lis
 
 
 def _is_utf8(path: Path) -> bool:
-    """Whether tables and pages can hold the name: that of a file from an old Linux may be Latin-1."""
+    """Whether tables and pages can hold the name: an old Linux may have named it in Latin-1."""
     try:
         str(path).encode("utf-8")
     except UnicodeEncodeError:

@@ -1,4 +1,4 @@
-"""Study files in TOML: tables that know their keys, and one list of all that is wrong with a file."""
+"""Study files in TOML: tables that know their keys, and one list of all errors of a file."""
 
 from __future__ import annotations
 

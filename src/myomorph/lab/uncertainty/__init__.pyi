@@ -1,4 +1,4 @@
-# The public names of `mm.uncertainty`: sources of error, drawn inputs, results of draws, and what they are of.
+# The public names of `mm.uncertainty`: sources of error, drawn inputs, results of draws.
 from ...core.model.quantity import Quantity as Quantity
 from .bodies import Draw as Draw
 from .bodies import drawn_subject as drawn_subject
