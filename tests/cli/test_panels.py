@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 
 from myomorph.lab.cli.app import PANELS as COMMAND_PANELS
-from myomorph.lab.cli.app import command_names, new_app
-from myomorph.lab.cli.panels import ALL_FLAG, FIRST, METHOD, PANELS, first_sentence, option_panel
+from myomorph.lab.cli.app import commands, new_app
+from myomorph.lab.cli.panels import ALL_FLAG, METHOD, PANELS, first_sentence, option_panel
 
+COMMANDS = commands()
+FIRST = {name: entry.first_options for name, entry in COMMANDS.items() if entry.first_options}
 SCREEN = 40
 """Lines of a terminal, at 80 columns."""
 
@@ -25,7 +27,7 @@ def test_tension_fits_two_screens(command):
     assert len(command("tension", "--help").out.splitlines()) <= 2 * SCREEN
 
 
-@pytest.mark.parametrize("name", command_names())
+@pytest.mark.parametrize("name", COMMANDS)
 def test_all_options_are_in_the_long_help(name, command):
     text = command(name, ALL_FLAG).out
     assert {
@@ -44,14 +46,19 @@ def test_the_short_help_shows_what_it_promises(name, command):
 
 
 def test_panels_name_options_that_exist():
-    known = {option.lower() for name in command_names() for option in options_of(name)}
+    known = {option.lower() for name in COMMANDS for option in options_of(name)}
     assert {option for options in PANELS.values() for option in options} - known == set()
 
 
+@pytest.mark.parametrize("name", [name for name, entry in COMMANDS.items() if entry.option_panels])
+def test_panels_of_a_command_name_its_options(name):
+    panels = COMMANDS[name].option_panels.values()
+    known = {option.lower() for option in options_of(name)}
+    assert {option for options in panels for option in options} - known == set()
+
+
 def test_every_command_is_in_a_panel():
-    assert sorted(name for names in COMMAND_PANELS.values() for name in names) == sorted(
-        command_names()
-    )
+    assert {entry.panel for entry in COMMANDS.values()} == set(COMMAND_PANELS)
 
 
 def test_where_an_option_stands():
