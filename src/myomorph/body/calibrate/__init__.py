@@ -1,3 +1,4 @@
-"""The problem that all frames of a body share: its unknowns, priors, fit, and what fixes the zero
-of every angle.
+"""Kinematic identification: the problem that all frames of a body share.
+
+Its unknowns, priors and fit, and what fixes the zero of every angle.
 """

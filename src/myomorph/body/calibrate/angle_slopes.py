@@ -1,5 +1,7 @@
-"""How the angles of all frames follow lengths and marker places, and what each recording says of
-these.
+"""Slopes of all frames' angles in lengths and marker positions, and what sliding skin adds.
+
+At the best angles of a frame the gradient in the angles is 0. So they follow the shared unknowns by
+the implicit function theorem; see `frame_slopes`.
 """
 
 from __future__ import annotations
@@ -25,9 +27,14 @@ MAX_COUNT = 120
 
 @read_only
 class AngleSlopes:
-    """Of all frames at a point: `mean` (coordinates, unknowns), derivatives of each coordinate's
-    mean over all frames, found of at most `MAX_COUNT`, 0 where no marker shows it; `seen`
-    (coordinates,), share of the frames in which markers show the coordinate and no bound holds it.
+    """Slopes of the angles' means at a point.
+
+    Attributes
+    ----------
+    mean : (coordinates, unknowns) derivative of each coordinate's mean over all frames, from at
+        most `MAX_COUNT` of them; 0 where no marker shows it
+    seen : (coordinates,) share of the frames in which markers show the coordinate and no bound
+        holds it
     """
 
     mean: Array
@@ -36,10 +43,18 @@ class AngleSlopes:
 
 @read_only
 class FrameSlopes:
-    """One frame at its best angles: its share in the mean over all frames, the coordinates that are
-    free, rotations (bodies, 3, 3) to ground, weights (markers,), 0 for one that is unseen;
-    derivatives of the markers' places in the lengths at fixed angles and in the angles (3 markers,
-    ...); those of the best angles (free, unknowns but the size).
+    """One frame at its best angles.
+
+    Attributes
+    ----------
+    share : of the frame in the mean over all frames
+    free : (free,) coordinates that markers show and no bound holds
+    rotations : (bodies, 3, 3) from each body to ground
+    weight : (markers,) 0 for one that is unseen
+    by_length : (3 markers, lengths) derivatives of the markers' positions in the lengths, angles
+        fixed [m]
+    by_angle : (3 markers, free) the same in the angles [m per rad or m]
+    angles : (free, unknowns but the size) derivatives of the best angles
     """
 
     share: float
@@ -52,7 +67,17 @@ class FrameSlopes:
 
 
 def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
-    """Derivatives of the angles' means in the unknowns, every frame at its best angles."""
+    """Compute derivatives of the angles' means, every frame at its best angles.
+
+    Parameters
+    ----------
+    problem : of all frames
+    at : point at which frames are settled
+
+    Returns
+    -------
+    slopes of the means over all frames, and how often each coordinate is shown
+    """
     mean = np.zeros((len(problem.posture), len(at.x)))
     seen = np.zeros(len(problem.posture))
     for frame in frame_slopes(problem, at):
@@ -62,8 +87,23 @@ def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
 
 
 def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
-    """dq/ds = -(J_q^T W J_q)^-1 J_q^T W J_s of at most `MAX_COUNT` frames, at the minima of their
-    costs.
+    """Yield how the best angles of a frame follow the shared unknowns.
+
+    With J_q and J_s the slopes of a frame's markers in its angles q and the shared unknowns s, and
+    W the markers' weights,
+
+        dq/ds = -(J_q^T W J_q)^-1 J_q^T W J_s
+
+    Closed loops enter as stiff ties (`TIED`).
+
+    Parameters
+    ----------
+    problem : of all frames
+    at : point at which frames are settled
+
+    Yields
+    ------
+    slopes of at most `MAX_COUNT` frames, evenly chosen from each recording
     """
     total = sum(len(angle) for angle in at.angles)
     stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
@@ -115,7 +155,18 @@ def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
 
 
 def _moving(pose: PoseProblem, by_coordinate: Array, weight: Array, c: Array) -> Array:
-    """Coordinates that are solved for, move a marker that is seen, and lie at no bound."""
+    """Select coordinates that are solved for, move a seen marker, and lie at no bound.
+
+    Parameters
+    ----------
+    by_coordinate : (3 markers, coordinates) slopes of marker positions
+    weight : (3 markers,) 0 where unseen
+    c : (coordinates,) of the frame [rad or m]
+
+    Returns
+    -------
+    (free,) indices of coordinates
+    """
     curvature = (by_coordinate[:, pose.free] ** 2 * weight[:, None]).sum(axis=0) * pose.unit[
         pose.free
     ] ** 2
@@ -125,7 +176,16 @@ def _moving(pose: PoseProblem, by_coordinate: Array, weight: Array, c: Array) ->
 
 
 def _between(slopes: Array) -> Array:
-    """(pairs * 3, unknowns) of the gaps from (pairs * 6, unknowns) of points in turn."""
+    """Subtract the two points of each pair.
+
+    Parameters
+    ----------
+    slopes : (6 pairs, unknowns) of both points of each pair in turn
+
+    Returns
+    -------
+    (3 pairs, unknowns) slopes of the gaps, second less first
+    """
     pairs = slopes.reshape(-1, 2, 3, slopes.shape[1])
     return (pairs[:, 1] - pairs[:, 0]).reshape(-1, slopes.shape[1])
 
@@ -133,12 +193,25 @@ def _between(slopes: Array) -> Array:
 def sliding(
     problem: SharedProblem, at: Point, shift: float, turn: float, independent_frames: int
 ) -> Array:
-    """(unknowns + coordinates, same) covariance that slides give the gradient [m^2 per unknown] and
-    the angles' means. A slide u of a segment's markers moves them by E u, and the gradient by J^T W
-    E u, where J are the slopes with the angles at their best; the angles follow the markers as
-    well. `shift`, `turn`: standard deviations of what all markers of a segment share while the body
-    moves, along each axis [m] and about each axis through the markers' middle [rad]. Slides of
-    neighboring frames are alike: their sum counts as that of `independent_frames`.
+    """Compute what skin that slides as one piece does to the gradient and to the zero angles.
+
+    A slide u of a segment's markers moves them by E u, and so the gradient by J^T W E u, where J
+    are the markers' slopes with the angles at their best. The angles follow the markers as well.
+    Slides of neighboring frames are alike: all frames count as `independent_frames`. Source: Barré
+    et al. 2017, Fiorentino et al. 2017 (docs/references.md).
+
+    Parameters
+    ----------
+    problem : of all frames
+    at : point at which frames are settled
+    shift : standard deviation by which all markers of a segment slide along each axis [m]
+    turn : the same about each axis through the middle of the markers [rad]
+    independent_frames : number of frames that all frames together are worth
+
+    Returns
+    -------
+    (unknowns + coordinates, same) covariance of the gradient [m^2 per unknown], then of the mean
+        angles [rad or m]; 0 where nothing slides
     """
     unknowns = len(at.x)
     n = len(problem.lengths)
@@ -178,8 +251,18 @@ def sliding(
 def _modes(
     places: Array, of: NDArray[np.bool_], shift: float, turn: float
 ) -> tuple[NDArray[np.int64], Array]:
-    """Markers of a body, and (markers, 3, 6) their moves in it: three shifts and three turns about
-    their middle.
+    """Build the moves of one body's markers that slide as one piece.
+
+    Parameters
+    ----------
+    places : (markers, 3) of all markers on their bodies [m]
+    of : (markers,) which are on the body
+    shift, turn : standard deviations [m], [rad]
+
+    Returns
+    -------
+    (chosen,) indices of its markers, and (chosen, 3, 6) their moves in the body's axes [m]: three
+        shifts, then three rotations about their mean position
     """
     chosen = np.flatnonzero(of)
     apart = places[chosen] - places[chosen].mean(axis=0)

@@ -71,18 +71,19 @@ def calibrate(
     progress: Callable[[int], None] | None = None,
     path_lengths: Callable[[Model], ArrayLike] | None = None,
 ) -> Calibration:
-    """The lengths of a body and the places of its markers that explain recorded motion best.
+    """Estimate lengths of a body and marker positions that explain recorded motion best.
 
     Over frames f, markers m, lengths s, shifts d and angles q_f,
 
-    min sum_fm w_m |x_m(q_f, s, d) - y_fm|^2 / noise^2 + |prior(s, d)|^2,
+        min sum_fm w_m |x_m(q_f, s, d) - y_fm|^2 / noise^2 + |prior(s, d)|^2
 
-    where x is linear in (s, d) and the angles, bounded, locked and coupled as in inverse
-    kinematics, are eliminated frame by frame. The prior keeps what no marker shows near the given
-    model: every length near the overall size, stretch across near that along, right near left,
-    markers near their places. [D] 3.2.1 step 1, after its reference 26.
+    where x is linear in (s, d). The angles, bounded, locked and coupled as in inverse kinematics,
+    are eliminated frame by frame. The prior keeps what no marker shows near the given model: every
+    length near the overall size, stretch across near that along, right near left, markers near
+    their positions.
 
-    Source: Lu and O'Connor 1999, whose problem is solved in every frame.
+    Source: [D] 3.2.1 step 1, after its reference 26; Lu and O'Connor 1999, whose problem is solved
+    in every frame; docs/identification.md, "Lengths and markers".
 
     Parameters
     ----------
@@ -94,13 +95,14 @@ def calibrate(
 
     Returns
     -------
-    the model with its new lengths and marker places, factors of the lengths with their standard
-    deviations, and marker errors before and after [m]
+    the model with its new lengths and marker positions, factors of the lengths with their standard
+        deviations, and marker errors before and after [m]
 
     Raises
     ------
-    BadData : no recording shares a marker with the model, or the markers' unit cannot be metres
-    UnknownName : an option names a marker or coordinate that does not exist
+    BadData : no recording shares a marker with the model, an option is out of range, or the loops
+        of the model cannot be closed at the size of the body
+    UnknownName : an option names a marker or coordinate that the model does not have
 
     Examples
     --------
@@ -184,7 +186,16 @@ def _check(options: CalibrationOptions) -> None:
 
 
 def _columns(markers: Markers, names: Sequence[str]) -> Array:
-    """(frames, names, 3) of a recording, NaN for markers it does not have."""
+    """Arrange a recording by marker names.
+
+    Parameters
+    ----------
+    names : of the columns
+
+    Returns
+    -------
+    (frames, names, 3) positions [m], NaN for markers that the recording does not have
+    """
     index = {name: i for i, name in enumerate(markers.names)}
     columns = np.full((len(markers), len(names), 3), np.nan)
     for i, name in enumerate(names):
@@ -196,7 +207,17 @@ def _columns(markers: Markers, names: Sequence[str]) -> Array:
 def _tracked(
     model: Model, recordings: Sequence[Markers], options: CalibrationOptions
 ) -> tuple[tuple[str, ...], Array]:
-    """Markers that the model shares with any recording, and their weights."""
+    """Collect markers that the model shares with any recording.
+
+    Returns
+    -------
+    names, and (names,) weights
+
+    Raises
+    ------
+    UnknownName : a marker to keep fixed is not the model's
+    BadData : a recording shares no marker with the model, or shows none of them in any frame
+    """
     every = tuple(dict.fromkeys(name for markers in recordings for name in markers.names))
     joined = Markers(np.zeros(0), every, np.zeros((0, len(every), 3)))
     names, weights = tracked_markers(
@@ -366,8 +387,17 @@ THIN = 3  # A segment with fewer markers than these can turn without showing it 
 
 
 def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers]) -> Iterator[str]:
-    """Segments that one or two markers show, the model's that are missing there, and recorded ones
-    it does not know.
+    """Report segments that only one or two markers show.
+
+    Also the model's markers that are missing there, and recorded ones that the model does not know.
+
+    Parameters
+    ----------
+    names : of markers that are fitted
+
+    Yields
+    ------
+    one line, or none
     """
     seen = {
         name
@@ -402,9 +432,7 @@ def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers
 
 
 def _side_notes(sides: Sequence[SideEstimate]) -> Iterator[str]:
-    """Which sides were found to differ: a leg or an arm that is longer, or a fault of markers that
-    looks like it.
-    """
+    """Report sides that differ: a longer leg or arm, or a fault of markers that looks like it."""
     differing = [
         f"{side.first} less {side.second} {100.0 * side.difference:+.1f} % (SD"
         f" {100.0 * side.sd:.1f} %)"
@@ -419,9 +447,11 @@ def _side_notes(sides: Sequence[SideEstimate]) -> Iterator[str]:
 
 
 def _estimate(search: Search, skin: Array) -> Estimate:
-    """The last stage's solution with its posterior, which skin that slides widens.
+    """Attach the posterior, which skin that slides widens, to the last stage's solution.
 
-    `skin` (unknowns + coordinates, same) is the result of `sliding` [m^2 per unknown].
+    Parameters
+    ----------
+    skin : (unknowns + coordinates, same) the result of `sliding` [m^2 per unknown]
     """
     size = len(search.free)
     # The gradient in units of the noise is that in metres over the variance.
@@ -431,7 +461,16 @@ def _estimate(search: Search, skin: Array) -> Estimate:
 
 
 def _prior_sd(problem: SharedProblem, free: Bools) -> Array:
-    """(lengths,) standard deviation without the recordings, the overall size known."""
+    """Compute how well lengths are known without the recordings, the overall size known.
+
+    Parameters
+    ----------
+    free : (unknowns,) which are estimated
+
+    Returns
+    -------
+    (lengths,) standard deviation of factors; 0 for those that are not free
+    """
     given_size = free.copy()
     given_size[-1] = False
     rows = problem.prior.rows[:, given_size]
@@ -441,9 +480,17 @@ def _prior_sd(problem: SharedProblem, free: Bools) -> Array:
 
 
 def _place_sd(problem: SharedProblem, posterior: Posterior) -> Array:
-    """(markers, 3) standard deviation of marker positions; 0 for what may not move.
+    """Compute how well marker positions are known.
 
-    A place is factor * location + shift; what the two share cancels.
+    A position is factor * location + shift; what the two share cancels.
+
+    Parameters
+    ----------
+    posterior : over all shared unknowns
+
+    Returns
+    -------
+    (markers, 3) standard deviation along the body's axes [m]; 0 for what may not move
     """
     n = len(problem.lengths)
     location = problem.stretch.location.ravel()

@@ -118,7 +118,17 @@ class Distances:
 
     @classmethod
     def of(cls, options: CalibrationOptions, unit: float) -> Distances:
-        """As specified, or those of a human body times the `length_unit` of this one."""
+        """Take distances as specified, or those of a human body times the size of this one.
+
+        Parameters
+        ----------
+        options : None in a field means the usual value
+        unit : `length_unit` of the body, 1 for human size
+
+        Returns
+        -------
+        distances [m], and the rotation of sliding skin [rad]
+        """
 
         def specified(value: float | None, usual: float) -> float:
             return usual * unit if value is None else value
@@ -169,9 +179,7 @@ class LengthEstimate:
 
     @property
     def shown(self) -> bool:
-        """Whether the recordings say more of it than was known before: they halve its standard
-        deviation.
-        """
+        """Whether the recordings halve the standard deviation known before."""
         return self.sd < 0.5 * self.prior_sd
 
 
@@ -307,7 +315,16 @@ class Calibration:
 
 
 def root_mean_square(errors: Sequence[Array]) -> float:
-    """Of distances in several arrays, NaN left out."""
+    """Compute the root mean square of distances in several arrays.
+
+    Parameters
+    ----------
+    errors : arrays of any shape [m]; NaN is left out
+
+    Returns
+    -------
+    root mean square [m], NaN where no distance is known
+    """
     everything = np.concatenate([error.ravel() for error in errors]) if errors else np.zeros(0)
     return (
         float(np.sqrt(np.nanmean(everything**2))) if np.isfinite(everything).any() else float("nan")

@@ -1,7 +1,6 @@
-"""What is held likely before any marker is seen: lengths, marker places, which sides may differ,
-the mean posture.
+"""Prior knowledge of lengths, marker positions, differing sides and the mean posture.
 
-Also which frames show most of a body, and how large it is before anything else is known.
+Also which frames show most of a body before anything else is known.
 """
 
 from __future__ import annotations
@@ -44,16 +43,28 @@ def spread_postures(
     frames: int,
     static: bool = False,
 ) -> tuple[tuple[Ints, Array], ...]:
-    """Chosen frames, ascending, of all recordings whose postures differ most, and the coordinates
-    in them.
+    """Choose the frames of all recordings whose postures differ most.
 
-    A posture is where the model's markers lie seen from its first body, after inverse kinematics.
-    The first frame is the one nearest to the mean posture (of a last recording that is `static`, if
-    any); then follows the frame farthest from all those chosen, until none differs by
+    A posture is where the model's markers lie relative to its first body, after inverse kinematics.
+    The first frame is the one nearest to the mean posture, of a last recording that is `static` if
+    there is one. Then follows the frame farthest from all those chosen, until none differs by
     `SAME_POSTURE`: a second frame of a posture shows the same skin and the same errors of the
     model, so it must not count as evidence. Frames that fit three times worse than usual or show
-    fewer than half the markers are not chosen, and of long recordings only `CANDIDATES` frames,
-    evenly spaced, are looked at.
+    fewer than half the markers are not chosen. Of long recordings only `CANDIDATES` frames, evenly
+    spaced, are considered.
+
+    Parameters
+    ----------
+    model : of about the body's size
+    trials : recordings, a static one last
+    options : of inverse kinematics
+    frames : at most so many are chosen
+    static : whether the last recording is a static trial
+
+    Returns
+    -------
+    for each recording the chosen frames (chosen,), ascending, and the coordinates in them (chosen,
+        coordinates) [rad or m]
     """
     total = sum(len(trial) for trial in trials)
     stride = max(1, -(-total // max(CANDIDATES, 2 * frames)))
@@ -95,7 +106,16 @@ def spread_postures(
 
 
 def _seen_from_base(model: Model, values: Array) -> Array:
-    """(frames, 3 markers) places of the model's markers in the frame of its first body [m]."""
+    """Express the model's markers in the frame of its first body.
+
+    Parameters
+    ----------
+    values : (frames, coordinates) [rad or m]
+
+    Returns
+    -------
+    (frames, 3 markers) positions [m]
+    """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, values)
     local = np.einsum(
@@ -109,8 +129,19 @@ def _seen_from_base(model: Model, values: Array) -> Array:
 def _farthest(
     table: Array, usable: Ints, count: int, first: NDArray[np.bool_], same: float
 ) -> list[int]:
-    """Rows each as far as can be from those chosen before, none within `same` of one [m RMS]; the
-    first of some.
+    """Choose rows that each lie as far as possible from those chosen before.
+
+    Parameters
+    ----------
+    table : (candidates, 3 markers) positions [m]
+    usable : rows that may be chosen
+    count : at most so many are chosen
+    first : (usable,) those among which the first is chosen
+    same : distance below which two rows are the same posture [m RMS]
+
+    Returns
+    -------
+    rows of the table, in the order of choice
     """
     points = table[usable]
     least = same**2 * table.shape[1] / 3.0
@@ -130,8 +161,17 @@ ASYMMETRIC_SHARE = 0.1
 
 
 def usual_shifts(model: Model, names: Sequence[str], distances: Distances) -> Array:
-    """(markers,) how far each lies from its place on the model, as a standard deviation along one
-    axis [m].
+    """Look up how far each marker usually lies from its position on the model.
+
+    Parameters
+    ----------
+    model : says which markers are fixed, as on bony landmarks
+    names : of the markers
+    distances : of fixed and of other markers [m]
+
+    Returns
+    -------
+    (markers,) standard deviation along one axis [m]
     """
     return np.array(
         [distances.fixed if model.marker(name).fixed else distances.marker for name in names]
@@ -145,8 +185,19 @@ def calibration_prior(
     size: float,
     differing: Collection[tuple[str, str]] = (),
 ) -> LinearPrior:
-    """Rows of the prior over lengths, shifts (markers,) and overall size; those in `differing` are
-    not held alike.
+    """Build the prior over lengths, shifts and overall size.
+
+    Parameters
+    ----------
+    lengths : whose factors are the first unknowns
+    shift_sd : (markers,) standard deviation of each marker's shift along one axis [m]
+    options : standard deviations of lengths, of stretch across, and of differences between sides
+    size : overall size, whose standard deviation is 0.5
+    differing : names of pairs of lengths whose sides are not held alike
+
+    Returns
+    -------
+    rows over (lengths, 3 markers, size), each of unit standard deviation
     """
     n = len(lengths)
     shifts = 3 * len(shift_sd)
@@ -180,11 +231,24 @@ def calibration_prior(
 def side_differences(
     lengths: Sequence[Length], x: Array, H: Array, prior: LinearPrior, options: CalibrationOptions
 ) -> tuple[SideEstimate, ...]:
-    """Pairs of lengths from joint to joint whose sides differ more than `side_sd` explains. Of two
-    Gaussian priors, narrow (`side_sd`) and wide (`ASYMMETRIC_SD`), the one is taken that makes the
-    data likelier, at odds of `ASYMMETRIC_SHARE`; pair after pair, the most telling first. The
-    evidence is that of the differences without a prior on sides, about the minimum x, with the
-    information H of the data alone [1/variance].
+    """Find pairs of lengths whose sides differ more than `side_sd` explains.
+
+    Of two Gaussian priors on a difference, narrow (`side_sd`) and wide (`ASYMMETRIC_SD`), the one
+    is taken that makes the data likelier, at odds of `ASYMMETRIC_SHARE`: pair after pair, the most
+    telling first. The evidence is that of the differences without a prior on sides, about the
+    minimum x.
+
+    Parameters
+    ----------
+    lengths : of the model; only those from joint to joint are compared
+    x : (unknowns,) at the minimum
+    H : (unknowns, unknowns) information of the data alone [1/variance]
+    prior : whose last rows are those of the sides
+    options : with `side_sd`
+
+    Returns
+    -------
+    one for each pair from joint to joint
     """
     pairs = mirrored_lengths(lengths)
     names = [(lengths[i].name, lengths[j].name) for i, j in pairs]
@@ -239,8 +303,13 @@ def side_differences(
 
 
 def _log_evidence(seen: Array, spread: Array, sd: Array) -> float:
-    """Of differences (pairs,) with covariance `spread`, where they vary by `sd`; a constant left
-    out.
+    """Compute the log evidence of differences, without its constant.
+
+    Parameters
+    ----------
+    seen : (pairs,) differences
+    spread : (pairs, pairs) their covariance from the data
+    sd : (pairs,) standard deviation by which the true differences vary
     """
     total = spread + np.diag(sd**2)
     return -0.5 * float(np.linalg.slogdet(total)[1] + seen @ np.linalg.solve(total, seen))
@@ -253,11 +322,23 @@ MAX_UNEVEN = 0.25  # Postures that both sides pass so unevenly say nothing of th
 def symmetric_posture(
     tree: Tree, free: Ints, angles: Sequence[Array], sd: float
 ) -> MeanPosture | None:
-    """Rows that hold the mean posture symmetric: right less left, and what bends or turns the trunk
-    to one side. How evenly a recording (frames, coordinates) [rad] shows both sides is seen from
-    what an offset does not change, the distances of the mean from the least and the largest angle.
-    Where they differ, the row counts less than `sd` [rad], and beyond `MAX_UNEVEN` not at all.
-    Joints to the ground have no rows.
+    """Build rows that hold the mean posture symmetric.
+
+    They are right less left, and what bends or rotates the trunk to one side. How evenly a
+    recording shows both sides is measured by what an offset does not change: the distances of the
+    mean from the smallest and the largest angle. Where they differ, the row counts less, and beyond
+    `MAX_UNEVEN` not at all. Joints to the ground have no rows.
+
+    Parameters
+    ----------
+    tree : of the model
+    free : (free,) coordinates that are solved for
+    angles : of each recording (frames, coordinates) [rad or m]
+    sd : standard deviation of a row [rad]
+
+    Returns
+    -------
+    rows over the means of all coordinates; None where the model has no sides or no row is left
     """
     names = [coordinate.name for coordinate in tree.model.coordinates]
     every = np.concatenate(angles)
@@ -304,8 +385,15 @@ def symmetric_posture(
 
 
 def _uneven(angle: Array, other: Array) -> float:
-    """How much the means of two angles may differ because not the same postures were recorded
-    [rad].
+    """Bound how much the means of two angles may differ because other postures were recorded.
+
+    Parameters
+    ----------
+    angle, other : (frames,) [rad]
+
+    Returns
+    -------
+    largest difference of the means' distances from the smallest and the largest angle [rad]
     """
     low = abs((angle.mean() - angle.min()) - (other.mean() - other.min()))
     high = abs((angle.max() - angle.mean()) - (other.max() - other.mean()))
@@ -313,8 +401,11 @@ def _uneven(angle: Array, other: Array) -> float:
 
 
 def _axes(tree: Tree) -> Mapping[int, Array]:
-    """Coordinate to the direction about which it turns its body in the default pose; those that
-    turn about one only.
+    """Find the axis in the default pose of every coordinate that rotates about one axis.
+
+    Returns
+    -------
+    index of the coordinate to (3,) direction in ground; the first one where there are several
     """
     poses = forward_kinematics(tree, closed_defaults(tree)[None])
     directions_of: dict[int, list[Array]] = {}
@@ -329,8 +420,11 @@ def _axes(tree: Tree) -> Mapping[int, Array]:
 
 
 def _lateral(tree: Tree) -> Array | None:
-    """(3,) from the left to the right, by the joints of both sides in the default pose; None
-    without sides.
+    """Find the direction from left to right by the joints of both sides in the default pose.
+
+    Returns
+    -------
+    (3,) unit vector in ground; None without sides
     """
     poses = forward_kinematics(tree, closed_defaults(tree)[None])
     centers = joint_centers(tree, poses.axis_points[0], poses.origins[0])

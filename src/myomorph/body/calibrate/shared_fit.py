@@ -84,7 +84,7 @@ def minimise(
     tolerance: float = 1e-5,
     after_step: Callable[[], None] = lambda: None,
 ) -> Minimum:
-    """The `free` shared unknowns of least cost, frames settled again after each step.
+    """Minimise the cost over the `free` shared unknowns, frames settled again after each step.
 
     Parameters
     ----------
@@ -95,6 +95,10 @@ def minimise(
     iterations : at most so many steps
     tolerance : largest change of the last step, of a factor or in `length_unit`
     after_step : called after each step
+
+    Returns
+    -------
+    the point where the search ended, with its costs
     """
     # Frames settle to a tolerance of their own, so that the cost of the last small step is noise.
     method = Method(
@@ -109,7 +113,19 @@ def minimise(
 def place_at_fixed_angles(
     problem: SharedProblem, at: Minimum, variance: float, free: Bools
 ) -> Array:
-    """[D] 3.2.1 (c): the unknowns, the free ones of which fit best while all angles stay."""
+    """Solve for the free unknowns that fit best while all angles stay ([D] 3.2.1 (c)).
+
+    Parameters
+    ----------
+    problem : with the prior
+    at : minimum whose normal equations at fixed angles are used
+    variance : of a marker along one axis [m^2]
+    free : (unknowns,) which may change
+
+    Returns
+    -------
+    (unknowns,) all of them
+    """
     rows = problem.prior.rows[:, free]
     H = at.reduced.fixed_H[np.ix_(free, free)] + variance * rows.T @ rows
     g = at.reduced.fixed_g[free] + variance * rows.T @ (
@@ -133,10 +149,17 @@ TAIL = 3.0  # Degrees of freedom of Student's t, of which shifts of markers are 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Where the search ended (`found`, with the prior of the last stage), and how it came there.
-    `noise` is the standard deviation of a marker along one axis [m], `steps` counts those of all
-    stages, `free` (unknowns,) says what was searched for, `sides` which pairs of lengths the prior
-    lets differ.
+    """Where the search ended, and how it came there.
+
+    Attributes
+    ----------
+    problem : with the prior of the last stage
+    found : the minimum
+    noise : standard deviation of a marker along one axis [m]
+    noise_found : whether the residual could show the noise
+    steps : of all stages
+    free : (unknowns,) which were searched for
+    sides : pairs of lengths, and whether the prior lets them differ
     """
 
     problem: SharedProblem
@@ -157,7 +180,26 @@ def search_minimum(
     distances: Distances,
     progress: Callable[[int], None] | None,
 ) -> Search:
-    """Minimum of the problem, the noise taken from its residual until both agree."""
+    """Search the minimum of the problem, the noise taken from its residual until both agree.
+
+    Parameters
+    ----------
+    problem : with the first prior
+    names : of the markers
+    size : overall size that lengths begin with
+    angles : of each recording (frames, coordinates) that frames begin with [rad or m]
+    options : method, steps, and what may move
+    distances : noise of markers, 0 to take it from the residual, and how far they lie off [m]
+    progress : called with 1 after each step
+
+    Returns
+    -------
+    the last minimum, with noise and sides
+
+    Raises
+    ------
+    BadData : the loops of the model cannot be closed at this size
+    """
     lengths, shifts = _may_move(problem, names, options)
     free = lengths | shifts
     x = np.zeros(problem.prior.rows.shape[1])
@@ -256,7 +298,12 @@ def search_minimum(
 def _may_move(
     problem: SharedProblem, names: Sequence[str], options: CalibrationOptions
 ) -> tuple[Bools, Bools]:
-    """Which unknowns are lengths or the size, and which are shifts of markers that may move."""
+    """Select the unknowns that may change.
+
+    Returns
+    -------
+    (unknowns,) those that are lengths or the size, and (unknowns,) shifts of markers
+    """
     n = len(problem.lengths)
     total = problem.prior.rows.shape[1]
     lengths = np.zeros(total, np.bool_)
@@ -271,8 +318,17 @@ def _may_move(
 def _noise(
     problem: SharedProblem, minimum: Minimum, free: Bools, variance: float
 ) -> tuple[float, bool]:
-    """Standard deviation of a marker along one axis from what the fit leaves, and whether that can
-    be known.
+    """Estimate the noise of a marker along one axis from what the fit leaves.
+
+    Parameters
+    ----------
+    free : (unknowns,) that were estimated
+    variance : that the fit was weighed by [m^2]
+
+    Returns
+    -------
+    standard deviation [m], and whether the residual can show it: no where angles and unknowns
+        explain more than 80 % of the recorded numbers
     """
     squares = 0.0
     seen = 0
@@ -297,8 +353,15 @@ def _alternate(
     most: int,
     after_step: Callable[[], None],
 ) -> Minimum:
-    """[D] 3.2.1: (b) angles and lengths, (c) marker positions at fixed angles, in turn, until
-    neither moves.
+    """Estimate lengths and marker positions in turn, as [D] 3.2.1 (b) and (c).
+
+    First angles and lengths, then marker positions at fixed angles, until neither moves.
+
+    Parameters
+    ----------
+    variance : of a marker along one axis [m^2]
+    lengths, shifts : (unknowns,) which are estimated in each turn
+    most : at most so many turns
     """
     costs: list[float] = []
     for _ in range(most):

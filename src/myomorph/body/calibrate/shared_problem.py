@@ -1,6 +1,4 @@
-"""The problem of all frames at once: what is shared, what each recording shows, and what is held
-likely before.
-"""
+"""The problem of all frames: shared unknowns, what each recording shows, and the prior."""
 
 from __future__ import annotations
 
@@ -31,9 +29,14 @@ this order, they are the vector x of `SharedProblem`.
 
 @dataclass(frozen=True, eq=False)
 class FrameSet:
-    """Frames of one recording: markers (frames, markers, 3) [m], NaN where unseen; (frames,
-    coordinates) values of coordinate tasks, and of coordinates that do not move; 1 / SD^2 of those
-    known to be at their target.
+    """Frames of one recording.
+
+    Attributes
+    ----------
+    observed : (frames, markers, 3) positions [m], NaN where unseen
+    targets : (frames, coordinates) values of coordinate tasks, and of coordinates that do not move
+        [rad or m]
+    known : (coordinates,) 1 / SD^2 of those that are known to be at their target
     """
 
     observed: Array
@@ -43,8 +46,14 @@ class FrameSet:
 
 @read_only
 class MeanPosture:
-    """What is held likely of the mean posture: (rows mean - right) has standard deviation 1.
-    `names` are those of the rows, as "ankle_angle_r - ankle_angle_l"; `sd` (rows,) [rad].
+    """Prior knowledge of the mean posture: rows @ mean - right has standard deviation 1.
+
+    Attributes
+    ----------
+    names : of the rows, as "ankle_angle_r - ankle_angle_l"
+    rows : (rows, coordinates) [1 / rad]
+    right : (rows,)
+    sd : (rows,) standard deviation before scaling [rad]
     """
 
     names: tuple[str, ...]
@@ -53,16 +62,39 @@ class MeanPosture:
     sd: Array
 
     def misfit(self, angles: Sequence[Array]) -> Array:
-        """(rows,) of the angles of all frames, in standard deviations."""
+        """Compute the misfit of the mean over all frames.
+
+        Parameters
+        ----------
+        angles : of each recording (frames, coordinates) [rad or m]
+
+        Returns
+        -------
+        (rows,) in standard deviations
+        """
         return self.rows @ np.concatenate(angles).mean(axis=0) - self.right
 
 
 @dataclass(frozen=True, eq=False)
 class SharedProblem:
-    """The problem of all frames. Its unknowns x are the factors of the lengths, three shifts [m]
-    for each marker and the overall size, which moves nothing but the prior. `pose` has the model's
-    markers and what may move, but no frames; `unit` measures changes of marker positions [m], see
-    `length_unit`; `mean_posture` is what is held likely of the mean of all frames' angles.
+    """The problem of all frames.
+
+    Its unknowns x are the factors of the lengths, three shifts [m] for each marker, and the overall
+    size, which moves nothing but the prior.
+
+    Attributes
+    ----------
+    model : the skeleton at its given lengths
+    lengths : that may change
+    marker_names : in the order of all arrays
+    stretch : how marker positions follow the lengths
+    pose : the model's markers and what may move, without frames
+    sets : frames of each recording
+    prior : over x
+    posture : (coordinates,) that angles which no marker shows are drawn to [rad or m]
+    posture_weight : of that pull
+    unit : that changes of marker positions are measured by, see `length_unit` [m]
+    mean_posture : prior of the mean of all frames' angles; None for none
     """
 
     model: Model
@@ -78,19 +110,48 @@ class SharedProblem:
     mean_posture: MeanPosture | None = None
 
     def prior_cost(self, x: Array, angles: Sequence[Array]) -> float:
-        """Of the unknowns and of the mean posture, in squares of standard deviations."""
+        """Compute the cost of the priors of unknowns and mean posture.
+
+        Parameters
+        ----------
+        x : (unknowns,)
+        angles : of each recording (frames, coordinates) [rad or m]
+
+        Returns
+        -------
+        sum of squares in standard deviations
+        """
         misfits = [self.prior.rows @ x - self.prior.right]
         if self.mean_posture is not None:
             misfits.append(self.mean_posture.misfit(angles))
         return float(np.sum(np.concatenate(misfits) ** 2))
 
     def stretched(self, x: Array) -> Model:
-        """The skeleton with its lengths."""
+        """Stretch the skeleton.
+
+        Parameters
+        ----------
+        x : (unknowns,)
+
+        Returns
+        -------
+        the skeleton with these lengths
+        """
         return scale(self.model, factors_of(self.lengths, x[: len(self.lengths)]))
 
     def tied(self, tree: Tree, stretch: Stretch) -> tuple[MarkerArrays, Stretch]:
-        """The points that loops tie in a stretched tree, as markers, and how they move with the
-        lengths: as points of their bodies, for a weld's lever does not stretch.
+        """Return the points that loops tie in a stretched tree, and how lengths move them.
+
+        They move as points of their bodies: the lever of a weld does not stretch.
+
+        Parameters
+        ----------
+        tree : of the stretched model
+        stretch : of the model's own markers
+
+        Returns
+        -------
+        the points as markers, two for each tie, and their stretch
         """
         if not self.model.loops:
             return tied_markers(None), stretch
@@ -98,7 +159,16 @@ class SharedProblem:
         return tied_markers(ties_of(tree)), stretch._replace(location=unstretched.location)
 
     def placed(self, x: Array) -> Array:
-        """(markers, 3) positions on the stretched bodies [m]."""
+        """Compute marker positions on the stretched bodies.
+
+        Parameters
+        ----------
+        x : (unknowns,)
+
+        Returns
+        -------
+        (markers, 3) on their bodies [m]
+        """
         n = len(self.lengths)
         factors = np.append(x[:n], 1.0)[self.stretch.column[self.pose.markers.body]]
         return self.stretch.location * factors + x[n:-1].reshape(-1, 3)
@@ -106,9 +176,16 @@ class SharedProblem:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """The problem at some x, every frame at its best angles: for each set its poses, angles
-    (frames, coordinates) and cost of each frame (frames,) [m^2]; the share of frames whose angles
-    converged.
+    """The problem at some x, every frame at its best angles.
+
+    Attributes
+    ----------
+    x : (unknowns,)
+    tree : of the model that x makes
+    poses : of each recording
+    angles : of each recording (frames, coordinates) [rad or m]
+    data : of each recording (frames,) cost [m^2]
+    settled : share of frames whose angles converged
     """
 
     x: Array
@@ -126,10 +203,14 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """Normal equations of the shared unknowns, angles eliminated (`H`, `g`) and at fixed angles
-    (`fixed_*`). `errors` are for each set (frames, markers) distances [m], NaN where unseen;
-    `angles_free` counts the angles, over all frames, that are not at a bound and that no loop
-    takes.
+    """Normal equations of the shared unknowns.
+
+    Attributes
+    ----------
+    H, g : (unknowns, unknowns), (unknowns,) with the angles eliminated [m^2 per unknown]
+    fixed_H, fixed_g : the same at fixed angles
+    errors : of each recording (frames, markers) distances [m], NaN where unseen
+    angles_free : number of angles, over all frames, that lie at no bound and that no loop takes
     """
 
     H: Array

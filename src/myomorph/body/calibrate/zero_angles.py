@@ -45,11 +45,25 @@ def zero_angles(
     zero_sd: float,
     skin: Array,
 ) -> tuple[ZeroAngle, ...]:
-    """The zeros of all angles that markers show, what fixes each, and its standard deviation. The
-    precision of a zero is counted up source by source, the generic model first and the static trial
-    (last set of frames) last; what each one adds is its share. `variance` is of a marker along one
-    axis [m^2], `zero_sd` of the generic bones' axes against the person's [rad], `skin` the result
-    of `sliding`.
+    """Find what fixes the zero of every angle that markers show, and its standard deviation.
+
+    The precision of a zero is counted up source by source, the generic model first and the static
+    trial last. What each one adds is its share.
+
+    Parameters
+    ----------
+    problem : of all frames, the static trial's last
+    at : point that was found
+    start : the generic model at the body's size
+    variance : of a marker along one axis [m^2]
+    free : (unknowns,) that were estimated
+    static : whether the last set of frames is a static trial
+    zero_sd : of the generic bones' axes against the person's [rad]
+    skin : (unknowns + coordinates, same) result of `sliding`
+
+    Returns
+    -------
+    one for each rotational coordinate that markers show
     """
     slopes = angle_slopes(problem, at)
     motion = slice(0, len(problem.sets) - 1) if static else slice(None)
@@ -102,12 +116,22 @@ def _part(at: Point, part: slice) -> Point:
 
 
 def _precision(S: Array, information: Array) -> Array:
-    """(rows,) inverse variance of the rows."""
+    """Compute the precision of linear combinations of the unknowns.
+
+    Parameters
+    ----------
+    S : (rows, unknowns)
+    information : (unknowns, unknowns)
+
+    Returns
+    -------
+    (rows,) inverse variance
+    """
     return 1.0 / np.maximum(np.einsum("ij,ji->i", S, np.linalg.solve(information, S.T)), 1e-18)
 
 
 def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
-    """One line where angles' zeros are known badly: which, how far, and what would fix them."""
+    """Report angles whose zeros are known badly: which, how far, and what would fix them."""
     wide = sorted((zero for zero in zeros if NORMAL_90 * zero.sd > WIDE), key=lambda zero: -zero.sd)
     if not wide:
         return ()
@@ -123,8 +147,18 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
 
 
 def far_zeros(zeros: Sequence[ZeroAngle], static: bool) -> tuple[Finding, ...]:
-    """Angles whose zeros lie where no bones have them; mended where a static trial can take the
-    motion's place.
+    """Find angles whose zeros lie where no bones have them.
+
+    They are repaired where a static trial can take the place of the motion.
+
+    Parameters
+    ----------
+    zeros : of knees and feet
+    static : whether a static trial is there to calibrate on alone
+
+    Returns
+    -------
+    one finding, or none
     """
     ends = {zero: abs(zero.offset) - NORMAL_90 * zero.sd for zero in zeros}
     far = sorted((zero for zero, end in ends.items() if end > FAR), key=lambda zero: -ends[zero])
