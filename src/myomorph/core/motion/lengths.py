@@ -1,5 +1,6 @@
-"""Lengths of a body that may differ from the model's: which bodies stretch together, along which
-axes; units of size.
+"""Lengths of a body that may differ from the model's.
+
+Which bodies are scaled together, along which axes, and units of size.
 
 The virtual prismatic coordinates of [D] 3.2.1: the distances between the joint centers of a segment
 are unknowns that do not change with time. They are factors of the model's own lengths here, so that
@@ -30,11 +31,17 @@ _SHOULDER_BLADE = re.compile(r"clav|scap|acromi|shoulder", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Length:
-    """One length: an axis of a segment, stretched by one factor; named after the segment's heaviest
-    body, "femur_r_y". `stretched` are (body, axis 0 ... 2) of every body axis that takes the
-    factor, `extent` [m] how far the joint centers lie apart along it, in a last segment the joint
-    and the markers, or the mass center. `along`: this is the longest of the segment's axes, from
-    joint to joint; without joints at both ends the size shows in markers only.
+    """One length: an axis of a segment, scaled by one factor.
+
+    Attributes
+    ----------
+    name : of the segment's heaviest body and the axis, as "femur_r_y"
+    segment : name of its heaviest body
+    stretched : (body, axis 0 ... 2) of every body axis that takes the factor
+    extent : how far the joint centers lie apart along it; in a last segment the joint and the
+        markers, or the center of mass [m]
+    along : this is the longest of the segment's axes, from joint to joint
+    between_joints : the segment has joints at both ends; else the length shows in markers only
     """
 
     name: str
@@ -46,15 +53,22 @@ class Length:
 
 
 def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
-    """Three lengths for every segment of a model: the one from joint to joint, and the two across
-    it.
+    """Find three lengths for every segment of a model: from joint to joint, and the two across.
 
-    Bodies belong to one segment where no coordinate of their own lets them move apart (welds,
-    couplers, paths driven by a neighbor's angle) and, in a model of a human body, where their names
-    say the same segment: heel, ankle bone and toes are a foot, ulna and radius a forearm, all
-    vertebrae and ribs above the pelvis a trunk. The axes of a segment are those of its first body;
-    other bodies' axes follow the one they lie nearest to in the default pose. `symmetric`: one
-    factor for the right and the left.
+    Bodies belong to one segment where no coordinate of their own lets them move against each other
+    (welds, couplers, paths driven by a neighbor's angle) and, in a model of a human body, where
+    their names say the same segment: heel, ankle bone and toes are a foot, ulna and radius a
+    forearm, all vertebrae and ribs above the pelvis a trunk. The axes of a segment are those of its
+    first body; other bodies' axes follow the one they lie nearest to in the default pose.
+
+    Parameters
+    ----------
+    model : of any body
+    symmetric : use one factor for the right and the left
+
+    Returns
+    -------
+    three lengths for each segment, in the order of the tree
     """
     tree = compile_tree(model)
     pose = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
@@ -101,7 +115,16 @@ def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
 
 
 def segments_that_stretch(model: Model) -> tuple[tuple[str, ...], ...]:
-    """The bodies of every segment that stretches as one, each in the order of the tree."""
+    """Group the bodies that are scaled as one segment.
+
+    Parameters
+    ----------
+    model : of any body
+
+    Returns
+    -------
+    the bodies of every segment, each in the order of the tree
+    """
     free = {coordinate.name for coordinate in model.coordinates} - set(model.dependent_coordinates)
     joints = {joint.child: joint for joint in model.joints}
     named = segments_if_human(model)
@@ -126,8 +149,16 @@ def segments_that_stretch(model: Model) -> tuple[tuple[str, ...], ...]:
 
 
 def factors_of(lengths: Sequence[Length], values: Array) -> dict[str, Array]:
-    """Scale factors (3,) of every body, as `scale` takes them, from the factor of each length
-    (lengths,).
+    """Spread the factor of each length to the bodies that it scales.
+
+    Parameters
+    ----------
+    lengths : of the model
+    values : (lengths,) factor of each [-]
+
+    Returns
+    -------
+    scale factors (3,) of every body, along its x, y and z, as `scale` takes them [-]
     """
     factors: dict[str, Array] = {}
     for length, value in zip(lengths, values, strict=True):
@@ -137,7 +168,16 @@ def factors_of(lengths: Sequence[Length], values: Array) -> dict[str, Array]:
 
 
 def mirrored_lengths(lengths: Sequence[Length]) -> tuple[tuple[int, int], ...]:
-    """Pairs of lengths that are the same one of the right and the left side."""
+    """Pair lengths that are the same one of the right and the left side.
+
+    Parameters
+    ----------
+    lengths : of the model
+
+    Returns
+    -------
+    numbers (i, j) of each pair, i < j
+    """
     index = {length.name: i for i, length in enumerate(lengths)}
     mirror = mirror_names(length.segment for length in lengths)
     pairs = (
@@ -150,8 +190,17 @@ def mirrored_lengths(lengths: Sequence[Length]) -> tuple[tuple[int, int], ...]:
 
 
 def joint_centers(tree: Tree, axis_points: Array, origins: Array) -> Array:
-    """(bodies, 3) center of every body's joint in ground: a point on its last rotation, else its
-    origin [m].
+    """Locate the center of every body's joint: a point on its last rotation axis, else its origin.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    axis_points : (axes, 3) a point on each axis in ground, of `Poses.axis_points` [m]
+    origins : (bodies, 3) in ground [m]
+
+    Returns
+    -------
+    (bodies, 3) in ground [m]
     """
     centers = origins.copy()
     arrays = tree.arrays
@@ -162,12 +211,22 @@ def joint_centers(tree: Tree, axis_points: Array, origins: Array) -> Array:
 
 
 def _nearest_axes(first: Array, other: Array) -> list[int]:
-    """For each axis of one frame, the axis of another that lies nearest to it, each taken once."""
+    """Match each axis of one frame to the nearest of another, each taken once.
+
+    Parameters
+    ----------
+    first, other : (3, 3) rotations, axes as columns
+
+    Returns
+    -------
+    for each axis of the first, the number of the other's
+    """
     _, columns = scipy.optimize.linear_sum_assignment(-np.abs(first.T @ other))
     return [int(axis) for axis in columns]
 
 
 def _one_for_both_sides(lengths: Sequence[Length]) -> tuple[Length, ...]:
+    """Merge each pair of the right and the left into one length that scales both."""
     partner = dict(mirrored_lengths(lengths))
     merged = []
     for i, length in enumerate(lengths):
@@ -192,9 +251,20 @@ HUMAN_SEGMENT = 0.24
 
 
 def length_unit(tree: Tree) -> float:
-    """What stands for one metre in tolerances and usual distances: 1 for a body of human size, else
-    less in proportion. unit = min(1, longest segment / 0.24 m), a segment being the distance of a
-    joint's center to that of its body's parent or to a marker of its body.
+    """Return what stands for one metre in tolerances and usual distances.
+
+        unit = min(1, longest segment / 0.24 m)
+
+    It is 1 for a body of human size, else less in proportion. A segment is here the distance of a
+    joint's center to that of its body's parent or to a marker of its body, in the default pose.
+
+    Parameters
+    ----------
+    tree : the compiled model
+
+    Returns
+    -------
+    [m], above 0 and at most 1
     """
     poses = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
     centers = joint_centers(tree, poses.axis_points[0], poses.origins[0])
@@ -209,7 +279,16 @@ def length_unit(tree: Tree) -> float:
 
 
 def coordinate_units(tree: Tree) -> Array:
-    """(coordinates,) scale of a change of each: 1 rad, or `length_unit` for a slide."""
+    """Return the scale of a change of each coordinate: 1 rad, or `length_unit` for a translation.
+
+    Parameters
+    ----------
+    tree : the compiled model
+
+    Returns
+    -------
+    (coordinates,) [rad or m]
+    """
     slides = np.array(
         [coordinate.motion == "translational" for coordinate in tree.model.coordinates]
     )

@@ -1,5 +1,6 @@
-"""Scale factors from distances between markers in a static trial, then markers placed, as OpenSim's
-scale tool does.
+"""Scale factors from distances between markers in a static trial, then markers placed on the pose.
+
+Both follow OpenSim's scale tool.
 """
 
 from __future__ import annotations
@@ -23,9 +24,15 @@ INSTANT = 1e-9  # Times that differ by less are the same [s]
 
 @dataclass(frozen=True)
 class Measured:
-    """What a measurement found: the mean over the pairs of recorded / model, nan where it cannot be
-    used; distances of each pair [m], of the recording the mean over its frames; notes why it cannot
-    be used, or what is odd.
+    """Result of a measurement.
+
+    Attributes
+    ----------
+    measurement : which distances, and the bodies that take the factor
+    factor : mean over the pairs of recorded / model [-]; nan where it cannot be used
+    recorded : distance of each pair, mean over the frames that show it [m]
+    model : distance of each pair in the default pose [m]
+    notes : why it cannot be used, or what is odd
     """
 
     measurement: Measurement
@@ -38,8 +45,16 @@ class Measured:
 def with_measured(
     measured: Iterable[Measured], factors: Mapping[str, Array] | None = None
 ) -> dict[str, Array]:
-    """Factors with those that measurements found put in; a measurement that cannot be used changes
-    none.
+    """Put factors that measurements found into others; one that cannot be used changes none.
+
+    Parameters
+    ----------
+    measured : results, of which later ones win
+    factors : (3,) along x, y and z of each body [-]; None begins with 1
+
+    Returns
+    -------
+    (3,) factors along x, y and z of each body that has any [-]
     """
     result = {body: np.array(factor, dtype=np.float64) for body, factor in (factors or {}).items()}
     for length in measured:
@@ -52,10 +67,25 @@ def with_measured(
 
 
 def measure(model: Model, markers: Markers, measurement: Measurement) -> Measured:
-    """The scale factor of a measurement: mean over pairs of (mean over frames of |y_1 - y_2|) /
-    |x_1 - x_2|, with y of the recording and x of the model in its default pose. A frame that does
-    not show both markers does not count. A measurement without pairs, with a marker that model or
-    recording lack, or that no frame shows is not used, as in OpenSim.
+    """Measure the scale factor of a model by distances between its markers.
+
+        factor = mean over pairs of (mean over frames of |y_1 - y_2|) / |x_1 - x_2|
+
+    with y of the recording and x of the model in its default pose. A frame that does not show both
+    markers of a pair does not count.
+
+    Source: OpenSim's `ModelScaler`. As there, a measurement without pairs, with a marker that model
+    or recording lack, or that no frame shows is not used.
+
+    Parameters
+    ----------
+    model : to be scaled
+    markers : of a static trial (frames, markers, 3) [m], NaN where hidden
+    measurement : pairs of markers, and the bodies that take the factor
+
+    Returns
+    -------
+    the factor, or nan and notes that say why it cannot be used
     """
     notes = _missing(model, markers, measurement)
     if notes:
@@ -90,6 +120,7 @@ def measure(model: Model, markers: Markers, measurement: Measurement) -> Measure
 
 
 def _missing(model: Model, markers: Markers, measurement: Measurement) -> list[str]:
+    """Say why a measurement cannot be used: without pairs, or with markers that one side lacks."""
     unused = f"measurement '{measurement.name}' is not used"
     if not measurement.pairs:
         return [f"{unused}: it has no marker pairs"]
@@ -105,15 +136,43 @@ def _missing(model: Model, markers: Markers, measurement: Measurement) -> list[s
 
 
 def default_markers(model: Model, names: Sequence[str]) -> Array:
-    """(markers, 3) places of markers in ground in the model's default pose [m]."""
+    """Locate markers in ground in the model's default pose.
+
+    Parameters
+    ----------
+    model : with these markers
+    names : of the markers
+
+    Returns
+    -------
+    (markers, 3) [m]
+
+    Raises
+    ------
+    UnknownName : the model has no such marker
+    """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
     return poses.markers([model.marker(name) for name in names])[0]
 
 
 def frames_around(markers: Markers, start: float, end: float) -> Markers:
-    """The frames that OpenSim averages: from the last one at or before `start` to the first at or
-    after `end` [s].
+    """Take the frames that OpenSim averages over a range of time.
+
+    They run from the last one at or before `start` to the first at or after `end`.
+
+    Parameters
+    ----------
+    markers : of a static trial (frames, markers, 3) [m]
+    start, end : of the range [s]
+
+    Returns
+    -------
+    at least one frame
+
+    Raises
+    ------
+    BadData : without frames, or where the range ends before it starts
     """
     if len(markers) == 0:
         raise BadData("the recording has no frames")
@@ -126,9 +185,15 @@ def frames_around(markers: Markers, start: float, end: float) -> Markers:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A model whose markers, only those recorded, lie where a static trial shows them except for
-    the fixed ones. `fit` is the pose, one frame, with the markers as they were before; `moved` how
-    far each went [m].
+    """A model whose markers lie where a static trial shows them; markers not recorded are removed.
+
+    Attributes
+    ----------
+    model : with the recorded markers moved, except for the fixed ones
+    fit : of the pose, one frame, with the markers as they were before
+    moved : how far each marker went [m]
+    removed : markers that the recording lacks
+    notes : what looks odd
     """
 
     model: Model
@@ -146,9 +211,23 @@ def place_on_pose(
     options: InverseKinematicsOptions | None = None,
     most_movement: float = np.inf,
 ) -> Placement:
-    """Pose the model by the mean markers of a static trial from `start` to `end` [s], then move its
-    markers to their means. A marker whose coordinates spread wider than `most_movement` [m] is
-    named in the notes.
+    """Pose a model by the mean markers of a static trial, then move its markers to their means.
+
+    Parameters
+    ----------
+    model : scaled already
+    markers : of a static trial (frames, markers, 3) [m], NaN where hidden
+    start, end : of the frames to average [s]
+    options : of the inverse kinematics
+    most_movement : a marker with a coordinate that spreads wider is named in the notes [m]
+
+    Returns
+    -------
+    the model with its markers moved
+
+    Raises
+    ------
+    BadData : no frame lies between `start` and `end`
     """
     used = frames_around(markers, start, end)
     inside = (used.time >= start - INSTANT) & (used.time <= end + INSTANT)
@@ -194,7 +273,7 @@ def place_on_pose(
 
 
 def _mean(markers: Markers) -> Markers:
-    """One frame, each marker at its mean over the frames that show it; NaN where none does."""
+    """Average markers (frames, markers, 3) over the frames that show each, NaN where none does."""
     seen = np.isfinite(markers.values)
     count = seen.sum(axis=0)
     total = np.where(seen, markers.values, 0.0).sum(axis=0)
@@ -203,6 +282,7 @@ def _mean(markers: Markers) -> Markers:
 
 
 def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) -> list[str]:
+    """Name markers that are hidden, or move more than `most_movement` [m], in the static frames."""
     notes = [
         f"marker '{name}' is not seen in the static frames: it stays"
         for name in model.marker_names
@@ -222,8 +302,25 @@ def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) ->
 def place_markers(
     model: Model, motion: Motion, markers: Markers, bodies: Mapping[str, str]
 ) -> tuple[Marker, ...]:
-    """Markers at the mean of where a recording shows them on their `bodies`: mean over frames of
-    R_body^T (x_marker - p_body), the motion being the pose of the model in each frame.
+    """Place markers at the mean of where a recording shows them on their bodies.
+
+        location = mean over frames of R_body^T (x_marker - p_body)
+
+    Parameters
+    ----------
+    model : whose bodies these are
+    motion : pose of the model in each frame (frames, coordinates) [rad or m]
+    markers : recorded in the same frames (frames, markers, 3) [m], NaN where hidden
+    bodies : body of each marker to place
+
+    Returns
+    -------
+    a marker for each, located in the frame of its body [m]
+
+    Raises
+    ------
+    BadData : motion and markers differ in length, or no frame shows a marker
+    UnknownName : the recording has no such marker, or the model no such body
     """
     if len(motion) != len(markers):
         raise BadData(f"the motion has {len(motion)} frames, but the markers have {len(markers)}")

@@ -1,5 +1,7 @@
-"""Where inverse kinematics starts: some poses of a recording, found without any knowledge of the
-first.
+"""Poses from which inverse kinematics starts, found without any knowledge of the first.
+
+Every `SCOUT`-th frame is solved in turn. Where the fit is suddenly poor, several headings of the
+whole body and both branches of ball joints are tried.
 """
 
 from __future__ import annotations
@@ -26,11 +28,22 @@ SAME_ROTATION = 1e-6  # Entries of rotation matrices that differ by less are tho
 
 
 def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
-    """Pose of every `SCOUT`-th frame (poses, coordinates), tracked in turn; where it is not shown,
-    that before it. The first frame, and a frame whose cost jumps, is solved again from several
-    headings of the whole body, and the best pose is kept, so that a bad first frame or a long gap
-    does not spoil what follows. A joint that then lies at a bound is tried from inside its range:
-    angles of a ball joint have two branches.
+    """Solve every `SCOUT`-th frame, each from the pose before it.
+
+    The first frame, and a frame whose cost is more than four times the usual one, is solved again
+    from several headings of the whole body, and the best pose is kept, so that a bad first frame or
+    a long gap does not spoil what follows. A joint that then lies at a bound is tried from inside
+    its range, because the angles of a ball joint have two branches.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    problem : of all frames
+    settings : weight of the posture, tolerance (replaced by `SCOUT_TOLERANCE`) and most steps
+
+    Returns
+    -------
+    (poses, coordinates) [rad or m]; where a frame is not shown, the pose before it
     """
     rest = closed_defaults(tree)
     root = root_coordinates(tree)
@@ -92,13 +105,31 @@ def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
 
 
 def closed_defaults(tree: Tree) -> Array:
-    """The default pose, loops closed."""
+    """Return the default pose with its loops closed.
+
+    Parameters
+    ----------
+    tree : the compiled model
+
+    Returns
+    -------
+    (coordinates,) [rad or m]
+    """
     return close_loops(tree, tree.defaults[None])[0] if tree.model.loops else tree.defaults.copy()
 
 
 def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]:
-    """The free rotations of every joint of two or three of which one lies at its bound: it may be
-    on a wrong branch.
+    """Find joints of two or three free rotations of which one lies at its bound.
+
+    Such a joint may be on the wrong branch. Those with an infinite bound are left out.
+
+    Parameters
+    ----------
+    pose : (coordinates,) [rad or m]
+
+    Returns
+    -------
+    numbers of the free rotations of each such joint
     """
     place = {int(j): i for i, j in enumerate(problem.free)}
     result = []
@@ -118,8 +149,16 @@ def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]
 
 
 def _within(tree: Tree, joint: list[int], pose: Array) -> list[Array]:
-    """The pose with a joint's coordinates at a quarter or three quarters of their ranges, in every
-    combination.
+    """Put a joint's coordinates at a quarter or three quarters of their ranges in all combinations.
+
+    Parameters
+    ----------
+    joint : numbers of the joint's coordinates
+    pose : (coordinates,) [rad or m]
+
+    Returns
+    -------
+    2^n poses (coordinates,) for n coordinates
     """
     ranges = np.array([tree.model.coordinates[j].range for j in joint])
     poses = []
@@ -131,7 +170,7 @@ def _within(tree: Tree, joint: list[int], pose: Array) -> list[Array]:
 
 
 def _only(problem: PoseProblem, coordinates: list[int]) -> PoseProblem:
-    """The same problem with only these coordinates free."""
+    """Free only some coordinates of a problem."""
     kept = np.isin(problem.free, coordinates)
     return problem._replace(
         free=problem.free[kept], lower=problem.lower[kept], upper=problem.upper[kept]
@@ -139,23 +178,47 @@ def _only(problem: PoseProblem, coordinates: list[int]) -> PoseProblem:
 
 
 def root_coordinates(tree: Tree) -> list[int]:
-    """The coordinates of joints to the ground."""
+    """Find the coordinates of joints to the ground.
+
+    Parameters
+    ----------
+    tree : the compiled model
+
+    Returns
+    -------
+    their numbers, ascending
+    """
     on_ground = np.flatnonzero(tree.arrays.parent == 0)
     used = tree.arrays.axis_coordinate[np.isin(tree.arrays.axis_body, on_ground)]
     return [int(j) for j in np.unique(used[used >= 0])]
 
 
 def _turning(tree: Tree, problem: PoseProblem, root: list[int]) -> list[int]:
-    """Root coordinates that may turn all the way round."""
+    """Find root coordinates that rotate without bounds."""
     free = set(problem.free[np.isinf(problem.lower) & np.isinf(problem.upper)])
     return [j for j in root if j in free and tree.model.coordinates[j].motion == "rotational"]
 
 
 def nearest_turns(tree: Tree, turning: list[int], pose: Array, reference: Array) -> Array:
-    """The same pose, of all angles of the root (rotations `turning` may turn all the way round)
-    those nearest to a reference. Angles may be larger by a turn, and three in a row (a, b, c) about
-    perpendicular axes give the same rotation as (a + pi, pi - b, c + pi). Without bounds a search
-    from several headings may end in either.
+    """Choose, among all angles of the root that give a pose, those nearest to a reference.
+
+    Without bounds a search from several headings may end in any of them. Angles may differ by whole
+    turns, and three in a row about axes each perpendicular to the next have a second triple,
+
+        (a, b, c) and (a + pi, pi - b, c + pi)
+
+    which is taken where it gives the same rotations and lies nearer.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    turning : numbers of the root rotations without bounds
+    pose : (coordinates,) [rad or m]
+    reference : (coordinates,) [rad or m]
+
+    Returns
+    -------
+    (coordinates,) [rad or m]
     """
     result = _without_turns(pose, turning, reference)
     names = tree.model.coordinate_names
@@ -177,14 +240,24 @@ def nearest_turns(tree: Tree, turning: list[int], pose: Array, reference: Array)
 
 
 def _without_turns(pose: Array, turning: list[int], reference: Array) -> Array:
-    """The pose without whole turns away from a reference."""
+    """Remove from angles `turning` of a pose (coordinates,) whole turns away from a reference."""
     result = pose.copy()
     result[turning] = nearest_turn(pose[turning], reference[turning])
     return result
 
 
 def _headings(rest: Array, turning: list[int]) -> list[Array]:
-    """A pose, and the same with each root rotation turned by a quarter, half and three quarters."""
+    """Rotate a pose by quarter turns about each root rotation in turn.
+
+    Parameters
+    ----------
+    rest : (coordinates,) [rad or m]
+    turning : numbers of the root rotations without bounds
+
+    Returns
+    -------
+    the pose itself, then three (coordinates,) for each rotation: a quarter, a half, three quarters
+    """
     poses = [rest.copy()]
     for j in turning:
         for quarter in (1, 2, 3):

@@ -1,5 +1,4 @@
-"""Angles that give the same pose: whole turns, and the two triples of a ball joint; and those of a
-floating body.
+"""Angles that give the same pose: whole turns, and the two triples of a ball joint.
 
 A body floats in the laboratory by coordinates whose bounds say nothing about it. A motion keeps to
 the nearest angles.
@@ -27,10 +26,19 @@ MASSLESS = 1e-6  # A body lighter than this share of the whole is a link on the 
 
 
 def floating_coordinates(model: Model) -> tuple[str, ...]:
-    """Coordinates of the joints that let a body float: at least two translations and one rotation
-    against the ground. A joint to the ground that only turns (an arm fixed at the shoulder) or only
-    slides (a sled) is part of the body or of a rig, and its bounds count. Massless links between
-    ground and body belong to the root joint.
+    """Find coordinates of the joints that let a body float.
+
+    These have at least two translations and one rotation against the ground. A joint to the ground
+    that only rotates (an arm fixed at the shoulder) or only slides (a sled) is part of the body or
+    of a rig, and its bounds count. Massless links between ground and body belong to the root joint.
+
+    Parameters
+    ----------
+    model : of any kind
+
+    Returns
+    -------
+    names of the coordinates, joint by joint
     """
     result: list[str] = []
     for chain in _root_chains(model):
@@ -47,9 +55,21 @@ def floating_coordinates(model: Model) -> tuple[str, ...]:
 
 
 def of_one_turn(tree: Tree, problem: PoseProblem, values: Array) -> Array:
-    """Coordinates (frames, coordinates) whose angles begin, and go on after every gap (NaN), on the
-    turn that is nearest. Frames are solved in stretches from poses that were found apart, which may
-    differ by whole turns. Angles that would leave their bounds, or that a task pulls at, stay.
+    """Shift angles by whole turns so that they begin and go on after gaps at the nearest.
+
+    Chunks of frames are solved from poses that were found separately, which may differ by whole
+    turns. The first frame is compared with the default pose, that after a gap with the last one
+    before it. Angles that would leave their bounds, or that a task pulls at, stay.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    problem : with the free coordinates and their bounds
+    values : (frames, coordinates) [rad or m], NaN in gaps
+
+    Returns
+    -------
+    (frames, coordinates) [rad or m], the same poses
     """
     values = values.copy()
     for index, low, high in zip(problem.free, problem.lower, problem.upper, strict=True):
@@ -69,7 +89,7 @@ def of_one_turn(tree: Tree, problem: PoseProblem, values: Array) -> Array:
 
 
 def _turns_whole(model: Model, name: str) -> bool:
-    """Whether an angle gives the same pose a turn later: one axis turns by it, one to one."""
+    """Return whether an angle gives the same pose a turn later: one axis rotates one to one."""
     turning = [axis for joint in model.joints for axis in joint.axes if name in axis.coordinates]
     coupled = any(name in coupler.independents for coupler in model.couplers)
     if (
@@ -86,7 +106,7 @@ def _turns_whole(model: Model, name: str) -> bool:
 
 
 def _root_chains(model: Model) -> Iterator[list[Joint]]:
-    """Joints between the ground and each body that hangs on it."""
+    """Yield the joints between the ground and each body on it, massless links included."""
     light = MASSLESS * max(model.mass, 1e-12)
     for joint in model.joints:
         if joint.parent != GROUND:
@@ -101,13 +121,22 @@ def _root_chains(model: Model) -> Iterator[list[Joint]]:
 
 
 def of_one_branch(tree: Tree, problem: PoseProblem, values: Array) -> Array:
-    """The same poses (frames, coordinates), with the angles of every joint of three nearest to
-    those of the frame before.
+    """Choose the angles of every joint of three that are nearest to those of the frame before.
 
-    Two triples of angles about three axes turn a body alike. Frames are solved in stretches from
-    poses that were found apart, and may begin on either. Where the nearer angles are out of bounds,
-    or a task pulls at them, they stay; so do those of a floating root, which may come back turned
-    around.
+    Two triples of angles about three axes rotate a body alike. Chunks of frames are solved from
+    poses that were found separately, and may begin on either. Where the nearer angles are out of
+    bounds, or a task pulls at them, they stay; so do those of a floating root, which may come back
+    from behind.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    problem : with the free coordinates and their bounds
+    values : (frames, coordinates) [rad or m], NaN in gaps
+
+    Returns
+    -------
+    (frames, coordinates) [rad or m], the same poses
     """
     values = values.copy()
     seen = np.flatnonzero(np.isfinite(values).all(axis=1))
@@ -140,15 +169,40 @@ def of_one_branch(tree: Tree, problem: PoseProblem, values: Array) -> Array:
 
 
 def other_branch(angles: Array) -> Array:
-    """(3,) other angles of the same rotation, about axes each perpendicular to the next [rad]."""
+    """Find the other angles of a rotation about axes each perpendicular to the next.
+
+        (a, b, c) -> (a + pi, pi - b, c + pi)
+
+    Parameters
+    ----------
+    angles : (3,) [rad]
+
+    Returns
+    -------
+    (3,) [rad]
+    """
     return np.array([angles[0] + np.pi, np.pi - angles[1], angles[2] + np.pi])
 
 
 def other_angles(angles: Array, axes: Array) -> Array:
-    """(3,) the other angles of the same rotation about any three axes, unit vectors, one a row
-    [rad]. The last axis w after the second rotation makes an angle with the first axis u that
-    depends on cos(b - beta) alone, so the middle angle may be 2 beta - b; the others follow from
-    where u and w come to lie (Davenport angles).
+    """Find the other angles of a rotation about any three axes u, v, w.
+
+    The angle between the first axis u and the last axis w, rotated about v by the middle angle b,
+    depends on cos(b - beta) alone, with
+
+        beta = atan2(u . (v x w), u . w - (u . v) (v . w))
+
+    so the middle angle may be 2 beta - b. The others follow from where u and w come to lie
+    (Davenport angles).
+
+    Parameters
+    ----------
+    angles : (3,) [rad]
+    axes : (3, 3) unit vectors, one a row
+
+    Returns
+    -------
+    (3,) [rad]
     """
     first, second, last = axes
     beta = np.arctan2(
@@ -163,20 +217,34 @@ def other_angles(angles: Array, axes: Array) -> Array:
 
 
 def _angle_about(axis: Array, start: Array, end: Array) -> float:
-    """By which a vector turns about an axis to another [rad]."""
+    """Measure the angle from `start` (3,) to `end` (3,) about a unit `axis` (3,) [rad]."""
     return float(
         np.arctan2(axis @ np.cross(start, end), start @ end - (axis @ start) * (axis @ end))
     )
 
 
 def nearest_turn(angles: Array, reference: Array) -> Array:
-    """Angles without whole turns away from a reference [rad]."""
+    """Remove whole turns that lead away from a reference.
+
+        angle - 2 pi round((angle - reference) / 2 pi)
+
+    Parameters
+    ----------
+    angles : of any shape [rad]
+    reference : of the same shape [rad]
+
+    Returns
+    -------
+    of the same shape, within half a turn of the reference [rad]
+    """
     return np.asarray(angles - 2.0 * np.pi * np.round((angles - reference) / (2.0 * np.pi)))
 
 
 def _triples(tree: Tree) -> Iterator[tuple[list[int], Array]]:
-    """The three angles of each joint that turns by three, and their axes (3, 3), but for a floating
-    root's.
+    """Yield the numbers of the three angles of each joint that rotates by three, and their axes.
+
+    A floating root's are left out. The axes (3, 3), one a row, point so that a growing angle
+    rotates by the right-hand rule.
     """
     floating = set(floating_coordinates(tree.model))
     for joint in tree.model.joints:
@@ -192,8 +260,13 @@ def _triples(tree: Tree) -> Iterator[tuple[list[int], Array]]:
 
 
 def _turns_alike(tree: Tree, pose: Array, triple: list[int], axes: Array) -> bool:
-    """Whether the other branch of three angles, and whole turns of each, give every body the same
-    pose.
+    """Return whether the other branch of three angles, and whole turns of each, give the same pose.
+
+    Parameters
+    ----------
+    pose : (coordinates,) [rad or m]
+    triple : numbers of the three angles
+    axes : (3, 3) unit vectors, one a row
     """
     poses = np.tile(pose, (5, 1))
     poses[1, triple] = other_angles(pose[triple], axes)
