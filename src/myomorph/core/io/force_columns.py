@@ -58,10 +58,19 @@ class ForceColumns:
 
 
 def force_columns(names: Sequence[str]) -> tuple[ForceColumns, ...]:
-    """Forces with all three axes and a center of pressure or moments, among the columns of a table.
+    """Find forces with all three axes and a center of pressure or moments in a table's columns.
+
     Knows OpenSim's names (`1_ground_force_vx`, `ground_force_r_px`, `ground_torque_x`,
     `calcn_r_force_vx`) and those that laboratories write (`Fx1`, `COPx1`, `Mx1`, `FP2_Fx`, `F1x`,
     `COP1_x [mm]`), in capital or small letters.
+
+    Parameters
+    ----------
+    names : of the columns
+
+    Returns
+    -------
+    columns of each force, in the order in which the forces first occur
     """
     by_force: dict[str, dict[str, dict[str, str]]] = {}
     titles: dict[str, str] = {}
@@ -92,8 +101,16 @@ def force_columns(names: Sequence[str]) -> tuple[ForceColumns, ...]:
 
 
 def _known(name: str) -> tuple[str, str, str, str] | None:
-    """Of which force, which part and axis a column is, and what its name begins with; None where
-    that is not known.
+    """Find what a column is by its name.
+
+    Parameters
+    ----------
+    name : of the column, with its unit or without
+
+    Returns
+    -------
+    what tells its force from others, "force", "point" or "torque", its axis, and what its name
+    begins with; None where the name is not known
     """
     plain = UNIT.sub("", name)
     small = plain.lower()
@@ -114,9 +131,25 @@ def _known(name: str) -> tuple[str, str, str, str] | None:
 
 
 def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wrenches:
-    """Forces of a table in ground [N, m, N m]; the bodies are those given by what names of columns
-    begin with ("FP1_"), else not known (""). A force without a center of pressure acts at the
-    ground's origin with its moment about it, and a note says so.
+    """Read the forces of a table in ground.
+
+    A force without a center of pressure acts at the ground's origin with its moment about it, and a
+    note says so.
+
+    Parameters
+    ----------
+    table : columns (frames, columns), with their units in brackets where these are not SI
+    bodies : body of each force by what names of its columns begin with ("FP1_"); None or empty
+        takes all forces, whose bodies then are not known ("")
+
+    Returns
+    -------
+    forces [N], points [m] and torques [N m] (frames, forces, 3)
+
+    Raises
+    ------
+    BadData : the table has no forces
+    UnknownName : none or several forces begin with a name in `bodies`
     """
     source = table.source or "the table"
     if bodies:
@@ -154,7 +187,17 @@ def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wre
 
 
 def _vectors(table: Table, columns: tuple[str, ...]) -> Array:
-    """Three columns (frames, 3) in SI units; zero where the table has none."""
+    """Read three columns as vectors in SI units.
+
+    Parameters
+    ----------
+    table : its columns name their units, else they are SI
+    columns : along x, y and z, "" for one that it lacks; () for none
+
+    Returns
+    -------
+    (frames, 3) with 0 where the table has no column
+    """
     values = np.zeros((len(table), 3))
     for axis, name in enumerate(columns):
         if name:
@@ -164,7 +207,7 @@ def _vectors(table: Table, columns: tuple[str, ...]) -> Array:
 
 
 def _vector_columns(table: Table, *prefixes: str) -> tuple[str, ...]:
-    """The columns of x, y and z that begin with the first of the prefixes that has all, or ()."""
+    """Find the columns x, y and z that begin with the first prefix that has all, or ()."""
     names = set(table.names)
     for prefix in prefixes:
         columns = tuple(f"{prefix}{axis}" for axis in "xyz")
@@ -174,7 +217,18 @@ def _vector_columns(table: Table, *prefixes: str) -> tuple[str, ...]:
 
 
 def _with_prefix(table: Table, prefix: str, source: str) -> ForceColumns:
-    """The columns of the force whose names begin so, as OpenSim names them or a laboratory."""
+    """Find the columns of the force whose names begin so, by any of the known names.
+
+    Parameters
+    ----------
+    table : names of columns are read
+    prefix : what the names begin with
+    source : of the table, for messages
+
+    Raises
+    ------
+    UnknownName : no force, or more than one, begins so
+    """
     torque = prefix.replace("force", "torque")
     force = _vector_columns(table, f"{prefix}v", f"{prefix}F", prefix)
     point = _vector_columns(table, f"{prefix}p", f"{prefix}P")
@@ -213,11 +267,21 @@ TURNS = 0.05  # A moment about the vertical changes by more with the steps of a 
 
 
 def guessed_names(values: Array) -> list[str] | None:
-    """Names of all columns of a table of forces (rows, columns), None where its numbers leave it
-    open. The first column is time where it rises evenly. The rest are groups of a force and a
-    center of pressure (6 columns each), a force and a moment (6), or a force, a center of pressure
-    and a moment in one of both orders (9). One axis is vertical: the forces point along it, to one
-    side each, and centers of pressure do not move along it, which moments do.
+    """Guess the names of all columns of a table of forces from its numbers.
+
+    The first column is time where it rises evenly. The rest are groups of a force and a center of
+    pressure (6 columns each), a force and a moment (6), or a force, a center of pressure and a
+    moment in one of both orders (9). One axis is vertical: the forces point along it, to one side
+    each, and centers of pressure do not move along it, which moments do.
+
+    Parameters
+    ----------
+    values : (rows, columns)
+
+    Returns
+    -------
+    as "time", "Fx1", "COPx1", "Mx1"; None where none of these readings is possible, or more than
+    one
     """
     steps = np.diff(values[:, 0])
     even = (
@@ -235,8 +299,16 @@ KINDS = (("F", "COP"), ("F", "M"), ("F", "COP", "M"), ("F", "M", "COP"))
 
 
 def _read(values: Array, kinds: tuple[str, ...]) -> list[str] | None:
-    """Names of the columns (rows, columns) read as groups of these kinds, None where they cannot
-    be.
+    """Name columns that are read as groups of these kinds.
+
+    Parameters
+    ----------
+    values : (rows, columns) without the time
+    kinds : "F", "COP" and "M" in the order in which each group has them
+
+    Returns
+    -------
+    one name per column; None where the numbers do not allow this reading
     """
     width = 3 * len(kinds)
     if not values.shape[1] or values.shape[1] % width:
@@ -271,7 +343,7 @@ def _read(values: Array, kinds: tuple[str, ...]) -> list[str] | None:
 
 
 def _is_force(part: Array, up: int) -> bool:
-    """Whether vectors (samples, 3) push along the vertical, in one sense."""
+    """Return whether vectors (samples, 3) [N] push along the vertical axis `up`, in one sense."""
     size = np.linalg.norm(part, axis=1)
     loaded = size > LOADED
     if loaded.sum() < 3:
@@ -282,7 +354,7 @@ def _is_force(part: Array, up: int) -> bool:
 
 
 def _is_point(part: Array, up: int) -> bool:
-    """Whether vectors (samples, 3) are centers of pressure: near, and at one height."""
+    """Return whether vectors (samples, 3) [m or mm] are near and at one height."""
     scale = 1e-3 if np.nanmedian(np.linalg.norm(part, axis=1)) > FAR else 1.0
     inside = np.nanmedian(np.linalg.norm(part, axis=1)) * scale < NEAR
     return bool(
@@ -292,8 +364,13 @@ def _is_point(part: Array, up: int) -> bool:
 
 
 def _is_moment(part: Array, force: Array, up: int) -> bool:
-    """Whether vectors (samples, 3) are moments: they change about the vertical, and their lever is
-    one of a room.
+    """Return whether vectors are moments: changing about the vertical, with a short lever.
+
+    Parameters
+    ----------
+    part : (samples, 3) [N m or N mm]
+    force : (samples,) norm of the force [N]
+    up : index of the vertical axis
     """
     scale = 1e-3 if np.nanmedian(np.linalg.norm(part, axis=1) / force) > FAR else 1.0
     lever = np.nanmedian(np.linalg.norm(part, axis=1) / force) * scale

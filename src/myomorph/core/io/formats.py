@@ -1,5 +1,6 @@
-"""Files of models and of recordings, told apart by their names: the one place where formats are
-registered.
+"""Kinds of model and recording files by the endings of their names, and the reader of each.
+
+The one place where formats are registered.
 """
 
 from __future__ import annotations
@@ -42,32 +43,69 @@ CHANNELS: tuple[Format, ...] = tuple(
 
 
 def model_format(path: str | os.PathLike[str]) -> Format | None:
-    """The kind of model that a file's name tells, None for no model."""
+    """Find the kind of model file by the ending of a name.
+
+    Parameters
+    ----------
+    path : of the file, which need not exist
+
+    Returns
+    -------
+    the first of the `MODELS` with that ending, in any case of letters; None if none has it
+    """
     return _format(path, MODELS)
 
 
 def trial_format(path: str | os.PathLike[str]) -> Format | None:
-    """The kind of recording that a file's name tells, None for no recording."""
+    """Find the kind of recording by the ending of a name.
+
+    Parameters
+    ----------
+    path : of the file, which need not exist
+
+    Returns
+    -------
+    the first of the `TRIALS` with that ending, in any case of letters; None if none has it
+    """
     return _format(path, TRIALS)
 
 
 def channel_format(path: str | os.PathLike[str]) -> Format | None:
-    """The kind of file of channels that a file's name tells, None for none of the `CHANNELS`."""
+    """Find the kind of a file of channels by the ending of a name.
+
+    Parameters
+    ----------
+    path : of the file, which need not exist
+
+    Returns
+    -------
+    the first of the `CHANNELS` with that ending, in any case of letters; None if none has it
+    """
     return _format(path, CHANNELS)
 
 
 def is_part(path: Path) -> bool:
-    """Whether a file is read with those of another recording, by the `part` of a format."""
+    """Return whether a file is read along with another recording: a format's `part` says so.
+
+    Parameters
+    ----------
+    path : searched whole, folders included, with / between its parts
+    """
     return any(kind.part and re.search(kind.part, path.as_posix()) for kind in TRIALS)
 
 
 def is_composed(path: str | os.PathLike[str]) -> bool:
-    """Whether this names a model of `myo-sim` and no file."""
+    """Return whether this names a model of `myo-sim` and no file.
+
+    Parameters
+    ----------
+    path : of a file, or a name such as "myo-sim:myoarm"
+    """
     return os.fspath(path).startswith(COMPOSED)
 
 
 def read_model(path: str | os.PathLike[str]) -> Model:
-    """The model in a file of one of the `MODELS`.
+    """Read the model in a file of one of the `MODELS`.
 
     Source: Seth et al. 2018 (OpenSim); Todorov, Erez and Tassa 2012 (MJCF).
 
@@ -78,12 +116,11 @@ def read_model(path: str | os.PathLike[str]) -> Model:
 
     Returns
     -------
-    the body in meters, radians and kilograms, what was odd in `warnings`
+    the model in meters, radians and kilograms; `warnings` say what was odd in the file
 
     Raises
     ------
-    BadFile
-        The file cannot be read, or its name ends in something else.
+    BadFile : the file cannot be read, or its name ends in something else
 
     Examples
     --------
@@ -103,7 +140,21 @@ def read_model(path: str | os.PathLike[str]) -> Model:
 
 
 def read_trial(path: str | os.PathLike[str]) -> Trial:
-    """What a recording of one of the `TRIALS` holds; force plates as the file stores them."""
+    """Read a recording of one of the `TRIALS`.
+
+    Parameters
+    ----------
+    path : of the file (.trc, .c3d, .mat, .h5, ...)
+
+    Returns
+    -------
+    markers (frames, markers, 3) [m] in the file's axes, with analog channels and force plates as
+    the file stores them
+
+    Raises
+    ------
+    BadFile : the file cannot be read, or its name ends in something else
+    """
     kind = trial_format(path)
     if kind is None:
         expected = ", ".join(ending for kind in TRIALS for ending in kind.endings)

@@ -1,4 +1,4 @@
-"""A map of marker labels in a file: what the recording calls a marker, and what the model does."""
+"""A map of marker labels in a file: from the recording's names to the model's."""
 
 from __future__ import annotations
 
@@ -19,9 +19,24 @@ HEADINGS = ("label", "labels", "recorded", "recording", "from", "name")
 
 
 def read_labels(path: str | os.PathLike[str]) -> dict[str, str]:
-    """Recorded label to the model's marker, "" where the marker is to be left out. A CSV file has
-    two columns (separated by comma, semicolon or tab), with a heading or without, and lines that
-    begin with # are remarks. A TOML file has a line for each label, alone or in a table `[labels]`.
+    """Read which marker of the model each recorded label is.
+
+    A CSV file has two columns (separated by comma, semicolon or tab), with a heading or without,
+    and lines that begin with # are remarks. A TOML file has a line for each label, alone or in a
+    table `[labels]`.
+
+    Parameters
+    ----------
+    path : of the file (.csv, .tsv, .txt or .toml)
+
+    Returns
+    -------
+    the model's marker by recorded label, "" where the marker is to be left out
+
+    Raises
+    ------
+    BadFile : its name has another ending, it is not of pairs of names, a label stands for two
+        markers, or it holds no label
     """
     path = Path(path)
     ending = path.suffix.lower()

@@ -1,6 +1,4 @@
-"""External loads (OpenSim's ExternalLoads XML and its table) as wrenches in ground, read and
-written.
-"""
+"""External loads (OpenSim's ExternalLoads XML and its table) as wrenches in ground."""
 
 from __future__ import annotations
 
@@ -47,8 +45,21 @@ class LoadEntry:
 def read_load_entries(
     path: str | os.PathLike[str], motion_file: str | os.PathLike[str] | None = None
 ) -> tuple[LoadEntry, ...]:
-    """The forces that an external loads file names, those it switches off left out. `motion_file`:
-    the table to use instead of the one the file names.
+    """Read which forces an external loads file names, without those it switches off.
+
+    Parameters
+    ----------
+    path : of the XML file
+    motion_file : table to use instead of the one the file names
+
+    Returns
+    -------
+    one entry per force that is applied, in the file's order
+
+    Raises
+    ------
+    BadFile : it is no such file, its table does not exist, or a force names no body, neither a
+        force nor a torque, or a point without a force
     """
     loads = read_document(path, ("ExternalLoads",), "external loads (ExternalLoads)")
     shared = loads.text("", "datafile")
@@ -71,6 +82,12 @@ def read_load_entries(
 
 
 def _data_file(loads: Node, name: str) -> Path:
+    """Find the table that a loads file names, by its path or beside the file.
+
+    Raises
+    ------
+    BadFile : it names none, or the table is in neither place
+    """
     folder = loads.document.path.parent
     if not name:
         raise loads.bad("names no data file", "give the force table beside it")
@@ -83,6 +100,7 @@ def _data_file(loads: Node, name: str) -> Path:
 
 
 def _entry(node: Node, data: Path) -> LoadEntry:
+    """Read an `ExternalForce`; `BadFile` where it has no body, or neither a force nor a torque."""
     force = "" if (text := node.text("", "force_identifier")) in UNASSIGNED else text
     point = "" if (text := node.text("", "point_identifier")) in UNASSIGNED else text
     torque = "" if (text := node.text("", "torque_identifier")) in UNASSIGNED else text
@@ -106,7 +124,11 @@ def _entry(node: Node, data: Path) -> LoadEntry:
 
 
 def _old_entry(node: Node, data: Path) -> LoadEntry:
-    """Before 2.3.1 each column was named by a function; its last letter was the axis."""
+    """Read a `PrescribedForce`, in which the name of a function gives each column.
+
+    So it was before version 2.3.1: the last letter of a name is the axis, "#3" is the third column
+    of the table.
+    """
     columns: list[str] = []
     for what in ("forceFunctions", "pointFunctions", "torqueFunctions"):
         names = [
@@ -138,10 +160,25 @@ def read_external_loads(
     motion_file: str | os.PathLike[str] | None = None,
     poses: PosesOf | None = None,
 ) -> Wrenches:
-    """The wrenches of an external loads file, in ground, over the times of its table.
-    `motion_file`: the table to use instead of the one the file names; `poses`: rotations (frames,
-    3, 3) and origins (frames, 3) in ground of a body at given times, needed only where a force or
-    point is given in a moving body's frame, or a force has no point.
+    """Read the wrenches of an external loads file, over the times of its table.
+
+    Parameters
+    ----------
+    path : of the XML file
+    motion_file : table to use instead of the one the file names
+    poses : gives rotations (frames, 3, 3) and origins (frames, 3) [m] in ground of a body at times
+        (frames,) [s]; needed only where a force or point is given in a moving body's frame, or a
+        force has no point
+
+    Returns
+    -------
+    forces [N], points [m] and torques [N m] (frames, loads, 3) in ground
+
+    Raises
+    ------
+    BadFile : it is no such file, applies no force, or takes its forces from several tables
+    BadModel : a load needs the motion of a body, and there are no `poses`
+    UnknownName : the table lacks columns that the file names
     """
     entries = read_load_entries(path, motion_file)
     tables = {data: read_sto(data) for data in dict.fromkeys(entry.data for entry in entries)}
@@ -178,8 +215,21 @@ def read_external_loads(
 
 
 def _columns(table: Table, identifier: str, entry: LoadEntry) -> Array:
-    """The three columns of an identifier: identifier + x, y, z, or the only three that begin with
-    it.
+    """Read the columns of an identifier: its name and x, y, z, or the only three that begin so.
+
+    Parameters
+    ----------
+    table : of forces
+    identifier : what the names of the columns begin with
+    entry : of the loads file, for messages
+
+    Returns
+    -------
+    (rows, 3)
+
+    Raises
+    ------
+    UnknownName : other than three columns begin so
     """
     exact = [f"{identifier}{axis}" for axis in "xyz"]
     columns = (
@@ -199,6 +249,7 @@ def _columns(table: Table, identifier: str, entry: LoadEntry) -> Array:
 def _in_ground(
     vectors: Array, body: str, poses: PosesOf | None, time: Array, entry: LoadEntry
 ) -> Array:
+    """Rotate vectors (frames, 3) from the frame of a body to ground."""
     if body == GROUND:
         return vectors
     rotations, _ = _poses(body, poses, time, entry)
@@ -206,7 +257,23 @@ def _in_ground(
 
 
 def _point(table: Table, entry: LoadEntry, poses: PosesOf | None) -> Array:
-    """Points of application in ground; without an identifier OpenSim takes the body's origin."""
+    """Return points of application in ground, the body's origin where none are identified.
+
+    Parameters
+    ----------
+    table : of forces
+    entry : which columns, in the frame of which body
+    poses : as in `read_external_loads`
+
+    Returns
+    -------
+    (frames, 3) [m]
+
+    Raises
+    ------
+    BadModel : the motion of a body is needed, and there are no `poses`
+    UnknownName : the table lacks the columns
+    """
     if not entry.point:
         return _poses(entry.body, poses, table.time, entry)[1]
     columns = _columns(table, entry.point, entry)
@@ -217,6 +284,12 @@ def _point(table: Table, entry: LoadEntry, poses: PosesOf | None) -> Array:
 
 
 def _poses(body: str, poses: PosesOf | None, time: Array, entry: LoadEntry) -> tuple[Array, Array]:
+    """Return rotations (frames, 3, 3) and origins (frames, 3) [m] of a body in ground.
+
+    Raises
+    ------
+    BadModel : the body is not the ground, and there are no `poses`
+    """
     if body == GROUND:
         return np.broadcast_to(np.eye(3), (len(time), 3, 3)), np.zeros((len(time), 3))
     if poses is None:
@@ -228,9 +301,24 @@ def _poses(body: str, poses: PosesOf | None, time: Array, entry: LoadEntry) -> t
 
 
 def loads_table(wrenches: Wrenches, name: str = "Contact forces") -> Table:
-    """Forces, points and torques in ground as OpenSim's external loads name them. Columns of a load
-    NAME are NAME_force_vx, vy, vz [N], NAME_force_px, py, pz [m] and NAME_torque_x, y, z [N m]: the
-    force on the body. An unknown point of a load without force becomes 0.
+    """Lay out forces, points and torques in ground as OpenSim's external loads name them.
+
+    Columns of a load NAME are NAME_force_vx, vy, vz [N], NAME_force_px, py, pz [m] and
+    NAME_torque_x, y, z [N m]: the force on the body. An unknown point of a load without force
+    becomes 0.
+
+    Parameters
+    ----------
+    wrenches : (frames, loads, 3) in ground, each on a body
+    name : title of the table
+
+    Returns
+    -------
+    (frames, 9 loads)
+
+    Raises
+    ------
+    BadData : a load acts on no body, or two have one name
     """
     for load, body in zip(wrenches.names, wrenches.bodies, strict=True):
         if not body:
@@ -255,9 +343,21 @@ def write_external_loads(
     loads: str | os.PathLike[str],
     name: str = "Contact forces",
 ) -> None:
-    """Write a table of loads (.sto or .mot) and the external loads file (.xml) that names it, both
-    in ground. OpenSim and `io.loads.read_external_loads` take them back; the XML finds the table
-    beside itself.
+    """Write a table of loads and the external loads file that names it, both in ground.
+
+    OpenSim and `read_external_loads` take them back; the XML finds the table beside itself.
+
+    Parameters
+    ----------
+    wrenches : (frames, loads, 3) in ground, each on a body
+    table : path of the new table (.sto or .mot)
+    loads : path of the new external loads file (.xml)
+    name : of the loads
+
+    Raises
+    ------
+    BadData : a load acts on no body, or two have one name
+    BadFile : a file cannot be written
     """
     write_sto(loads_table(wrenches, name), table)
     document = etree.Element("OpenSimDocument", Version="40000")

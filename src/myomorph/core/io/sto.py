@@ -95,7 +95,22 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
 
 
 def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]]:
-    """Facts of the header, whether angles are in degrees, where it ends, and warnings."""
+    """Read the header of a table.
+
+    Parameters
+    ----------
+    text : of the whole file
+    path : of the file, for messages
+
+    Returns
+    -------
+    values of the header by key, whether angles are in degrees, the index of the first character
+    behind the header, and warnings
+
+    Raises
+    ------
+    BadFile : there is neither a line 'endheader' nor a line that begins with 'time'
+    """
     notes: list[str] = []
     end = re.search(r'^[ \t"]*endheader[ \t",]*\r?$', text[: 1 << 20], re.IGNORECASE | re.MULTILINE)
     if end is not None:
@@ -138,7 +153,28 @@ def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]
 def _numbers(
     body: str, labels: list[str], delimiter: str | None, kind: str, notes: list[str], path: Path
 ) -> tuple[Array, list[str]]:
-    """Values (rows, columns) with the index column, and the name of every column."""
+    """Read the rows of numbers below the line of column names.
+
+    Parameters
+    ----------
+    body : text below the line of names
+    labels : one per column, the index column included; blank ones at the end are dropped in place
+    delimiter : between cells, None for white space
+    kind : data type in small letters; each cell of "vec3", "quaternion", ... becomes several
+        columns
+    notes : gets a warning for what was left out
+    path : of the file, for messages
+
+    Returns
+    -------
+    values (rows, columns) with the index column, NaN where a cell is blank, and the name of every
+    column
+
+    Raises
+    ------
+    BadFile : the first row has another number of cells than there are names, or no row is of
+        numbers
+    """
     while len(labels) > 1 and not labels[-1]:
         labels.pop()
     first = line_from(body, 0)[0].rstrip()
@@ -174,7 +210,23 @@ def _numbers(
 
 
 def _rows(table: Array, names: Sequence[str], notes: list[str], path: Path) -> tuple[Array, Array]:
-    """Time (rows,) and values (rows, columns - 1), without rows whose time does not increase."""
+    """Take the time off a table and leave out rows whose time does not increase.
+
+    Parameters
+    ----------
+    table : (rows, columns) with the time first [s]
+    names : one per column
+    notes : gets a warning for what was left out or made NaN
+    path : of the file, for messages
+
+    Returns
+    -------
+    time (kept rows,) [s] and values (kept rows, columns - 1), with NaN for infinite ones
+
+    Raises
+    ------
+    BadFile : there is no row, or none with a time that is a number
+    """
     if names[0].lower() not in ("time", "t", "times"):
         notes.append(f"the first column '{names[0]}' was taken for the time")
     if not len(table):
@@ -203,6 +255,14 @@ def _rows(table: Array, names: Sequence[str], notes: list[str], path: Path) -> t
 
 
 def _check_counts(facts: Mapping[str, str], shape: tuple[int, ...], notes: list[str]) -> None:
+    """Warn where the header states other numbers of rows or columns than the file has.
+
+    Parameters
+    ----------
+    facts : values of the header by key
+    shape : (rows, columns) of the values, without the time
+    notes : gets the warnings
+    """
     for keys, have, what in (
         (("nRows", "datarows"), shape[0], "rows"),
         (("nColumns", "datacolumns"), shape[1] + 1, "columns"),
@@ -262,10 +322,25 @@ def write_sto(table: Table, path: str | os.PathLike[str]) -> None:
 
 
 def motion_from_table(table: Table, model: Model) -> Motion:
-    """Coordinates over time [rad or m] from a table of angles, for the coordinates of `model`.
+    """Convert a table of angles to a motion of the coordinates of a model.
+
     Columns are found as `hip_flexion_r` or as a state, `/jointset/hip_r/hip_flexion_r/value`;
     speeds (`.../speed`, `hip_flexion_r_u`) and other columns are left out. Degrees become radians
     for rotational coordinates only, as OpenSim does.
+
+    Parameters
+    ----------
+    table : columns (rows, columns), angles in degrees where it says so, lengths in meters
+    model : its coordinates are looked for
+
+    Returns
+    -------
+    values (rows, coordinates) [rad or m] of the coordinates that the table has, in the model's
+    order
+
+    Raises
+    ------
+    BadData : no column belongs to a coordinate of the model
     """
     columns = coordinate_columns(table.names, model)
     if not columns:
@@ -280,7 +355,17 @@ def motion_from_table(table: Table, model: Model) -> Motion:
 
 
 def coordinate_columns(names: Sequence[str], model: Model) -> dict[str, int]:
-    """Column of each coordinate of `model` that a table with these names holds."""
+    """Find the column of each coordinate of a model in a table.
+
+    Parameters
+    ----------
+    names : of the table's columns, as `hip_flexion_r` or `/jointset/hip_r/hip_flexion_r/value`
+    model : its coordinates are looked for
+
+    Returns
+    -------
+    index of the first column of each coordinate that has one, by the coordinate's name
+    """
     wanted = set(model.coordinate_names)
     columns: dict[str, int] = {}
     for column, name in enumerate(names):
@@ -294,8 +379,17 @@ def coordinate_columns(names: Sequence[str], model: Model) -> dict[str, int]:
 
 
 def table_from_motion(motion: Motion, model: Model, degrees: bool = True) -> Table:
-    """A table of coordinates as OpenSim's inverse kinematics writes it: degrees and metres, or
-    radians.
+    """Convert a motion to a table of coordinates as OpenSim's inverse kinematics writes it.
+
+    Parameters
+    ----------
+    motion : (frames, coordinates) [rad or m]
+    model : says which coordinates are rotational
+    degrees : whether rotational coordinates become degrees
+
+    Returns
+    -------
+    columns (frames, coordinates) [deg or rad, and m]
     """
     factors = np.array([1.0 / _factor(model, name, degrees) for name in motion.names])
     facts = FrozenMap({"name": "Coordinates"})
@@ -305,4 +399,5 @@ def table_from_motion(motion: Motion, model: Model, degrees: bool = True) -> Tab
 
 
 def _factor(model: Model, name: str, degrees: bool) -> float:
+    """Return what a column of the table is multiplied by to be in radians or meters."""
     return np.pi / 180.0 if degrees and model.coordinate(name).motion == "rotational" else 1.0

@@ -53,10 +53,24 @@ HEADER_LINES = 30
 
 
 def read_trc(path: str | os.PathLike[str]) -> Trial:
-    """Read a TRC file: markers in metres, a hidden one as NaN, with the header's facts and
-    warnings. Takes header values that are shifted by extra tabs, blanks and every spelling of NaN
-    for hidden markers, exact (0, 0, 0) for hidden markers, rows that end early, names without
-    columns and columns without names, commas for tabs, and counts that do not hold.
+    """Read a TRC file: markers in meters, with the header's values and warnings.
+
+    Takes header values that are shifted by extra tabs, blanks and every spelling of NaN for hidden
+    markers, exact (0, 0, 0) for hidden markers, rows that end early, names without columns and
+    columns without names, commas for tabs, and counts that do not hold.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    markers (frames, markers, 3) [m] in the file's axes, NaN where one is hidden; `facts` has the
+    header, `warnings` says what was assumed or left out
+
+    Raises
+    ------
+    BadFile : it is not such a file, or has no frame of numbers
     """
     path = Path(path)
     text = file_text(path, HINT)
@@ -84,8 +98,20 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
 
 
 def trc_head(text: str, path: Path) -> tuple[dict[str, str], int]:
-    """What the first lines of a TRC file say of it, and where its numbers begin; raises `BadFile`
-    where it is none.
+    """Read the header of a TRC file.
+
+    Parameters
+    ----------
+    text : of the file, or of its first lines
+    path : of the file, for messages
+
+    Returns
+    -------
+    values of the header by key, and the index of the character at which its numbers begin
+
+    Raises
+    ------
+    BadFile : there is no line 'Frame#  Time  marker names'
     """
     facts, _, start, _ = _header(text, path, [])
     return facts, start
@@ -94,7 +120,23 @@ def trc_head(text: str, path: Path) -> tuple[dict[str, str], int]:
 def _header(
     text: str, path: Path, notes: list[str]
 ) -> tuple[dict[str, str], list[str], int, str | None]:
-    """Facts, cells of the line of names, where the numbers begin, and the delimiter of cells."""
+    """Read the lines above the numbers.
+
+    Parameters
+    ----------
+    text : of the file
+    path : of the file, for messages
+    notes : gets a warning where no line 'DataRate ...' states the units
+
+    Returns
+    -------
+    values of the header by key, cells of the line of names behind 'Frame#' and 'Time', the index of
+    the character at which the numbers begin, and the delimiter of cells (None for white space)
+
+    Raises
+    ------
+    BadFile : there is no line 'Frame#  Time  marker names'
+    """
     facts: dict[str, str] = {}
     start = 0
     line = ""
@@ -130,7 +172,7 @@ def _header(
 
 
 def _header_values(keys: str, values: str) -> dict[str, str]:
-    """Header keys to values, by order and not by column: extra tabs are common."""
+    """Match keys of the header with values by order and not by column: extra tabs are common."""
     names = keys.replace(",", " ").split() or list(FIELDS)
     cells = values.replace(",", " ").split()
     facts = dict(zip(names, cells, strict=False))
@@ -143,7 +185,26 @@ def _header_values(keys: str, values: str) -> dict[str, str]:
 def _table(
     text: str, start: int, named: int, delimiter: str | None, path: Path, notes: list[str]
 ) -> tuple[Array, int]:
-    """Values (frames, columns) with frame number and time first, NaN where a cell is blank."""
+    """Read the rows of numbers.
+
+    Parameters
+    ----------
+    text : of the file
+    start : index of the character at which the numbers begin
+    named : count of markers with a name; 0 takes as many as there are columns
+    delimiter : between cells, None for white space
+    path : of the file, for messages
+    notes : gets a warning for what was left out
+
+    Returns
+    -------
+    values (frames, columns) with frame number and time first, NaN where a cell is blank; and the
+    count of columns, 2 and three per marker
+
+    Raises
+    ------
+    BadFile : there is no row of numbers
+    """
     body = text[start:]
     columns = 2 + 3 * named
     quick = quick_numbers(body, delimiter, columns) if named else None
@@ -187,7 +248,17 @@ def _table(
 
 
 def _labels(cells: list[str], facts: Mapping[str, str]) -> list[str]:
-    """Name of each marker from the cells of the line of names, "" for one without."""
+    """Find the name of each marker in the line of names.
+
+    Parameters
+    ----------
+    cells : of the line of names, behind 'Frame#' and 'Time'
+    facts : values of the header; `NumMarkers` says whether a blank name is a marker's
+
+    Returns
+    -------
+    one name per marker, "" for a marker without one
+    """
     names = [cell for cell in cells if cell]
     stated = facts.get("NumMarkers", "")
     places = [column // 3 for column, cell in enumerate(cells) if cell and column % 3 == 0]
@@ -200,7 +271,23 @@ def _labels(cells: list[str], facts: Mapping[str, str]) -> list[str]:
 def _clock(
     table: Array, facts: Mapping[str, str], path: Path, notes: list[str]
 ) -> tuple[Array, Array]:
-    """Time (frames,) and the rows that belong to it."""
+    """Find the times of the frames, by frame numbers and rate where the time column repeats.
+
+    Parameters
+    ----------
+    table : (rows, columns) with frame number and time [s] first
+    facts : values of the header; `DataRate` [Hz] is used
+    path : of the file, for messages
+    notes : gets a warning for what was assumed or left out
+
+    Returns
+    -------
+    time (frames,) [s], which rises, and the rows (frames, columns) that belong to it
+
+    Raises
+    ------
+    BadFile : no time is a number, and frame numbers do not give them
+    """
     frame = table[:, 0]
     time = table[:, 1]
     rate = number_or_nan(facts.get("DataRate", ""))
@@ -226,7 +313,18 @@ def _clock(
 
 
 def _hidden(values: Array, names: list[str], notes: list[str]) -> Array:
-    """The same positions with NaN for infinite, partly blank and exactly zero ones."""
+    """Mark hidden markers: NaN for infinite, partly blank and exactly zero positions.
+
+    Parameters
+    ----------
+    values : (frames, markers, 3) in the file's unit
+    names : one per marker
+    notes : gets a warning where positions are exactly (0, 0, 0)
+
+    Returns
+    -------
+    (frames, markers, 3) in the file's unit
+    """
     values = np.where(np.isinf(values), np.nan, values)
     zero = np.all(values == 0.0, axis=2)
     if zero.any():
@@ -240,7 +338,18 @@ def _hidden(values: Array, names: list[str], notes: list[str]) -> Array:
 
 
 def _unit(facts: dict[str, str], values: Array, notes: list[str]) -> float:
-    """Metres in one unit of the file."""
+    """Find the length of the file's unit, by its header or by the median of the positions.
+
+    Parameters
+    ----------
+    facts : values of the header
+    values : (frames, markers, 3) in the file's unit
+    notes : gets a warning where the unit was guessed
+
+    Returns
+    -------
+    the unit [m]
+    """
     stated = facts.get("Units", "").strip('"').lower()
     if stated in METERS:
         return METERS[stated]

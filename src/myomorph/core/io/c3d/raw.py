@@ -48,14 +48,30 @@ class RawC3d:
     remarks: tuple[str, ...] = ()  # what had to be mended or left out
 
     def texts(self, group: str, name: str) -> tuple[str, ...]:
-        """Texts of a parameter and its continuations (`LABELS`, `LABELS2`, ...), () if absent."""
+        """Read the texts of a parameter and its continuations (`LABELS`, `LABELS2`, ...).
+
+        Parameters
+        ----------
+        group, name : of the parameter, in capital letters
+
+        Returns
+        -------
+        the texts without blanks at their ends; () if the parameter is absent or holds numbers
+        """
         values = self._continued(group, name)
         texts = [text for value in values if isinstance(value, tuple) for text in value]
         return tuple(text.partition("\0")[0].strip() for text in texts)
 
     def numbers(self, group: str, name: str) -> Array:
-        """Numbers of a parameter, flat in the file's order, and of its continuations; empty if
-        absent.
+        """Read the numbers of a parameter and its continuations, flat in the file's order.
+
+        Parameters
+        ----------
+        group, name : of the parameter, in capital letters
+
+        Returns
+        -------
+        (numbers,) with the first index fastest; empty if the parameter is absent or holds texts
         """
         values = takewhile(lambda value: not isinstance(value, tuple), self._continued(group, name))
         return np.concatenate(
@@ -63,7 +79,7 @@ class RawC3d:
         )
 
     def _continued(self, group: str, name: str) -> Iterator[Value]:
-        """Values of a parameter and of its continuations, up to the first that is absent."""
+        """Yield the values of a parameter and its continuations, up to an absent one."""
         for number in ("", *range(2, 40)):
             value = self.groups.get(group, {}).get(f"{name}{number}")
             if value is None:
@@ -71,13 +87,32 @@ class RawC3d:
             yield value
 
     def shape(self, group: str, name: str) -> tuple[int, ...]:
-        """Shape of a parameter's value, () if absent or text."""
+        """Return the shape of a parameter's value, () if it is absent or holds texts.
+
+        Parameters
+        ----------
+        group, name : of the parameter, in capital letters
+        """
         value = self.groups.get(group, {}).get(name)
         return () if value is None or isinstance(value, tuple) else np.shape(value)
 
 
 def read_raw_c3d(path: str | os.PathLike[str]) -> RawC3d:
-    """Read a C3D file with NumPy alone."""
+    """Read a C3D file with NumPy alone.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    parameters, points (frames, points, 3) and analog samples (samples, channels) in the file's
+    units; `remarks` say what was repaired or left out
+
+    Raises
+    ------
+    BadFile : it cannot be read, is no C3D file, or holds no whole frame
+    """
     path = Path(path)
     with readable(path):
         data = path.read_bytes()
@@ -98,8 +133,15 @@ def read_raw_c3d(path: str | os.PathLike[str]) -> RawC3d:
 
 
 def claimed_frames(head: bytes) -> tuple[int, float]:
-    """Frames and their rate [Hz] as the first bytes of a C3D file claim them, header and
-    parameters; 0 for unknown.
+    """Read how many frames a C3D file claims to hold, from its first bytes.
+
+    Parameters
+    ----------
+    head : first bytes of the file: header and parameter section, or as much of it as there is
+
+    Returns
+    -------
+    count of frames and their rate [Hz]; 0 for what is unknown
     """
     with np.errstate(all="ignore"):
         section, order = _section(head, [])
@@ -129,9 +171,11 @@ class _Order:
         return ">" if self.processor == SGI else "<"
 
     def ints(self, data: bytes, signed: bool = True) -> np.ndarray:
+        """Read 16-bit integers, flat."""
         return np.frombuffer(data, dtype=self.end + ("i2" if signed else "u2"))
 
     def floats(self, data: bytes) -> Array:
+        """Read 32-bit reals, flat; those of a DEC processor have the form of a VAX."""
         if self.processor == DEC:
             # A VAX real: its 16-bit halves are swapped, its exponent is two larger than IEEE's.
             halves = np.frombuffer(data, dtype="<u2").reshape(-1, 2)[:, ::-1]
@@ -153,7 +197,17 @@ class _Header:
 
 
 def _section(data: bytes, remarks: list[str]) -> tuple[int, _Order]:
-    """Where the parameter section begins, and the byte order it names."""
+    """Find where the parameter section begins and which byte order it names.
+
+    Parameters
+    ----------
+    data : the file, or its first bytes
+    remarks : gets a warning where the header is wrong or no processor is named
+
+    Returns
+    -------
+    index of the section's first byte, and the byte order (a PC's where none is named)
+    """
     start = (data[0] - 1) * BLOCK
     for guess in (start, BLOCK):
         if 0 < guess <= len(data) - 4 and data[guess + 3] in (PC, DEC, SGI):
@@ -168,6 +222,7 @@ def _section(data: bytes, remarks: list[str]) -> tuple[int, _Order]:
 
 
 def _header(data: bytes, order: _Order) -> _Header:
+    """Read the first block: counts, numbers of frames, scale, rate [Hz] and its list of events."""
     words = order.ints(data[:BLOCK], signed=False)
     events: list[tuple[str, float]] = []
     if words[149] == EVENT_KEY and words[150] <= 18:
@@ -192,7 +247,19 @@ def _header(data: bytes, order: _Order) -> _Header:
 def _parameters(
     data: bytes, section: int, order: _Order, remarks: list[str]
 ) -> dict[str, dict[str, Value]]:
-    """Groups of parameters; records after a broken one are lost, which is told in `remarks`."""
+    """Read the groups of parameters; records after a broken one are lost.
+
+    Parameters
+    ----------
+    data : the file, or its first bytes
+    section : index of the parameter section's first byte
+    order : how numbers are written
+    remarks : gets a warning for what was left out
+
+    Returns
+    -------
+    values by group and name, both in capital letters; of two with one name the first
+    """
     names: dict[int, str] = {}
     records: list[tuple[int, str, Value]] = []
     at = section + 4
@@ -234,7 +301,19 @@ def _signed(byte: int) -> int:
 
 
 def _value(data: bytes, at: int, order: _Order) -> Value | None:
-    """Value of a parameter that begins at its type byte; None if the file ends before it."""
+    """Read the value of a parameter.
+
+    Parameters
+    ----------
+    data : the file
+    at : index of the byte that states the parameter's type
+    order : how numbers are written
+
+    Returns
+    -------
+    texts, one per row of characters, or numbers of the file's shape with the first index fastest;
+    None where the type is unknown or the file ends before the value
+    """
     if at + 2 > len(data) or data[at + 1] > MAX_DIMENSIONS:
         return None
     kind = _signed(data[at])
@@ -269,7 +348,26 @@ def _samples(
     remarks: list[str],
     path: Path,
 ) -> RawC3d:
-    """Points and analog samples of every frame the file holds."""
+    """Read points and analog samples of every frame that the file holds.
+
+    Parameters
+    ----------
+    data : the file
+    header : counts, scale and position of the samples
+    groups : parameters by group and name
+    order : how numbers are written
+    remarks : gets a warning for what was assumed, or where the file ends early
+    path : of the file, for messages
+
+    Returns
+    -------
+    points (frames, points, 3) in the file's unit, NaN where invalid; analog samples (samples,
+    channels) with offset and scale applied
+
+    Raises
+    ------
+    BadFile : the file holds no samples, or no whole frame
+    """
     about = RawC3d(
         groups=groups,
         first_frame=header.first,
@@ -337,12 +435,22 @@ def _samples(
 
 
 def _first(raw: RawC3d, group: str, name: str, default: float) -> float:
+    """Return the first number of a parameter, the default where it is absent or not finite."""
     values = raw.numbers(group, name)
     return float(values[0]) if len(values) and np.isfinite(values[0]) else default
 
 
 def _frames(raw: RawC3d, header: _Header, held: int) -> int:
-    """Number of frames the file claims: 16 bits in the header, more in parameters of long files."""
+    """Return how many frames the file claims.
+
+    The header has 16 bits for it, parameters of long files have more.
+
+    Parameters
+    ----------
+    raw : parameters are read
+    header : numbers of the first and last frame
+    held : frames that the bytes of the file would hold, where nothing else is stated
+    """
     begin = raw.numbers("TRIAL", "ACTUAL_START_FIELD")
     end = raw.numbers("TRIAL", "ACTUAL_END_FIELD")
     if len(begin) == 2 and len(end) == 2:
@@ -355,8 +463,16 @@ def _frames(raw: RawC3d, header: _Header, held: int) -> int:
 
 
 def _residuals(words: Array, scale: float) -> Array:
-    """Residual of each point [file's unit], -1 where invalid: the low byte of the fourth word,
-    scaled.
+    """Read the residual of each point: the low byte of its fourth word, scaled.
+
+    Parameters
+    ----------
+    words : (frames, points) fourth word of each point
+    scale : of a unit of residual [file's unit of length], above 0
+
+    Returns
+    -------
+    (frames, points) [file's unit of length], -1 where the point is invalid
     """
     whole = np.where(np.isfinite(words), words, -1.0)
     whole = np.clip(np.rint(whole), -1.0, 32767.0).astype(np.int64)
@@ -364,7 +480,21 @@ def _residuals(words: Array, scale: float) -> Array:
 
 
 def _scaled(raw: RawC3d, analog: Array, unsigned: bool, real: bool) -> Array:
-    """Analog samples with offset and scale applied: (raw - offset) * scale * general scale."""
+    """Apply offset and scale to analog samples.
+
+    The value is (raw - offset) * scale * general scale.
+
+    Parameters
+    ----------
+    raw : parameters are read
+    analog : (samples, channels) as the file stores them
+    unsigned : whether integers are unsigned
+    real : whether samples are reals
+
+    Returns
+    -------
+    (samples, channels) in the channels' units
+    """
     channels = analog.shape[1]
     scale = np.ones(channels)
     offset = np.zeros(channels)

@@ -1,4 +1,4 @@
-"""C3D files: markers, analog channels, force plates, events and what the file says of itself."""
+"""C3D files: markers, analog channels, force plates, events and facts about the recording."""
 
 from __future__ import annotations
 
@@ -38,10 +38,25 @@ NOT_EMG = re.compile(
 
 
 def read_c3d(path: str | os.PathLike[str]) -> Trial:
-    """Read a C3D file: lengths in metres, a hidden marker as NaN, time 0 at frame 1. Points that a
-    program computed (angles, moments, powers, forces) are in `other_points`; computed positions
-    stay among the markers, as OpenSim has it. Force plates are `plate_recordings`: `contact.plates`
-    makes forces of them. EMG stays in `analog`; see `emg_channels`.
+    """Read a C3D file: lengths in meters, a hidden marker as NaN, time 0 at frame 1.
+
+    Points that a program computed (angles, moments, powers, forces) are in `other_points`; computed
+    positions stay among the markers, as OpenSim has it. Force plates are `plate_recordings`:
+    `contact.plates` makes forces of them. EMG stays in `analog`; see `emg_channels`.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    markers (frames, markers, 3) [m] in the file's axes, analog channels (samples, channels) in the
+    units that the file names, plates in [N, N m, m], events [s]; `facts` has what the header says,
+    `warnings` what was assumed or left out
+
+    Raises
+    ------
+    BadFile : it cannot be read, is no C3D file, holds no whole frame, or states an impossible rate
     """
     path = Path(path)
     raw = read_raw_c3d(path)
@@ -69,7 +84,17 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
 
 
 def _meters(raw: RawC3d, notes: list[str]) -> float:
-    """Metres in the file's unit of length."""
+    """Find the length of the file's unit, by its name or by the median of the positions.
+
+    Parameters
+    ----------
+    raw : points in the file's unit
+    notes : gets a warning where the unit was guessed
+
+    Returns
+    -------
+    the unit [m]
+    """
     text = (raw.texts("POINT", "UNITS") or ("",))[0].lower()
     units = {"mm": 1e-3, "mil": 1e-3, "cm": 1e-2, "cen": 1e-2, "dm": 0.1, "m": 1.0, "in": 0.0254}
     for begin, factor in units.items():
@@ -84,7 +109,21 @@ def _meters(raw: RawC3d, notes: list[str]) -> float:
 def _points(
     raw: RawC3d, time: Array, meters: float, facts: dict[str, str], notes: list[str]
 ) -> tuple[Markers | None, Series | None]:
-    """Markers [m] and computed quantities [the file's units] of the points."""
+    """Sort the points into markers and computed quantities.
+
+    Parameters
+    ----------
+    raw : points (frames, points, 3) in the file's units, and their labels
+    time : (frames,) [s]
+    meters : the file's unit of length [m]
+    facts : gets the prefixes of labels and the count of points without a label
+    notes : gets a warning for what was assumed
+
+    Returns
+    -------
+    markers (frames, markers, 3) [m], NaN where hidden, and computed quantities (frames, quantities,
+    3) in the file's units; None for a kind that the file does not hold
+    """
     count = raw.points.shape[1]
     if not count or not len(time):
         return None, None
@@ -143,13 +182,23 @@ def _points(
 
 
 def _filled(texts: Sequence[str], count: int) -> list[str]:
-    """So many texts, "" where there are fewer."""
+    """Return so many texts, "" where there are fewer."""
     return [*texts[:count], *[""] * (count - len(texts))]
 
 
 def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[str]) -> list[str]:
-    """The descriptions in place of labels that old programs cut to four letters, so that they
-    repeat.
+    """Replace labels that old programs cut to four letters, so that they repeat.
+
+    Parameters
+    ----------
+    labels : one per point
+    descriptions : of the points, as the file has them
+    notes : gets a warning where labels were replaced
+
+    Returns
+    -------
+    the descriptions, or the labels where these are longer, differ, or have no description each that
+    is its own
     """
     if (
         len(set(labels)) == len(labels)
@@ -167,7 +216,18 @@ def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[str
 
 
 def _analog(raw: RawC3d, start: float, notes: list[str]) -> Analog | None:
-    """Analog channels in the units the file names."""
+    """Read the analog channels in the units that the file names.
+
+    Parameters
+    ----------
+    raw : analog samples (samples, channels)
+    start : time of the first sample [s]
+    notes : gets a warning where samples are not finite or names occur twice
+
+    Returns
+    -------
+    values (samples, channels), NaN where not finite; None where the file holds none
+    """
     samples, channels = raw.analog.shape
     if not samples or not channels:
         return None
@@ -193,7 +253,17 @@ def _analog(raw: RawC3d, start: float, notes: list[str]) -> Analog | None:
 
 
 def _events(raw: RawC3d, notes: list[str]) -> tuple[Event, ...]:
-    """Events with their side, in order of time."""
+    """Read the events in order of time, those of the header where the parameters have none.
+
+    Parameters
+    ----------
+    raw : parameters and events of the header are read
+    notes : gets a warning for each that was left out
+
+    Returns
+    -------
+    time [s], label and side ("Left", "Right", or "" for another)
+    """
     labels = raw.texts("EVENT", "LABELS")
     sides = raw.texts("EVENT", "CONTEXTS")
     times = raw.numbers("EVENT", "TIMES")
@@ -219,7 +289,7 @@ def _events(raw: RawC3d, notes: list[str]) -> tuple[Event, ...]:
 
 
 def _facts(raw: RawC3d) -> dict[str, str]:
-    """What the file says of itself, in words."""
+    """Collect facts: rates, maker, unit, subjects, date, body mass and height, as texts."""
     facts = {"point rate": f"{raw.point_rate:g} Hz", "first frame": str(raw.first_frame)}
     if raw.analog.size:
         facts["analog rate"] = f"{raw.analog_rate:g} Hz"
@@ -252,7 +322,7 @@ def _facts(raw: RawC3d) -> dict[str, str]:
 
 
 def _date(raw: RawC3d) -> str:
-    """The date of the recording as the file writes it, "" where it holds none; never of birth."""
+    """Find the date of the recording as the file writes it, "" without; never of birth."""
     places = ((group, name) for group, names in raw.groups.items() for name in names)
     dated = [(group, name) for group, name in places if DATE.fullmatch(name)]
     texts = (text for group, name in dated for text in raw.texts(group, name)[:1])
@@ -260,7 +330,17 @@ def _date(raw: RawC3d) -> str:
 
 
 def _measure(raw: RawC3d, names: Sequence[str]) -> float:
-    """A measure of the subject that is larger than zero, 0 if the file holds none."""
+    """Find a measure of the subject that is larger than zero, 0 if the file holds none.
+
+    Parameters
+    ----------
+    raw : parameters are read
+    names : of the parameter, in order of preference
+
+    Returns
+    -------
+    the value in the file's unit
+    """
     for group in ("PROCESSING", "SUBJECTS", "SUBJECT", "ANALYSIS_SUBJECT"):
         for name in names:
             values = raw.numbers(group, name)
@@ -270,9 +350,18 @@ def _measure(raw: RawC3d, names: Sequence[str]) -> float:
 
 
 def emg_channels(trial: Trial) -> tuple[str, ...]:
-    """Analog channels that are probably muscle signals: a guess from labels and units, not a claim.
+    """List the analog channels that are probably EMG, a guess from labels and units.
+
     Channels that a force plate uses are left out. Those whose label says EMG or a muscle are taken;
     without any, all that are in volts and do not look like a switch, a trigger or an accelerometer.
+
+    Parameters
+    ----------
+    trial : analog channels with their units, and plates
+
+    Returns
+    -------
+    names of channels, in the recording's order; () without analog channels
     """
     if trial.analog is None:
         return ()
@@ -305,7 +394,19 @@ LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "meter": 1.0}
 
 
 def plate_recordings(raw: RawC3d, meters: float, notes: list[str]) -> tuple[PlateRecording, ...]:
-    """Force plates of the file; one that is described in part only is left out with a warning."""
+    """Read the force plates of the file; one that is described only in part is left out.
+
+    Parameters
+    ----------
+    raw : parameters and analog samples
+    meters : the file's unit of length [m]
+    notes : gets a warning for each plate that was left out, and for units that were assumed
+
+    Returns
+    -------
+    corners (4, 3) and origin (3,) [m] of each, channels (samples, channels) in [N, N m, m] for
+    types 1 to 3, else as stored
+    """
     group = "FORCE_PLATFORM" if "FORCE_PLATFORM" in raw.groups else "FORCE_PLATEFORM"
     used = raw.numbers(group, "USED")
     kinds = raw.numbers(group, "TYPE")
@@ -326,6 +427,17 @@ def plate_recordings(raw: RawC3d, meters: float, notes: list[str]) -> tuple[Plat
 def _plate(
     raw: RawC3d, group: str, index: int, kind: int, meters: float, notes: list[str]
 ) -> PlateRecording | None:
+    """Read one force plate, None where corners, origin, channels or calibration are not usable.
+
+    Parameters
+    ----------
+    raw : parameters and analog samples
+    group : name of the group of parameters
+    index : of the plate, from 0
+    kind : C3D type of the plate
+    meters : the file's unit of length [m]
+    notes : gets a warning for what was left out or assumed
+    """
     name = f"plate_{index + 1}"
     corners = raw.numbers(group, "CORNERS")[12 * index : 12 * index + 12]
     origin = raw.numbers(group, "ORIGIN")[3 * index : 3 * index + 3]
@@ -380,7 +492,19 @@ def _plate(
 
 
 def _columns(raw: RawC3d, group: str, index: int, kind: int) -> list[int] | None:
-    """Columns of the analog samples that belong to the plate, or None."""
+    """Find the columns of the analog samples that belong to a plate.
+
+    Parameters
+    ----------
+    raw : parameters are read
+    group : name of the group of parameters
+    index : of the plate, from 0
+    kind : C3D type of the plate, which says how many channels it has
+
+    Returns
+    -------
+    indices from 0 in the order of the plate's channels; None where one is not among the samples
+    """
     shape = raw.shape(group, "CHANNEL")
     channels = raw.numbers(group, "CHANNEL")
     size = int(shape[0]) if len(shape) == 2 else len(channels)
@@ -392,7 +516,19 @@ def _columns(raw: RawC3d, group: str, index: int, kind: int) -> list[int] | None
 
 
 def _calibration(raw: RawC3d, group: str, index: int, meters: float) -> Array | None:
-    """Matrix (6, 6) from channels to force [N] and moment [N m]; the file stores it by columns."""
+    """Read the matrix from channels to forces and moments of a plate.
+
+    Parameters
+    ----------
+    raw : parameters are read; MATRIX_STORE says whether the file stores it by rows
+    group : name of the group of parameters
+    index : of the plate, from 0
+    meters : the file's unit of length [m]
+
+    Returns
+    -------
+    (6, 6) from channels to force [N] and moment [N m]; None where there is none that is finite
+    """
     values = raw.numbers(group, "CAL_MATRIX")[36 * index : 36 * index + 36]
     if len(values) < 36 or not np.isfinite(values).all() or not values.any():
         return None
@@ -404,7 +540,20 @@ def _calibration(raw: RawC3d, group: str, index: int, meters: float) -> Array | 
 
 
 def _factors(kind: int, units: list[str], meters: float, name: str, notes: list[str]) -> Array:
-    """Factor of each channel to N, N m or m."""
+    """Find the factor of each channel of a plate to N, N m or m.
+
+    Parameters
+    ----------
+    kind : C3D type of the plate, which says what each channel is
+    units : text of each channel
+    meters : unit of length where a channel's text names none [m]
+    name : of the plate, for messages
+    notes : gets a warning where units of forces are unknown
+
+    Returns
+    -------
+    (channels,)
+    """
     forces = 8 if kind == 3 else 3
     factors = np.ones(len(units))
     unknown = set()
@@ -430,8 +579,15 @@ def _factors(kind: int, units: list[str], meters: float, name: str, notes: list[
 
 
 def _in_millimeters(samples: Array, corners: Array) -> bool:
-    """Whether moments (samples, 6) are N mm though the file says N m: the force's distance from the
-    middle of a loaded plate, mostly many plates away, is within it then.
+    """Return whether moments are in N mm although the file says N m.
+
+    The distance of the force from the middle of the loaded plate, its moment over the vertical
+    force, then is many plates away, and within the plate in N mm.
+
+    Parameters
+    ----------
+    samples : (samples, 6) force [N] and moment [N m as stated]
+    corners : (4, 3) of the plate [m]
     """
     pressing = np.abs(samples[:, 2])
     moments = np.linalg.norm(samples[:, 3:5], axis=1)

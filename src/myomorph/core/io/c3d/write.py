@@ -1,9 +1,8 @@
-"""C3D files written with NumPy alone: points, analog channels, force plates and events, as
-little-endian reals.
+"""C3D files written with NumPy alone: points, analog channels, force plates and events.
 
 Follows the C3D user guide (Motion Lab Systems): a header of one block, a parameter section of
-linked records, frames of points and analog samples. Lengths are written in mm and moments in N mm,
-which every program takes.
+linked records, frames of points and analog samples, as little-endian reals. Lengths are written in
+mm and moments in N mm, which every program takes.
 """
 
 from __future__ import annotations
@@ -46,7 +45,20 @@ class Channel:
 def write_c3d(
     path: str | os.PathLike[str], markers: Markers, plate: PlateRecording | None = None
 ) -> None:
-    """Write markers, and force plates with a whole number of samples a frame; see `write_trial`."""
+    """Write markers, and a force plate with a whole number of samples per frame, as a C3D file.
+
+    Parameters
+    ----------
+    path : of the new file, replaced where it exists
+    markers : (frames, markers, 3) [m], at a constant rate
+    plate : channels (samples, channels) [N, N m], of which the first is at the first frame
+
+    Raises
+    ------
+    BadData : there are no markers, or the plate has fewer samples than there are frames or a type
+        that cannot be written
+    BadFile : the file cannot be written
+    """
     if plate is None:
         write_trial(path, Trial(markers=markers))
         return
@@ -62,10 +74,22 @@ def write_c3d(
 
 
 def write_trial(path: str | os.PathLike[str], trial: Trial) -> None:
-    """Write the markers, analog channels, force plates and events of a recording as a C3D file,
-    whole or not at all. A plate of type 4 is written as type 2, its calibration applied. Analog
-    channels of plates are written once, as the plates have them, a whole number of samples a frame.
-    Positions, forces and moments keep the seven digits of a 32-bit real.
+    """Write markers, channels, force plates and events as a C3D file, whole or not at all.
+
+    A plate of type 4 is written as type 2, its calibration applied. Analog channels of plates are
+    written once, as the plates have them, a whole number of samples per frame. Positions, forces
+    and moments keep the seven digits of a 32-bit real.
+
+    Parameters
+    ----------
+    path : of the new file, replaced where it exists
+    trial : markers (frames, markers, 3) [m] at a constant rate; what else it has is optional
+
+    Raises
+    ------
+    BadData : there are no markers, channels have no whole number of samples per frame, or a plate
+        has a type that cannot be written
+    BadFile : the file cannot be written
     """
     markers = trial.markers
     if markers is None or not len(markers) or not markers.names:
@@ -105,7 +129,21 @@ def write_trial(path: str | os.PathLike[str], trial: Trial) -> None:
 def _plate_channels(
     trial: Trial,
 ) -> tuple[list[Channel], list[tuple[PlateRecording, int, list[int]]]]:
-    """Channels of the plates, with the type and channel numbers (from 1) of each plate."""
+    """List the channels of the plates, moments and centers of pressure in the file's mm.
+
+    Parameters
+    ----------
+    trial : plates are read
+
+    Returns
+    -------
+    channels, and for each plate the recording, its type in the file and the numbers (from 1) of its
+    channels
+
+    Raises
+    ------
+    BadData : a plate's type cannot be written
+    """
     channels: list[Channel] = []
     plates = []
     for number, plate in enumerate(trial.plate_recordings, start=1):
@@ -129,7 +167,7 @@ def _plate_channels(
 
 
 def _other_channels(trial: Trial) -> list[Channel]:
-    """Analog channels that are no plate's."""
+    """List the analog channels that belong to no plate."""
     if trial.analog is None:
         return []
     plates = {name for plate in trial.plate_recordings for name in plate.channel_names}
@@ -142,7 +180,22 @@ def _other_channels(trial: Trial) -> list[Channel]:
 
 
 def _samples_a_frame(frames: int, lengths: Sequence[int]) -> int:
-    """Analog samples in a frame; all channels have at least so many."""
+    """Return how many analog samples each frame has.
+
+    Parameters
+    ----------
+    frames : count of frames
+    lengths : count of samples of each channel
+
+    Returns
+    -------
+    samples per frame, 0 without channels
+
+    Raises
+    ------
+    BadData : a channel has fewer samples than there are frames, or longer channels have enough for
+        another sample per frame
+    """
     if not lengths:
         return 0
     every = min(lengths) // frames
@@ -163,7 +216,22 @@ def _groups(
     plates: list[tuple[PlateRecording, int, list[int]]],
     first: int,
 ) -> dict[str, dict[str, object]]:
-    """Parameters by group and name: texts, or arrays whose first index is the fastest."""
+    """Collect the parameters of the file.
+
+    Parameters
+    ----------
+    trial : plates and events are read
+    markers : names and count of frames are read
+    rate : of frames [Hz]
+    every : analog samples per frame
+    channels : in the file's order
+    plates : recording, type and channel numbers (from 1) of each
+    first : number of the first frame, from 1
+
+    Returns
+    -------
+    by group and name, texts or arrays whose first index is the fastest
+    """
     last = first + len(markers) - 1
     groups: dict[str, dict[str, object]] = {
         "TRIAL": {"ACTUAL_START_FIELD": _words(first), "ACTUAL_END_FIELD": _words(last)},
@@ -214,12 +282,21 @@ def _groups(
 
 
 def _words(number: int) -> Array:
-    """A whole number as two 16-bit words, the lower first."""
+    """Split a whole number into two 16-bit words (2,), the lower first."""
     return np.array([number % 65536, number // 65536], np.uint16).view(np.int16)
 
 
 def _section(groups: dict[str, dict[str, object]]) -> bytes:
-    """The parameter section; the third byte, its length in blocks, is left to the caller."""
+    """Write the parameter section; the third byte, its length in blocks, is left to the caller.
+
+    Parameters
+    ----------
+    groups : texts or arrays by group and name
+
+    Returns
+    -------
+    bytes of the section, not filled up to a whole block
+    """
     parts = [bytes([1, KEY, 0, PC])]
     for number, (group, parameters) in enumerate(groups.items(), start=1):
         name = group.encode("latin-1")
@@ -238,7 +315,7 @@ def _section(groups: dict[str, dict[str, object]]) -> bytes:
 
 
 def _continued(label: str, value: object) -> list[tuple[str, object]]:
-    """A parameter in parts of no more entries than one can hold: LABELS, LABELS2, ..."""
+    """Split a parameter into parts of no more entries than one can hold: LABELS, LABELS2, ..."""
     if isinstance(value, tuple):
         parts: list[object] = [
             value[index : index + MAX_COUNT] for index in range(0, len(value), MAX_COUNT)
@@ -254,7 +331,7 @@ def _continued(label: str, value: object) -> list[tuple[str, object]]:
 
 
 def _body(value: object) -> bytes:
-    """Type, dimensions and data of a parameter."""
+    """Write type, dimensions and data of a parameter: texts, integers or reals."""
     if isinstance(value, tuple):
         texts = [text.encode("latin-1", "replace")[:127] for text in value]
         width = max([len(text) for text in texts] + [1])
@@ -267,7 +344,18 @@ def _body(value: object) -> bytes:
 
 
 def _frames(markers: Markers, channels: list[Channel], every: int) -> bytes:
-    """Points with their residuals, then the analog samples of each frame."""
+    """Write points with their residuals, then the analog samples of each frame.
+
+    Parameters
+    ----------
+    markers : (frames, markers, 3) [m], NaN where hidden
+    channels : of (samples,) each
+    every : samples per frame
+
+    Returns
+    -------
+    little-endian 32-bit reals; a hidden point is 0 with residual -1
+    """
     frames, count = markers.values.shape[:2]
     seen = np.asarray(np.isfinite(markers.values).all(axis=2))
     points = np.zeros((frames, count, 4), "<f4")
