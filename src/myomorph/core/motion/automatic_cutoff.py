@@ -47,16 +47,28 @@ one.
 
 
 def automatic_cutoff(motion: Motion) -> float | None:
-    """The cutoff [Hz] that a motion needs before it is differentiated, None where it is smooth
-    already or too short.
+    """Choose the cutoff that a motion needs before it is differentiated.
 
     White errors of coordinates are estimated from the upper half of the spectrum, where no body
-    moves. A filter H(f) leaves the error sum_f S (1 - H)^2 + N H^2 in the accelerations of a
-    coordinate, with the power N of their noise and S = P - N of what stands clearly above it. The
-    cutoff is where the geometric mean of this over all coordinates that move is least, but not
-    above three times the frequency below which 85 % of the power of their velocities lies: faster
-    than that, skin moves on its own. Source: Winter 2009, section 3.4.4.3 (signal and noise by
-    cutoff); Woltring 1986 (least expected error).
+    moves. A filter H(f) leaves in the accelerations of a coordinate the error
+
+        sum_f S (1 - H)^2 + N H^2
+
+    with the power N of their noise and S = P - N of what stands clearly above it. The cutoff is
+    where the geometric mean of this over all coordinates that move is least, but not above three
+    times the frequency below which 85 % of the power of their velocities lies: faster than that,
+    skin moves on its own.
+
+    Source: Winter 2009, section 3.4.4.3 (signal and noise by cutoff); Woltring 1986 (least expected
+    error).
+
+    Parameters
+    ----------
+    motion : coordinates over time (frames, coordinates) [rad or m], NaN in gaps
+
+    Returns
+    -------
+    [Hz]; None where the motion is smooth already, or no run of frames is long enough
     """
     if motion not in _KNOWN:
         _KNOWN[motion] = _cutoff(motion)
@@ -64,6 +76,7 @@ def automatic_cutoff(motion: Motion) -> float | None:
 
 
 def _cutoff(motion: Motion) -> float | None:
+    """Choose the cutoff from the longest run of frames without gaps; see `automatic_cutoff`."""
     seen = np.all(np.isfinite(motion.values), axis=1)
     part = max(
         (slice(*ends) for ends in runs(seen)),
@@ -101,15 +114,36 @@ def _cutoff(motion: Motion) -> float | None:
 
 
 def _gain(frequency: Array, cutoff: Array | float) -> Array:
-    """What `lowpass` leaves of an amplitude: a third-order Butterworth, twice."""
+    """Return the share of an amplitude that `lowpass` leaves: a third-order Butterworth, twice.
+
+        H = 1 / (1 + (f / cutoff)^6)
+
+    Parameters
+    ----------
+    frequency, cutoff : that broadcast against each other [Hz]
+
+    Returns
+    -------
+    of their common shape [-]
+    """
     gain: Array = 1.0 / (1.0 + (frequency / cutoff) ** 6)
     return gain
 
 
 def _acceleration_spectra(time: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Frequencies (n,) [Hz] above zero; power of accelerations and of white noise in them, (n,
-    coordinates) each. Only coordinates that move are there. Second differences of white noise have
-    the spectrum (2 - 2 cos(2 pi f h))^2.
+    """Compute the power of accelerations, and of white noise in them, for coordinates that move.
+
+    Second differences of white noise at steps h have the spectrum (2 - 2 cos(2 pi f h))^2.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    values : (frames, coordinates) [rad or m], without gaps
+
+    Returns
+    -------
+    frequencies (n,) above zero [Hz], then power of accelerations and power of noise, each (n,
+    moving coordinates)
     """
     step = np.diff(time)
     if step.max() - step.min() >= 1e-3 * step.mean():

@@ -1,6 +1,4 @@
-"""Two recordings laid side by side: the lags at which they explain each other, then offset and
-drift refined.
-"""
+"""Lags at which two recordings explain each other, then offset and drift refined."""
 
 from __future__ import annotations
 
@@ -28,9 +26,18 @@ markers are rough.
 
 @read_only
 class Compared:
-    """Rows (frames, signals, parameters) on the reference clock, zero where unusable, beside
-    splines of the other recording (signals,) and their slopes over its own time; `start` and `end`
-    of what its filter has settled for [s], `middle` of what both cover, on the reference clock [s].
+    """Two recordings prepared for comparison.
+
+    Attributes
+    ----------
+    time : (frames,) on the reference clock [s]
+    rows : (frames, signals, parameters) on the reference clock, zero where unusable
+    usable : (frames,) whether the filtered rows hold
+    spline : (signals,) of the other recording over its own time
+    slope : (signals,) its derivative [per s]
+    start, end : of what the other recording's filter has settled for, on its own clock [s]
+    middle : of what both cover, on the reference clock [s]
+    spread : (signals,) standard deviation of the other recording
     """
 
     time: Array
@@ -50,27 +57,60 @@ class Compared:
 
     @property
     def weights(self) -> Array:
-        """(signals,) that make every signal of the other recording vary by 1; 0 for one that does
-        not vary.
+        """Factors (signals,) that make every signal of the other recording vary by 1.
+
+        0 for one that does not vary.
         """
         varies = self.spread > 1e-12 * self.spread.max(initial=0.0)
         return np.where(varies, 1.0 / np.where(varies, self.spread, 1.0), 0.0)
 
     def places(self, lag: Array) -> Array:
-        """Times of the frames on the other clock, t + a + b (t - middle), for a lag (2,) of a [s]
-        and b.
+        """Convert the times of the frames to the other clock.
+
+            s = t + a + b (t - middle)
+
+        Parameters
+        ----------
+        lag : (2,) a [s] and b [s/s]
+
+        Returns
+        -------
+        (frames,) [s]
         """
         return self.time + lag[0] + lag[1] * (self.time - self.middle)
 
     def within(self, lag: Array) -> np.ndarray:
-        """(frames,) usable ones that lie in the other recording."""
+        """Find usable frames that lie in the other recording.
+
+        Parameters
+        ----------
+        lag : (2,) a [s] and b [s/s]
+
+        Returns
+        -------
+        (frames,) whether a frame is one
+        """
         places = self.places(lag)
         return self.usable & (places > self.start) & (places < self.end)
 
 
 def main_frequency(time: Array, other_time: Array, other: Array) -> float:
-    """Frequency of the other recording's strongest oscillation [Hz]: by squared power: noise has
-    little.
+    """Estimate the frequency of the other recording's strongest oscillation.
+
+        f = sum f P^2 / sum P^2
+
+    over frequencies below a quarter of the reference's rate. Squared power, because noise has
+    little of it.
+
+    Parameters
+    ----------
+    time : (frames,) of the reference [s]
+    other_time : (samples,) [s]
+    other : (samples, signals), each scaled to a standard deviation of 1
+
+    Returns
+    -------
+    [Hz], at least two periods in the recording
     """
     rate = (len(other_time) - 1) / float(other_time[-1] - other_time[0])
     spread = np.std(other, axis=0)
@@ -93,7 +133,26 @@ def compare(
     cutoff: float,
     used: np.ndarray | None,
 ) -> Compared:
-    """Filter both recordings alike and thin the frames to what the cutoff needs."""
+    """Filter both recordings alike and thin the frames to what the cutoff needs.
+
+    Parameters
+    ----------
+    time : (frames,) of the reference [s]
+    rows : (frames, signals, parameters), not used where NaN
+    other_time : (samples,) on the other's clock [s]
+    other : (samples, signals)
+    cutoff : of the low-pass [Hz]
+    used : (frames,) whether a frame is used; None uses all
+
+    Returns
+    -------
+    both recordings, comparable
+
+    Raises
+    ------
+    BadData : fewer than 20 samples, shapes that do not match, an unsteady clock, NaN in the other
+        recording, or no run of frames that is long enough for the filter
+    """
     time = np.asarray(time, dtype=np.float64)
     other_time = np.asarray(other_time, dtype=np.float64)
     _checked(time, other_time, other, rows)
@@ -137,6 +196,7 @@ def compare(
 
 
 def _checked(time: Array, other_time: Array, other: Array, rows: Array) -> None:
+    """Refuse recordings whose lengths, shapes, values or steps do not allow a comparison."""
     if len(time) < 20 or len(other_time) < 20:
         raise BadData(f"{len(time)} and {len(other_time)} samples: too few to compare clocks")
     if rows.shape[:2] != (len(time), other.shape[1]) or len(other) != len(other_time):
@@ -160,8 +220,18 @@ def _checked(time: Array, other_time: Array, other: Array, rows: Array) -> None:
 def _filtered(
     rows: Array, usable: np.ndarray, rate: float, cutoff: float
 ) -> tuple[Array, np.ndarray]:
-    """Low-passed rows over each unbroken run, and the frames that remain when the filter has
-    settled.
+    """Low-pass rows over each unbroken run.
+
+    Parameters
+    ----------
+    rows : (frames, signals, parameters)
+    usable : (frames,) whether a row is finite
+    rate : [Hz]
+    cutoff : [Hz]
+
+    Returns
+    -------
+    filtered rows, and (frames,) whether the filter has settled there
     """
     filtered = np.array(rows, dtype=np.float64)
     kept = np.zeros(len(rows), dtype=bool)
@@ -174,8 +244,20 @@ def _filtered(
 
 
 def likely_lags(compared: Compared, search: float) -> list[float]:
-    """Lags [s], the best first, by the share of variance that any parameters explain, at every lag
-    at once by FFT.
+    """Find lags by the share of variance that any parameters explain, at every lag at once by FFT.
+
+    Parameters
+    ----------
+    compared : both recordings
+    search : largest lag either way [s]
+
+    Returns
+    -------
+    lags [s], the best first
+
+    Raises
+    ------
+    BadData : no time in common, or less than 10 % explained at any lag
     """
     first, _ = _peaks(compared, compared.weights, search)
     # A signal that only holds noise would count as much as the others: what each leaves unexplained
@@ -195,7 +277,25 @@ def likely_lags(compared: Compared, search: float) -> list[float]:
 
 
 def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[float], float]:
-    """Lags [s] of the highest peaks of the share explained, and that share at the highest."""
+    """Find the highest peaks of the share explained.
+
+    With an orthonormal basis B of what the rows and a constant can explain, and the other recording
+    y at a lag,
+
+        share = sum (B^T y)^2 / sum y^2,
+
+    both sums over usable frames: correlations, which FFT gives at every lag.
+
+    Parameters
+    ----------
+    compared : both recordings
+    weights : (signals,)
+    search : largest lag either way [s]
+
+    Returns
+    -------
+    lags of the peaks, the highest first [s], and the share at the highest
+    """
     step = compared.step
     frames = len(compared.time)
     most = int(np.ceil(search / step))
@@ -233,8 +333,16 @@ def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[floa
 
 
 def _centered_basis(compared: Compared, weights: Array) -> Array:
-    """Orthonormal columns (frames, signals, k) of what the rows and a constant for each signal can
-    explain.
+    """Orthonormalize what the rows and a constant for each signal can explain.
+
+    Parameters
+    ----------
+    compared : both recordings
+    weights : (signals,)
+
+    Returns
+    -------
+    (frames, signals, k)
     """
     frames, signals, parameters = compared.rows.shape
     design = (compared.rows * weights[:, None]).reshape(-1, parameters)
@@ -245,7 +353,16 @@ def _centered_basis(compared: Compared, weights: Array) -> Array:
 
 
 def orthonormal(design: Array) -> Array:
-    """Orthonormal basis of the columns; those that are zero or repeat others are left out."""
+    """Orthonormalize columns; those that are zero or repeat others are left out.
+
+    Parameters
+    ----------
+    design : (n, columns)
+
+    Returns
+    -------
+    (n, k) with k at most the number of columns
+    """
     sizes = np.linalg.norm(design, axis=0)
     kept = sizes > 1e-12 * sizes.max(initial=0.0)
     scaled = design[:, kept] / sizes[kept]
@@ -255,7 +372,18 @@ def orthonormal(design: Array) -> Array:
 
 
 def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
-    """Lag (2,) through those of pieces, found to a fraction of a frame, without outliers."""
+    """Fit a line through the lags of pieces, found to a fraction of a frame, without outliers.
+
+    Parameters
+    ----------
+    compared : both recordings
+    lag : (2,) to start from, a [s] and b [s/s]
+    window : length of a piece; the next begins half of it later [s]
+
+    Returns
+    -------
+    (2,) a [s] and b [s/s]; `lag` where fewer than three pieces show theirs
+    """
     predicted = _predicted(compared, lag)
     weights = (
         1.0
@@ -290,8 +418,18 @@ def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
 
 
 def _lag_of_piece(compared: Compared, places: Array, wanted: Array, weights: Array) -> float | None:
-    """Further lag [s] of a piece by a parabola through the least misfits; None at the end of the
-    range.
+    """Find a piece's further lag by a parabola through the smallest misfits.
+
+    Parameters
+    ----------
+    compared : both recordings
+    places : (n,) times of the piece's frames on the other clock [s]
+    wanted : (n, signals) predicted, centered and weighted
+    weights : (signals,)
+
+    Returns
+    -------
+    [s]; None where the smallest misfit is at an end of the search range
     """
     most = int(np.ceil(REACH / compared.step))
     costs = []
@@ -307,7 +445,17 @@ def _lag_of_piece(compared: Compared, places: Array, wanted: Array, weights: Arr
 
 
 def _predicted(compared: Compared, lag: Array) -> Array:
-    """What the rows say the other recording is, (frames, signals)."""
+    """Predict the other recording by the rows with the parameters that fit best at a lag.
+
+    Parameters
+    ----------
+    compared : both recordings
+    lag : (2,) a [s] and b [s/s]
+
+    Returns
+    -------
+    (frames, signals)
+    """
     inside = compared.within(lag)
     design = (compared.rows[inside] * compared.weights[:, None]).reshape(-1, compared.rows.shape[2])
     wanted = (compared.spline(compared.places(lag)[inside]) * compared.weights).reshape(-1)
@@ -316,7 +464,17 @@ def _predicted(compared: Compared, lag: Array) -> Array:
 
 
 def _left(compared: Compared, lag: Array) -> Array:
-    """Standard deviation (signals,) of what the rows leave of the other recording at a lag (2,)."""
+    """Compute the standard deviation of what the rows leave of the other recording.
+
+    Parameters
+    ----------
+    compared : both recordings
+    lag : (2,) a [s] and b [s/s]
+
+    Returns
+    -------
+    (signals,)
+    """
     inside = compared.within(lag)
     left = compared.spline(compared.places(lag)[inside]) - _predicted(compared, lag)[inside]
     return left.std(axis=0)
@@ -332,9 +490,15 @@ nothing.
 
 @read_only
 class Refined:
-    """Where Gauss-Newton ended: `lag` a [s] and b of `Compared.places` and their covariance; the
-    geometric mean over the signals of what is left, in units of each one's spread; share of the
-    variance explained of the best; seconds in common.
+    """Result of the Gauss-Newton iteration.
+
+    Attributes
+    ----------
+    lag : (2,) a [s] and b [s/s] of `Compared.places`
+    covariance : (2, 2) of the lag
+    misfit : geometric mean over the signals of what is left, in units of each one's spread [-]
+    explained : share of the variance of the signal explained best [-]
+    length : time in common [s]
     """
 
     lag: Array
@@ -350,9 +514,24 @@ class Refined:
 
 
 def refine(compared: Compared, lag: Array, drift: bool, block: float) -> Refined:
-    """Offset, and drift if wanted, from a start that is within a fraction of a swing.
+    """Refine offset, and drift if wanted, from a start that is within a fraction of a swing.
 
-    Each signal weighs what its residual says; Gauss-Newton after Kaufman 1975.
+    With the orthonormal basis B of the rows, the residual (I - B B^T) y of the other recording y at
+    the lag has the slopes (I - B B^T) dy/dt [1, t - middle] (Kaufman's approximation, which leaves
+    out how the best parameters change). Each signal weighs what its residual allows.
+
+    Source: Kaufman 1975.
+
+    Parameters
+    ----------
+    compared : both recordings
+    lag : (2,) to start from, a [s] and b [s/s]
+    drift : refine b too
+    block : residuals further apart are independent [s]
+
+    Returns
+    -------
+    lag and its covariance
 
     Raises
     ------
@@ -400,7 +579,25 @@ def refine(compared: Compared, lag: Array, drift: bool, block: float) -> Refined
 
 
 def _covariance(tangent: Array, left: Array, time: Array, signals: int, block: float) -> Array:
-    """Sandwich of block sums (2, 2), which residuals that follow each other do not deceive."""
+    """Estimate the covariance of the lag from block sums, which correlation does not deceive.
+
+    With G the tangent, r the residuals and s_k = sum over block k of G^T r, of K blocks (a
+    sandwich),
+
+        cov = (G^T G)^-1 (sum_k s_k s_k^T) (G^T G)^-1 K / (K - n)
+
+    Parameters
+    ----------
+    tangent : (frames signals, n) slopes in a, and b
+    left : (frames signals,) residuals
+    time : (frames,) [s]
+    signals : number of them
+    block : length of a block [s]
+
+    Returns
+    -------
+    (2, 2), zero for a drift that was not refined
+    """
     count = tangent.shape[1]
     scores = (tangent * left[:, None]).reshape(len(time), signals, count).sum(axis=1)
     number = np.floor((time - time[0]) / block).astype(np.int64)

@@ -75,13 +75,21 @@ class ClockOptions:
 
 @read_only
 class Clock:
-    """How another recording's clock runs against the reference: `offset` [s] is added to its time
-    at `epoch`, `drift` [s/s] every second after it.
+    """A line that maps another recording's clock to the reference's.
 
-    `epoch` [s, on the other's clock] is the middle of what both cover, where the two are
-    independent; their covariance is zero for a clock that is given. `explained` is the share of the
-    variance of that signal which the reference explains best, `cutoff` [Hz] of the filter through
-    which they were compared.
+        time on the reference clock = t + offset + drift (t - epoch)
+
+    Attributes
+    ----------
+    offset : added at `epoch` [s]
+    drift : added for every second after it [s/s]
+    epoch : on the other's clock, the middle of what both cover, where offset and drift are
+        independent [s]
+    covariance : (2, 2) of offset and drift [s^2, s, 1]; zero for a clock that is specified
+    length : of what both cover [s]
+    explained : share of the variance of that signal which the reference explains best [-]
+    cutoff : of the filter through which they were compared [Hz]
+    notes : a drift that is significant, another offset that fits nearly as well
     """
 
     offset: float = 0.0
@@ -107,19 +115,51 @@ class Clock:
         return float(np.sqrt(self.covariance[1, 1]))
 
     def times(self, time: Array) -> Array:
-        """Times of the other clock on the reference clock [s]."""
+        """Convert times of the other clock to the reference clock.
+
+        Parameters
+        ----------
+        time : of any shape [s]
+
+        Returns
+        -------
+        of the same shape [s]
+        """
         return time + self.offset + self.drift * (time - self.epoch)
 
     def apply(self, series: Timed) -> Timed:
-        """The other recording with its samples at the times the reference clock shows."""
+        """Put the other recording's samples at the times that the reference clock shows.
+
+        Parameters
+        ----------
+        series : of the other recording
+
+        Returns
+        -------
+        the same samples on the reference clock
+        """
         changes: dict[str, Any] = {"time": self.times(series.time)}
         return replace(series, **changes)
 
 
 def resample(series: SeriesKind, time: Array) -> SeriesKind:
-    """Columns of a steady recording without gaps at other times by natural cubic splines, NaN
-    outside it. Where the new rate is the lower one a low-pass at 0.4 of it comes first, so that
-    nothing faster is mistaken for something slow.
+    """Resample a steady recording without gaps by natural cubic splines.
+
+    Where the new rate is below 0.9 of the old one a low-pass at 0.4 of the new rate comes first, so
+    that nothing fast is mistaken for something slow (aliasing).
+
+    Parameters
+    ----------
+    series : at a steady rate, without NaN
+    time : (frames,) new times [s]
+
+    Returns
+    -------
+    the same kind of series at `time`, NaN more than half a sample outside the recording
+
+    Raises
+    ------
+    BadData : values are not finite, or there are too few of them
     """
     rate = series.rate
     wanted = (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else np.inf
@@ -140,14 +180,34 @@ def fit_clock(
     options: ClockOptions | None = None,
     used: np.ndarray | None = None,
 ) -> Clock:
-    """Clock of a recording that is linear in what the reference recorded: other = rows phi, phi
-    unknown.
+    """Fit the clock of a recording that is linear in what the reference recorded.
 
-    Rows are (frames, signals, parameters), not used where NaN or not `used`; the other recording is
-    (samples, signals). The offset starts where the lagged recordings explain each other best, the
-    drift from the lags of pieces; Gauss-Newton on both follows, each signal weighted by what its
-    residual is. The standard deviations come from the residuals block by block, so that filtered
-    noise and errors of the model count for what they are.
+        other = rows phi,   phi unknown
+
+    The offset starts where the lagged recordings explain each other best, the drift from the lags
+    of pieces; Gauss-Newton on both follows, each signal weighted by its residual. The standard
+    deviations come from the residuals block by block, so that filtered noise and errors of the
+    model count for what they are.
+
+    Source: Golub and Pereyra 1973 (variable projection).
+
+    Parameters
+    ----------
+    time : (frames,) of the reference [s]
+    rows : (frames, signals, parameters) of the reference; frames with NaN are not used
+    other_time : (samples,) on the other's clock [s]
+    other : (samples, signals) of the other recording
+    options : search range, drift, filter; see `ClockOptions`
+    used : (frames,) whether a frame is used; None uses all
+
+    Returns
+    -------
+    clock of the other recording
+
+    Raises
+    ------
+    BadData : shapes do not match, a recording is short or unsteady, the other has NaN, or the
+        recordings do not explain each other at any offset within the search range
     """
     options = options or ClockOptions()
     slow = PERIODS * main_frequency(time, other_time, other)
@@ -186,7 +246,7 @@ def fit_clock(
 
 
 def _warning(refineds: list[Refined]) -> str:
-    """A line on another offset that leaves hardly more than the best, "" where there is none."""
+    """Describe another offset that leaves hardly more than the best, "" where there is none."""
     best = refineds[0]
     for other in refineds[1:]:
         if (
@@ -202,10 +262,22 @@ def _warning(refineds: list[Refined]) -> str:
 
 
 def on_one_clock(parts: Mapping[str, SeriesKind]) -> tuple[dict[str, SeriesKind], tuple[str, ...]]:
-    """Motions or markers of several parts at the times of that with the highest rate, over what all
-    cover; and notes on what was resampled or cut. Times are taken as they are: clocks that count
-    from different instants have to be brought together first (`fit_clock`). A resampled motion has
-    no velocities: differentiate it again.
+    """Resample several parts to the times of that with the highest rate, over what all cover.
+
+    Times are taken as they are: clocks that count from different instants have to be brought
+    together first (`fit_clock`). A resampled motion has no velocities: differentiate it again.
+
+    Parameters
+    ----------
+    parts : motions or markers by name
+
+    Returns
+    -------
+    the parts on one clock, and notes on what was resampled or cut
+
+    Raises
+    ------
+    BadData : the parts have no time in common
     """
     if not clock_difference(parts):
         return dict(parts), ()
@@ -244,8 +316,14 @@ def on_one_clock(parts: Mapping[str, SeriesKind]) -> tuple[dict[str, SeriesKind]
 
 
 def _at(series: SeriesKind, time: Array) -> SeriesKind:
-    """Columns without gaps by splines, others by straight lines between neighbours that are both
-    seen.
+    """Interpolate columns at other times.
+
+    Columns without gaps follow splines, others straight lines between neighbors that are both seen.
+
+    Parameters
+    ----------
+    series : of any kind
+    time : (frames,) [s]
     """
     if isinstance(series, Motion):
         series = replace(series, velocities=None, accelerations=None)

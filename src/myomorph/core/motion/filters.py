@@ -17,18 +17,47 @@ REACH = 60
 
 
 def lowpass(values: Array, rate: float, cutoff: float) -> Array:
-    """Zero-lag low-pass of values (frames, ...): a third-order Butterworth forwards and backwards,
-    as OpenSim's tools. Each pass halves the power at `cutoff` [Hz], so the two together pass half
-    the amplitude there (-6 dB); OpenSim does not correct for that. Both ends are extended by half
-    the length, turned about the end points. A `cutoff` at or above half the rate is lowered to 0.49
-    of the rate, as OpenSim does.
+    """Low-pass values without lag, by a third-order Butterworth forwards and backwards.
+
+    Each pass halves the power at the cutoff, so the two together pass half the amplitude there (-6
+    dB); OpenSim does not correct for that. Well below the rate,
+
+        gain = 1 / (1 + (f / cutoff)^6)
+
+    A cutoff at or above half the rate is lowered to 0.49 of the rate, as OpenSim does. Both ends
+    are extended by half the length, point-reflected at the end points.
+
+    Parameters
+    ----------
+    values : (frames, ...) finite, at a steady rate
+    rate : of the frames [Hz]
+    cutoff : [Hz]
+
+    Returns
+    -------
+    (frames, ...) filtered
+
+    Raises
+    ------
+    BadData : a cutoff that is not above 0, fewer than 4 frames, or values that are not finite
     """
     padded, pad = _lowpass_padded(np.asarray(values, dtype=np.float64), rate, cutoff)
     return padded[pad : pad + len(values)]
 
 
 def _lowpass_padded(values: Array, rate: float, cutoff: float) -> tuple[Array, int]:
-    """Filtered values with their extensions at both ends, and the length of these."""
+    """Filter values with their extensions at both ends.
+
+    Parameters
+    ----------
+    values : (frames, ...)
+    rate : [Hz]
+    cutoff : [Hz]
+
+    Returns
+    -------
+    (frames + 2 pad, ...) filtered, and pad
+    """
     frames = len(values)
     if not cutoff > 0.0:
         raise BadData(f"cutoff {cutoff} Hz: expected a positive frequency")
@@ -45,8 +74,22 @@ def _lowpass_padded(values: Array, rate: float, cutoff: float) -> tuple[Array, i
 
 
 def _one_pass(x: Array, rate: float, cutoff: float) -> Array:
-    """Third-order Butterworth by the bilinear transform, its first three outputs equal to the
-    input.
+    """Filter forwards by a third-order Butterworth, its first three outputs equal to the input.
+
+    By the bilinear transform with w = tan(pi cutoff / rate) the poles of 1 / ((s + 1)(s^2 + s + 1))
+    give
+
+        b = w^3 [1, 3, 3, 1] / ((w + 1)(w^2 + w + 1))
+
+    Parameters
+    ----------
+    x : (samples, ...)
+    rate : [Hz]
+    cutoff : below half the rate [Hz]
+
+    Returns
+    -------
+    (samples, ...)
     """
     w = np.tan(np.pi * cutoff / rate)
     scale = (w + 1.0) * (w * w + w + 1.0)
@@ -71,9 +114,17 @@ def _one_pass(x: Array, rate: float, cutoff: float) -> Array:
 
 @kernel
 def _third_order(b, a, x, state):
-    """Filter x (samples, columns) from its fourth sample on, in place: the transposed direct form
-    II. `scipy.signal.lfilter` does the same, but takes longer to import than all the rest of a
-    command.
+    """Filter from the fourth sample on, in place: the transposed direct form II.
+
+        y_n = b_0 x_n + s_1,   s_i = b_i x_n - a_i y_n + s_(i+1)
+
+    `scipy.signal.lfilter` does the same, but takes longer to import than all the rest of a command.
+
+    Parameters
+    ----------
+    b, a : (4,) coefficients, a_0 = 1
+    x : (samples, columns) overwritten
+    state : (3, columns) before the fourth sample, overwritten
     """
     for i in range(3, len(x)):
         for j in range(x.shape[1]):
@@ -86,8 +137,7 @@ def _third_order(b, a, x, state):
 
 
 def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
-    """The motion with velocities and accelerations, low-pass filtered first where a cutoff is
-    given.
+    """Differentiate a motion twice, low-pass filtered first where a cutoff is specified.
 
     Natural quintic splines through every coordinate, as OpenSim's inverse dynamics; of a filtered
     motion, through the filter's extensions too, so that the ends of the spline lie outside the
@@ -108,8 +158,7 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
 
     Raises
     ------
-    BadData
-        where no run of six frames is free of gaps
+    BadData where no run of six frames is free of gaps
 
     Examples
     --------
@@ -142,8 +191,19 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
 
 
 def _lowpass_spline(time: Array, values: Array, cutoff: float) -> Spline:
-    """Spline through filtered values; values at uneven times go through one at even times, as
-    OpenSim's `Storage`.
+    """Fit a spline through filtered values and part of the filter's extensions.
+
+    Values at uneven times go through one at even times first, as in OpenSim's `Storage`.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    values : (frames, coordinates) [rad or m]
+    cutoff : [Hz]
+
+    Returns
+    -------
+    a spline that reaches beyond the frames by up to `REACH` samples
     """
     step = np.diff(time)
     if step.max() - step.min() >= 1e-3 * step.mean():

@@ -33,8 +33,18 @@ class Spline:
     degree: int
 
     def __call__(self, at: ArrayLike, order: int = 0) -> Array:
-        """Values, or a derivative of some order, (points, ...) at points (points,) or at one;
-        beyond the ends the outer polynomials continue.
+        """Evaluate the spline, or a derivative; beyond the ends the outer polynomials continue.
+
+            s(x) = sum_i c_i B_i(x)
+
+        Parameters
+        ----------
+        at : (points,) or one x
+        order : of the derivative, at most the degree
+
+        Returns
+        -------
+        (points, ...), or (...) at one
         """
         if order:
             return self.derivative(order)(at)
@@ -49,11 +59,19 @@ class Spline:
         return values.reshape(at.shape + self.coefficients.shape[1:])
 
     def derivative(self, order: int = 1) -> Spline:
-        """The derivative of an order, at most the degree.
+        """Differentiate the spline.
 
-        d/dx sum_i c_i B_i,k = sum_i k (c_i+1 - c_i) / (t_i+k+1 - t_i+1) B_i,k-1
+            d/dx sum_i c_i B_i,k = sum_i k (c_i+1 - c_i) / (t_i+k+1 - t_i+1) B_i,k-1
 
         Source: de Boor 1978, chapter X.
+
+        Parameters
+        ----------
+        order : of the derivative, at most the degree
+
+        Returns
+        -------
+        a spline whose degree is smaller by `order`
         """
         spline = self
         for _ in range(order):
@@ -66,7 +84,7 @@ class Spline:
 
 
 def natural_spline(time: Array, values: Array, degree: int = 5) -> Spline:
-    """Interpolating natural spline of degree 3 or 5 through every column of `values`.
+    """Interpolate every column of values by a natural spline.
 
     OpenSim's `GCVSpline` with no error variance: the derivatives of order (degree + 1) / 2 ...
     degree - 1 vanish at both ends.
@@ -77,11 +95,15 @@ def natural_spline(time: Array, values: Array, degree: int = 5) -> Spline:
     ----------
     time : (frames,) that increase [s]
     values : (frames, ...)
+    degree : 3 or 5
+
+    Returns
+    -------
+    a spline through all values, a curve for each column
 
     Raises
     ------
-    BadData
-        where there are too few frames, values are not finite, or times do not increase
+    BadData where there are too few frames, values are not finite, or times do not increase
     """
     if len(time) <= degree:
         raise BadData(
@@ -126,17 +148,39 @@ def natural_spline(time: Array, values: Array, degree: int = 5) -> Spline:
 
 
 def _first_basis(knots: Array, degree: int, at: Array) -> np.ndarray:
-    """Numbers (points,) of the first B-spline that is not 0 between the knots about each point."""
+    """Find the first B-spline that is not 0 at each point.
+
+    Parameters
+    ----------
+    knots : (coefficients + degree + 1,)
+    degree : of the polynomials
+    at : (points,)
+
+    Returns
+    -------
+    (points,) its number; beyond the ends that of the outer interval
+    """
     last = len(knots) - degree - 2
     return np.clip(np.searchsorted(knots, at, side="right") - 1, degree, last) - degree
 
 
 def _basis(knots: Array, degree: int, at: Array, first: np.ndarray) -> Array:
-    """Values (points, degree + 1) of the B-splines that are not 0 about each point.
+    """Evaluate the B-splines that are not 0 at each point.
 
         B_i,k = (x - t_i) / (t_i+k - t_i) B_i,k-1 + (t_i+k+1 - x) / (t_i+k+1 - t_i+1) B_i+1,k-1
 
     Source: de Boor 1978, chapter X.
+
+    Parameters
+    ----------
+    knots : (coefficients + degree + 1,)
+    degree : of the polynomials
+    at : (points,)
+    first : (points,) of `_first_basis`
+
+    Returns
+    -------
+    (points, degree + 1)
     """
     basis = np.zeros((degree + 1, len(at)))
     basis[0] = 1.0
@@ -154,8 +198,17 @@ def _basis(knots: Array, degree: int, at: Array, first: np.ndarray) -> Array:
 
 
 def _end_derivative(knots: Array, degree: int, order: int) -> Array:
-    """Row (order + 1,) of the first coefficients that gives a derivative at the first knot, scaled
-    to a largest element of 1.
+    """Compute the row of the first coefficients that gives a derivative at the first knot.
+
+    Parameters
+    ----------
+    knots : (coefficients + degree + 1,)
+    degree : of the polynomials
+    order : of the derivative
+
+    Returns
+    -------
+    (order + 1,) scaled to a largest element of 1
     """
     row = np.eye(order + 1)
     for j in range(order):
@@ -167,8 +220,14 @@ def _end_derivative(knots: Array, degree: int, order: int) -> Array:
 
 @kernel
 def sum_basis(basis, first, coefficients, values):
-    """Fill values (points, curves) with the sums of each point's B-splines (points, degree + 1), of
-    which `first` (points,) has the number, times their coefficients (coefficients, curves).
+    """Fill values with the sums of each point's B-splines times their coefficients.
+
+    Parameters
+    ----------
+    basis : (points, degree + 1) of `_basis`
+    first : (points,) number of the first of them
+    coefficients : (coefficients, curves)
+    values : (points, curves) filled
     """
     for point in range(basis.shape[0]):
         for curve in range(values.shape[1]):
@@ -183,8 +242,12 @@ def sum_basis(basis, first, coefficients, values):
 def solve_banded(rows, right, reach):
     """Solve A x = b for many right sides, in place, by Gaussian elimination with row exchanges.
 
-    `rows` (n, 3 reach + 1): A[i, i - reach + j] at [i, j], zero in the last `reach` columns;
-    `right` (n, sides) b, which becomes x; `reach` of the band to either side of the diagonal.
+    Parameters
+    ----------
+    rows : (n, 3 reach + 1) A[i, i - reach + j] at [i, j], zero in the last `reach` columns;
+        overwritten
+    right : (n, sides) b, which becomes x
+    reach : of the band to either side of the diagonal
     """
     n = len(rows)
     for i in range(n):

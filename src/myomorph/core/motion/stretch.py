@@ -1,8 +1,7 @@
-"""How markers move when bodies stretch, and what all frames together say of lengths and marker
-positions.
+"""Derivatives of marker positions in the lengths of bodies, and normal equations over all frames.
 
-For fixed angles the place of a marker is linear in the factors of the bodies between it and the
-ground and in its position on its body:
+For fixed angles the position of a marker is linear in the factors of the bodies between it and the
+ground and in its location on its body:
 
     x = sum over the chain of R (factor * offset) + R_b (factor * location + shift),
 
@@ -38,11 +37,15 @@ TIED = 1e6
 
 
 class Stretch(NamedTuple):
-    """How the tree's constants depend on the factors of the bodies: derivatives (axes or bodies, 3,
-    6) of `pre_p` and `post_p` in the factors (x, y, z) of the parent and of the body itself;
-    relative growth (axes, 3) of a sliding axis's motion with those of the parent; the length that
-    stretches a body along an axis (bodies, 3), -1 for none; locations of the markers on the model
-    before it is stretched [m].
+    """Derivatives of the tree's constants in the factors of the bodies.
+
+    Attributes
+    ----------
+    pre : (axes, 3, 6) of `pre_p` in the factors (x, y, z) of the parent and of the body itself [m]
+    post : (bodies, 3, 6) of `post_p` in the same [m]
+    travel : (axes, 3) relative growth of a sliding axis's motion with the factors of the parent [-]
+    column : (bodies, 3) number of the length that scales a body along an axis, -1 for none
+    location : (markers, 3) on the bodies of the model before it is scaled [m]
     """
 
     pre: Array
@@ -53,7 +56,16 @@ class Stretch(NamedTuple):
 
 
 def skeleton(model: Model) -> Model:
-    """The model without what does not move markers: muscles, surfaces, actuators and drawings."""
+    """Remove what does not move markers: muscles, surfaces, actuators and drawings.
+
+    Parameters
+    ----------
+    model : of any body
+
+    Returns
+    -------
+    the model with bodies, joints, markers and couplers alone
+    """
     bodies = tuple(replace(body, meshes=()) for body in model.bodies)
     return replace(
         model,
@@ -70,8 +82,19 @@ def skeleton(model: Model) -> Model:
 
 
 def stretch_of(model: Model, lengths: Sequence[Length], markers: Sequence[str]) -> Stretch:
-    """The derivatives of a model's constants: linear functions of the factors, so differences are
-    exact.
+    """Differentiate a model's constants in the factors of its bodies.
+
+    They are linear functions of the factors, so that differences are exact.
+
+    Parameters
+    ----------
+    model : before it is scaled
+    lengths : that scale its bodies
+    markers : names of those whose locations are wanted
+
+    Returns
+    -------
+    the derivatives, without the growth of sliding axes (`with_travel`)
     """
     bare = skeleton(model)
     tree = compile_tree(bare)
@@ -103,9 +126,25 @@ def stretch_of(model: Model, lengths: Sequence[Length], markers: Sequence[str]) 
 
 
 def with_travel(stretch: Stretch, model: Model, values: Array) -> Stretch:
-    """The same with the growth of sliding axes at the factors (lengths,) reached. A motion that an
-    angle drives grows by sum |u_i| s_i, one that a coupler drives by |u * s| (the rules of
-    `scale`); a sliding axis of its own does not.
+    """Add the growth of sliding axes at the factors reached.
+
+    With the axis u and the factors s of the parent, a motion that an angle drives grows by sum
+    |u_i| s_i, one that a coupler drives by |u * s| (the rules of `scale`). Their relative growth in
+    a factor s_i is
+
+        |u_i| / sum |u_j| s_j     and     u_i^2 s_i / |u * s|^2
+
+    A sliding axis of its own does not grow.
+
+    Parameters
+    ----------
+    stretch : the derivatives
+    model : whose axes these are
+    values : (lengths,) factors [-]
+
+    Returns
+    -------
+    the same derivatives with `travel`
     """
     tree = compile_tree(model)
     travel = np.zeros_like(stretch.travel)
@@ -125,12 +164,22 @@ def with_travel(stretch: Stretch, model: Model, values: Array) -> Stretch:
 
 
 def _in_tree_order(model: Model) -> list[tuple[Axis, ...]]:
+    """Collect the axes of each joint in the order of the tree's bodies."""
     joints = {joint.child: joint.axes for joint in model.joints}
     return [joints[body] for body in model.body_names if body != GROUND]
 
 
 def tied_markers(ties: Ties | None) -> MarkerArrays:
-    """The points of ties, first and second in turn, as markers; none without ties."""
+    """Describe the points of ties as markers, first and second in turn; none without ties.
+
+    Parameters
+    ----------
+    ties : pairs of points that loops hold together
+
+    Returns
+    -------
+    markers of weight 0, seen in no frame
+    """
     body = np.zeros(0, np.int64)
     location = np.zeros((0, 3))
     if ties is not None:
@@ -147,10 +196,22 @@ def tied_markers(ties: Ties | None) -> MarkerArrays:
 
 @bare
 def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coordinate):
-    """Fill the markers' places (markers, 3) in one frame, and their derivatives (3 markers,
-    lengths) and (3 markers, coordinates) [m]; those of independent coordinates include their
-    followers. c is consistent; `R` ... `dphi` are scratch as in `body_poses`, `grown` (bodies, 3,
-    lengths) that of the bodies' origins.
+    """Fill the markers' positions in one frame and their derivatives in lengths and coordinates.
+
+    Derivatives in independent coordinates include their dependent ones.
+
+    Parameters
+    ----------
+    T : arrays of the tree
+    K : arrays of the markers
+    S : `Stretch`
+    c : (coordinates,) consistent [rad or m]
+    R, p, w, o, dphi : scratch as in `body_poses`; R (bodies, 3, 3) and p (bodies, 3) [m] are the
+        poses
+    grown : (bodies, 3, lengths) filled with the derivatives of the bodies' origins [m]
+    places : (markers, 3) filled with positions in ground [m]
+    by_length : (3 markers, lengths) filled with their derivatives [m]
+    by_coordinate : (3 markers, coordinates) filled with their derivatives [m/rad or 1]
     """
     body_poses(T, c, R, p, w, o, dphi)
     lengths = grown.shape[2]
@@ -203,7 +264,16 @@ def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coo
 
 @bare
 def add_offset(column, slopes, h, b, r, grown):
-    """Add the gain of an offset between parent h and child b, rotated by r, with their factors."""
+    """Add the derivatives of an offset between parent and child in their factors.
+
+    Parameters
+    ----------
+    column : (bodies, 3) of `Stretch`
+    slopes : (3, 6) derivatives in the parent's frame [m]
+    h, b : numbers of parent and child
+    r : rotation from the offset's frame to ground
+    grown : (3, lengths) added to [m]
+    """
     for t in range(6):
         at = column[h, t] if t < 3 else column[b, t - 3]
         if at >= 0:
@@ -214,15 +284,27 @@ def add_offset(column, slopes, h, b, r, grown):
 
 @kernel
 def frame_blocks(T, P, S, tied, tied_S, first, last, posture_weight, c, H, g, eliminated, errors):
-    """Sums over frames of what the shared unknowns feel at fixed angles, and what the angles take
-    away.
+    """Sum over frames the normal equations of the shared unknowns, with the angles eliminated.
 
     With A = J_q^T W J_q = L L^T of a frame, the reduced normal equations are H - E^T E and g - E^T
     e, where [E e] = L^-1 J_q^T W [J_s r]. The shared unknowns s are the lengths and three shifts
     for each marker. Loops, whose gap the angles close whatever the lengths, count as residuals of
-    weight `TIED` that are zero: `tied`, `tied_S` are their points, in pairs, as markers. H (lower
-    triangle) and g are added to; `eliminated` ((last - first) * variables, shared + 1) is filled
-    with [E e], zero for coordinates at a bound, `errors` (frames, markers) [m], NaN where unseen.
+    weight `TIED` that are zero.
+
+    Parameters
+    ----------
+    T : arrays of the tree
+    P : the pose problem, markers first and coordinates second among its tasks
+    S : `Stretch` of the markers
+    tied, tied_S : points of the loops, in pairs, as markers, and their `Stretch`
+    first, last : frames [first, last)
+    posture_weight : weight of the posture relative to the mean curvature [-]
+    c : (frames, coordinates) consistent [rad or m]
+    H : (shared, shared) lower triangle, added to
+    g : (shared,) added to
+    eliminated : ((last - first) variables, shared + 1) filled with [E e], zero for coordinates at a
+        bound
+    errors : (frames, markers) filled [m], NaN where unseen
     """
     K = P.tasks[0]
     tasks = P.tasks[1]
@@ -296,9 +378,23 @@ def frame_blocks(T, P, S, tied, tied_S, first, last, posture_weight, c, H, g, el
 
 @in_place
 def add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors):
-    """Add what the markers seen in a frame say of its angles (A), of the shared unknowns (H, g) and
-    of both (E). `by_length` is overwritten: rows times the root of the marker's weight; `misfit`
-    and `Jq` are scratch.
+    """Add the markers seen in a frame to the sums of angles A, shared unknowns H, g and both E.
+
+    Parameters
+    ----------
+    K : arrays of the markers
+    F : (variables,) numbers of the free coordinates
+    frame : number of the frame
+    R : (bodies, 3, 3) rotations to ground
+    places : (markers, 3) positions on the model [m]
+    by_length : (3 markers, lengths) [m], overwritten: rows times the root of the marker's weight
+    by_coordinate : (3 markers, coordinates) [m/rad or 1]
+    misfit, Jq : (3 markers,) and (3 markers, variables) scratch
+    A : (variables, variables) lower triangle, added to
+    E : (variables, shared + 1) added to
+    H : (shared, shared) lower triangle, added to
+    g : (shared,) added to
+    errors : (markers,) filled [m], NaN where unseen
     """
     lengths = by_length.shape[1]
     size = A.shape[0]
@@ -349,7 +445,13 @@ def add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A,
 
 @in_place
 def eliminate(A, E):
-    """Replace A by its factor L (lower triangle) and E by L^-1 E."""
+    """Replace A by its Cholesky factor L (lower triangle) and E by L^-1 E.
+
+    Parameters
+    ----------
+    A : (variables, variables) lower triangle, positive definite
+    E : (variables, shared + 1)
+    """
     for a in range(A.shape[0]):
         for column in range(a + 1):
             for j in range(column):
@@ -368,7 +470,17 @@ def eliminate(A, E):
 
 @in_place
 def add_ties(F, by_length, by_coordinate, A, E, H):
-    """Add the squares of the gaps between pairs of tied points, at the weight `TIED`."""
+    """Add the squares of the gaps between pairs of tied points, at the weight `TIED`.
+
+    Parameters
+    ----------
+    F : (variables,) numbers of the free coordinates
+    by_length : (3 points, lengths) derivatives of the points [m]
+    by_coordinate : (3 points, coordinates) derivatives of the points [m/rad or 1]
+    A : (variables, variables) lower triangle, added to
+    E : (variables, shared + 1) added to
+    H : (shared, shared) lower triangle, added to
+    """
     lengths = by_length.shape[1]
     for first in range(0, by_length.shape[0], 6):
         for row in range(first, first + 3):
@@ -389,8 +501,19 @@ def add_ties(F, by_length, by_coordinate, A, E, H):
 
 @kernel
 def slopes_of_frame(T, K, S, c):
-    """Places (markers, 3) of one frame and their derivatives: (3 markers, lengths), (3 markers,
-    coordinates).
+    """Compute the positions of markers in one frame and their derivatives, as `marker_slopes`.
+
+    Parameters
+    ----------
+    T : arrays of the tree
+    K : arrays of the markers
+    S : `Stretch`
+    c : (coordinates,) consistent [rad or m]
+
+    Returns
+    -------
+    positions (markers, 3) [m], then derivatives (3 markers, lengths) [m] and (3 markers,
+    coordinates) [m/rad or 1]
     """
     R, p, w, o, dphi = pose_room(T)
     markers = K.body.shape[0]

@@ -23,7 +23,7 @@ SeriesKind = TypeVar("SeriesKind", bound=Series)
 
 
 def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
-    """The frames with start <= time <= end [s], half a frame of rounding allowed.
+    """Keep the frames with start <= time <= end [s], half a frame of rounding allowed.
 
     Parameters
     ----------
@@ -36,8 +36,7 @@ def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
 
     Raises
     ------
-    BadData
-        where no frame is left, saying what times exist
+    BadData where no frame is left, saying what times exist
 
     Examples
     --------
@@ -127,8 +126,17 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
 
 
 def refuse_other_times(what: str, times: Array, time: Array) -> None:
-    """Refuse values, named `what`, whose times (samples,) are not the motion's [s], but for a
-    microsecond.
+    """Refuse values whose times are not the motion's, to a microsecond.
+
+    Parameters
+    ----------
+    what : name of the values, for the error
+    times : (samples,) of the values [s]
+    time : (frames,) of the motion [s]
+
+    Raises
+    ------
+    BadData : the numbers of frames or their times differ
     """
     if len(times) != len(time) or np.max(np.abs(times - time), initial=0.0) > 1e-6:
         raise BadData(
@@ -138,12 +146,20 @@ def refuse_other_times(what: str, times: Array, time: Array) -> None:
 
 
 def clock_shift(time: Array, other: Array) -> float | None:
-    """What added to other times (samples,) [s] puts them on the clock of a motion (frames,) [s]: 0
-    where they share time, None where nothing says it.
+    """Find the shift that puts other times on the clock of a motion.
 
     Programs that write a motion or a table anew often begin at zero, while the other file goes on
     counting. Two that last equally long, to one and a half samples of the slower, are of one
     recording; these are shifted where they share less than half of it.
+
+    Parameters
+    ----------
+    time : (frames,) of the motion [s]
+    other : (samples,) [s]
+
+    Returns
+    -------
+    added to `other` [s]: 0 where they share time, None where nothing shows it
     """
     step = max(
         (float(np.median(np.diff(times))) for times in (time, other) if len(times) > 1), default=0.0
@@ -159,7 +175,17 @@ def clock_shift(time: Array, other: Array) -> float | None:
 
 
 def _loaded_points(wrenches: Wrenches, time: Array) -> Array:
-    """Points of application at other times, each from the nearest sample that bears load."""
+    """Take points of application from the nearest samples that bear load.
+
+    Parameters
+    ----------
+    wrenches : external forces (samples, wrenches, 3)
+    time : (frames,) [s]
+
+    Returns
+    -------
+    (frames, wrenches, 3) [m], the ground's origin for a plate that never bears load
+    """
     points = np.zeros((len(time), len(wrenches.names), 3))
     sizes = np.linalg.norm(wrenches.forces, axis=2)
     for e in range(len(wrenches.names)):
@@ -174,6 +200,18 @@ def _loaded_points(wrenches: Wrenches, time: Array) -> Array:
 
 
 def _splined(time: Array, values: Array, at: Array) -> Array:
+    """Interpolate values (samples, ...) by a natural cubic spline, below four samples by lines.
+
+    Parameters
+    ----------
+    time : (samples,) [s]
+    values : (samples, ...)
+    at : (frames,) ascending [s]; held at the ends
+
+    Returns
+    -------
+    (frames, ...)
+    """
     if len(time) < 4:
         flat = values.reshape(len(time), -1)
         columns = [np.interp(at, time, column) for column in flat.T]
@@ -187,7 +225,21 @@ def _splined(time: Array, values: Array, at: Array) -> Array:
 
 
 def torques_at(torques: Series, motion: Motion) -> Series:
-    """Torques at the motion's times, by natural cubic splines where they are others."""
+    """Interpolate torques at the motion's times, by natural cubic splines.
+
+    Parameters
+    ----------
+    torques : over time (samples, torques) [N m]
+    motion : whose times are wanted
+
+    Returns
+    -------
+    (frames, torques) [N m]; the same values where the times are the same
+
+    Raises
+    ------
+    BadData : the motion reaches beyond the torques by more than half a sample
+    """
     time = motion.time
     torque_time = torques.time
     if len(torque_time) == len(time) and np.max(np.abs(torque_time - time), initial=0.0) <= 1e-6:
