@@ -34,31 +34,38 @@ from myomorph.core.model.model import Model
 
 @dataclass(frozen=True)
 class BaseOptions:
-    """Settings of `fit_base`."""
+    """Settings of `fit_base`.
 
-    # point in ground that moments are about, as of a plate [m]; None for the base's origin
+    Attributes
+    ----------
+    reference : point in ground that moments are about, as of a plate [m]; None for the base's
+        origin
+    moment_noise, force_noise : standard deviation of the measured base wrench [N m], [N]; None
+        estimates one for each of the six rows from the residuals
+    correlated : count only as many independent frames as the residuals' autocorrelation leaves,
+        because filtered frames repeat each other
+    fixed : the base stands still, as on a plate that it is bolted to
+    tare : estimate a constant wrench beside the parameters, as a plate tared with the body on it
+        leaves; without it the constant is still estimated apart and reported
+    prior : standard deviation of a weak prior about the model's own parameters, in multiples of
+        their size; what the motion does not excite stays at the model's value
+    identifiable : a base parameter counts as identifiable where its standard deviation is below
+        this share of its size
+    rank_tolerance : singular values below this share of the largest do not count for the rank,
+        columns scaled to length 1
+    block : frames that are taken at a time
+    """
+
     reference: tuple[float, float, float] | None = None
-    # moment_noise, force_noise: standard deviation of the measured base wrench [N m], [N]; None
-    # estimates one for each of the six rows from the residuals
     moment_noise: float | None = None
     force_noise: float | None = None
-    # count only as many independent frames as the residuals' autocorrelation leaves, because
-    # filtered frames repeat each other
     correlated: bool = True
-    fixed: bool = False  # the base stands still, as on a plate that it is bolted to
-    # estimate a constant wrench beside the parameters, as a plate tared with the body on it leaves;
-    # without it the constant is still estimated apart and reported
+    fixed: bool = False
     tare: bool = False
-    # standard deviation of a weak prior about the model's own parameters, in multiples of their
-    # size; what the motion does not excite stays at the model's value
     prior: float = 100.0
-    # a base parameter counts as identifiable where its standard deviation is below this share of
-    # its size
     identifiable: float = 0.2
-    # singular values below this share of the largest do not count for the rank, columns scaled to
-    # length 1
     rank_tolerance: float = 1e-6
-    block: int = 512  # frames that are taken at a time
+    block: int = 512
 
     def __post_init__(self) -> None:
         for name in (
@@ -76,20 +83,23 @@ class BaseOptions:
 
 @read_only
 class Tare:
-    """A constant wrench that fits the data beside the parameters: a plate's offset or tare."""
+    """A constant wrench that fits the data beside the parameters: a plate's offset or tare.
 
-    # constant, sd: (6,) moment about the ground's origin [N m] and force [N], as recorded less as
-    # true
+    Attributes
+    ----------
+    constant, sd : (6,) moment about the ground's origin [N m] and force [N], as recorded less as
+        true
+    rms_without, rms_with : (6,) residuals of both fits [N m], [N]
+    """
+
     constant: Array
     sd: Array
-    rms_without: Array  # (6,) residuals of both fits [N m]
-    rms_with: Array  # (6,) residuals of both fits [N]
+    rms_without: Array
+    rms_with: Array
 
     @property
     def significant(self) -> bool:
-        """Whether the constant is more than 5 standard deviations, and helps a row by more than a
-        tenth.
-        """
+        """Whether the constant exceeds 5 standard deviations and improves a row by a tenth."""
         sure = bool((np.abs(self.constant) > 5.0 * self.sd).any())
         return sure and bool((self.rms_with < 0.9 * self.rms_without).any())
 
@@ -154,8 +164,13 @@ class BaseFit:
         return self.sd / np.maximum(np.abs(self.estimate), 1e-300)
 
     def rows(self) -> tuple[Array, Array]:
-        """(A (n, 10 bodies), b (n,)) in units of noise: |A phi - b|^2 is the data's misfit of phi,
-        A = R Z.
+        """Return the data as rows in units of noise.
+
+        |A phi - b|^2 is their misfit of inertial parameters phi, with A = R Z.
+
+        Returns
+        -------
+        (n, 10 bodies) A and (n,) b
         """
         return self.information @ self.base.combination, np.array(self.z)
 
@@ -166,7 +181,7 @@ def fit_base(
     base: BaseParameters | None = None,
     options: BaseOptions | None = None,
 ) -> BaseFit:
-    """Base parameters that reproduce the measured base wrench best, [D] eq. 3.1.
+    """Estimate the base parameters that reproduce the measured base wrench best, [D] eq. 3.1.
 
         minimise  sum_rows |Y_B phi_B - f|^2 / sigma_row^2
 
@@ -175,8 +190,23 @@ def fit_base(
     weighed, without going through the frames again. A second, cheap pass gives the residuals'
     autocorrelation.
 
-    `base`: by default those of the model, with coordinates that are locked (and, on a base that is
-    fixed, those of its joint to the ground) where the recordings have them.
+    Parameters
+    ----------
+    model : whose inertial parameters the weak prior is about
+    recordings : with derivatives of the motion
+    base : what is estimated; by default the base parameters of the model, with coordinates that are
+        locked (and, on a base that is fixed, those of its joint to the ground) where the recordings
+        have them
+    options : noise, prior and tare; see `BaseOptions`
+
+    Returns
+    -------
+    estimates with standard deviations, in the units of each base parameter
+
+    Raises
+    ------
+    BadData : the base parameters are of other bodies or do not fit the motion, or no frame can be
+        used
     """
     options = options or BaseOptions()
     if base is None:
@@ -241,7 +271,16 @@ def fit_base(
 
 
 def _noise(rows: Rows, mean: Array, spread: Array, options: BaseOptions) -> Array:
-    """(6,) noise of the rows: as given, or from the residuals of a fit weighed by it."""
+    """Estimate the noise of the rows: as specified, or from the residuals of a fit.
+
+    Parameters
+    ----------
+    mean, spread : (n,) prior of the base parameters
+
+    Returns
+    -------
+    (6,) standard deviation [N m], [N]
+    """
     measured = rows.wrench_rms
     floor = 1e-9 * np.maximum(measured, measured.max() * 1e-3) + 1e-12
     noise = np.array([options.moment_noise] * 3 + [options.force_noise] * 3, dtype=np.float64)

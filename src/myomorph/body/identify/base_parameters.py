@@ -29,20 +29,30 @@ from myomorph.core.rigid.regressor import base_regressor
 @read_only
 class BaseParameters:
     """The combinations phi_B = Z phi that the base wrench is made of, [D] eq. 3.2.
+
     Y phi = Y[:, columns] Z phi for every motion of the model.
+
+    Attributes
+    ----------
+    bodies : names
+    columns : (n,) the standard parameter that each base parameter is named after, 10 body +
+        parameter
+    combination : (n, 10 bodies) Z; 1 in its own column, in the others what is lumped with it
+    names : such as "femur_r m c_y + 0.41 tibia_r m", at most four terms
+    never : standard parameters that no motion shows at all, such as "toes_r I_xx"
+    held : coordinates that do not move, with their values [rad or m]
+    rank : number by random states, which is n
+    tared : (n, k) combinations of base parameters that show as constants only, so that a force
+        plate that was tared with the body on it hides them; none where the base moves freely
     """
 
-    bodies: tuple[str, ...]  # names
-    # (n,) the standard parameter that each base parameter is named after, 10 body + parameter
+    bodies: tuple[str, ...]
     columns: np.ndarray
-    # (n, 10 bodies) Z; 1 in its own column, in the others what is lumped with it
     combination: Array
-    names: tuple[str, ...]  # such as "femur_r m c_y + 0.41 tibia_r m", at most four terms
-    never: tuple[str, ...]  # standard parameters that no motion shows at all, such as "toes_r I_xx"
-    held: Mapping[str, float]  # coordinates that do not move, with their values [rad or m]
-    rank: int  # number by random states, which is n
-    # (n, k) combinations of base parameters that show as constants only, so that a force plate that
-    # was tared with the body on it hides them; none where the base moves freely
+    names: tuple[str, ...]
+    never: tuple[str, ...]
+    held: Mapping[str, float]
+    rank: int
     tared: Array
 
     def __post_init__(self) -> None:
@@ -63,12 +73,29 @@ class BaseParameters:
         return self.columns // 10
 
     def of(self, parameters: Array) -> Array:
-        """(n,) base parameters of inertial parameters (bodies, 10)."""
+        """Combine inertial parameters to base parameters, [D] eq. 3.2.
+
+        Parameters
+        ----------
+        parameters : (bodies, 10) in the order of [D] eq. 3.4
+
+        Returns
+        -------
+        (n,) base parameters
+        """
         return self.combination @ np.asarray(parameters).ravel()
 
     def describe(self, i: int, most: int | None = None) -> str:
-        """Base parameter i as a sum of standard ones, the largest terms first; `most` cuts it
-        short.
+        """Write base parameter i as a sum of standard ones, the largest terms first.
+
+        Parameters
+        ----------
+        i : number of the base parameter
+        most : so many terms beside its own are written; None for all
+
+        Returns
+        -------
+        such as "femur_r m c_y + 0.41 tibia_r m + 3 more"
         """
         column = int(self.columns[i])
         row = self.combination[i] * SCALE[np.arange(self.combination.shape[1]) % 10]
@@ -90,12 +117,30 @@ class BaseParameters:
 def base_parameters(
     model: Model, fixed: bool = False, held: Mapping[str, float] | None = None
 ) -> BaseParameters:
-    """The base parameters of a model, from its tree and checked on random states.
-    The null space of the tree (`tree_null_space`) goes first; what is then still dependent on
+    """Find the base parameters of a model, from its tree and checked on random states.
+
+    The null space of the tree (`tree_null_space`) goes first. What is then still dependent on
     random states, which happens where the base cannot move freely, is found by QR with column
-    pivoting. `fixed`: the base does not move, as on a force plate that it is bolted to: its joint
-    to the ground stands at its default or held value; `held`: coordinates that do not move, with
-    their values [rad or m]; by default the locked ones.
+    pivoting. With columns c that are kept and d that depend on them, and a basis N of the null
+    space,
+
+        Z[:, c] = 1,   Z[:, d] = -N[c] N[d]^-1
+
+    Parameters
+    ----------
+    model : whose joints and gravity count, not its masses
+    fixed : the base does not move, as on a force plate that it is bolted to: its joint to the
+        ground stands at its default or held value
+    held : coordinates that do not move, with their values [rad or m]; by default the locked ones
+
+    Returns
+    -------
+    base parameters with names
+
+    Raises
+    ------
+    BadModel : no motion shows any inertial parameter
+    UnknownName : a held coordinate is not the model's
     """
     still = held_values(model, held)
     if fixed:
@@ -138,7 +183,16 @@ def base_parameters(
 
 
 def _tared(model: Model, held: Mapping[str, float], columns: np.ndarray) -> Array:
-    """(n, k) combinations whose wrench about a point of the ground never changes."""
+    """Find combinations whose wrench about a point of the ground never changes.
+
+    Parameters
+    ----------
+    columns : (n,) standard parameters that base parameters are named after
+
+    Returns
+    -------
+    (n, k) a basis of them
+    """
     rows = base_regressor(
         model, random_states(model, held, frames=64 + len(columns) // 3, seed=1), np.zeros(3)
     )
@@ -154,15 +208,29 @@ def _tared(model: Model, held: Mapping[str, float], columns: np.ndarray) -> Arra
 
 
 def root_coordinates(model: Model) -> tuple[str, ...]:
-    """The coordinates of joints to the ground."""
+    """Return the names of the coordinates of joints to the ground."""
     return tuple(
         name for joint in model.joints if joint.parent == GROUND for name in joint.coordinates
     )
 
 
 def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dict[str, float]:
-    """Locked coordinates that indeed rest in every motion, with the values they rest at [rad or m].
-    `fixed`: the coordinates of joints to the ground must rest too.
+    """Find locked coordinates that indeed rest in every motion.
+
+    Parameters
+    ----------
+    model : says which are locked
+    motions : (frames, coordinates) each [rad or m]; a coordinate that is missing rests at its
+        default
+    fixed : the coordinates of joints to the ground must rest too
+
+    Returns
+    -------
+    name to the value that it rests at [rad or m]
+
+    Raises
+    ------
+    BadData : the base is specified as fixed, but one of its coordinates moves
     """
     held: dict[str, float] = {}
     roots = root_coordinates(model) if fixed else ()
@@ -189,7 +257,19 @@ def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dic
 
 
 def link_levels(model: Model, base: BaseParameters, levels: Array) -> dict[str, float]:
-    """Level of every body, the mean over base parameters named after it, or its parent's."""
+    """Average levels by body.
+
+    Parameters
+    ----------
+    model : says which body hangs on which
+    base : says after which body each base parameter is named
+    levels : (n,) of the base parameters, 0 to 1
+
+    Returns
+    -------
+    level of every body: the mean over base parameters named after it, or its parent's where there
+        are none
+    """
     parents = {joint.child: joint.parent for joint in model.joints}
     result: dict[str, float] = {}
     for b, name in enumerate(model.body_names):
@@ -201,10 +281,19 @@ def link_levels(model: Model, base: BaseParameters, levels: Array) -> dict[str, 
 
 
 def parameter_sizes(model: Model) -> Array:
-    """(bodies, 10) how large a body's parameters are, to tell what is known well [kg, kg m, kg
-    m^2]. m, m l, m l^2 with the model's own mass and radius of gyration about the body's origin, at
-    least 0.5 % of the whole mass and a tenth of the largest radius, because some bodies only join
-    two others.
+    """Compute how large a body's parameters are, to judge what is known well.
+
+    They are m, m l, m l^2 with the model's own mass and radius of gyration l about the body's
+    origin: at least 0.5 % of the whole mass and a tenth of the largest radius, because some bodies
+    only join two others.
+
+    Parameters
+    ----------
+    model : with its own masses
+
+    Returns
+    -------
+    (bodies, 10) [kg, kg m, kg m^2]
     """
     table = inertial_parameters(model)
     mass = table[:, 0]
@@ -217,7 +306,17 @@ def parameter_sizes(model: Model) -> Array:
 
 
 def base_sizes(model: Model, base: BaseParameters) -> Array:
-    """(n,) how large the base parameters are, the root of the sum of squares of what they lump
-    together.
+    """Compute how large base parameters are.
+
+    It is the root of the sum of squares of what each combines.
+
+    Parameters
+    ----------
+    model : with its own masses
+    base : of the same bodies
+
+    Returns
+    -------
+    (n,) in the units of each
     """
     return np.sqrt(np.square(base.combination) @ np.square(parameter_sizes(model).ravel()))

@@ -1,5 +1,6 @@
-"""A motion of a model of few joints carried to the model with more joints that has its lengths ([D]
-3.2.1, step 5).
+"""Carry the motion of a model to the model with more joints that has its lengths.
+
+The motion of [D] 3.2.1, step 5, after `transfer` has carried lengths and masses.
 """
 
 from __future__ import annotations
@@ -31,30 +32,52 @@ FREE_SD = {"rotational": 0.1, "translational": 0.002}
 
 @read_only
 class CarriedMotion:
-    """A motion of a transferred model."""
+    """A motion of a transferred model.
 
-    motion: Motion  # of all its coordinates, NaN where the lower model's is unknown
-    errors: Array  # (frames, targets) distances of the two models' points [m]
-    targets: tuple[str, ...]  # names of the points
-    # share of each coordinate's variance that the points remove, mean over frames: near 0 it stays
-    # where the transfer left it, near 1 it follows the lower model; coordinates that are locked or
-    # driven have none
+    Attributes
+    ----------
+    motion : of all its coordinates, NaN where the lower model's is unknown [rad or m]
+    errors : (frames, targets) distances of the two models' points [m]
+    targets : names of the points
+    known : share of each coordinate's variance that the points remove, mean over frames: near 0 it
+        stays where the transfer left it, near 1 it follows the lower model; coordinates that are
+        locked or driven have none
+    """
+
+    motion: Motion
+    errors: Array
+    targets: tuple[str, ...]
     known: dict[str, float]
 
 
 def carry_motion(
     lower: Model, motion: Motion, transfer: Transfer, options: TransferOptions | None = None
 ) -> CarriedMotion:
-    """The motion of a transferred model that follows one of the lower model, frame by frame.
+    """Find the motion of a transferred model that follows one of the lower model, frame by frame.
 
     Points that coincide in the transfer's pose are kept together: markers, joint centers, and three
     points around each center of a limb, which carry its segment's orientation (the torso's follows
     from markers and shoulders, as one body became many). What the points leave open is held:
     coordinates of joints inside a region (vertebrae, ribs, shoulder blades) are pulled to where the
     transfer left them, with a standard deviation of `FREE_SD` against the points' of `TARGET_SD`;
-    so a bend of the trunk is spread evenly over its joints. `motion`: of the model that was
-    transferred [rad or m]; `options`: those of the transfer. Raises `BadData` where the two models'
-    grounds have different verticals.
+    so a bend of the trunk is spread evenly over its joints.
+
+    Source: [D] 3.2.1, step 5.
+
+    Parameters
+    ----------
+    lower : the model that was transferred
+    motion : of that model [rad or m]
+    transfer : its result, with the higher model and the pose in which both coincide
+    options : those of the transfer
+
+    Returns
+    -------
+    the motion of the higher model, and how far it is from the lower one's
+
+    Raises
+    ------
+    BadData : the two models' grounds have different verticals
     """
     options = options or TransferOptions()
     higher = transfer.model
@@ -84,8 +107,13 @@ def carry_motion(
 def _points(
     lower: Model, transfer: Transfer, options: TransferOptions
 ) -> tuple[tuple[Marker, ...], tuple[Marker, ...]]:
-    """The same points on the lower and on the transferred model, which coincide in the transfer's
-    pose.
+    """Place the same points on the lower and on the transferred model.
+
+    They coincide in the transfer's pose.
+
+    Returns
+    -------
+    points on the lower model, and on the transferred one in the same order
     """
     higher = transfer.model
     ours = Standing(lower, transfer.lower_pose, regions_of(lower, options.lower_segments))
@@ -117,7 +145,14 @@ def _points(
 def _pulls(
     model: Model, rest: Array, points: int, common: set[Region], options: TransferOptions
 ) -> list[CoordinateTask]:
-    """Pulls of the coordinates inside common regions to their values in the transfer's pose."""
+    """Make pulls of the coordinates inside common regions to the transfer's pose.
+
+    Parameters
+    ----------
+    rest : (coordinates,) of the higher model in that pose [rad or m]
+    points : number of points that the weights are measured against
+    common : regions of both models
+    """
     regions = {
         body: common_region(region, common)
         for body, region in regions_of(model, options.higher_segments).items()
@@ -142,8 +177,11 @@ def _pulls(
 
 
 def _known(model: Model, motion: Motion, pulls: list[CoordinateTask]) -> dict[str, float]:
-    """See `CarriedMotion.known`: the diagonal of 1 - (J^T J / s^2 + D^-1)^-1 D^-1, mean of up to
-    ten frames.
+    """Compute the share of each coordinate's variance that the points remove.
+
+    See `CarriedMotion.known`: the diagonal of 1 - (J^T J / s^2 + D^-1)^-1 D^-1, mean of up to ten
+    frames, with the slopes J of the points, their standard deviation s and the variances D of the
+    pulls.
     """
     tree = compile_tree(model)
     held = {pull.coordinate: pull.weight * len(model.markers) for pull in pulls}

@@ -57,13 +57,23 @@ def determined(
     forces: Array | None = None,
     scores: Array | None = None,
 ) -> Determined:
-    """What rows A x = b of unit noise say of the parameters x of every link.
-    `A` (rows, 10 bodies) that were fitted; `mass`: of the body, known exactly [kg]; `mass_sd`:
-    relative standard deviation of a link's mass with which was fitted; `samples`: frames that make
-    one independent sample; noise that repeats itself counts so much less; `forces` (rows, 10
-    bodies) the rows in units of the noise that is not the motion's; `A` itself where None; `scores`
-    (draws, 10 bodies) how noise of the motion pulls at the estimate (`MotionNoise.scores`), which
-    adds to its standard deviation; more than three draws.
+    """Judge what rows A x = b of unit noise say of the parameters x of every link.
+
+    Parameters
+    ----------
+    points : mass points, whose geometry ties the parameters
+    A : (rows, 10 bodies) that were fitted, in units of noise
+    mass : of the body, known exactly [kg]
+    mass_sd : relative standard deviation of a link's mass in the prior of the fit
+    samples : frames that make one independent sample; noise that repeats itself counts so much less
+    forces : (rows, 10 bodies) the rows in units of the noise that is not the motion's; `A` itself
+        where None
+    scores : (draws, 10 bodies) how noise of the motion pulls at the estimate
+        (`MotionNoise.scores`), which adds to its standard deviation; more than three draws
+
+    Returns
+    -------
+    shares of the data, and standard deviations of the errors [kg, kg m, kg m^2]
     """
     links = len(points.links.names)
     covariance = prior_covariance(points, LINK_SD)
@@ -100,8 +110,19 @@ def determined(
 
 
 def prior_covariance(points: MassPoints, mass_sd: float) -> Array:
-    """(10 links, 10 links) covariance of all parameters where points' masses vary on their own,
-    their sum free.
+    """Compute the prior covariance of all parameters where points' masses vary independently.
+
+    With phi = W rho ([D] eq. 3.5), cov(phi) = W V W^T and the variances V of the points. The sum of
+    the masses is free.
+
+    Parameters
+    ----------
+    points : with weights
+    mass_sd : relative standard deviation of a link's mass
+
+    Returns
+    -------
+    (10 links, 10 links) [kg, kg m, kg m^2], squared
     """
     links = len(points.links.names)
     variances = prior_variances(points, MassPointOptions(mass_sd=mass_sd))
@@ -117,6 +138,18 @@ def prior_covariance(points: MassPoints, mass_sd: float) -> Array:
 
 
 def conditioned(covariance: Array, rows: Array) -> Array:
-    """Covariance after measuring `rows` x with unit noise."""
+    """Condition a covariance on measured `rows` x of unit noise.
+
+        C - C A^T (A C A^T + 1)^-1 A C
+
+    Parameters
+    ----------
+    covariance : (n, n) C before
+    rows : (m, n) A
+
+    Returns
+    -------
+    (n, n) covariance after
+    """
     crossed = rows @ covariance
     return covariance - crossed.T @ np.linalg.solve(crossed @ rows.T + np.eye(len(rows)), crossed)

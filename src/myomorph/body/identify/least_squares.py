@@ -1,5 +1,4 @@
-"""Recordings as rows [Y_B, constants, measured wrench], folded block by block into triangular
-factors R x = z.
+"""Recordings as rows [Y_B, constants, measured wrench], condensed to factors R x = z.
 
 R^T R is the information. R of a QR decomposition goes on growing: [R; rows] is reduced to a new R
 by Householder reflections, a few rows at a time and without BLAS. For six rows at a time the
@@ -44,8 +43,12 @@ UNMEASURED = "force missing"
 
 @kernel
 def fold(R, rows):
-    """Turn six rows (6, n + 1) into a triangular factor (n, n + 1) by Householder reflections, in
-    place. `rows` is used up.
+    """Turn six rows into a triangular factor by Householder reflections, in place.
+
+    Parameters
+    ----------
+    R : (n, n + 1) or (n + 1, n + 1) upper triangular, changed in place
+    rows : (6, n + 1), used up
     """
     for j in range(R.shape[0]):
         x0 = rows[0, j]
@@ -99,8 +102,13 @@ def fold(R, rows):
 
 @kernel
 def fold_rows(R, new, rows):
-    """Turn any number of rows (m, k) into a factor (k or k - 1, k), in place; `rows` (6, k) is used
-    up.
+    """Turn any number of rows into a factor, in place.
+
+    Parameters
+    ----------
+    R : (k or k - 1, k) upper triangular, changed in place
+    new : (m, k)
+    rows : (6, k) scratch
     """
     for first in range(0, new.shape[0], 6):
         rows[:] = 0.0
@@ -111,9 +119,18 @@ def fold_rows(R, new, rows):
 
 @kernel
 def fold_frames(R, i, Y, columns, constants, wrench, used, rows):
-    """Turn row i of the base wrench in some frames into a factor (n + 7, n + 7), in place.
-    `Y`, `constants`, `wrench` (frames, 6, 10 bodies), (frames, 6, 6), (frames, 6); `columns` (n,)
-    those of Y that count; `used`: the frames that count; `rows` (6, n + 7), used up.
+    """Turn row i of the base wrench in some frames into a factor, in place.
+
+    Parameters
+    ----------
+    R : (n + 7, n + 7) factor of [Y_B, constants, wrench], changed in place
+    i : row of the wrench, 0 to 5
+    Y : (frames, 6, 10 bodies) regressor
+    columns : (n,) columns of Y that count
+    constants : (frames, 6, 6) rows of a constant wrench
+    wrench : (frames, 6) measured [N m], [N]
+    used : (used,) frames that count
+    rows : (6, n + 7) scratch
     """
     n = columns.shape[0]
     for first in range(0, used.shape[0], 6):
@@ -129,8 +146,16 @@ def fold_frames(R, i, Y, columns, constants, wrench, used, rows):
 
 
 def absorb(factor: Array, rows: Array) -> Array:
-    """The factor R of the QR decomposition of [factor; rows], (k, k) upper triangular.
-    `factor` (k, k) upper triangular; `rows` (m, k); leading zeros of a row cost nothing.
+    """Compute the factor R of the QR decomposition of [factor; rows].
+
+    Parameters
+    ----------
+    factor : (k, k) upper triangular
+    rows : (m, k); leading zeros of a row cost nothing
+
+    Returns
+    -------
+    (k, k) upper triangular
     """
     triangle = np.array(factor, dtype=np.float64, order="C")
     fold_rows(
@@ -140,9 +165,16 @@ def absorb(factor: Array, rows: Array) -> Array:
 
 
 def with_prior(factor: Array, mean: Array, sd: Array) -> tuple[Array, Array]:
-    """Triangular system (R, z) of data [R, z] (n, n + 1) and independent priors of n parameters.
-    A factor (unknowns, unknowns + 1) with more unknowns than the prior knows has those last; they
-    stay without one.
+    """Add independent priors of n parameters to triangular data [R, z].
+
+    Parameters
+    ----------
+    factor : (unknowns, unknowns + 1) [R, z]; unknowns beyond n come last and stay without a prior
+    mean, sd : (n,) of the priors
+
+    Returns
+    -------
+    (unknowns, unknowns) R and (unknowns,) z
     """
     unknowns = len(factor)
     n = len(mean)
@@ -156,8 +188,17 @@ def with_prior(factor: Array, mean: Array, sd: Array) -> tuple[Array, Array]:
 
 
 def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
-    """Rank, and the largest over the smallest singular value, of R with columns scaled to length 1.
-    The condition number is infinite where rounding cannot tell it from that.
+    """Compute rank and condition number of R with columns scaled to length 1.
+
+    Parameters
+    ----------
+    R : (n, n)
+    tolerance : singular values below this share of the largest do not count for the rank
+
+    Returns
+    -------
+    rank, and the largest over the smallest singular value; infinite where rounding cannot tell it
+        from that
     """
     length = np.linalg.norm(R, axis=0)
     values = np.linalg.svd(R / np.where(length > 0.0, length, 1.0), compute_uv=False)
@@ -168,16 +209,30 @@ def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
 
 @read_only
 class Solution:
-    """A least-squares problem in triangular form, and its solution with a prior."""
+    """A least-squares problem in triangular form, and its solution with a prior.
 
-    R: Array  # (k, k) with R x = z, data alone, in units of noise
-    z: Array  # (k,) with R x = z, data alone, in units of noise
-    # solution, sd: (k,) with the prior
+    Attributes
+    ----------
+    R, z : (k, k) and (k,) with R x = z, data alone, in units of noise
+    solution, sd : (k,) with the prior
+    """
+
+    R: Array
+    z: Array
     solution: Array
     sd: Array
 
     def without(self, n: int) -> tuple[Array, Array]:
-        """R and z of the first n unknowns, whatever the others are."""
+        """Return R and z of the first n unknowns, whatever the others are.
+
+        Parameters
+        ----------
+        n : number of unknowns that are kept
+
+        Returns
+        -------
+        (n, n) R and (n,) z
+        """
         size = len(self.z)
         if n == size:
             return self.R, self.z
@@ -189,8 +244,17 @@ class Solution:
 
 
 def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
-    """Weigh triangular factors (m, k + 1, k + 1) by the noise (m,) of their rows, with a prior on
-    the first n unknowns. `mean`, `sd` (n,) of the prior.
+    """Solve least squares from factors of rows, weighed by their noise, with a prior.
+
+    Parameters
+    ----------
+    factors : (m, k + 1, k + 1) triangular factors of [rows, right side]
+    sigma : (m,) noise of each
+    mean, sd : (n,) prior of the first n unknowns
+
+    Returns
+    -------
+    the data alone, and the solution with the prior
     """
     size = factors.shape[2] - 1
     data = np.zeros((size + 1, size + 1))
@@ -204,13 +268,33 @@ def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
 
 
 def row_lengths_of_inverse(R: Array) -> Array:
-    """(k,) standard deviations of unknowns whose information is R^T R."""
+    """Compute standard deviations of unknowns whose information is R^T R.
+
+    Parameters
+    ----------
+    R : (k, k) upper triangular
+
+    Returns
+    -------
+    (k,) norms of the rows of R^-1
+    """
     return np.linalg.norm(scipy.linalg.solve_triangular(R, np.eye(len(R))), axis=1)
 
 
 def levels(R: Array, mean: Array, sizes: Array) -> Array:
-    """(n,) share of what is known that comes from data R (n, n): 1 - var / size^2, 0 to 1.
+    """Compute the share of what is known that comes from the data: 1 - var / size^2.
+
     var is the variance with data, had the mean been right to within the sizes before.
+
+    Parameters
+    ----------
+    R : (n, n) upper triangular, of the data
+    mean : (n,) before anything is measured
+    sizes : (n,) standard deviations before
+
+    Returns
+    -------
+    (n,) 0 to 1
     """
     whole, _ = with_prior(np.column_stack([R, np.zeros(len(R))]), mean, sizes)
     return np.clip(1.0 - np.square(row_lengths_of_inverse(whole) / sizes), 0.0, 1.0)
@@ -219,18 +303,32 @@ def levels(R: Array, mean: Array, sizes: Array) -> Array:
 @read_only
 class Finer:
     """A motion and its forces with little filter: what they make is filtered after it is made.
-    A filter of angles and one of forces do not agree: what turns pulls by the square of its rate,
+
+    A filter of angles and one of forces do not agree: what rotates pulls by the square of its rate,
     which is faster than the angle. Rows and forces that pass the same filter afterwards do (Gautier
     1997).
+
+    Attributes
+    ----------
+    motion : with velocities and accelerations
+    wrenches : through the same filter as the motion
+    cutoff : of the filter for rows and forces [Hz]
     """
 
-    motion: Motion  # with velocities and accelerations
-    wrenches: Wrenches  # through the same filter as the motion
-    cutoff: float  # of the filter for rows and forces [Hz]
+    motion: Motion
+    wrenches: Wrenches
+    cutoff: float
 
     def passed(self, values: Array) -> Array:
-        """What the filter leaves of values (frames, ...), each unbroken run of finite frames by
-        itself.
+        """Filter values, each unbroken run of finite frames by itself.
+
+        Parameters
+        ----------
+        values : (frames, ...)
+
+        Returns
+        -------
+        (frames, ...) NaN outside runs of at least `MIN_RUN` finite frames
         """
         flat = values.reshape(len(values), -1)
         result = np.full(flat.shape, np.nan)
@@ -264,7 +362,7 @@ class Recording:
             checked_array(self.use, (len(self.motion),), "`use`, one value a frame of the motion,")
 
     def moved(self, change: Callable[[Motion], Motion]) -> Recording:
-        """The recording with another motion, with both filters."""
+        """Replace the motion, with both filters."""
         finer = (
             None if self.finer is None else replace(self.finer, motion=change(self.finer.motion))
         )
@@ -277,8 +375,16 @@ class Recording:
         return 1.0 if self.finer is None else max(1.0, 0.5 * rate / self.finer.cutoff)
 
     def rows(self, model: Model) -> Iterator[tuple[slice, Array, Array]]:
-        """Block by block: frames, regressor (frames, 6, 10 bodies) and measured wrench (frames, 6)
-        about the base.
+        """Yield the equations block by block.
+
+        Parameters
+        ----------
+        model : whose regressor is built
+
+        Yields
+        ------
+        frames, (frames, 6, 10 bodies) regressor, and (frames, 6) measured wrench about the base [N
+            m], [N]
         """
         finer = self.finer
         if finer is None:
@@ -298,8 +404,16 @@ class Recording:
             yield slice(start, stop), passed[:, :, :-1], passed[:, :, -1]
 
     def missing(self, model: Model, parameters: Array) -> Array:
-        """(frames, 6) wrench about the base that parameters (bodies, 10) need beyond the measured
-        one [N m], [N].
+        """Compute the wrench that parameters need beyond the measured one.
+
+        Parameters
+        ----------
+        model : with the joints of the motion
+        parameters : (bodies, 10)
+
+        Returns
+        -------
+        (frames, 6) moment about the base and force [N m], [N]
         """
         source = self if self.finer is None else self.finer
         blocks = regressor_blocks(model, source.motion)
@@ -310,12 +424,19 @@ class Recording:
 
 @read_only
 class Rows:
-    """What all frames say, condensed."""
+    """The equations of all frames, condensed.
 
-    # (6, n + 7, n + 7) triangular factor of [Y_B, constants, wrench] for each row of the wrench
+    Attributes
+    ----------
+    factors : (6, n + 7, n + 7) triangular factor of [Y_B, constants, wrench] for each row of the
+        wrench
+    frames : number of frames that were used
+    left_out : number of frames left out, by reason
+    """
+
     factors: Array
-    frames: int  # that were used
-    left_out: dict[str, int]  # number of frames left out, by reason
+    frames: int
+    left_out: dict[str, int]
 
     @cached_property
     def plain(self) -> Array:
@@ -339,7 +460,16 @@ class Rows:
         return mean / self.frames
 
     def rms(self, solution: Array) -> Array:
-        """(6,) of what parameters (n,), or parameters and constants (n + 6,), leave [N m], [N]."""
+        """Compute what parameters leave of the wrench.
+
+        Parameters
+        ----------
+        solution : (n,) parameters, or (n + 6,) parameters and constants
+
+        Returns
+        -------
+        (6,) root mean square [N m], [N]
+        """
         x = np.zeros(self.factors.shape[2])
         x[: len(solution)] = solution
         x[-1] = -1.0
@@ -353,7 +483,24 @@ def gather(
     reference: tuple[float, float, float] | None,
     block: int,
 ) -> Rows:
-    """Condense recordings by QR, so that memory does not grow with the frames."""
+    """Condense recordings by QR, so that memory does not grow with the frames.
+
+    Parameters
+    ----------
+    model : with the recordings' joints
+    recordings : with derivatives of the motion
+    base : whose columns of the regressor count
+    reference : point in ground that moments are about [m]; None for the base's origin
+    block : frames at a time
+
+    Returns
+    -------
+    factors, and how many frames were used and left out
+
+    Raises
+    ------
+    BadData : no frame can be used, or the base parameters do not fit the motion
+    """
     n = len(base)
     factors = np.zeros((6, n + CONSTANTS + 1, n + CONSTANTS + 1))
     left_out = {UNWANTED: 0, UNSEEN: 0, UNMEASURED: 0}
@@ -398,7 +545,21 @@ def residuals(
     reference: tuple[float, float, float] | None,
     block: int,
 ) -> list[Array]:
-    """(frames, 6) wrench of each recording that base parameters leave; NaN where not used."""
+    """Compute the wrench that base parameters leave of each recording.
+
+    Parameters
+    ----------
+    model : with the recordings' joints
+    recordings : with derivatives of the motion
+    base : of the estimate
+    estimate : (n,) base parameters
+    reference : point in ground that moments are about [m]; None for the base's origin
+    block : frames at a time
+
+    Returns
+    -------
+    for each recording (frames, 6) [N m], [N]; NaN where not used
+    """
     parameters = np.zeros(base.combination.shape[1])
     parameters[base.columns] = estimate
     left = []
@@ -415,19 +576,28 @@ def residuals(
 
 
 def _measured(model: Model, recording: Recording) -> Array:
-    """(frames, 6) measured moment about the ground's origin and force."""
+    """Sum the measured forces to (frames, 6) moment about the ground's origin and force."""
     return sum_of_wrenches(
         model, recording.motion, recording.wrenches, np.zeros((len(recording.motion), 3))
     )
 
 
 def _about(total: Array, points: Array) -> Array:
-    """A wrench (frames, 6) about the ground's origin, about points (frames, 3)."""
+    """Move a wrench (frames, 6) from the ground's origin to points (frames, 3)."""
     return np.concatenate([total[:, :3] - np.cross(points, total[:, 3:]), total[:, 3:]], axis=1)
 
 
 def _constants(points: Array) -> Array:
-    """(frames, 6, 6) rows about points (frames, 3) of a constant wrench about the origin."""
+    """Build the rows about points of a constant wrench about the origin.
+
+    Parameters
+    ----------
+    points : (frames, 3) in ground [m]
+
+    Returns
+    -------
+    (frames, 6, 6)
+    """
     rows = np.tile(np.eye(6), (len(points), 1, 1))
     for i, a, b in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         rows[:, i, 3 + b] = -points[:, a]
@@ -438,7 +608,17 @@ def _constants(points: Array) -> Array:
 def _fold(
     factors: Array, Y: Array, columns: np.ndarray, constants: Array, wrench: Array, used: np.ndarray
 ) -> None:
-    """Fold frames into the factor of each row of the wrench, the rows shared among the cores."""
+    """Fold frames into the factor of each row of the wrench, the rows shared among the cores.
+
+    Parameters
+    ----------
+    factors : (6, n + 7, n + 7), changed in place
+    Y : (frames, 6, 10 bodies) regressor
+    columns : (n,) of Y that count
+    constants : (frames, 6, 6)
+    wrench : (frames, 6) [N m], [N]
+    used : (used,) frames that count
+    """
     # A copy, because a kernel is compiled anew for an array that is read-only.
     chosen = columns.copy()
 

@@ -1,5 +1,6 @@
-"""The mass-point problem of [D] eq. 3.10-3.13: base parameters met by positive masses of points
-near a reference.
+"""The mass-point problem of [D] eq. 3.10 to 3.13.
+
+Base parameters are met by positive masses of points near a reference.
 
     minimise  W_phi / 2 |b - A phi(rho)|^2 + 1/2 sum_j (rho_j - rho_ref_j)^2 / v_j
     subject to  rho_j >= eps_j,  sum_j rho_j = mass (where given)
@@ -34,22 +35,28 @@ SLACKS = (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 0.0)
 
 @dataclass(frozen=True)
 class MassPointOptions:
-    """Settings of `solve_mass_points`."""
+    """Settings of `solve_mass_points`.
 
-    # "relative": v_j such that every link's mass has the standard deviation `mass_sd` of itself
-    # before anything is measured, whatever the grid (`prior_variances`); "paper": v_j = 1 / W_rho,
-    # which counts each point, so a finer grid weighs less against the same measurement
+    Attributes
+    ----------
+    prior : "relative": v_j such that every link's mass has the standard deviation `mass_sd` of
+        itself before anything is measured, whatever the grid (`prior_variances`); "paper": v_j = 1
+        / W_rho, which counts each point, so a finer grid weighs less against the same measurement
+    mass_sd : relative standard deviation of a link's mass, for (A, b) in units of noise
+    W_phi, W_rho : weights of [D] eq. 3.10; W_rho acts with prior "paper" only
+    floor : least mass of a point, eps_j, as a share of the mean reference mass
+    tolerance : greatest residual of the conditions of the optimum (`Optimality`) of a fit that
+        counts as converged
+    iterations : most Newton steps, before rows are softened and at each softness
+    """
+
     prior: Literal["relative", "paper"] = "relative"
-    # relative standard deviation of a link's mass, for (A, b) in units of noise
     mass_sd: float = 0.15
-    # W_phi, W_rho: weights of eq. 3.10; W_rho acts with prior "paper" only
     W_phi: float = 1.0
     W_rho: float = 1.0
-    floor: float = 1e-3  # least mass of a point, eps_j, as a share of the mean reference mass
-    # greatest residual of the conditions of the optimum (`Optimality`) of a fit that counts as
-    # converged
+    floor: float = 1e-3
     tolerance: float = 1e-6
-    iterations: int = 60  # most Newton steps, before rows are softened and at each softness
+    iterations: int = 60
 
     def __post_init__(self) -> None:
         for name in ("mass_sd", "W_phi", "W_rho", "tolerance"):
@@ -67,29 +74,36 @@ class MassPointOptions:
 
 @dataclass(frozen=True)
 class Optimality:
-    """How well the conditions of the optimum (Karush, Kuhn, Tucker) hold, of masses rho and misses
-    y.
+    """How well the conditions of the optimum hold (Karush, Kuhn, Tucker).
+
+    They are those of masses rho and misses y.
+
+    Attributes
+    ----------
+    balance : greatest |sqrt(W_phi) (b - A W rho) - y| [units of noise], over the greatest miss
+        where that is above 1; the duality gap is half the square of this residual
+    stationarity : greatest |rho_j - rho_ref_j - v_j (W^T A^T y + multiplier)_j| of free points,
+        over the mean reference mass
+    complementarity : the same where a point on its bound would rather leave it, 0 if none would
+    positivity : greatest bound minus mass, over the mean; 0 if no mass is below its bound
+    total : |sum rho - mass| / mass, 0 without a given mass
+    distance : no mass is farther than this from the optimum of the same total, over the mean: the
+        problem is strongly convex, so sum_j (rho_j - optimum_j)^2 / v_j is at most the squared norm
+        of the residual
     """
 
-    # greatest |sqrt(W_phi) (b - A W rho) - y| [units of noise], over the greatest miss where that
-    # is above 1; the duality gap is half the square of this residual
     balance: float
-    # greatest |rho_j - rho_ref_j - v_j (W^T A^T y + multiplier)_j| of free points, over the mean
-    # reference mass
     stationarity: float
-    # the same where a point on its bound would rather leave it, 0 if none would
     complementarity: float
-    positivity: float  # greatest bound minus mass, over the mean; 0 if no mass is below its bound
-    total: float  # |sum rho - mass| / mass, 0 without a given mass
-    # no mass is farther than this from the optimum of the same total, over the mean: the problem is
-    # strongly convex, so sum_j (rho_j - optimum_j)^2 / v_j is at most the squared norm of the
-    # residual
+    positivity: float
+    total: float
     distance: float
 
     @property
     def worst(self) -> float:
-        """The greatest residual of the five conditions; `distance` bounds what it means for the
-        masses.
+        """The greatest residual of the five conditions.
+
+        `distance` bounds what it means for the masses.
         """
         return max(
             self.balance, self.stationarity, self.complementarity, self.positivity, self.total
@@ -98,26 +112,49 @@ class Optimality:
 
 @read_only
 class MassPointFit:
-    """Masses of points, their inertial parameters, and the certificate of the optimum."""
+    """Masses of points, their inertial parameters, and the certificate of the optimum.
 
-    masses: Array  # (points,) rho [kg]
-    parameters: Array  # (links, 10) W rho, in [D] order
-    misfit: float  # |b - A phi|^2 of the solution
-    link_sd: Array  # (links,) standard deviation of each link's mass that the prior amounts to [kg]
-    optimality: Optimality  # residuals of the optimality conditions at `masses`
-    on_bound: int  # how many points have the least mass
-    iterations: int  # Newton steps
-    converged: bool  # whether the masses are proven to be the optimum within the tolerance
+    Attributes
+    ----------
+    masses : (points,) rho [kg]
+    parameters : (links, 10) W rho, in the order of [D] eq. 3.4
+    misfit : |b - A phi|^2 of the solution
+    link_sd : (links,) standard deviation of each link's mass that the prior amounts to [kg]
+    optimality : residuals of the optimality conditions at `masses`
+    on_bound : how many points have the least mass
+    iterations : Newton steps
+    converged : whether the masses are proven to be the optimum within the tolerance
+    options : as given
+    """
+
+    masses: Array
+    parameters: Array
+    misfit: float
+    link_sd: Array
+    optimality: Optimality
+    on_bound: int
+    iterations: int
+    converged: bool
     options: MassPointOptions = field(repr=False)
 
 
 def prior_variances(points: MassPoints, options: MassPointOptions | None = None) -> Array:
-    """(points,) variance v_j of each point's mass before anything is measured [kg^2].
+    """Compute the variance of each point's mass before anything is measured.
+
     With "relative", v_j = sd^2 rho_ref_j sum_i w_ij a_i. Points are independent, so the variance of
     link i's mass is sum_j w_ij^2 v_j; where every point has one link and a_i is the link's mass m_i
     that is (sd m_i)^2 for any grid, because sum_j rho_ref_j = m_i, and its mass center has the SD
     sd times the radius of gyration. Where links share points, a_i is found by iteration so that
     sum_j w_ij^2 v_j = (sd m_i)^2.
+
+    Parameters
+    ----------
+    points : with weights and reference masses
+    options : kind of prior and its strength
+
+    Returns
+    -------
+    (points,) v_j [kg^2]
     """
     options = options or MassPointOptions()
     if options.prior == "paper":
@@ -146,10 +183,29 @@ def solve_mass_points(
     mass: float | None = None,
     options: MassPointOptions | None = None,
 ) -> MassPointFit:
-    """Positive masses of points that meet measured parameters and stay near their reference, [D]
-    eq. 3.10. `points`: with weights and reference masses; `A` (rows, 10 links) what was measured of
-    the parameters, in units of its noise (`BaseFit.rows`); the paper's setting is A = Z and b =
-    phi_B; `b` (rows,); `mass`: total [kg] that the points must have, or None.
+    """Find positive masses of points that meet measured parameters near a reference.
+
+    [D] eq. 3.10 to 3.13, by Newton on the dual; see the head of this file. The paper's setting is A
+    = Z and b = phi_B.
+
+    Parameters
+    ----------
+    points : with weights and reference masses
+    A : (rows, 10 links) what was measured of the parameters, in units of its noise (`BaseFit.rows`)
+    b : (rows,)
+    mass : total that the points must have [kg]; None leaves it free
+    options : prior, weights and tolerance; see `MassPointOptions`
+
+    Returns
+    -------
+    masses of the points [kg] and parameters of the links, with the residuals of the conditions of
+        the optimum
+
+    Raises
+    ------
+    BadData : A or b has another shape or a value that is not finite, a reference mass is negative
+        or all are 0, the total is less than the least masses of the points, or A is too badly
+        scaled
     """
     options = options or MassPointOptions()
     problem = _Problem.of(points, np.asarray(A, float), np.asarray(b, float), mass, options)
@@ -159,10 +215,24 @@ def solve_mass_points(
 
 @dataclass(eq=False)
 class _Problem:
-    """The problem in the moments of the links: B = C G with G of `PointSums`; the mass is a row of
-    its own. `soft` is 1 for a row that may miss its target, and 0 for the mass, that may not.
-    Masses are counted from the reference, so that little is lost by rounding: `target` is what the
-    reference leaves to do.
+    """The problem in the moments of the links: B = C G with G of `PointSums`.
+
+    Masses are counted from the reference, so that little is lost by rounding. The total is the last
+    row.
+
+    Attributes
+    ----------
+    points : with weights and reference masses
+    sums : products with G
+    A, b : (rows, 10 links), (rows,) as given
+    C : (rows, 10 links) rows in the links' moments, at most as many as columns, and the total
+    target : (rows,) what the reference leaves to do
+    soft : (rows,) 1 for a row that may miss its target, 0 for the total, which may not
+    reference : (points,) masses [kg]
+    freedom : (points,) v_j [kg^2]
+    floor : (points,) least masses [kg]
+    mass : total [kg]; None leaves it free
+    options : as given
     """
 
     points: MassPoints
@@ -182,6 +252,7 @@ class _Problem:
     def of(
         points: MassPoints, A: Array, b: Array, mass: float | None, options: MassPointOptions
     ) -> _Problem:
+        """Check the inputs and set up the problem, see `solve_mass_points`."""
         links = len(points.links.names)
         reference = np.array(points.reference)
         if A.ndim != 2 or A.shape[1] != 10 * links or b.shape != (len(A),):
@@ -239,9 +310,14 @@ class _Problem:
         )
 
     def solve(self) -> tuple[Array, int]:
-        """Multipliers, and how many Newton steps they took.
+        """Find the multipliers, and count the Newton steps they took.
+
         Where the plain iteration does not settle, rows are made soft in proportion to their
         stiffness and then harder from one solution to the next.
+
+        Returns
+        -------
+        (rows,) multipliers y, and number of steps
         """
         most = self.options.iterations
         y, taken, settled = self._ascend(np.zeros(len(self.C)), self.soft, most)
@@ -255,8 +331,17 @@ class _Problem:
         return y, taken
 
     def _ascend(self, y: Array, soft: Array, most: int) -> tuple[Array, int, bool]:
-        """Newton steps on the dual until the rows balance or no step gains anything; whether they
-        do balance.
+        """Take Newton steps on the dual until the rows balance or no step gains anything.
+
+        Parameters
+        ----------
+        y : (rows,) to begin with
+        soft : (rows,) softness of each row, 0 for one that must be met
+        most : at most so many steps
+
+        Returns
+        -------
+        (rows,) y, number of steps, and whether the rows do balance
         """
         y, s = y.copy(), self.sums.pull(self.C.T @ y)
         size = np.abs(self.target).max(initial=0.0) + 1e-300
@@ -288,14 +373,38 @@ class _Problem:
             s = s + t * ds if taken % 5 else self.sums.pull(self.C.T @ y)
 
     def _masses(self, s: Array) -> tuple[np.ndarray, Array]:
-        """Which masses are free at s = B^T y, and all masses minus the reference."""
+        """Find which masses are free at s = B^T y, and all masses minus the reference.
+
+        Parameters
+        ----------
+        s : (points,)
+
+        Returns
+        -------
+        (points,) whether the mass is above its bound, and (points,) change [kg]
+        """
         change = self.freedom * s
         low = self.floor - self.reference
         free = change > low
         return free, np.where(free, change, low)
 
     def _newton(self, blocks: Array, soft: Array, left: Array) -> Array:
-        """Direction in y: (softness + B D B^T) direction = left."""
+        """Solve for the Newton direction in y: (softness + B D B^T) direction = left.
+
+        Parameters
+        ----------
+        blocks : sums over the free points (`PointSums.pairs`)
+        soft : (rows,)
+        left : (rows,) gradient of the dual
+
+        Returns
+        -------
+        (rows,)
+
+        Raises
+        ------
+        BadData : A is too badly scaled to have a direction
+        """
         H = self.C @ self.sums.matrix(blocks) @ self.C.T
         H[np.diag_indices_from(H)] += soft
         # Where no mass is free, nothing holds the multiplier of the total: a little of its
@@ -315,7 +424,15 @@ class _Problem:
         raise BadData("the mass-point problem has no Newton direction: A is too badly scaled")
 
     def _step(self, y: Array, s: Array, soft: Array, direction: Array, ds: Array) -> float:
-        """Step length that maximises the dual along a direction, to 10 % of the initial slope."""
+        """Find the step length that maximizes the dual along a direction.
+
+        The slope there is at most 10 % of that at the start.
+
+        Parameters
+        ----------
+        y, soft, direction : (rows,)
+        s, ds : (points,) B^T y and its change with a step of 1
+        """
         constant = float(self.target @ direction - (soft * y) @ direction)
         linear = float((soft * direction) @ direction)
         t = 0.0
@@ -344,7 +461,17 @@ class _Problem:
         return t
 
     def result(self, y: Array, iterations: int) -> MassPointFit:
-        """The fit at multipliers y, with the residuals of the conditions of the optimum."""
+        """Build the fit at multipliers, with the residuals of the conditions of the optimum.
+
+        Parameters
+        ----------
+        y : (rows,) multipliers
+        iterations : Newton steps that they took
+
+        Returns
+        -------
+        masses [kg], parameters and certificate
+        """
         s = self.sums.pull(self.C.T @ y)
         free, change = self._masses(s)
         masses = np.where(free, np.maximum(self.reference + change, self.floor), self.floor)
@@ -383,7 +510,16 @@ def _squares(W: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
 
 
 def _fewer_rows(A: Array, b: Array) -> tuple[Array, Array]:
-    """Rows with the same |A x - b|^2 but for a constant, as many as A has columns at most."""
+    """Reduce rows to as many as A has columns, with the same |A x - b|^2 but for a constant.
+
+    Parameters
+    ----------
+    A, b : (rows, columns), (rows,)
+
+    Returns
+    -------
+    (at most columns, columns) and (at most columns,)
+    """
     if len(A) <= A.shape[1]:
         return A, b
     n = A.shape[1]

@@ -1,5 +1,6 @@
-"""What noise of the motion does to identified masses: the regressor is made of coordinates that
-were measured too.
+"""What noise of the motion does to identified masses.
+
+The regressor is made of coordinates that were measured too.
 
 Noise of the coordinates, filtered as they are, is added to them once more and the rows are made
 again. What that adds to the squares of the rows, on the mean, is what the noise that is there
@@ -35,13 +36,19 @@ STILL = 1e-6
 
 @read_only
 class MotionNoise:
-    """What noise of the motion adds to squares of rows [A, b] of base parameters."""
+    """What noise of the motion adds to squares of rows [A, b] of base parameters.
 
-    sd: float  # of the noise of a coordinate after filtering [rad or m]
-    parts: Parts  # that it was added to
-    # (parts, 2, n + 1, n + 1) added on the mean, moments and forces apart [(N m)^2], [N^2]
+    Attributes
+    ----------
+    sd : of the noise of a coordinate after filtering [rad or m]
+    parts : that it was added to
+    squares : (parts, 2, n + 1, n + 1) added on the mean, moments and forces apart [(N m)^2], [N^2]
+    draws : (draws, 2, n + 1, n + 1) squares of all parts together, with noise added once more
+    """
+
+    sd: float
+    parts: Parts
     squares: Array
-    # (draws, 2, n + 1, n + 1) squares of all parts together, with noise added once more
     draws: Array
 
     @property
@@ -50,16 +57,31 @@ class MotionNoise:
         return replace(self.parts, added=self.squares)
 
     def misfit(self, parameters: Array) -> Array:
-        """(2,) root mean square of a moment's and a force's misfit that the noise alone makes [N
-        m], [N].
+        """Compute the misfit that the noise alone makes.
+
+        Parameters
+        ----------
+        parameters : (bodies, 10)
+
+        Returns
+        -------
+        (2,) root mean square of a moment's and a force's misfit [N m], [N]
         """
         x = self.parts.unknowns(parameters)
         mean = np.einsum("pkij,i,j->k", self.squares, x, x) / self.parts.frames.sum()
         return np.sqrt(np.maximum(mean, 0.0))
 
     def scores(self, noise: Array, parameters: Array) -> Array:
-        """(draws, 10 bodies) how each draw pulls at parameters (bodies, 10), about the mean, in
-        units of noise (2,).
+        """Compute how each draw pulls at parameters, about the mean of the draws.
+
+        Parameters
+        ----------
+        noise : (2,) of moments and forces [N m], [N]
+        parameters : (bodies, 10)
+
+        Returns
+        -------
+        (draws, 10 bodies) in units of the noise
         """
         x = self.parts.unknowns(parameters)
         g = self.parts.groups
@@ -70,7 +92,17 @@ class MotionNoise:
         return (pulls - pulls.mean(axis=0)) @ self.parts.base.combination
 
     def at_most(self, misfit: Array, parameters: Array) -> MotionNoise:
-        """The same noise, or less where it alone would make a larger misfit (2,) than there is."""
+        """Return the same noise, or less where it alone would make more misfit than there is.
+
+        Parameters
+        ----------
+        misfit : (2,) of moments and forces [N m], [N]
+        parameters : (bodies, 10)
+
+        Returns
+        -------
+        noise whose standard deviation is scaled by at most 1
+        """
         noise_alone = self.misfit(parameters)
         share = float(
             np.min(np.where(noise_alone > 0.0, misfit / np.maximum(noise_alone, 1e-300), np.inf))
@@ -95,9 +127,20 @@ def motion_noise(
     cutoff: float | None = None,
     draws: int = DRAWS,
 ) -> MotionNoise:
-    """What noise of the motion adds to the parts made of these recordings.
-    `parts`: of `parts_of` from the same model and recordings; `sd`: of the noise of a coordinate
-    after filtering [rad or m]; `cutoff`: of its low-pass filter [Hz]; `CUTOFF` where None.
+    """Compute what noise of the motion adds to the parts made of these recordings.
+
+    Parameters
+    ----------
+    model : of which the parts were made
+    recordings : of which the parts were made
+    parts : of `parts_of` from the same model and recordings
+    sd : of the noise of a coordinate after filtering [rad or m]
+    cutoff : of its low-pass filter [Hz]; `CUTOFF` where None
+    draws : times that noise is added
+
+    Returns
+    -------
+    squares that noise added, always from the same random numbers
     """
     random = np.random.default_rng(0)
     made = []
@@ -120,8 +163,18 @@ def motion_noise(
 
 
 def noise_of(motion: Motion, sd: float, cutoff: float, random: np.random.Generator) -> Motion:
-    """Low-passed noise of a given standard deviation for every coordinate of a motion that moves,
-    with derivatives.
+    """Draw low-passed noise for every coordinate of a motion that moves, with derivatives.
+
+    Parameters
+    ----------
+    motion : at whose times and for whose coordinates
+    sd : standard deviation after the filter [rad or m]
+    cutoff : of the filter [Hz]
+    random : generator, which advances
+
+    Returns
+    -------
+    motion of the noise alone
     """
     rate = 1.0 / float(np.median(np.diff(motion.time)))
     white = random.normal(size=motion.values.shape)
@@ -138,7 +191,12 @@ def noise_of(motion: Motion, sd: float, cutoff: float, random: np.random.Generat
 
 
 def plus(motion: Motion, noise: Motion) -> Motion:
-    """A motion with noise."""
+    """Add noise to a motion and its derivatives.
+
+    Raises
+    ------
+    BadData : the motion has no derivatives
+    """
     if motion.velocities is None or motion.accelerations is None:
         raise BadData(
             "noise can be added to a motion with derivatives only: differentiate it first"

@@ -1,5 +1,6 @@
-"""What no motion can tell apart: inertial parameters that may move from a body to its parent
-unseen.
+"""Inertial parameters that no motion can tell apart.
+
+They may move from a body to its parent unseen.
 """
 
 from __future__ import annotations
@@ -29,32 +30,57 @@ _PREFERENCE = np.array([9.0, *[3.0] * 3, *[1.0] * 6])
 
 
 class NullSpace(NamedTuple):
-    """Changes of the inertial parameters that no base wrench shows."""
+    """Changes of the inertial parameters that no base wrench shows.
 
-    vectors: Array  # (10 bodies, k) a basis; vectors[dependent] is invertible
-    # (k,) the standard parameters that are left out, their part given to others
+    Attributes
+    ----------
+    vectors : (10 bodies, k) a basis; vectors[dependent] is invertible
+    dependent : (k,) the standard parameters that are left out, their part given to others
+    gap : by random states, the smallest pivot that counts and the largest that does not, relative
+        to the largest of all; the tolerance lies between
+    """
+
+    vectors: Array
     dependent: np.ndarray
-    # by random states, the smallest pivot that counts and the largest that does not, relative to
-    # the largest of all; the tolerance lies between
     gap: tuple[float, float] = (1.0, 0.0)
 
 
 class Cluster(NamedTuple):
-    """Bodies whose joints share coordinates, so that they must be looked at together."""
+    """Bodies whose joints share coordinates, so that they must be looked at together.
 
-    bodies: tuple[int, ...]  # numbers in the tree's arrays (the ground is 0)
-    ancestor: int  # the one body they all hang on
+    Attributes
+    ----------
+    bodies : numbers in the tree's arrays (the ground is 0)
+    ancestor : the one body they all hang on
+    """
+
+    bodies: tuple[int, ...]
+    ancestor: int
 
 
 def tree_null_space(model: Model, held: Mapping[str, float] | None = None) -> NullSpace:
-    """Null space of the base rows from the tree alone: a direct sum over the joints.
+    """Find the null space of the base rows from the tree alone: a direct sum over the joints.
+
     Parameters v of a body may go to its parent where the parent cannot tell them from its own: L(X)
     v is the same in every configuration X of the joint, and the joint's own velocity S gives v no
     momentum, M(v) S = 0. For a hinge these are 3 (a rod on the axis), for a slide 6, for a ball
     joint 1, for a weld 10. Joints that share coordinates through couplers are one cluster, whose
     bodies are taken together. The sum is the whole null space where the base is free to move; where
-    it is not, more is hidden (`base_parameters` finds that from random states). `held`: coordinates
-    that do not move, with their values; by default those that are locked, at theirs.
+    it is not, more is hidden (`base_parameters` finds that from random states).
+
+    Parameters
+    ----------
+    model : whose joints count, not its masses
+    held : coordinates that do not move, with their values [rad or m]; by default those that are
+        locked, at theirs
+
+    Returns
+    -------
+    a basis of the null space
+
+    Raises
+    ------
+    UnknownName : a held coordinate is not the model's
     """
     tree = compile_tree(model)
     fixed = held_values(model, held)
@@ -93,10 +119,19 @@ def numerical_null_space(
     columns: np.ndarray | None = None,
     tolerance: float = TOLERANCE,
 ) -> NullSpace:
-    """Null space of the base rows from random states, by QR with column pivoting.
-    `held`: as in `tree_null_space`; `columns`: the standard parameters to look at; all by default;
-    `tolerance`: diagonal entries of R below this share of the largest are zero, columns scaled to
-    length 1.
+    """Find the null space of the base rows from random states, by QR with column pivoting.
+
+    Parameters
+    ----------
+    model : whose joints count, not its masses
+    held : as in `tree_null_space`
+    columns : (k,) the standard parameters to look at; all by default
+    tolerance : diagonal entries of R below this share of the largest are zero, columns scaled to
+        length 1
+
+    Returns
+    -------
+    a basis of the null space, and the gap that the tolerance lies in
     """
     size = 10 * len(model.bodies)
     looked_at = np.arange(size) if columns is None else np.asarray(columns)
@@ -122,7 +157,16 @@ def numerical_null_space(
 
 
 def held_values(model: Model, held: Mapping[str, float] | None) -> dict[str, float]:
-    """Coordinates that do not move, with their values; by default the locked ones."""
+    """Return coordinates that do not move, with their values; by default the locked ones.
+
+    Returns
+    -------
+    name to value [rad or m]
+
+    Raises
+    ------
+    UnknownName : a held coordinate is not the model's
+    """
     if held is None:
         return {
             coordinate.name: coordinate.default
@@ -135,8 +179,20 @@ def held_values(model: Model, held: Mapping[str, float] | None) -> dict[str, flo
 
 
 def random_states(model: Model, held: Mapping[str, float], frames: int, seed: int = 0) -> Motion:
-    """Positions, velocities and accelerations drawn independently, each coordinate in its range.
+    """Draw positions, velocities and accelerations independently, each coordinate in its range.
+
     Held coordinates rest, dependent ones follow their couplers.
+
+    Parameters
+    ----------
+    model : whose coordinates are drawn
+    held : name to value [rad or m]
+    frames : number of states
+    seed : of the random numbers
+
+    Returns
+    -------
+    one state a frame
     """
     tree = compile_tree(model)
     rng = np.random.default_rng(seed)
@@ -166,7 +222,17 @@ def random_states(model: Model, held: Mapping[str, float], frames: int, seed: in
 
 
 def clusters(tree: Tree, held: Mapping[str, float]) -> list[Cluster]:
-    """Clusters of bodies that hang on one body and share no moving coordinate."""
+    """Group bodies that hang on one body and share no moving coordinate with others.
+
+    Parameters
+    ----------
+    tree : of the model
+    held : coordinates that do not move
+
+    Returns
+    -------
+    clusters that together hold every body once
+    """
     parent = tree.arrays.parent
     moved_by = _moving_coordinates(tree, held)
     groups: list[tuple[set[int], set[int]]] = []
@@ -186,7 +252,12 @@ def clusters(tree: Tree, held: Mapping[str, float]) -> list[Cluster]:
 
 
 def _hanging(bodies: set[int], parent: np.ndarray) -> tuple[set[int], int]:
-    """Bodies between those named and the nearest body that all of them hang on, and that body."""
+    """Find the nearest body that all of some bodies hang on.
+
+    Returns
+    -------
+    bodies between those named and that body, and that body
+    """
 
     def above(b: int) -> list[int]:
         chain = []
@@ -203,7 +274,7 @@ def _hanging(bodies: set[int], parent: np.ndarray) -> tuple[set[int], int]:
 
 
 def _moving_coordinates(tree: Tree, held: Mapping[str, float]) -> list[set[int]]:
-    """For every body, the independent coordinates that move its joint."""
+    """List the independent coordinates that move each body's joint."""
     arrays = tree.arrays
     names = tree.model.coordinate_names
     sources: dict[int, set[int]] = {j: {j} for j in range(len(names))}
@@ -220,8 +291,17 @@ def _moving_coordinates(tree: Tree, held: Mapping[str, float]) -> list[set[int]]
 
 
 def _twists(poses: Poses, cdot: Array) -> Array:
-    """(frames, axes, 6) what each axis adds to the twist of the bodies beyond it, about the
-    ground's origin.
+    """Compute what each axis adds to the twist of the bodies beyond it.
+
+    Parameters
+    ----------
+    poses : of (frames,)
+    cdot : (frames, coordinates) [rad/s or m/s]
+
+    Returns
+    -------
+    (frames, axes, 6) angular velocity, and velocity of the point at the ground's origin [rad/s],
+        [m/s]
     """
     arrays = poses.tree.arrays
     speeds = np.zeros(poses.axis_slopes.shape[:2])
@@ -236,8 +316,15 @@ def _twists(poses: Poses, cdot: Array) -> Array:
 
 
 def _cluster_null_space(poses: Poses, twists: Array, cluster: Cluster) -> tuple[Array, Array]:
-    """Vectors (10 cluster bodies, k) that may go to the ancestor, and (10, k) what the ancestor
-    receives.
+    """Find parameters of a cluster that may go to its ancestor.
+
+    Parameters
+    ----------
+    twists : (frames, axes, 6) of `_twists`
+
+    Returns
+    -------
+    (10 cluster bodies, k) vectors that may go, and (10, k) what the ancestor receives
     """
     tree = poses.tree
     a = cluster.ancestor
@@ -272,8 +359,15 @@ def _turned(rotations: Array, vectors: Array) -> Array:
 
 
 def _nicest(vectors: Array) -> np.ndarray:
-    """Rows of vectors (10 n, k) that make an invertible matrix, masses before moments before
-    inertias.
+    """Choose rows that make an invertible matrix, masses before moments before inertias.
+
+    Parameters
+    ----------
+    vectors : (10 n, k)
+
+    Returns
+    -------
+    (k,) row numbers, ascending
     """
     scaled = (vectors / np.tile(SCALE, len(vectors) // 10)[:, None]) * np.tile(
         _PREFERENCE, len(vectors) // 10
@@ -283,8 +377,16 @@ def _nicest(vectors: Array) -> np.ndarray:
 
 
 def parameters_in_parent(rotation: Array, origin: Array) -> Array:
-    """(..., 10, 10) L: inertial parameters in a parent's frame from those in a child's.
-    `rotation`, `origin` (..., 3, 3), (..., 3) pose of the child in the parent [m].
+    """Build L: inertial parameters in a parent's frame from those in a child's.
+
+    Parameters
+    ----------
+    rotation : (..., 3, 3) from the child to the parent
+    origin : (..., 3) of the child in the parent [m]
+
+    Returns
+    -------
+    (..., 10, 10)
     """
     pose = np.zeros((*rotation.shape[:-2], 4, 4))
     pose[..., :3, :3] = rotation
@@ -296,9 +398,17 @@ def parameters_in_parent(rotation: Array, origin: Array) -> Array:
 
 
 def momentum_rows(twist: Array) -> Array:
-    """(..., 6, 10) angular momentum about the origin and linear momentum of unit parameters.
-    l = I w + h x v,  p = m v + w x h, for a twist (..., 6) of angular velocity w and velocity v of
-    the origin.
+    """Build the momentum of unit parameters.
+
+        l = I w + h x v,  p = m v + w x h
+
+    Parameters
+    ----------
+    twist : (..., 6) angular velocity w [rad/s] and velocity v of the origin [m/s]
+
+    Returns
+    -------
+    (..., 6, 10) angular momentum about the origin and linear momentum
     """
     w = twist[..., :3]
     v = twist[..., 3:]

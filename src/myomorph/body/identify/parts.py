@@ -34,39 +34,57 @@ while others are.
 
 @read_only
 class TissueColumns:
-    """Unknowns beside the base parameters: by how much soft tissue moves more than the body's mass
-    (`SoftTissue`).
+    """Unknowns beside the base parameters: how much more soft tissue moves than the mass.
+
+    See `SoftTissue`.
+
+    Attributes
+    ----------
+    slopes : of each recording (frames, 6, groups), what a unit of each unknown adds to the measured
+        wrench [N m], [N]
+    least : (groups,) lowest value of each, where the mass moves as the markers
+    mean : (groups,) before anything is measured
+    root : (groups, groups) whose square is the inverse of their covariance then
     """
 
-    # of each recording (frames, 6, groups), what a unit of each unknown adds to the measured wrench
-    # [N m], [N]
     slopes: tuple[Array, ...]
-    least: Array  # (groups,) lowest value of each, where the mass moves as the markers
-    mean: Array  # (groups,) before anything is measured
-    root: Array  # (groups, groups) whose square is the inverse of their covariance then
+    least: Array
+    mean: Array
+    root: Array
 
 
 @read_only
 class Parts:
-    """What parts of recordings say of the base parameters, moments and forces apart."""
+    """What parts of recordings say of the base parameters, moments and forces apart.
 
-    base: BaseParameters  # what the factors are of
-    # (parts, 2, g + n + 1, g + n + 1) triangular, |R (t, x, -1)|^2 is the squared misfit of soft
-    # tissue t, of g groups, and base parameters x in the moments [N m] and the forces [N] of a part
+    Attributes
+    ----------
+    base : what the factors are of
+    factors : (parts, 2, g + n + 1, g + n + 1) triangular, |R (t, x, -1)|^2 is the squared misfit of
+        soft tissue t, of g groups, and base parameters x in the moments [N m] and the forces [N] of
+        a part
+    frames : (parts,) number of frames
+    folds : (parts,) what is held out together: the recording where there are several, else the
+        piece of time
+    pieces : (parts,) piece of time, or `BORDER`
+    least : parts that each recording was cut into
+    center : (n,) base parameters of the model, about which equations with noise are corrected
+    added : (parts, 2, g + n + 1, g + n + 1) what noise of the motion added to the squares of [A,
+        b], which fits are corrected by (`motion_noise`); None corrects nothing
+    tissue : of the first columns; None where there are none
+    alike : frames that a filter makes say the same, which count as one
+    """
+
+    base: BaseParameters
     factors: Array
-    frames: np.ndarray  # (parts,)
-    # (parts,) what is held out together: the recording where there are several, else the piece of
-    # time
+    frames: np.ndarray
     folds: np.ndarray
-    pieces: np.ndarray  # (parts,) piece of time, or `BORDER`
-    least: int  # parts that each recording was cut into
-    # (n,) base parameters of the model, about which equations with noise are corrected
+    pieces: np.ndarray
+    least: int
     center: Array
-    # (parts, 2, g + n + 1, g + n + 1) what noise of the motion added to the squares of [A, b],
-    # which fits are corrected by (`motion_noise`); None corrects nothing
     added: Array | None = None
-    tissue: TissueColumns | None = None  # of the first columns; None where there are none
-    alike: float = 1.0  # frames that a filter makes say the same, which count as one
+    tissue: TissueColumns | None = None
+    alike: float = 1.0
 
     def __post_init__(self) -> None:
         size = self.groups + len(self.base) + 1
@@ -93,15 +111,42 @@ class Parts:
         return not np.array_equal(self.folds, self.pieces)
 
     def fold(self, fold: int) -> np.ndarray:
-        """Numbers of the parts of one fold."""
+        """Select the parts of one fold.
+
+        Parameters
+        ----------
+        fold : its number, one of `names`
+
+        Returns
+        -------
+        (chosen,) numbers of parts
+        """
         return np.flatnonzero(self.folds == fold)
 
     def without(self, fold: int) -> np.ndarray:
-        """Numbers of the parts to fit while one fold is held out."""
+        """Select the parts to fit while one fold is held out.
+
+        Parameters
+        ----------
+        fold : its number, one of `names`
+
+        Returns
+        -------
+        (chosen,) numbers of parts, without those beside a cut
+        """
         return np.flatnonzero((self.folds != fold) & (self.folds != BORDER))
 
     def only(self, parts: Sequence[int] | np.ndarray) -> Parts:
-        """Select parts; if all are of one recording, its pieces of time are the folds."""
+        """Select parts; if all are of one recording, its pieces of time are the folds.
+
+        Parameters
+        ----------
+        parts : (chosen,) numbers
+
+        Returns
+        -------
+        the chosen parts
+        """
         chosen = np.asarray(parts)
         folds = self.folds[chosen]
         folds = self.pieces[chosen] if len(np.unique(folds[folds != BORDER])) < 2 else folds
@@ -115,8 +160,16 @@ class Parts:
         )
 
     def unknowns(self, parameters: Array, tissue: Array | None = None) -> Array:
-        """(g + n + 1,) soft tissue (g,), by default where it was linearized, base parameters and
-        -1.
+        """Stack soft tissue, base parameters and -1, which a factor is multiplied by.
+
+        Parameters
+        ----------
+        parameters : (bodies, 10)
+        tissue : (g,) unknowns of soft tissue; by default where it was linearized
+
+        Returns
+        -------
+        (g + n + 1,)
         """
         first = np.zeros(self.groups) if tissue is None else tissue
         return np.concatenate([first, self.base.of(parameters), [-1.0]])
@@ -127,8 +180,17 @@ class Parts:
         parts: Sequence[int] | np.ndarray | None = None,
         tissue: Array | None = None,
     ) -> Array:
-        """(2,) root mean square of the moment's and the force's misfit of parameters (bodies, 10)
-        [N m], [N].
+        """Compute the misfit of parameters.
+
+        Parameters
+        ----------
+        parameters : (bodies, 10)
+        parts : (chosen,) numbers; all by default
+        tissue : (g,) unknowns of soft tissue; by default where it was linearized
+
+        Returns
+        -------
+        (2,) root mean square of the moment's and the force's misfit [N m], [N]
         """
         chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
         squares = np.square(self.factors[chosen] @ self.unknowns(parameters, tissue)).sum(
@@ -139,8 +201,17 @@ class Parts:
     def soft_tissue(
         self, parameters: Array, noise: Array, parts: Sequence[int] | np.ndarray | None = None
     ) -> tuple[Array, Array]:
-        """(g,) unknowns of soft tissue that chosen parts say with parameters (bodies, 10), and
-        standard deviations.
+        """Estimate soft tissue from chosen parts, masses known.
+
+        Parameters
+        ----------
+        parameters : (bodies, 10)
+        noise : (2,) of moments and forces [N m], [N]
+        parts : (chosen,) numbers; all by default
+
+        Returns
+        -------
+        (g,) unknowns, at least `TissueColumns.least`, and (g,) their standard deviations
         """
         g = self.groups
         factor = self._absorbed(noise, parts)
@@ -154,8 +225,15 @@ class Parts:
         return np.maximum(found, least), np.linalg.norm(np.linalg.inv(factor[:g, :g]), axis=1)
 
     def _absorbed(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> Array:
-        """(g + n + 1, g + n + 1) factor of chosen parts in units of noise (2,), with what is known
-        of soft tissue.
+        """Combine factors of chosen parts in units of noise, with what is known of soft tissue.
+
+        Parameters
+        ----------
+        noise : (2,) of moments and forces [N m], [N]
+
+        Returns
+        -------
+        (g + n + 1, g + n + 1) upper triangular
         """
         factor: Array = np.zeros(self.factors.shape[2:])
         for part in np.arange(len(self)) if parts is None else np.asarray(parts):
@@ -169,14 +247,32 @@ class Parts:
         return factor
 
     def weights(self, noise: Array) -> Array:
-        """(2,) of a component of the moment's and the force's misfit, whose noise (2,) is that of
-        the vector.
+        """Return the weight of one component of a moment and a force.
+
+        A vector of three components has three times the variance of one.
+
+        Parameters
+        ----------
+        noise : (2,) of the vectors [N m], [N]
+
+        Returns
+        -------
+        (2,) [1 / (N m)], [1 / N]
         """
         # A vector of three components has three times the variance of one.
         return np.sqrt(3.0 / self.alike) / noise
 
     def carried(self, noise: Array) -> Array:
-        """(g, n) change of soft tissue that goes with a unit of each base parameter."""
+        """Compute the change of soft tissue that goes with a unit of each base parameter.
+
+        Parameters
+        ----------
+        noise : (2,) of moments and forces [N m], [N]
+
+        Returns
+        -------
+        (g, n)
+        """
         factor = self._absorbed(noise)
         g = self.groups
         return np.asarray(np.linalg.solve(factor[:g, :g], factor[:g, g:-1]), dtype=np.float64)
@@ -184,9 +280,19 @@ class Parts:
     def factor(
         self, noise: Array, parts: Sequence[int] | np.ndarray | None = None
     ) -> tuple[Array, Array]:
-        """(R (n, n), z (n,)) of chosen parts: |R phi_B - z|^2 is their misfit in units of noise
-        (2,). Soft tissue is what fits phi_B best. Where noise of the motion is known (`added`), R
-        and z are those of the motion without it, on the mean.
+        """Condense chosen parts to |R phi_B - z|^2, their misfit in units of noise.
+
+        Soft tissue is what fits phi_B best. Where noise of the motion is known (`added`), R and z
+        are those of the motion without it, on the mean.
+
+        Parameters
+        ----------
+        noise : (2,) of moments and forces [N m], [N]
+        parts : (chosen,) numbers; all by default
+
+        Returns
+        -------
+        (n, n) R and (n,) z
         """
         chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
         g = self.groups
@@ -204,15 +310,31 @@ class Parts:
     def rows(
         self, noise: Array, parts: Sequence[int] | np.ndarray | None = None
     ) -> tuple[Array, Array]:
-        """(A (n, 10 bodies), b (n,)) of chosen parts: |A phi - b|^2 is their misfit in units of
-        noise (2,).
+        """Condense chosen parts to |A phi - b|^2, their misfit in units of noise.
+
+        Parameters
+        ----------
+        noise : (2,) of moments and forces [N m], [N]
+        parts : (chosen,) numbers; all by default
+
+        Returns
+        -------
+        (n, 10 bodies) A and (n,) b
         """
         R, z = self.factor(noise, parts)
         return R @ self.base.combination, z
 
     def estimate(self, noise: Array, mean: Array, spread: Array) -> Array:
-        """(n,) base parameters by least squares, with a prior of (mean, spread) for what no frame
-        shows.
+        """Estimate base parameters by least squares, with a prior for what no frame shows.
+
+        Parameters
+        ----------
+        noise : (2,) of moments and forces [N m], [N]
+        mean, spread : (n,) prior of the base parameters
+
+        Returns
+        -------
+        (n,)
         """
         R, z = self.factor(noise)
         rows = np.vstack([R, np.diag(1.0 / spread)])
@@ -226,9 +348,26 @@ def parts_of(
     least: int = MIN_PARTS,
     tissue: TissueColumns | None = None,
 ) -> Parts:
-    """Recordings cut in time into `least` parts each, with gaps between them.
+    """Cut recordings in time into `least` parts each, with gaps between them.
+
     Whole recordings are held out where there are several: halves of one motion are too much alike
-    to tell how masses do on another. `tissue`: beside the base parameters, of the same recordings.
+    to tell how masses do on another.
+
+    Parameters
+    ----------
+    model : with the recordings' joints
+    recordings : with derivatives of the motion
+    base : what the parts are equations of
+    least : parts of each recording
+    tissue : unknowns beside the base parameters, of the same recordings
+
+    Returns
+    -------
+    the parts, those of frames beside a cut included
+
+    Raises
+    ------
+    BadData : no frame can be used
     """
     g = 0 if tissue is None else len(tissue.mean)
     n = g + len(base)
@@ -288,11 +427,22 @@ def parts_of(
 
 
 def without_noise(R: Array, z: Array, added: Array, center: Array) -> tuple[Array, Array]:
-    """(R, z) whose squares lack what noise added to them, where |R x - z|^2 is the misfit of x.
-    The pull of the data at x is corrected in full. Their hold on x is only where noise made up to
-    `MAX_NOISE` of it: beyond, it keeps the rest, since a hold that is not positive has no least
-    misfit. `R` (n, n); `z` (n,); `added` (n + 1, n + 1) to the squares of [R, z]; `center` (n,)
-    where x is expected, from which the pull is counted.
+    """Take from the squares of [R, z] what noise added to them.
+
+    |R x - z|^2 is the misfit of x. The pull of the data at x is corrected in full. Their hold on x
+    is only where noise made up to `MAX_NOISE` of it: beyond, it keeps the rest, since a hold that
+    is not positive has no least misfit.
+
+    Parameters
+    ----------
+    R : (n, n)
+    z : (n,)
+    added : (n + 1, n + 1) to the squares of [R, z]
+    center : (n,) where x is expected, from which the pull is counted
+
+    Returns
+    -------
+    (n, n) R and (n,) z without the noise, on the mean
     """
     _, sizes, right = np.linalg.svd(R)
     seen = sizes > SEEN * sizes[0]
@@ -308,8 +458,17 @@ def without_noise(R: Array, z: Array, added: Array, center: Array) -> tuple[Arra
 
 
 def _pieces(time: Array, use: np.ndarray, pieces: int) -> np.ndarray:
-    """(frames,) piece of time of each frame that is used, as many frames in each, `BORDER` beside a
-    cut.
+    """Assign used frames to pieces of time, as many frames in each.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    use : (frames,) which frames are used
+    pieces : number of pieces
+
+    Returns
+    -------
+    (frames,) number of the piece, `BORDER` beside a cut
     """
     total = max(int(use.sum()), 1)
     place = (np.cumsum(use) - 0.5) * pieces / total
@@ -322,16 +481,35 @@ def _pieces(time: Array, use: np.ndarray, pieces: int) -> np.ndarray:
 
 
 def held_out(parts: Parts, fit: Callable[[int], Array], noise: Array) -> Array:
-    """(folds, 2) mean square misfit of each fold by what was fitted to the others: moment, force
-    [(N m)^2], [N^2]. `fit`: parameters (bodies, 10) fitted without a fold; `noise` (2,) of moments
-    and forces, that soft tissue is fitted with, without the fold too.
+    """Compute the misfit of each fold by what was fitted to the others.
+
+    Parameters
+    ----------
+    parts : with the folds
+    fit : parameters (bodies, 10) fitted without a fold
+    noise : (2,) of moments and forces, that soft tissue is fitted with, without the fold too [N m],
+        [N]
+
+    Returns
+    -------
+    (folds, 2) mean square misfit of moment and force [(N m)^2], [N^2]
     """
     return np.square([predicted(parts, fold, fit(fold), noise) for fold in parts.names])
 
 
 def predicted(parts: Parts, fold: int, parameters: Array, noise: Array) -> Array:
-    """(2,) misfit of a fold by parameters (bodies, 10), with the soft tissue that the others say [N
-    m], [N].
+    """Compute the misfit of a fold, with the soft tissue that the others say.
+
+    Parameters
+    ----------
+    parts : with the folds
+    fold : that is predicted
+    parameters : (bodies, 10)
+    noise : (2,) of moments and forces [N m], [N]
+
+    Returns
+    -------
+    (2,) root mean square of moment and force [N m], [N]
     """
     tissue = parts.soft_tissue(parameters, noise, parts.without(fold))[0] if parts.groups else None
     return parts.rms(parameters, parts.fold(fold), tissue)

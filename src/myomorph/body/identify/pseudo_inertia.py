@@ -1,5 +1,6 @@
-"""Inertial parameters that some positive distribution of mass can have: a linear matrix inequality
-for each link.
+"""Inertial parameters that some positive distribution of mass can have.
+
+A linear matrix inequality holds each link:
 
     minimise  1/2 |b - A phi|^2 + 1/2 d(phi, phi_ref)^2 / sd^2
     subject to  P(phi_i) >= margin P(phi_ref_i),  sum_i m_i = mass (where given)
@@ -31,14 +32,20 @@ SMALLEST_SHARE = 1e-6  # A link of less than this share of the whole mass stays 
 
 @dataclass(frozen=True)
 class PseudoInertiaOptions:
-    """Settings of `solve_pseudo_inertia` and `solve_ridge`."""
+    """Settings of `solve_pseudo_inertia` and `solve_ridge`.
 
-    # relative standard deviation of a link's mass that the prior amounts to; a mass center then has
-    # mass_sd k / sqrt(2) along an axis of radius of gyration k, a second moment of mass mass_sd of
-    # itself
+    Attributes
+    ----------
+    mass_sd : relative standard deviation of a link's mass that the prior amounts to; a mass center
+        then has mass_sd k / sqrt(2) along an axis of radius of gyration k, a second moment of mass
+        mass_sd of itself
+    margin : least eigenvalue of P(phi_i), relative to its reference
+    tolerance : of the solver's residuals and gap
+    """
+
     mass_sd: float = 0.15
-    margin: float = 1e-3  # least eigenvalue of P(phi_i), relative to its reference
-    tolerance: float = 1e-8  # of the solver's residuals and gap
+    margin: float = 1e-3
+    tolerance: float = 1e-8
 
     def __post_init__(self) -> None:
         for name in ("mass_sd", "tolerance"):
@@ -55,19 +62,30 @@ class PseudoInertiaOptions:
 
 @read_only
 class PseudoInertiaFit:
-    """Parameters of the links, and how far to trust the solution."""
+    """Parameters of the links, and how far to trust the solution.
 
-    parameters: Array  # (links, 10) in [D] order
-    misfit: float  # |b - A phi|^2 of the solution
-    # (links,) least eigenvalue of each link's pseudo-inertia relative to the reference's; NaN where
-    # kept
+    Attributes
+    ----------
+    parameters : (links, 10) in the order of [D] eq. 3.4
+    misfit : |b - A phi|^2 of the solution
+    smallest : (links,) least eigenvalue of each link's pseudo-inertia relative to the reference's;
+        NaN where kept
+    kept : (links,) links that stayed at their reference because they have hardly any mass
+    status : as the solver reports it
+    converged : whether the solver proved the optimum
+    residual : greatest of the solver's primal and dual residuals
+    iterations : of the solver; 0 where the problem has a closed form
+    options : as given
+    """
+
+    parameters: Array
+    misfit: float
     smallest: Array
-    # (links,) links that stayed at their reference because they have hardly any mass
     kept: np.ndarray
-    status: str  # the solver's word
-    converged: bool  # whether the solver proved the optimum
-    residual: float  # greatest of the solver's primal and dual residuals
-    iterations: int  # of the solver; 0 where the problem has a closed form
+    status: str
+    converged: bool
+    residual: float
+    iterations: int
     options: PseudoInertiaOptions = field(repr=False)
 
 
@@ -79,10 +97,27 @@ def solve_pseudo_inertia(
     mass: float | None = None,
     options: PseudoInertiaOptions | None = None,
 ) -> PseudoInertiaFit:
-    """Physically possible parameters that meet measured ones and stay near a reference.
-    `A` (rows, 10 links), b (rows,) what was measured, in units of its noise (`BaseFit.rows`);
-    `reference` (links, 10) parameters before anything is measured; those of massless links are
-    kept; `mass`: total [kg], or None.
+    """Find physically possible parameters that meet measured ones near a reference.
+
+    The problem at the head of this file. Where its least squares keep every inequality they are the
+    optimum, else a conic solver finds it.
+
+    Parameters
+    ----------
+    A : (rows, 10 links) what was measured of the parameters, in units of its noise (`BaseFit.rows`)
+    b : (rows,)
+    reference : (links, 10) parameters before anything is measured; those of massless links are kept
+    mass : total [kg]; None leaves it free
+    options : strength of the prior, margin and tolerance
+
+    Returns
+    -------
+    parameters of the links, with the solver's report
+
+    Raises
+    ------
+    BadData : a shape is wrong, a value is not finite, the mass is not above 0, or the reference of
+        a link is of no body
     """
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
     free = _least_squares(problem, mass)
@@ -106,17 +141,45 @@ def solve_ridge(
     mass: float | None = None,
     options: PseudoInertiaOptions | None = None,
 ) -> PseudoInertiaFit:
-    """The same problem without the inequalities: least squares that may give parameters no body can
-    have.
+    """Solve the same problem without the inequalities.
+
+    These are least squares that may give parameters no body can have.
+
+    Parameters
+    ----------
+    A : (rows, 10 links), in units of noise
+    b : (rows,)
+    reference : (links, 10) parameters before anything is measured
+    mass : total [kg]; None leaves it free
+    options : strength of the prior
+
+    Returns
+    -------
+    parameters of the links
+
+    Raises
+    ------
+    BadData : as in `solve_pseudo_inertia`
     """
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
     return problem.fit(_least_squares(problem, mass))
 
 
 def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
-    """(links, 10) parameters whose links with mass are bodies: a principal second moment of mass
-    about the mass center that is below m gyration^2 is lifted to it, everything else stays. A few
-    mass points in a plane, and inertias that somebody rounded, are references of no body.
+    """Make bodies of links with mass: repair second moments of mass that are too small.
+
+    A principal second moment of mass about the mass center that is below m gyration^2 is lifted to
+    it, everything else stays. A few mass points in a plane, and inertias that somebody rounded, are
+    references of no body.
+
+    Parameters
+    ----------
+    reference : (links, 10)
+    gyration : least radius of gyration along a principal axis [m]
+
+    Returns
+    -------
+    (links, 10)
     """
     repaired = np.array(reference, dtype=np.float64)
     for row, P in zip(repaired, pseudo_inertias(repaired), strict=True):
@@ -132,8 +195,21 @@ def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
 
 @dataclass(eq=False)
 class _Changes:
-    """The problem in the changes E of the moved links, ten scaled entries each, counted from the
-    reference.
+    """The problem in the changes E of the moved links, ten scaled entries each.
+
+    They are counted from the reference.
+
+    Attributes
+    ----------
+    A, b : (rows, 10 moved), (rows,) what was measured less what the reference says
+    given_A, given_b : (rows, 10 links), (rows,) as given
+    reference : (links, 10)
+    moved : (moved,) links that may change
+    basis : (moved, 10, 10) parameters of a unit of each entry
+    prior : (10 moved, 10 moved) its precision
+    total : (10 moved,) mass of a unit of each entry [kg]
+    lacking : mass that the changes must add [kg]
+    options : as given
     """
 
     A: Array
@@ -152,6 +228,7 @@ class _Changes:
     def of(
         A: Array, b: Array, reference: Array, mass: float | None, options: PseudoInertiaOptions
     ) -> _Changes:
+        """Check the inputs and set up the problem, see `solve_pseudo_inertia`."""
         A = np.asarray(A, float)
         b = np.asarray(b, float)
         reference = np.array(reference, float)
@@ -198,8 +275,12 @@ class _Changes:
     def fit(
         self, x: Array, default_solution: clarabel.DefaultSolution | None = None
     ) -> PseudoInertiaFit:
-        """The fit of changes x (10 moved links,), and how the solver found them where it was
-        needed.
+        """Build the fit of changes, and report how the solver found them where it was needed.
+
+        Parameters
+        ----------
+        x : (10 moved,)
+        default_solution : of the solver; None for the closed form
         """
         changes = x.reshape(-1, 10)
         parameters = self.reference.copy()
@@ -227,10 +308,16 @@ class _Changes:
 
 
 def _solve(problem: _Changes, mass: float | None, residuals: bool) -> clarabel.DefaultSolution:
-    """The conic program by Clarabel: right - rows x in the cones, those of the total mass and the
-    pseudo-inertias. With `residuals` the rows' misses are variables of their own, which squares no
-    condition number but takes ten times longer: for measurements that no body near the reference
-    can meet.
+    """Solve the conic program by Clarabel.
+
+    right - rows x lies in the cones, those of the total mass and the pseudo-inertias.
+
+    Parameters
+    ----------
+    problem : in the changes of the moved links
+    mass : total [kg]; None leaves it free
+    residuals : whether the rows' misses are variables of their own, which squares no condition
+        number but takes ten times longer: for measurements that no body near the reference can meet
     """
     n = problem.A.shape[1]
     links = len(problem.moved)
@@ -274,7 +361,12 @@ def _solve(problem: _Changes, mass: float | None, residuals: bool) -> clarabel.D
 
 
 def _least_squares(problem: _Changes, mass: float | None) -> Array:
-    """(10 moved links,) changes without the inequalities, by QR of the stacked rows."""
+    """Solve without the inequalities, by QR of the stacked rows.
+
+    Returns
+    -------
+    (10 moved,) changes
+    """
     root = scipy.linalg.cholesky(problem.prior)
     n = len(root)
     rows = np.block([[problem.A, problem.b[:, None]], [root, np.zeros((n, 1))]])
@@ -292,7 +384,16 @@ def _least_squares(problem: _Changes, mass: float | None) -> Array:
 
 
 def symmetric(entries: Array) -> Array:
-    """(..., 4, 4) symmetric matrices of scaled triangles (..., 10), whose norm is the matrices'."""
+    """Build symmetric matrices from scaled triangles of the same norm.
+
+    Parameters
+    ----------
+    entries : (..., 10) upper triangles by columns, off the diagonal times sqrt(2)
+
+    Returns
+    -------
+    (..., 4, 4)
+    """
     matrices = np.zeros((*entries.shape[:-1], 4, 4))
     for q, (i, j) in enumerate(TRIANGLE):
         matrices[..., i, j] = matrices[..., j, i] = entries[..., q] * (
@@ -302,8 +403,15 @@ def symmetric(entries: Array) -> Array:
 
 
 def tangents(parameters: Array) -> Array:
-    """(links, 10, 10) derivative of parameters (links, 10) in the scaled triangles of E, P = L (I +
-    E) L^T.
+    """Differentiate parameters in the scaled triangles of E, P = L (I + E) L^T.
+
+    Parameters
+    ----------
+    parameters : (links, 10) of bodies with positive definite pseudo-inertia
+
+    Returns
+    -------
+    (links, 10, 10) parameters by entries
     """
     L = np.linalg.cholesky(pseudo_inertias(parameters))
     return np.moveaxis(

@@ -1,5 +1,6 @@
-"""Which frames of a recording tell about the body: whole forces, no contact that no plate measures,
-no filter edge.
+"""Frames of a recording that show the body's masses.
+
+Forces are whole, no contact is beside the plates, and no end of a filter is near.
 """
 
 from __future__ import annotations
@@ -210,7 +211,7 @@ def usable(
 
 
 def _in_common(name: str, motion: Motion, wrenches: Wrenches) -> Motion:
-    """The part of the motion during which forces were recorded."""
+    """Cut the motion to the time during which forces were recorded."""
     within = (motion.time >= wrenches.time[0] - 1e-9) & (motion.time <= wrenches.time[-1] + 1e-9)
     if within.sum() < 2:
         raise BadData(
@@ -221,15 +222,19 @@ def _in_common(name: str, motion: Motion, wrenches: Wrenches) -> Motion:
 
 
 def all_left_out(recordings: tuple[Usable, ...]) -> Mapping[str, int]:
-    """Reason -> frames of all recordings left out for it."""
+    """Sum the frames of all recordings that were left out, by reason."""
     return sum((Counter(recording.left_out) for recording in recordings), Counter[str]())
 
 
 def check_excited(
     model: Model, recordings: tuple[Usable, ...], options: RecordingOptions | None = None
 ) -> None:
-    """Raise `BadData` where all recordings together are too short, or the body does not move in
-    them.
+    """Refuse recordings that are too short or in which the body does not move.
+
+    Raises
+    ------
+    BadData : all recordings together are too short, or no body rotates by `MIN_ROTATION` against
+        the base
     """
     options = options or RecordingOptions()
     seconds = sum(
@@ -255,14 +260,36 @@ def check_excited(
 
 
 def needed_wrench(model: Model, motion: Motion) -> Array:
-    """(frames, 6) moment about the base and force that the motion needs with the model's own masses
-    [N m], [N].
+    """Compute the wrench that the motion needs with the model's own masses.
+
+    Parameters
+    ----------
+    model : with masses
+    motion : with derivatives
+
+    Returns
+    -------
+    (frames, 6) moment about the base and force [N m], [N]
     """
     parameters = inertial_parameters(model).ravel()
     return np.concatenate([block.rows @ parameters for block in regressor_blocks(model, motion)])
 
 
 def _up(model: Model, wrench: Array) -> Array:
+    """Project the force of a wrench on the vertical.
+
+    Parameters
+    ----------
+    wrench : (frames, 6) moment and force
+
+    Returns
+    -------
+    (frames,) upward force [N]
+
+    Raises
+    ------
+    BadData : the model has no gravity
+    """
     size = float(np.linalg.norm(model.gravity))
     if size == 0.0:
         raise BadData(f"model '{model.name}' has no gravity, so forces cannot tell its weight")
@@ -270,7 +297,12 @@ def _up(model: Model, wrench: Array) -> Array:
 
 
 def _lacking(wrenches: Wrenches) -> np.ndarray:
-    """(samples,) whether a force, a torque, or the place of a force that counts is missing."""
+    """Find samples without a force, a torque, or the position of a force that counts.
+
+    Returns
+    -------
+    (samples,)
+    """
     known = np.isfinite(wrenches.forces).all(axis=2) & np.isfinite(wrenches.torques).all(axis=2)
     unplaced = ~np.isfinite(wrenches.points).all(axis=2)
     loaded = np.linalg.norm(np.nan_to_num(wrenches.forces), axis=2) > UNLOADED
@@ -278,7 +310,12 @@ def _lacking(wrenches: Wrenches) -> np.ndarray:
 
 
 def _filled(wrenches: Wrenches, lacking: np.ndarray) -> Wrenches:
-    """Missing samples held at the next known one, so that a filter can pass over them."""
+    """Hold missing samples at the next known one, so that a filter can pass over them.
+
+    Parameters
+    ----------
+    lacking : (samples,) which are missing
+    """
     if not lacking.any():
         return wrenches
     known = np.flatnonzero(~lacking)
@@ -293,7 +330,18 @@ def _filled(wrenches: Wrenches, lacking: np.ndarray) -> Wrenches:
 
 
 def _near(time: Array, places: Array, margin: float) -> np.ndarray:
-    """(frames,) whether any of the ascending places [s] lies within the margin and half a frame."""
+    """Find frames near some times: within the margin and half a frame.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    places : (times,) ascending [s]
+    margin : [s]
+
+    Returns
+    -------
+    (frames,)
+    """
     if len(places) == 0:
         return np.zeros(len(time), bool)
     after = np.searchsorted(places, time).clip(max=len(places) - 1)
@@ -304,7 +352,12 @@ def _near(time: Array, places: Array, margin: float) -> np.ndarray:
 
 
 def _ends(motion: Motion, wrenches: Wrenches) -> Array:
-    """Times at which motion or forces begin or end, gaps included, ascending [s]."""
+    """Collect times at which motion or forces begin or end, gaps included.
+
+    Returns
+    -------
+    (times,) ascending [s]
+    """
     seen = np.concatenate([[False], np.isfinite(motion.values).all(axis=1), [False]])
     first = np.flatnonzero(~seen[:-1] & seen[1:])
     after = np.flatnonzero(seen[:-1] & ~seen[1:])
@@ -318,7 +371,19 @@ def _step(time: Array) -> float:
 
 
 def _refuse_tared(name: str, needed: Array, measured: Array, weight: float) -> None:
-    """Signs of a plate zeroed under load: most of the weight is missing, always the same."""
+    """Refuse a plate that was zeroed under load.
+
+    Most of the weight is missing then, always the same.
+
+    Parameters
+    ----------
+    needed, measured : (frames,) upward force [N]
+    weight : of the body [N]
+
+    Raises
+    ------
+    BadData : on average half of the weight or more is missing
+    """
     lacking = needed - measured
     if lacking.mean() < 0.5 * weight or lacking.std() > MISSING_WEIGHT * weight:
         return
@@ -333,7 +398,20 @@ def _refuse_tared(name: str, needed: Array, measured: Array, weight: float) -> N
 def _refuse_elsewhere(
     name: str, model: Model, motion: Motion, missing: Array, weight: float, use: np.ndarray
 ) -> None:
-    """Forces so far from the body that they are another recording's, or in another frame."""
+    """Refuse forces so far from the body that they belong elsewhere.
+
+    They are another recording's, or in another frame.
+
+    Parameters
+    ----------
+    missing : (frames, 3) moment about the base [N m]
+    weight : of the body [N]
+    use : (frames,) which frames are used
+
+    Raises
+    ------
+    BadData : the lever of the missing moment exceeds `MAX_FORCE_DISTANCE` of the body's extent
+    """
     if not use.any():
         return
     arm = float(np.median(np.linalg.norm(missing[use], axis=1))) / weight
@@ -351,8 +429,20 @@ def _refuse_elsewhere(
 
 
 def _unmeasured(time: Array, lacking: Array, known: np.ndarray, weight: float) -> np.ndarray:
-    """(frames,) whether so much force lacks for so long that something beside the plates must carry
-    the body.
+    """Find frames in which something beside the plates must carry the body.
+
+    So much force is missing for so long: more than `MISSING_WEIGHT` over `WINDOW`.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    lacking : (frames,) upward force that is missing [N]
+    known : (frames,) whether motion and forces are known
+    weight : of the body [N]
+
+    Returns
+    -------
+    (frames,)
     """
     frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
     share = np.where(known, lacking / weight, 0.0)
@@ -367,8 +457,17 @@ def _unmeasured(time: Array, lacking: Array, known: np.ndarray, weight: float) -
 
 
 def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray) -> np.ndarray:
-    """(frames,) the tenth of the known frames around which the plates carry most of what the body
-    needs.
+    """Find the tenth of the known frames around which plates carry most of what the body needs.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    needed, measured : (frames,) upward force [N]
+    known : (frames,) whether motion and forces are known
+
+    Returns
+    -------
+    (frames,)
     """
     frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
     carried = scipy.ndimage.uniform_filter1d(np.where(known, measured, 0.0), frames)
@@ -378,7 +477,17 @@ def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray
 
 
 def _counted(first: Mapping[str, int], marks: Mapping[str, np.ndarray]) -> dict[str, int]:
-    """Frames by reason, each under the first that it has; reasons without frames are not told."""
+    """Count frames by reason, each under the first that it has.
+
+    Parameters
+    ----------
+    first : counts that come before
+    marks : reason to (frames,) whether it applies
+
+    Returns
+    -------
+    reason to number of frames; reasons without frames are left out
+    """
     counts = dict(first)
     taken = np.zeros(len(next(iter(marks.values()))), bool)
     for reason, marked in marks.items():
@@ -392,7 +501,12 @@ def _listed(counts: Mapping[str, int]) -> str:
 
 
 def _largest_turn(model: Model, recording: Recording) -> float:
-    """Largest angle by which any body turns against the base, from its first usable pose [rad]."""
+    """Compute the largest angle by which any body rotates against the base.
+
+    Returns
+    -------
+    angle from the first usable pose [rad]
+    """
     tree = compile_tree(model)
     values = tree.coordinates_of(recording.motion)[recording.use]
     if not len(values):

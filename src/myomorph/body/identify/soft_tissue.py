@@ -1,5 +1,6 @@
-"""How much more the markers move than the body's mass, found together with masses, and whether that
-predicts more.
+"""How much more the markers move than the body's mass.
+
+It is found together with masses, and taken where that predicts unseen parts better.
 """
 
 from __future__ import annotations
@@ -47,15 +48,32 @@ Use = Literal["auto", "always", "never"]
 
 @read_only
 class Fitted:
-    """Parts of recordings, with the noise and strength of the prior that were chosen on them."""
+    """Parts of recordings, with the noise and strength of the prior that were chosen on them.
 
-    recordings: tuple[Recording, ...]  # whose motion is that of the body's mass
+    Attributes
+    ----------
+    recordings : whose motion is that of the body's mass
+    parts : of these recordings
+    tissue : that was taken from the motion of the markers; None for none
+    choice : on those parts
+    """
+
+    recordings: tuple[Recording, ...]
     parts: Parts
-    tissue: SoftTissue | None  # that was taken from the motion of the markers; None for none
-    choice: ChosenPrior  # on those parts
+    tissue: SoftTissue | None
+    choice: ChosenPrior
 
     def misfits(self, strength: Strength) -> Array:
-        """(folds, 2) on each unseen part, moment [N m] and force [N]."""
+        """Compute the misfit on each unseen part.
+
+        Parameters
+        ----------
+        strength : problem of choosing how far data may move masses
+
+        Returns
+        -------
+        (folds, 2) root mean square of moment [N m] and force [N]
+        """
         noise, _, sd = self.choice
         parts = self.parts
         return np.sqrt(
@@ -66,11 +84,24 @@ class Fitted:
 def with_soft_tissue(
     model: Model, markers: Fitted, strength: Strength, use: Use = "auto"
 ) -> Fitted:
-    """The recordings with the motion of the body's mass, where that predicts unseen parts better.
-    Alphas of groups of coordinates are unknowns beside the base parameters, and the wrench is
-    linearized in them until they settle. `model`: whose masses the prior is about; `markers`:
-    fitted to the motion of the markers; `use`: "auto" takes it where it makes the misfit on unseen
-    parts smaller by `GAIN`, and no force or moment of a whole recording larger by `LOSS`.
+    """Give recordings the motion of the body's mass, where that predicts unseen parts better.
+
+    Coordinates of the mass are those of the markers through 1 / (1 + alpha w^2), which leaves q =
+    q_body - alpha q_body''; see docs/identification.md, "Soft tissue". Alphas of groups of
+    coordinates are unknowns beside the base parameters, and the wrench is linearized in them until
+    they settle.
+
+    Parameters
+    ----------
+    model : whose masses the prior is about
+    markers : fitted to the motion of the markers
+    strength : problem of choosing how far data may move masses
+    use : "auto" takes it where it makes the misfit on unseen parts smaller by `GAIN`, and no force
+        or moment of a whole recording larger by `LOSS`
+
+    Returns
+    -------
+    `markers` itself, or the same with soft tissue
     """
     if use == "never":
         return markers
@@ -118,9 +149,16 @@ def with_soft_tissue(
 
 
 def predicts_better(ratios: Array, several: bool) -> bool:
-    """Whether misfits on unseen parts, moment and force (parts, 2), over those with the motion of
-    the markers, are such that soft tissue is taken. `several`: whether the parts are whole
-    recordings.
+    """Judge whether soft tissue is taken, from misfits on unseen parts.
+
+    Parameters
+    ----------
+    ratios : (parts, 2) of moment and force, over those with the motion of the markers
+    several : whether the parts are whole recordings
+
+    Returns
+    -------
+    whether it is taken
     """
     lost = several and bool((ratios > LOSS).any())
     # Moment and force together, as where identified masses are judged.
@@ -128,7 +166,7 @@ def predicts_better(ratios: Array, several: bool) -> bool:
 
 
 def usual_tissue(model: Model) -> SoftTissue:
-    """What soft tissue is before anything is measured."""
+    """Return soft tissue as it is before anything is measured."""
     groups = coordinate_groups(model)
     alpha = np.full(len(groups), ALPHA)
     sd = np.full(len(groups), np.hypot(ALPHA_SD, GROUP_SD))
@@ -138,8 +176,17 @@ def usual_tissue(model: Model) -> SoftTissue:
 def _slopes(
     model: Model, recording: Recording, parameters: Array, tissue: SoftTissue, member: np.ndarray
 ) -> Array:
-    """(frames, 6, groups) what `ALPHA_SD` more of each group's alpha adds to the wrench that is to
-    be explained.
+    """Compute what `ALPHA_SD` more of each group's alpha adds to the wrench to be explained.
+
+    Parameters
+    ----------
+    parameters : (bodies, 10)
+    tissue : about which differences are taken
+    member : (coordinates,) number of the group of each
+
+    Returns
+    -------
+    (frames, 6, groups) [N m], [N]
     """
 
     def missing(alpha: Array) -> Array:

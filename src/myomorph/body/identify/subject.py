@@ -1,5 +1,6 @@
-"""The whole identification: forces, motion and the shape of a body in, a model of that body out,
-[D] 3.2.1.
+"""The whole identification, [D] 3.2.1.
+
+Forces, motion and the shape of a body in, a model of that body out.
 """
 
 from __future__ import annotations
@@ -171,9 +172,7 @@ class Identification:
 
     @property
     def from_shape(self) -> Mapping[str, tuple[str, ...]]:
-        """Body -> its parameters that the data do not determine, so that they come from the shape
-        of the body.
-        """
+        """Body to its parameters that the data do not determine, but the body's shape."""
         return FrozenMap(
             {
                 name: tuple(PARAMETERS[j] for j in np.flatnonzero(~row))
@@ -184,9 +183,7 @@ class Identification:
 
     @property
     def sd(self) -> Array:
-        """(bodies, 10) standard deviation of the error of the model's parameters [kg, kg m, kg
-        m^2].
-        """
+        """(bodies, 10) standard deviation of the parameters' error [kg, kg m, kg m^2]."""
         return self.known.sd if self.chosen == self.identified else self.known.prior_sd
 
     @property
@@ -196,8 +193,9 @@ class Identification:
 
     @property
     def link_shares(self) -> Array:
-        """(bodies,) how much of what is known of each link comes from the data rather than from the
-        shape, 0 to 1.
+        """(bodies,) share of what is known of each link that comes from the data, 0 to 1.
+
+        The rest comes from the shape.
         """
         return np.asarray(self.known.shares.mean(axis=1))
 
@@ -224,7 +222,7 @@ def identify(
     unseen: Sequence[Usable] = (),
     advance: Callable[[int], None] = lambda done: None,
 ) -> Identification:
-    """Inertial parameters of every link that explain the measured forces and that a body can have.
+    """Find inertial parameters that explain measured forces and that a body can have.
 
     Noise of moments and forces is at first the misfit of the scaled model, then what the fit leaves
     of parts of the recordings that it did not see, as long as that falls: the residual of the fit
@@ -250,7 +248,7 @@ def identify(
     mass : of the whole body, kept exactly [kg]; the model's by default
     inside : tells whether points are inside the skin, in the pose of the mass points
     options : method, noise and how far masses may move; see `IdentificationOptions`
-    recording : as the recordings were made usable; tells the least time that is asked of them
+    recording : as the recordings were made usable; specifies the least time that is asked of them
     unseen : recordings that masses are not identified from; where given, they alone decide whether
         identified masses predict worse than the generic model
     advance : called with the number of ways solved, as they are
@@ -258,11 +256,11 @@ def identify(
     Returns
     -------
     the model with the parameters found, all alternatives beside them, residuals of moments [N m]
-    and forces [N], and what of each link the data showed
+        and forces [N], and what of each link the data showed
 
     Raises
     ------
-    BadData : too little can be used, or nothing moves
+    BadData : too little can be used, nothing moves, or there are no mass points
 
     Examples
     --------
@@ -392,7 +390,7 @@ def identify(
 
 
 def _paper(generic: Model, options: IdentificationOptions, mass: float) -> Paper | None:
-    """The problem with [D]'s own weights, None where data are weighed by their noise."""
+    """Set up the problem with [D]'s own weights; None where data are weighed by their noise."""
     if options.prior != "paper":
         return None
     weights = MassPointOptions(
@@ -407,7 +405,7 @@ def _paper(generic: Model, options: IdentificationOptions, mass: float) -> Paper
 def _noise_of_motion(
     generic: Model, fitted: Fitted, strength: Strength, sd: float, cutoff: float | None
 ) -> MotionNoise:
-    """What noise of the motion adds to the equations.
+    """Compute what noise of the motion adds to the equations.
 
     Parameters
     ----------
@@ -423,7 +421,7 @@ def _noise_of_motion(
 def _base_fit(
     generic: Model, fitted: Fitted, base: BaseParameters, chosen_prior: ChosenPrior
 ) -> BaseFit:
-    """Base parameters, with the misfit of held-out parts for the noise of their equations."""
+    """Estimate base parameters, with the noise that the misfit of held-out parts shows."""
     moment, force = chosen_prior.misfits[chosen_prior.mass_sd]
     # Of one component: misfits are those of vectors.
     options = BaseOptions(moment_noise=moment / np.sqrt(3.0), force_noise=force / np.sqrt(3.0))
@@ -439,7 +437,16 @@ def _not_converged(solved: Mapping[str, MassPointFit | PseudoInertiaFit]) -> lis
 
 
 def _used(recording: Recording, model: Model, parameters: Array) -> Array:
-    """(frames, 6) what parameters leave of a recording's wrench, NaN where it is not used."""
+    """Compute what parameters leave of a recording's wrench.
+
+    Parameters
+    ----------
+    parameters : (bodies, 10)
+
+    Returns
+    -------
+    (frames, 6) [N m], [N]; NaN where the recording is not used
+    """
     left = recording.missing(model, parameters)
     if recording.use is not None:
         left[~recording.use] = np.nan
@@ -455,7 +462,7 @@ def _known(
     mass: float,
     frames_a_sample: float,
 ) -> Determined:
-    """What the data determine, with noise of the motion apart from what else made the misfit.
+    """Judge what the data determine, with noise of the motion apart from other misfit.
 
     Parameters
     ----------
@@ -484,7 +491,7 @@ def _on_other_recordings(
     generic: Array,
     tissue: SoftTissue | None,
 ) -> Unseen:
-    """Misfit of identified and generic masses on recordings that were held out.
+    """Compute the misfit of identified and generic masses on held-out recordings.
 
     Identified masses move as soft tissue leaves them, the generic ones as markers do.
 
@@ -508,7 +515,7 @@ def _on_other_recordings(
 
 
 def _verdict(unseen: Unseen, taken: bool) -> tuple[str, ...]:
-    """A line where identified masses do not predict what was not used, first of all notes."""
+    """Report where identified masses do not predict what was not used, first of all notes."""
     if not len(unseen.frames):
         return (
             (
@@ -549,7 +556,14 @@ def _solved(
     options: IdentificationOptions,
     advance: Callable[[int], None],
 ) -> dict[str, MassPointFit | PseudoInertiaFit]:
-    """Fits of the requested way, and of the others to compare, to rows A x = b of unit noise."""
+    """Fit rows A x = b of unit noise by the requested way, and by the others to compare.
+
+    Parameters
+    ----------
+    rows : (rows, 10 bodies) A and (rows,) b
+    mass : of the body [kg]
+    mass_sd : relative standard deviation of a link's mass
+    """
     first = next(iter(points))
     solved: dict[str, MassPointFit | PseudoInertiaFit] = {}
     for name, point in points.items():
@@ -568,8 +582,12 @@ def _solved(
 
 
 def _far_from_shape(model: Model, masses: Array, shape: Array, mass_sd: float) -> tuple[str, ...]:
-    """Which links got a mass that is hard to believe, and the motion that would show it, as one
-    line.
+    """Report links whose mass is hard to believe, and the motion that would show it.
+
+    Parameters
+    ----------
+    masses, shape : (bodies,) identified, and by the shape alone [kg]
+    mass_sd : relative standard deviation of a link's mass that was used
     """
     names = model.body_names
     far = np.flatnonzero(

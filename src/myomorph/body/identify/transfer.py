@@ -1,10 +1,9 @@
-"""A calibrated model's lengths, markers and masses given to a model with more joints ([D] 3.2.1,
-step 5).
+"""Give a calibrated model's lengths, markers and masses to a model with more joints.
 
-Both models are cut into the same regions. The higher model's bodies are scaled until the joint
-centers of its regions lie as far from each other as in the lower model, and it is posed so that
-they coincide; in that pose markers keep their place in space, and the masses of each region are
-spread over its bodies.
+[D] 3.2.1, step 5. Both models are cut into the same regions. The higher model's bodies are scaled
+until the joint centers of its regions lie as far from each other as in the lower model, and it is
+posed so that they coincide; in that pose markers keep their place in space, and the masses of each
+region are spread over its bodies.
 """
 
 from __future__ import annotations
@@ -208,7 +207,12 @@ def _common(lower: Standing, higher: Standing) -> set[Region]:
 
 
 def _shared_centers(lower: Standing, higher: Standing) -> tuple[str, ...]:
-    """Joint centers that both models have."""
+    """Return the names of joint centers that both models have.
+
+    Raises
+    ------
+    BadData : fewer than `MIN_CENTERS`
+    """
     shared = tuple(key for key in lower.centers if key in higher.centers)
     if len(shared) < MIN_CENTERS:
         raise BadData(
@@ -224,8 +228,16 @@ def _scaled(
     factors: Mapping[str, Array],
     path_lengths: Callable[[Model], Array] | None,
 ) -> Model:
-    """The model with its joints shifted, scaled; muscles keep the ratios they have in the model as
-    given.
+    """Scale the model with its joints shifted.
+
+    Muscles keep the ratios they have in the model as given.
+
+    Parameters
+    ----------
+    unscaled : as given
+    shifted : with its joints shifted
+    factors : body to (3,)
+    path_lengths : see `scale`; None leaves the muscles as they are
     """
     if path_lengths is None or not unscaled.muscles:
         return scale(shifted, factors)
@@ -240,7 +252,17 @@ def _scaled(
 def _with_masses(
     lower: Standing, higher: Standing, rotation: Array
 ) -> tuple[Model, tuple[MassMatch, ...]]:
-    """The higher model with the lower one's mass, mass center and inertia of each region."""
+    """Give the higher model the lower one's mass, mass center and inertia of each region.
+
+    Parameters
+    ----------
+    lower, higher : in poses in which their joint centers coincide
+    rotation : (3, 3) from the lower model's ground axes to the higher's
+
+    Returns
+    -------
+    the model, and how well each region took its mass
+    """
     turn = np.eye(4)
     model = higher.model
     turn[:3, :3] = rotation
@@ -296,7 +318,12 @@ def _with_masses(
 
 
 def common_region(region: Region, common: set[Region]) -> Region:
-    """The region itself or the nearest it hangs on that both models have."""
+    """Return the region itself, or the nearest it hangs on that both models have.
+
+    Raises
+    ------
+    BadData : there is none
+    """
     above: Region | None = region
     while above is not None and above not in common:
         above = above.parent
@@ -308,7 +335,16 @@ def common_region(region: Region, common: set[Region]) -> Region:
 def _markers(
     lower: Standing, higher: Standing, rotation: Array, options: TransferOptions
 ) -> tuple[tuple[Marker, ...], list[str]]:
-    """The lower model's markers at the same places in space, on bodies of the higher."""
+    """Place the lower model's markers at the same places in space, on bodies of the higher.
+
+    Parameters
+    ----------
+    rotation : (3, 3) from the lower model's ground axes to the higher's
+
+    Returns
+    -------
+    markers, and one line for each that is left out
+    """
     links = links_of(higher.model, higher.pose)
     common = _common(lower, higher)
     counted = {name: common_region(region, common) for name, region in higher.regions.items()}
@@ -340,7 +376,12 @@ def _markers(
 
 
 def _nearest(place: Array, links: Links, names: Sequence[str]) -> str:
-    """The body of those named whose bone is nearest to a place."""
+    """Find the body of those named whose bone is nearest to a position.
+
+    Parameters
+    ----------
+    place : (3,) in ground [m]
+    """
     wanted = np.isin(links.bone_links, [links.names.index(name) for name in names])
     start = links.bones[wanted, 0]
     end = links.bones[wanted, 1]

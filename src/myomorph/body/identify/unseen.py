@@ -46,13 +46,14 @@ WORSE = 1.02
 
 @read_only
 class Unseen:
-    """Misfit on recordings, or parts of one, that took no part in the fit: identified beside the
-    generic model.
+    """Misfit on recordings, or parts of one, that took no part in the fit.
+
+    Identified masses compared with the generic model's.
 
     Attributes
     ----------
     identified, generic : (parts, 2) root mean square misfit, moment [N m] and force [N]
-    frames : (parts,)
+    frames : (parts,) number of frames
     what : what the parts are, in words
     names : of the parts, where they are recordings
     """
@@ -64,7 +65,16 @@ class Unseen:
     names: tuple[str, ...] = ()
 
     def rms(self, values: Array) -> Array:
-        """(2,) over all parts together, of `identified` or `generic`."""
+        """Combine misfits of all parts.
+
+        Parameters
+        ----------
+        values : (parts, 2) `identified` or `generic`
+
+        Returns
+        -------
+        (2,) root mean square, weighed by frames
+        """
         weights = self.frames / self.frames.sum()
         return np.sqrt(weights @ np.square(values))
 
@@ -75,8 +85,9 @@ class Unseen:
 
     @property
     def worse(self) -> bool:
-        """Whether identified masses predict worse: moment and force together, as the mean of their
-        squared ratios.
+        """Whether identified masses predict worse: moment and force together.
+
+        The measure is the mean of their squared ratios.
         """
         return bool(len(self.frames)) and float(np.mean(np.square(self.ratio))) >= 1.0
 
@@ -108,17 +119,35 @@ class Unseen:
 
 @dataclass(frozen=True, eq=False)
 class Paper:
-    """The problem of [D] eq. 3.10: mass points with weights on base parameters by least squares."""
+    """The problem of [D] eq. 3.10: mass points, weights, and base parameters by least squares.
 
-    # that holds what no frame shows, by a weak prior of 100 times its size, as in `fit_base`
+    Attributes
+    ----------
+    model : that holds what no frame shows, by a weak prior of 100 times its size, as in `fit_base`
+    options : weights of both terms, and the least mass of a point
+    mass : of all points, kept exactly [kg]; None leaves it free, as [D] does
+    """
+
     model: Model
-    options: MassPointOptions  # weights of both terms, and the least mass of a point
-    mass: float | None  # of all points, kept exactly [kg]; None leaves it free, as [D] does
+    options: MassPointOptions
+    mass: float | None
 
     def solve(
         self, points: MassPoints, parts: Parts, noise: Array, others: np.ndarray | None = None
     ) -> MassPointFit:
-        """Masses of points from all parts, or from some."""
+        """Solve for masses of points, from all parts or from some.
+
+        Parameters
+        ----------
+        points : with weights and reference masses
+        parts : equations of the base parameters
+        noise : (2,) of moments and forces [N m], [N]
+        others : (chosen,) numbers of parts; all by default
+
+        Returns
+        -------
+        masses of the points, and the certificate of the optimum
+        """
         base: BaseParameters = parts.base
         mean = base.of(inertial_parameters(self.model))
         spread = 100.0 * base_sizes(self.model, base)
@@ -129,33 +158,69 @@ class Paper:
 
 
 class ChosenPrior(NamedTuple):
-    """How far the data may move masses, by the misfit on parts that were held out."""
+    """How far the data may move masses, by the misfit on parts that were held out.
 
-    noise: Array  # (2,) of moments and forces [N m], [N]
-    misfits: dict[float, Array]  # relative standard deviation of the prior -> held-out misfit (2,)
-    mass_sd: float  # the standard deviation to use
+    Attributes
+    ----------
+    noise : (2,) of moments and forces [N m], [N]
+    misfits : relative standard deviation of the prior to held-out misfit (2,)
+    mass_sd : the standard deviation to use
+    """
+
+    noise: Array
+    misfits: dict[float, Array]
+    mass_sd: float
 
 
 @read_only
 class Strength:
-    """The problem of choosing how far data may move masses."""
+    """The problem of choosing how far data may move masses.
 
-    points: MassPoints  # few points that stand for all
-    generic: Array  # (bodies, 10) parameters of the scaled model
-    method: str  # "points" or "pseudo-inertia"
-    mass_sd: float | None  # the strength to use; None chooses
-    paper: Paper | None = (
-        None  # how base parameters are met with weights as [D]'s; None weighs by noise and prior
-    )
+    Attributes
+    ----------
+    points : few points that stand for all
+    generic : (bodies, 10) parameters of the scaled model
+    method : "points" or "pseudo-inertia"
+    mass_sd : the strength to use; None chooses
+    paper : how base parameters are met with weights as [D]'s; None weighs by noise and prior
+    """
+
+    points: MassPoints
+    generic: Array
+    method: str
+    mass_sd: float | None
+    paper: Paper | None = None
 
     def fit(self, parts: Parts, noise: Array, sd: float, others: np.ndarray | None = None) -> Array:
-        """(bodies, 10) parameters by the given strength from some parts."""
+        """Identify parameters by a strength from some parts.
+
+        Parameters
+        ----------
+        parts : equations of the base parameters
+        noise : (2,) of moments and forces [N m], [N]
+        sd : relative standard deviation of a link's mass
+        others : (chosen,) numbers of parts; all by default
+
+        Returns
+        -------
+        (bodies, 10)
+        """
         if self.paper is not None:
             return self.paper.solve(self.points, parts, noise, others).parameters
         return self._solved(parts.rows(noise, others), sd)
 
     def _solved(self, rows: tuple[Array, Array], sd: float) -> Array:
-        """(bodies, 10) parameters from rows A x = b of unit noise."""
+        """Identify parameters from rows A x = b of unit noise.
+
+        Parameters
+        ----------
+        rows : (rows, 10 bodies) A and (rows,) b
+        sd : relative standard deviation of a link's mass
+
+        Returns
+        -------
+        (bodies, 10)
+        """
         A, b = rows
         mass = float(self.generic[:, 0].sum())
         if self.method == "points":
@@ -168,7 +233,16 @@ class Strength:
         ).parameters
 
     def choose(self, parts: Parts) -> ChosenPrior:
-        """The noise and the prior with which held-out parts are predicted best."""
+        """Choose the noise and the prior with which held-out parts are predicted best.
+
+        Parameters
+        ----------
+        parts : with the folds to hold out in turn
+
+        Returns
+        -------
+        noise, held-out misfit by strength, and the strength
+        """
         noise = parts.rms(self.generic)
         tried, best = self._tried(parts, noise)
         for _ in range(ROUNDS):
@@ -180,7 +254,16 @@ class Strength:
         return ChosenPrior(noise=noise, misfits=tried, mass_sd=best)
 
     def _tried(self, parts: Parts, noise: Array) -> tuple[dict[float, Array], float]:
-        """Held-out misfit by strength of the prior, and the strength with the least."""
+        """Compute the held-out misfit by strength of the prior.
+
+        Parameters
+        ----------
+        noise : (2,) of moments and forces [N m], [N]
+
+        Returns
+        -------
+        strength to (2,) misfit [N m], [N], and the strength with the least
+        """
         before = held_out(parts, lambda _: self.generic, noise)
         errors: dict[float, Array] = {}
         # Rows are the same for every strength.
@@ -211,11 +294,17 @@ class Strength:
 
 
 def _walk(scores: Callable[[float], Array], several: bool) -> float:
-    """The strength whose held-out score (parts,) is the least; of several recordings the tightest
-    that is near it. The rule of one standard error (Breiman et al. 1984): what predicts as well and
-    moves masses less is taken, because faults of the motion that few recordings share pass for
-    masses in all of them. Parts of one recording are too much alike for their differences to tell
-    how sure a score is.
+    """Find the strength whose held-out score is the least.
+
+    Of several recordings it is the tightest that is near it, by the rule of one standard error
+    (Breiman et al. 1984): what predicts as well and moves masses less is taken, because faults of
+    the motion that few recordings share pass for masses in all of them. Parts of one recording are
+    too much alike for their differences to tell how sure a score is.
+
+    Parameters
+    ----------
+    scores : strength to score (parts,)
+    several : whether the parts are whole recordings
     """
     at = len(STRENGTHS) // 2
 
@@ -239,7 +328,19 @@ def _walk(scores: Callable[[float], Array], several: bool) -> float:
 def unseen_parts(
     parts: Parts, strength: Strength, names: tuple[str, ...], markers: Parts
 ) -> Unseen:
-    """Every fold predicted by what was fitted, and chosen, without it."""
+    """Predict every fold by what was fitted, and chosen, without it.
+
+    Parameters
+    ----------
+    parts : with the folds
+    strength : problem of choosing how far data may move masses
+    names : of the recordings
+    markers : parts with the motion of the markers, for the generic masses
+
+    Returns
+    -------
+    misfits of identified and generic masses; none where fewer than two folds are left to fit to
+    """
     identified = []
     generic = []
     frames = []
@@ -264,7 +365,17 @@ def unseen_parts(
 
 
 def thinned(points: MassPoints, most: int = POINTS_PER_LINK) -> MassPoints:
-    """Fewer points with the same mass in every link, spread evenly over the given ones."""
+    """Choose fewer points with the same mass in every link, spread evenly over the given ones.
+
+    Parameters
+    ----------
+    points : with weights and reference masses
+    most : about so many points a link are kept
+
+    Returns
+    -------
+    the points themselves where there are no more
+    """
     links = len(points.links.names)
     step = max(1, len(points.points) // (most * links))
     if step == 1:

@@ -1,5 +1,6 @@
-"""How far to trust inertial parameters: motions held out of the fit, and whether every link can be
-a body.
+"""How far to trust inertial parameters.
+
+Motions held out of the fit, and whether every link can be a body.
 """
 
 from __future__ import annotations
@@ -32,15 +33,21 @@ ROUNDING = 1e-9
 
 @read_only
 class CrossValidation:
-    """The base wrench on a motion that identification did not see, by several models, [D] figure
-    3.3.
+    """The base wrench on a held-out motion, by several models, [D] figure 3.3.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    measured : (frames, 6) moment about the base body's origin [N m] and force [N]; NaN where left
+        out
+    predicted : name to (frames, 6)
+    weight : of the body [N]
     """
 
-    time: Array  # (frames,) [s]
-    # (frames, 6) moment about the base body's origin [N m] and force [N]; NaN where left out
+    time: Array
     measured: Array
-    predicted: Mapping[str, Array]  # (frames, 6) by name
-    weight: float  # of the body [N]
+    predicted: Mapping[str, Array]
+    weight: float
 
     @property
     def errors(self) -> Mapping[str, Array]:
@@ -48,7 +55,20 @@ class CrossValidation:
         return {name: wrench - self.measured for name, wrench in self.predicted.items()}
 
     def rms(self, name: str) -> Array:
-        """(2,) root mean square of the moment's and the force's error vectors [N m], [N]."""
+        """Compute the root mean square of the moment's and the force's error vectors.
+
+        Parameters
+        ----------
+        name : of the model
+
+        Returns
+        -------
+        (2,) [N m], [N]
+
+        Raises
+        ------
+        UnknownName : there is no prediction of that name
+        """
         check_name("model", name, self.predicted, "the cross-validation")
         error = self.errors[name]
         error = error[np.isfinite(error).all(axis=1)]
@@ -56,9 +76,13 @@ class CrossValidation:
         return np.array([np.sqrt(np.mean(np.square(half).sum(axis=1))) for half in halves])
 
     def table(self) -> Mapping[str, Mapping[str, Array]]:
-        """By name: mean error of the six components, its mean absolute value, RMS, peak, and RMS
-        over body weight [%]. The percentage of a moment is of body weight times 1 m. A model
-        without a frame to compare is left out.
+        """Tabulate the errors of each model by component.
+
+        Returns
+        -------
+        name to (6,) of "bias" (mean), "mean" (of absolute values), "rms", "peak" [N m], [N], and
+            "percent", RMS over body weight [%], of a moment over body weight times 1 m. A model
+            without a frame to compare is left out.
         """
         result = {}
         for name, error in self.errors.items():
@@ -80,9 +104,21 @@ def cross_validate(
     recording: Recording,
     tissues: Mapping[str, SoftTissue] | None = None,
 ) -> CrossValidation:
-    """Measured and predicted base wrench of models that share their bodies and joints.
-    `recording`: motion with derivatives and wrenches through the same filter, on the same clock;
-    `tissues`: of models whose masses are for a motion without it, by name.
+    """Compare measured and predicted base wrench of models that share bodies and joints.
+
+    Parameters
+    ----------
+    models : by name
+    recording : motion with derivatives and wrenches through the same filter, on the same clock
+    tissues : soft tissue of models whose masses are for a motion without it, by name
+
+    Returns
+    -------
+    wrenches over time
+
+    Raises
+    ------
+    BadData : there is no model, or one has other bodies than the first
     """
     if not models:
         raise BadData("cross-validation needs at least one model")
@@ -113,18 +149,30 @@ def cross_validate(
 
 @read_only
 class LinkConsistency:
-    """One link's parameters, as a body."""
+    """One link's parameters, as a body.
 
-    name: str  # of the link
-    mass: float  # [kg]
-    center: Array  # (3,) mass center in the link's frame [m]; NaN without mass
-    # (3,) principal second moments of mass about the mass center, ascending [kg m^2]; a body of
-    # positive mass has none below 0, which is the triangle inequality of the moments of inertia
+    Attributes
+    ----------
+    name : of the link
+    mass : [kg]
+    center : (3,) mass center in the link's frame [m]; NaN without mass
+    second_moments : (3,) principal second moments of mass about the mass center, ascending [kg
+        m^2]; a body of positive mass has none below 0, which is the triangle inequality of the
+        moments of inertia
+    moments : (3,) principal moments of inertia about the mass center, ascending [kg m^2]
+    eigenvalues : (4,) of the pseudo-inertia in the link's frame, ascending
+    inside : whether the mass center is inside the body; None where nothing shows it
+    faults : in words; none in a link that a body can have
+    """
+
+    name: str
+    mass: float
+    center: Array
     second_moments: Array
-    moments: Array  # (3,) principal moments of inertia about the mass center, ascending [kg m^2]
-    eigenvalues: Array  # (4,) of the pseudo-inertia in the link's frame, ascending
-    inside: bool | None  # whether the mass center is inside the body; None where nothing says so
-    faults: tuple[str, ...]  # in words; none in a link that a body can have
+    moments: Array
+    eigenvalues: Array
+    inside: bool | None
+    faults: tuple[str, ...]
 
     @property
     def ok(self) -> bool:
@@ -186,10 +234,24 @@ def consistency(
     points: MassPoints | None = None,
     inside: Inside | None = None,
 ) -> Consistency:
-    """Check each link: mass above 0, pseudo-inertia positive definite, mass center inside the body.
-    `names`, `parameters` (links, 10) in [D] order; `points`: with the links' poses, to tell mass
-    centers in ground: one counts as inside within a cell of the grid of a mass point, or where
-    `inside` tells that points in ground are inside the skin.
+    """Check each link: positive mass, positive definite pseudo-inertia, mass center inside.
+
+    Parameters
+    ----------
+    names : of the links
+    parameters : (links, 10) in the order of [D] eq. 3.4
+    points : with the links' poses, to place mass centers in ground: one counts as inside within a
+        cell of the grid of a mass point
+    inside : tells which points in ground (points, 3) are inside the skin, instead
+
+    Returns
+    -------
+    one for each link
+
+    Raises
+    ------
+    BadData : parameters have another shape or a value that is not finite, or points are of other
+        links
     """
     table = np.asarray(parameters, float)
     if table.shape != (len(names), 10) or not np.isfinite(table).all():
