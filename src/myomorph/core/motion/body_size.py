@@ -21,10 +21,25 @@ UNITS = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres"))
 
 
 def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]) -> float:
-    """Size of a recorded body relative to the model: weighted median of the distances within
-    segments. Distances between markers of one segment do not change with posture. Each counts by
-    its square on the model; where no segment has two markers, all distances to the markers' middle
-    take their place.
+    """Estimate the size of a recorded body relative to the model.
+
+    The weighted median of recorded / model distance, over pairs of markers of one segment, whose
+    distances do not change with posture. Each counts by its square on the model. Where no segment
+    has two markers, all distances to the markers' middle take their place.
+
+    Parameters
+    ----------
+    model : of any size, with these markers
+    names : of the markers
+    recordings : each (frames, markers, 3) in the order of the names [m], NaN where hidden
+
+    Returns
+    -------
+    factor of all lengths [-]
+
+    Raises
+    ------
+    BadData : a size below 0.2 or above 5, as of positions that are not in metres
     """
     marked = [model.marker(name) for name in names]
     usual = default_markers(model, names)
@@ -66,7 +81,18 @@ def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]
 
 
 def _spread(recordings: Sequence[Array], usual: Array, shortest: float) -> float:
-    """Extent of all markers relative to the model's, 1 where there is none."""
+    """Compare the extent of all markers with the model's.
+
+    Parameters
+    ----------
+    recordings : each (frames, markers, 3) [m], NaN where hidden
+    usual : (markers, 3) in the model's default pose [m]
+    shortest : extent below which a model shows nothing [m]
+
+    Returns
+    -------
+    [-]; 1 where no frame shows all markers
+    """
     expected = float(np.linalg.norm(usual - usual.mean(axis=0)))
     full = [part[np.isfinite(part).all(axis=(1, 2))] for part in recordings]
     seen = np.concatenate(full)

@@ -1,12 +1,14 @@
-"""A filter without a future: value, velocity and acceleration of what has come, all late by one
-known delay.
+"""A causal filter: value, velocity and acceleration, all late by one known delay.
 
-A Bessel low-pass of fourth order (Thomson 1949) with unit gain, H(s) = 105 / (x^4 + 10 x^3 + 45 x^2
-+ 105 x + 105) with x = s T. Its delay T is the same for all that it lets pass (maximally flat), so
-that everything filtered by it, coordinates as well as forces, comes T late and otherwise unshifted.
-Velocity and acceleration are states of the filter, and need no differences. Between samples the
-input is a straight line, and the filter's equation is solved exactly along it: frames may come at
-uneven times, and one that is missing is bridged.
+A Bessel low-pass of fourth order (Thomson 1949) with unit gain,
+
+    H(s) = 105 / (x^4 + 10 x^3 + 45 x^2 + 105 x + 105),   x = s T
+
+Its delay T is the same for all that it lets pass (maximally flat), so that everything filtered by
+it, coordinates as well as forces, comes T late and otherwise unshifted. Velocity and acceleration
+are states of the filter, and need no differences. Between samples the input is a straight line, and
+the filter's equation is solved exactly along it: frames may come at uneven times, and one that is
+missing is bridged.
 """
 
 from __future__ import annotations
@@ -27,7 +29,12 @@ SETTLING = 3.0  # Delays after which what the filter began with has fallen below
 
 @dataclass(frozen=True)
 class CausalFilter:
-    """The filter, with half the power at `cutoff` [Hz]."""
+    """The filter, with half the power at `cutoff` [Hz].
+
+    Raises
+    ------
+    BadData : a cutoff that is not above 0 and finite
+    """
 
     cutoff: float = 6.0
 
@@ -37,7 +44,7 @@ class CausalFilter:
 
     @property
     def delay(self) -> float:
-        """How late all that it gives is [s]."""
+        """Delay of all results [s]: T = 2.114 / (2 pi cutoff)."""
         return HALF_POWER / (2.0 * np.pi * self.cutoff)
 
     @property
@@ -46,14 +53,31 @@ class CausalFilter:
         return SETTLING * self.delay
 
     def response(self, frequency: Array) -> Array:
-        """Complex gain at frequencies [Hz]."""
+        """Compute the complex gain at frequencies, H(2 pi i f).
+
+        Parameters
+        ----------
+        frequency : of any shape [Hz]
+
+        Returns
+        -------
+        of the same shape [-]
+        """
         x = 2j * np.pi * np.asarray(frequency, dtype=np.float64) * self.delay
         return 105.0 / ((((x + 10.0) * x + 45.0) * x + 105.0) * x + 105.0)
 
     def motion(self, motion: Motion) -> Motion:
-        """A recorded motion as the filter gives it frame by frame, with derivatives, on the
-        recording's own times. What stands at time t is of t less `delay`; before `settling` it is
-        NaN.
+        """Filter a recorded motion frame by frame, with derivatives, on the recording's own times.
+
+        The result at time t is that of t less `delay`.
+
+        Parameters
+        ----------
+        motion : (frames, coordinates) [rad or m]; a frame with a NaN is bridged
+
+        Returns
+        -------
+        with `velocities` and `accelerations`, each (frames, coordinates), NaN before `settling`
         """
         stream = CausalStream(self, len(motion.names))
         filtered = np.empty((len(motion), 3, len(motion.names)))
@@ -69,8 +93,17 @@ class CausalFilter:
         )
 
     def values(self, time: Array, samples: Array, at: Array) -> Array:
-        """Samples (samples, ...) of one clock as the filter gives them at the times of another, as
-        `motion`.
+        """Filter the samples of one clock and evaluate them, late, at the times of another.
+
+        Parameters
+        ----------
+        time : (samples,) ascending [s]
+        samples : (samples, ...)
+        at : (frames,) ascending [s]
+
+        Returns
+        -------
+        (frames, ...), NaN before `settling`
         """
         flat = samples.reshape(len(time), -1)
         stream = CausalStream(self, flat.shape[1])
@@ -84,7 +117,7 @@ class CausalFilter:
 
 
 class CausalStream:
-    """The state of the filter for rows of `width` numbers that keep coming."""
+    """State of the filter for rows of `width` numbers that keep coming."""
 
     def __init__(self, filter: CausalFilter, width: int):
         self.filter = filter
@@ -107,12 +140,16 @@ class CausalStream:
         return float(self._clock[1])
 
     def settled(self, time: float) -> bool:
-        """Whether what the filter began with is forgotten at a time."""
+        """Return whether the filter has forgotten its first values at a time [s]."""
         return bool(time - self._clock[0] >= self.filter.settling - 1e-9)
 
     def push(self, time: Array, rows: Array) -> None:
-        """Take rows (n, width) of ascending times (n,) [s]; a row with a NaN is as one that never
-        came.
+        """Add rows.
+
+        Parameters
+        ----------
+        time : (n,) ascending [s]; rows that are not later than the newest are ignored
+        rows : (n, width); one with a NaN is ignored, as if it had never come
         """
         _advance(
             # Copies, because a kernel is compiled anew for arrays that are read-only.
@@ -127,8 +164,16 @@ class CausalStream:
         )
 
     def at(self, time: float) -> Array:
-        """(3, width) value, velocity, acceleration from the newest row on, NaN until settled; the
-        array is reused.
+        """Evaluate the filter at the newest row or later, its input held at the newest row.
+
+        Parameters
+        ----------
+        time : at or after the newest row [s]
+
+        Returns
+        -------
+        (3, width) value, velocity [per s] and acceleration [per s^2], NaN until settled; the array
+        is reused by the next call
         """
         if not self.settled(time):
             self._found[:] = np.nan
@@ -155,7 +200,17 @@ class CausalStream:
         return np.asarray(self._state[0].copy())
 
     def derivatives(self, time: float) -> Array:
-        """(4, width) as `at`, with the third derivative besides; a copy."""
+        """Evaluate the filter as `at`, with the third derivative in addition.
+
+        Parameters
+        ----------
+        time : at or after the newest row [s]
+
+        Returns
+        -------
+        (4, width) value and its first three derivatives; a copy, only the first three NaN until
+        settled
+        """
         lower = self.at(time)
         state = self._ahead if time > self._clock[1] else self._state
         return np.concatenate([lower, (state[3] / self._delay**3)[None]])
@@ -167,8 +222,17 @@ class CausalStream:
 
 @inner
 def _exponential(step, E, room):
-    """E = exp(step A) with A the filter's companion matrix in units of the delay; room (2 or more,
-    4, 4).
+    """Compute E = exp(step A), with A the filter's companion matrix in units of the delay.
+
+        A = [[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [-105, -105, -45, -10]]
+
+    by a Taylor series of a step halved to at most 1/32, then squared.
+
+    Parameters
+    ----------
+    step : length in delays [-]
+    E : (4, 4) filled
+    room : (2 or more, 4, 4) scratch
     """
     A = np.zeros((4, 4))
     term = room[0]
@@ -200,6 +264,7 @@ def _exponential(step, E, room):
 
 @inner
 def _multiply(A, B, C):
+    """Compute C = A B of (4, 4) matrices."""
     for i in range(4):
         for j in range(4):
             total = 0.0
@@ -210,8 +275,17 @@ def _multiply(A, B, C):
 
 @inner
 def _follow(transition, share, before, now, state):
-    """States after a straight line of length `share` in delays: less the steady answer they move
-    freely.
+    """Advance the states along a straight line of input.
+
+    Less the steady answer to the line, [u - v, v, 0, 0] with the input u and its slope v in units
+    of the delay, the states move freely: they are multiplied by the transition.
+
+    Parameters
+    ----------
+    transition : (4, 4) of the step
+    share : length of the step in delays [-]
+    before, now : (width,) input at its start and end
+    state : (4, width) advanced
     """
     for m in range(state.shape[1]):
         slope = (now[m] - before[m]) / share
@@ -232,15 +306,34 @@ def _follow(transition, share, before, now, state):
 
 @kernel
 def _step(step, delay, before, now, state, transition, room):
-    """One step of any length [s]; `transition` is filled."""
+    """Advance the states by one step of any length.
+
+    Parameters
+    ----------
+    step, delay : [s]
+    before, now : (width,) input at its start and end
+    state : (4, width) advanced
+    transition : (4, 4) filled
+    room : (2 or more, 4, 4) scratch
+    """
     _exponential(step / delay, transition, room)
     _follow(transition, step / delay, before, now, state)
 
 
 @kernel
 def _advance(time, rows, delay, clock, state, last, transition, room):
-    """Take rows one after the other; clock holds first and newest time and the step that
-    `transition` is of.
+    """Advance the states by rows, one after the other.
+
+    Parameters
+    ----------
+    time : (n,) [s]
+    rows : (n, width); one with a NaN, or that is not later than the newest, is ignored
+    delay : [s]
+    clock : (3,) first and newest time and the step that `transition` is of [s], updated
+    state : (4, width) [value, T velocity, T^2 acceleration, T^3 jerk], updated
+    last : (width,) the newest row, updated
+    transition : (4, 4) of the last step, updated
+    room : (2 or more, 4, 4) scratch
     """
     for index in range(time.shape[0]):
         unknown = 0.0

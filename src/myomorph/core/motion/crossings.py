@@ -102,7 +102,7 @@ def crossings(
 
 
 def within_crossings(markers: Markers, spans: tuple[tuple[float, float], ...]) -> Markers:
-    """The same recording, markers hidden outside of some spans of time.
+    """Hide markers outside of some spans of time.
 
     Parameters
     ----------
@@ -132,7 +132,25 @@ def within_crossings(markers: Markers, spans: tuple[tuple[float, float], ...]) -
 
 
 def shown_shares(markers: Markers, model: Model | None = None) -> Array:
-    """(frames,) the share of what could be determined that the markers of each frame determine."""
+    """Compute the share of what could be determined that the markers of each frame determine.
+
+    With J(S) the derivatives of the positions of the markers S in the model's free coordinates,
+
+        rank J(seen in the frame) / rank J(seen in any frame)
+
+    Parameters
+    ----------
+    markers : as recorded (frames, markers, 3) [m], NaN where hidden
+    model : whose coordinates are to be shown; None counts markers
+
+    Returns
+    -------
+    (frames,) from 0 to 1
+
+    Raises
+    ------
+    BadData : model and recording share no marker
+    """
     seen = np.asarray(np.isfinite(markers.values).all(axis=2))
     if model is None:
         ever = int(seen.any(axis=0).sum())
@@ -149,8 +167,19 @@ def shown_shares(markers: Markers, model: Model | None = None) -> Array:
 
 
 def marker_slopes(tree: Tree, names: list[str]) -> Array:
-    """(markers, 3, free coordinates) how far each marker moves with each coordinate's unit, from a
-    bent pose [m].
+    """Differentiate marker positions in the free coordinates.
+
+    By central differences, at a pose with all joints slightly bent, because straight limbs would
+    hide what their markers show.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    names : of the markers
+
+    Returns
+    -------
+    (markers, 3, free coordinates) movement for each coordinate's unit [m]
     """
     model = tree.model
     free = free_coordinates(tree)
@@ -176,7 +205,12 @@ def marker_slopes(tree: Tree, names: list[str]) -> Array:
 
 
 def _rank(slopes: Array) -> int:
-    """How many independent directions of the coordinates some markers show."""
+    """Count the independent directions of the coordinates that markers show.
+
+    Parameters
+    ----------
+    slopes : (markers, 3, free coordinates) [m]
+    """
     if not slopes.size:
         return 0
     sizes = np.linalg.svd(slopes.reshape(-1, slopes.shape[-1]), compute_uv=False)
@@ -184,7 +218,18 @@ def _rank(slopes: Array) -> int:
 
 
 def _joined(enough: Bools, time: Array, options: CrossingOptions) -> list[tuple[int, int]]:
-    """(start, stop) of frames, short gaps bridged and short parts left out."""
+    """Join spans of frames that show enough.
+
+    Parameters
+    ----------
+    enough : (frames,) whether a frame shows enough
+    time : (frames,) [s]
+    options : longest gap to bridge, shortest part to keep
+
+    Returns
+    -------
+    frames [start, stop) of each part
+    """
     spans = runs(enough)
     if not spans:
         return []

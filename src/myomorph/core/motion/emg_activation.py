@@ -1,6 +1,4 @@
-"""From EMG to activation: electromechanical delay, shape, gain and offset of each channel,
-synergies.
-"""
+"""From EMG to activation: delay, shape, gain and offset of each channel, synergies."""
 
 from __future__ import annotations
 
@@ -24,8 +22,17 @@ of freedom.
 
 
 def shifted(emg: Emg, time: Array, delays: Array) -> Array:
-    """Envelopes (frames, channels) of `delays` (channels,) seconds before `time`, linearly; NaN
-    outside.
+    """Delay envelopes, linearly between samples.
+
+    Parameters
+    ----------
+    emg : envelopes (samples, channels)
+    time : (frames,) [s]
+    delays : (channels,) or one for all [s]
+
+    Returns
+    -------
+    (frames, channels) envelopes at `time` less the delays, NaN outside of the EMG
     """
     columns = [
         np.interp(time - delay, emg.time, column, left=np.nan, right=np.nan)
@@ -35,9 +42,21 @@ def shifted(emg: Emg, time: Array, delays: Array) -> Array:
 
 
 def independent_samples(first: Array, second: Array) -> float:
-    """How many independent samples two series (frames,) are worth for their correlation (Bartlett
-    1946): n / (1 + 2 sum_k r1_k r2_k) with the autocorrelations at lags k up to a quarter of the
-    series.
+    """Count the independent samples that two series are worth for their correlation.
+
+        n / (1 + 2 sum_k r1_k r2_k)
+
+    with the autocorrelations r1 and r2 at lags k up to a quarter of the series.
+
+    Source: Bartlett 1946.
+
+    Parameters
+    ----------
+    first, second : (frames,)
+
+    Returns
+    -------
+    from 3 to the number of frames
     """
     frames = len(first)
     both = []
@@ -57,8 +76,22 @@ STRAIGHT = 1e-6  # Shape factors nearer to zero than this make no difference
 
 
 def shaped(envelopes: Array, shapes: Array) -> Array:
-    """(exp(A e) - 1) / (exp(A) - 1) of envelopes e (frames, channels), e at a shape A of 0 (Lloyd
-    and Besier 2003).
+    """Bend envelopes by a shape factor.
+
+        (exp(A e) - 1) / (exp(A) - 1)
+
+    and e itself at a shape A of 0.
+
+    Source: Lloyd and Besier 2003.
+
+    Parameters
+    ----------
+    envelopes : (frames, channels) e, 1 at the maximum [-]
+    shapes : (channels,) A [-]
+
+    Returns
+    -------
+    (frames, channels) [-]
     """
     curved = np.abs(shapes) > STRAIGHT
     factors = np.where(curved, shapes, 1.0)
@@ -67,8 +100,13 @@ def shaped(envelopes: Array, shapes: Array) -> Array:
 
 @read_only
 class SynergyWeights:
-    """Activations of unmeasured muscles, from the synergies of channels: `weights` (muscles,
-    synergies) are the activation where the course of a synergy is 1.
+    """Activations of unmeasured muscles, from the synergies of channels.
+
+    Attributes
+    ----------
+    synergies : of the measured channels
+    muscles : without EMG
+    weights : (muscles, synergies) activation where the course of a synergy is 1 [-]
     """
 
     synergies: Synergies
@@ -81,15 +119,25 @@ class SynergyWeights:
 
 @read_only
 class EmgCalibration:
-    """What turns envelopes into activations: a(t) = gain * shaped(envelope(t - delay)) + offset,
-    see `shaped`; arrays (channels,).
+    """What makes activations of envelopes.
 
-    Delays in s; shape factors, 0 for a straight line; `intervals` (channels, 2), 95 % of the gains,
-    NaN where they were not fitted; `by_torque`, whether torques determine the gain, which else is
-    the usual one. `weight` (0 for no part) and `others_weight`, of soft targets and of what
-    synergies say, were chosen on channels left out; `held_out` (channels, 2) is the correlation of
-    such a channel with its muscles without EMG and with that of the others, NaN where not looked
-    at.
+        a(t) = gain * shaped(envelope(t - delay)) + offset
+
+    Attributes
+    ----------
+    channels : names
+    delays : (channels,) [s]
+    gains : (channels,) 0 or more [-]
+    offsets : (channels,) 0 or more [-]
+    warnings : what looks wrong, one line each
+    shapes : (channels,) factors of `shaped`, 0 for a straight line
+    intervals : (channels, 2) 95 % of the gains, NaN where they were not fitted
+    by_torque : (channels,) whether torques determine the gain, which else is the usual one
+    synergies : for muscles without EMG
+    weight : of soft targets, 0 for no part, chosen on channels left out
+    held_out : (channels, 2) correlation of a channel left out with its muscles without EMG, and
+        with that of the others; NaN where not computed
+    others_weight : of what synergies predict, chosen on channels left out
     """
 
     channels: tuple[str, ...]
@@ -126,15 +174,39 @@ class EmgCalibration:
             )
 
     def applied(self, emg: Emg, time: Array) -> Series:
-        """Activations (frames, channels) at `time`, NaN where the EMG has nothing; raises
-        `UnknownName`.
+        """Compute activations of the channels.
+
+        Parameters
+        ----------
+        emg : envelopes (samples, channels)
+        time : (frames,) [s]
+
+        Returns
+        -------
+        (frames, channels) from 0 to 1, NaN where the EMG has no value
+
+        Raises
+        ------
+        UnknownName : the EMG lacks a channel
         """
         activations = self.gains * shaped(self._moved(emg, time), self.shapes) + self.offsets
         return Series(time, self.channels, np.clip(activations, 0.0, 1.0))
 
     def extrapolated(self, emg: Emg, time: Array) -> Series:
-        """Activations (frames, muscles) that synergies say of unmeasured muscles; raises
-        `UnknownName`.
+        """Predict activations of unmeasured muscles by synergies.
+
+        Parameters
+        ----------
+        emg : envelopes (samples, channels)
+        time : (frames,) [s]
+
+        Returns
+        -------
+        (frames, muscles) from 0 to 1, NaN where the EMG has no value
+
+        Raises
+        ------
+        UnknownName : the EMG lacks a channel
         """
         moved = self._moved(emg, time)
         names = list[str]()
@@ -147,6 +219,7 @@ class EmgCalibration:
         return Series(time, tuple(names), np.hstack(columns))
 
     def _moved(self, emg: Emg, time: Array) -> Array:
+        """Delay envelopes of this calibration's channels: (frames, channels)."""
         values = np.array([emg[name] for name in self.channels]).T.reshape(
             len(emg), len(self.channels)
         )
@@ -154,7 +227,18 @@ class EmgCalibration:
 
 
 def uncalibrated(channels: Sequence[str], delay: float, shape: float = 0.0) -> EmgCalibration:
-    """Envelopes that are activations already, but for a delay [s] and a shape factor."""
+    """Calibrate envelopes that are activations already, but for a delay and a shape factor.
+
+    Parameters
+    ----------
+    channels : names
+    delay : of all channels [s]
+    shape : factor of all channels, see `shaped` [-]
+
+    Returns
+    -------
+    gains of 1 and offsets of 0
+    """
     count = len(channels)
     shapes = np.full(count, shape)
     return EmgCalibration(
@@ -167,8 +251,21 @@ def uncalibrated(channels: Sequence[str], delay: float, shape: float = 0.0) -> E
 
 
 def channel_means(channels: ChannelMap, muscles: Sequence[str], activations: Array) -> Array:
-    """Activations (frames, channels): the mean over each channel's muscles of `activations`
-    (frames, muscles).
+    """Average activations over the muscles of each channel.
+
+    Parameters
+    ----------
+    channels : muscles of each channel
+    muscles : names of the columns
+    activations : (frames, muscles) [-]
+
+    Returns
+    -------
+    (frames, channels) [-]
+
+    Raises
+    ------
+    UnknownName : a channel's muscle is not among the muscles
     """
     chosen = [
         [index_of(f"muscle of EMG channel '{channel}'", name, tuple(muscles)) for name in names]
@@ -189,10 +286,14 @@ TINY = 1e-12
 
 @read_only
 class Synergies:
-    """Envelopes (frames, channels) as H V with 0 or more in both factors: `vectors` V (synergies,
-    channels), each with a largest entry of 1. `scale` is the envelope that counts as 1, so that no
-    channel has more say for its gain; `explained` the share of the sum of squares of the scaled
-    envelopes.
+    """Envelopes (frames, channels) as a product H V of factors that are 0 or more.
+
+    Attributes
+    ----------
+    channels : names
+    scale : (channels,) envelope that counts as 1, so that no channel weighs more for its gain
+    vectors : V (synergies, channels), each with a largest entry of 1
+    explained : share of the sum of squares of the scaled envelopes [-]
     """
 
     channels: tuple[str, ...]
@@ -207,8 +308,19 @@ class Synergies:
         return len(self.vectors)
 
     def courses(self, envelopes: Array) -> Array:
-        """H (frames, synergies) of envelopes by non-negative least squares over known channels; NaN
-        where none is.
+        """Solve the courses H of envelopes by non-negative least squares over known channels.
+
+            min |e / scale - h V|^2,   h >= 0
+
+        in each frame.
+
+        Parameters
+        ----------
+        envelopes : (frames, channels), NaN where unknown
+
+        Returns
+        -------
+        (frames, synergies), NaN where no channel is known
         """
         scaled = envelopes / self.scale
         known = np.isfinite(scaled)
@@ -227,10 +339,27 @@ def find_synergies(
     scale: Array | None = None,
     explained: float = EXPLAINED,
 ) -> Synergies:
-    """The fewest synergies that explain a share of envelopes (frames, channels), frames with NaN
-    left out. Non-negative matrix factorization by multiplicative steps (Lee and Seung 2001), begun
-    with the singular vectors (Boutsidis and Gallopoulos 2008), so that the same data always give
-    the same synergies.
+    """Find the fewest synergies that explain a share of envelopes.
+
+    Non-negative matrix factorization by multiplicative steps, begun with the singular vectors, so
+    that the same data always give the same synergies.
+
+    Source: Lee and Seung 2001; Boutsidis and Gallopoulos 2008 (start).
+
+    Parameters
+    ----------
+    channels : names
+    envelopes : (frames, channels); frames with NaN are left out
+    scale : (channels,) envelope that counts as 1; None takes each channel's 99th percentile
+    explained : share of the sum of squares [-]
+
+    Returns
+    -------
+    the synergies
+
+    Raises
+    ------
+    BadData : no frame has all channels known
     """
     values = envelopes[np.isfinite(envelopes).all(axis=1)]
     if not values.size:
@@ -254,8 +383,20 @@ def find_synergies(
 
 
 def _factors(data: Array, count: int) -> tuple[Array, Array]:
-    """H (frames, count) and V (count, channels) with the least |data - H V|^2 near the start by
-    singular vectors.
+    """Factorize data into two factors that are 0 or more.
+
+        min |data - H V|^2,   V <- V (H^T data) / (H^T H V),   H <- H (data V^T) / (H V V^T)
+
+    near the start by singular vectors.
+
+    Parameters
+    ----------
+    data : (frames, channels), 0 or more
+    count : number of synergies
+
+    Returns
+    -------
+    H (frames, count) and V (count, channels)
     """
     left, sizes, right = np.linalg.svd(data, full_matrices=False)
     mean = float(data.mean())

@@ -1,6 +1,4 @@
-"""What is wrong with EMG: each fault named with its channel and its time, before it reaches a
-muscle.
-"""
+"""Faults of EMG, each named with its channel and its time before it reaches a muscle."""
 
 from __future__ import annotations
 
@@ -48,8 +46,14 @@ LONG_ENOUGH = 1.0  # Length of a recording in which muscles that move a body bur
 
 @dataclass(frozen=True)
 class EmgFault:
-    """One thing wrong with a channel [s]: dead, clipped, unknown, negative, large, fast, copy, rate
-    or noise.
+    """One thing wrong with a channel.
+
+    Attributes
+    ----------
+    channel : name
+    kind : dead, clipped, unknown, negative, large, fast, copy, rate or noise
+    start, stop : of the fault [s]
+    text : for the user
     """
 
     channel: str
@@ -60,8 +64,15 @@ class EmgFault:
 
 
 def raw_faults(raw: Series) -> tuple[EmgFault, ...]:
-    """Faults of raw EMG (samples, channels): dead or clipped channels, unknown samples, a rate that
-    is wrong.
+    """Find faults of raw EMG: dead or clipped channels, unknown samples, a rate that is wrong.
+
+    Parameters
+    ----------
+    raw : (samples, channels) in any unit
+
+    Returns
+    -------
+    faults, channel by channel
     """
     faults: list[EmgFault] = []
     for name, column in zip(raw.names, raw.values.T, strict=True):
@@ -76,8 +87,15 @@ def raw_faults(raw: Series) -> tuple[EmgFault, ...]:
 
 
 def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
-    """Faults of envelopes (samples, channels): unknown, negative or far over 1, dead or cut
-    stretches, copies.
+    """Find faults of envelopes: unknown, negative, far over 1, dead or cut stretches, copies.
+
+    Parameters
+    ----------
+    emg : (samples, channels) [-]
+
+    Returns
+    -------
+    faults, channel by channel
     """
     faults: list[EmgFault] = []
     for name, column in zip(emg.names, emg.values.T, strict=True):
@@ -116,7 +134,17 @@ def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
 
 
 def without_faults(emg: Emg, faults: Iterable[EmgFault]) -> Emg:
-    """Envelopes with NaN where a channel is dead or clipped, and 0 where it is negative."""
+    """Remove faults: NaN where a channel is dead or clipped, 0 where it is negative.
+
+    Parameters
+    ----------
+    emg : (samples, channels) [-]
+    faults : of its channels
+
+    Returns
+    -------
+    (samples, channels), 0 or more [-]
+    """
     values = np.maximum(emg.values, 0.0)
     for fault in faults:
         if fault.kind in ("dead", "clipped"):
@@ -126,9 +154,19 @@ def without_faults(emg: Emg, faults: Iterable[EmgFault]) -> Emg:
 
 
 def noise_faults(emg: Emg, channels: Iterable[str] | None = None) -> tuple[EmgFault, ...]:
-    """Channels whose envelope hardly changes while others burst: noise, hum, or an electrode that
-    is on no muscle. A contraction that is held looks the same, so that nothing is reported where no
-    channel bursts.
+    """Find channels whose envelope hardly changes while others burst.
+
+    They hold noise or hum, or their electrode is on no muscle. A contraction that is held looks the
+    same, so that nothing is reported where no channel bursts.
+
+    Parameters
+    ----------
+    emg : envelopes (samples, channels) [-]
+    channels : to look at; None looks at all
+
+    Returns
+    -------
+    faults, none for recordings shorter than a second
     """
     if len(emg) < 2 or emg.time[-1] - emg.time[0] < LONG_ENOUGH:
         return ()
@@ -158,8 +196,17 @@ def noise_faults(emg: Emg, channels: Iterable[str] | None = None) -> tuple[EmgFa
 
 
 def refuse_unfit(emg: Emg, time: Array, channels: Iterable[str] | None = None) -> None:
-    """Refuse EMG that no step can use beside a motion: no time in common, or every used channel
-    unknown throughout.
+    """Refuse EMG that no step can use with a motion.
+
+    Parameters
+    ----------
+    emg : envelopes (samples, channels) [-]
+    time : (frames,) of the motion [s]
+    channels : that are used; None for all
+
+    Raises
+    ------
+    BadData : no time in common, or every used channel is unknown throughout
     """
     start = float(time[0])
     stop = float(time[-1])
@@ -176,9 +223,19 @@ def refuse_unfit(emg: Emg, time: Array, channels: Iterable[str] | None = None) -
 
 
 def rate_against(emg: Series, time: Array) -> str:
-    """What a recording's length says of its rate beside the motion's, "" where nothing looks wrong.
+    """Compare a recording's length with the motion's, which may show that its rate is wrong.
+
     A recording that is a whole number of times (2 ... 10) as long or as short as the motion, to 2
     %, and starts with it, was probably sampled at another rate than is declared.
+
+    Parameters
+    ----------
+    emg : at its declared rate (samples, channels)
+    time : (frames,) of the motion [s]
+
+    Returns
+    -------
+    a sentence, "" where nothing looks wrong
     """
     length = float(emg.time[-1] - emg.time[0])
     other = float(time[-1] - time[0])
@@ -195,6 +252,7 @@ def rate_against(emg: Series, time: Array) -> str:
 
 
 def _unknown(series: Series, name: str, column: Array) -> list[EmgFault]:
+    """Report samples that are NaN in a channel (samples,)."""
     unknown = ~np.isfinite(column)
     if not unknown.any():
         return []
@@ -203,7 +261,7 @@ def _unknown(series: Series, name: str, column: Array) -> list[EmgFault]:
 
 
 def _dead(series: Series, name: str, column: Array, least: float) -> list[EmgFault]:
-    """Stretches without any change, at least `least` seconds long."""
+    """Find stretches without any change in a channel (samples,), at least `least` seconds long."""
     steps = np.diff(column)
     still = np.concatenate(
         [[False], np.isfinite(steps) & (np.abs(steps) <= 1e-12 * np.nanmax(np.abs(column)))]
@@ -225,6 +283,7 @@ def _dead(series: Series, name: str, column: Array, least: float) -> list[EmgFau
 
 
 def _clipped(series: Series, name: str, column: Array) -> list[EmgFault]:
+    """Report a channel (samples,) that stands at its largest or smallest value too often."""
     at = np.zeros(len(column), dtype=bool)
     for edge in (np.nanmax(column), np.nanmin(column)):
         for first, end in runs(column == edge):
@@ -237,7 +296,7 @@ def _clipped(series: Series, name: str, column: Array) -> list[EmgFault]:
 
 
 def _cut(emg: Emg, name: str, column: Array) -> list[EmgFault]:
-    """Stretches in which an envelope stands at its largest value."""
+    """Find stretches in which an envelope (samples,) stands at its largest value."""
     result = []
     for first, end in runs(column == np.nanmax(column)):
         if emg.time[end - 1] - emg.time[first] >= CLIPPED_ENVELOPE and end - first >= CLIPPED:
@@ -256,8 +315,16 @@ def _cut(emg: Emg, name: str, column: Array) -> list[EmgFault]:
 
 
 def fast_share(column: Array, rate: float) -> float:
-    """Share of the variance of a channel (samples,) above 20 Hz; nan where it is too short or slow
-    to show.
+    """Compute the share of a channel's variance above 20 Hz.
+
+    Parameters
+    ----------
+    column : (samples,), NaN counted as the mean
+    rate : [Hz]
+
+    Returns
+    -------
+    [-]; nan where it is too short or slow to show
     """
     if len(column) < 64 or rate <= 2.0 * FAST or not np.isfinite(column).any():
         return float("nan")
@@ -269,7 +336,7 @@ def fast_share(column: Array, rate: float) -> float:
 
 
 def _fast(emg: Emg, name: str, column: Array) -> list[EmgFault]:
-    """An envelope that changes as fast as EMG itself: rectified only, or raw with an offset."""
+    """Report a channel (samples,) too fast for an envelope: rectified only, or raw."""
     share = fast_share(column, emg.rate)
     if not share > FAST_SHARE:
         return []
@@ -281,8 +348,13 @@ def _fast(emg: Emg, name: str, column: Array) -> list[EmgFault]:
 
 
 def _off_rate(series: Series, name: str, column: Array) -> list[EmgFault]:
-    """Median frequency outside what surface EMG has: the declared rate is wrong, or this is an
-    envelope.
+    """Report a median frequency outside what surface EMG has.
+
+    The declared rate is wrong then, or this is an envelope.
+
+    Parameters
+    ----------
+    column : (samples,)
     """
     # Brings SciPy: loaded only where it is needed.
     if len(column) < 256:
@@ -309,6 +381,7 @@ def _share(flags: np.ndarray) -> str:
 
 
 def _fault(series: Series, name: str, kind: str, where: np.ndarray, what: str) -> EmgFault:
+    """Describe a fault from the first to the last sample of `where` (samples,)."""
     places = np.flatnonzero(where)
     start = float(series.time[places[0]])
     stop = float(series.time[places[-1]])

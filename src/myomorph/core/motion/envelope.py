@@ -99,9 +99,25 @@ def envelopes(
 
 
 def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Series:
-    """Envelopes (samples, channels) in the units of the raw EMG. Zero-lag notches where asked for,
-    zero-lag Butterworth band-pass, absolute value, zero-lag Butterworth low-pass (Merletti 1999,
-    standards for reporting EMG data). Unknown samples (NaN) count as silence.
+    """Compute linear envelopes in the units of the raw EMG.
+
+    Zero-lag notches where requested, zero-lag Butterworth band-pass, absolute value, zero-lag
+    Butterworth low-pass. Unknown samples (NaN) count as silence, the channel's median.
+
+    Source: Merletti 1999, standards for reporting EMG data.
+
+    Parameters
+    ----------
+    raw : EMG as recorded (samples, channels) in any unit
+    options : frequencies of the filters [Hz]; see `EnvelopeOptions`
+
+    Returns
+    -------
+    (samples, channels), 0 or more, in the same unit
+
+    Raises
+    ------
+    BadData : the recording is too short or too slow for the filters
     """
     # Brings SciPy: loaded only where it is needed.
     options = options or EnvelopeOptions()
@@ -136,7 +152,21 @@ def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Seri
 
 
 def largest(trials: Sequence[Series], options: EnvelopeOptions | None = None) -> dict[str, float]:
-    """Largest envelope of each channel over reference trials of raw EMG, in their units."""
+    """Find the largest envelope of each channel over reference trials of raw EMG.
+
+    Parameters
+    ----------
+    trials : raw EMG (samples, channels) in any unit
+    options : frequencies of the filters [Hz]; see `EnvelopeOptions`
+
+    Returns
+    -------
+    by channel, in the same unit
+
+    Raises
+    ------
+    BadData : a trial is too short or too slow for the filters
+    """
     result: dict[str, float] = {}
     for trial in trials:
         for name, peak in zip(
@@ -147,7 +177,18 @@ def largest(trials: Sequence[Series], options: EnvelopeOptions | None = None) ->
 
 
 def _notches(options: EnvelopeOptions, rate: float, high: float) -> list[Array]:
-    """Second-order sections of the notches at the mains and at its harmonics within the band."""
+    """Design the notches at the mains and at its harmonics within the band.
+
+    Parameters
+    ----------
+    options : frequency and width of the notches [Hz]
+    rate : of the samples [Hz]
+    high : end of the band [Hz]
+
+    Returns
+    -------
+    second-order sections (1, 6) of each
+    """
     # Half a second to import, for raw EMG only.
     if options.notch is None:
         return []

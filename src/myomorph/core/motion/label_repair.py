@@ -1,5 +1,6 @@
-"""Labels exchanged throughout, put back: by the poses of a model that fits, and before its lengths
-are known.
+"""Labels exchanged throughout are exchanged back.
+
+By the poses of a model that fits, and before its lengths are known.
 """
 
 from __future__ import annotations
@@ -49,8 +50,12 @@ CLEARLY = 0.75
 
 
 class Margin(NamedTuple):
-    """How much better an exchange must fit: share of the RMS left at most, and what it takes off at
-    least [m].
+    """How much better an exchange must fit.
+
+    Attributes
+    ----------
+    share : of the root mean square, left at most [-]
+    gain : taken off the root mean square at least, on a human body [m]
     """
 
     share: float = BETTER
@@ -70,8 +75,13 @@ MIRRORED = "mirrored"
 
 @dataclass(frozen=True)
 class Swap:
-    """Exchanged labels of pairs of markers, none for a mirrored recording; certain where nothing
-    else fits as well.
+    """Exchanged labels.
+
+    Attributes
+    ----------
+    name : of the exchange, for messages
+    pairs : of markers, none for a mirrored recording
+    certain : nothing else fits as well
     """
 
     name: str
@@ -79,11 +89,30 @@ class Swap:
     certain: bool = True
 
     def applied(self, observed: Array, columns: Sequence[int]) -> Array:
-        """The positions (frames, markers, 3) under the labels exchanged, or mirrored."""
+        """Exchange the labels of positions, or mirror them.
+
+        Parameters
+        ----------
+        observed : (frames, markers, 3) [m]
+        columns : of `columns`
+
+        Returns
+        -------
+        (frames, markers, 3) [m]
+        """
         return observed * MIRROR if self.name == MIRRORED else observed[:, columns]
 
     def columns(self, names: Sequence[str]) -> list[int]:
-        """Where to take each marker from (markers,)."""
+        """Find the column to take each marker from.
+
+        Parameters
+        ----------
+        names : of the markers
+
+        Returns
+        -------
+        (markers,) numbers
+        """
         order = list(range(len(names)))
         for first, other in self.pairs:
             i = names.index(first)
@@ -106,9 +135,23 @@ def find_swap(
     unit: float,
     margin: Margin = USUAL,
 ) -> Swap | None:
-    """The exchange of labels under which the body fits best in most sampled frames; None where none
-    is far better. `observed`, `errors` and `placed` are (frames, markers, ...) [m], as inverse
-    kinematics gave them.
+    """Find the exchange of labels under which the body fits best in most sampled frames.
+
+    Parameters
+    ----------
+    model : that was fitted
+    names : of the markers
+    observed : (frames, markers, 3) as recorded [m]
+    errors : (frames, markers) of inverse kinematics [m], NaN where unseen
+    placed : (frames, markers, 3) on the model at its poses [m]
+    solve : positions (frames, markers, 3) to errors (frames, markers) [m]
+    unit : what stands for one metre, see `length_unit` [m]
+    margin : how much better an exchange must fit
+
+    Returns
+    -------
+    the exchange, of several that explain about as much that of fewest labels; None where none is
+    far better
     """
     rms = marker_rms(errors)
     seen = np.flatnonzero(np.isfinite(rms)).astype(np.int64)
@@ -147,7 +190,16 @@ def find_swap(
 
 
 def _spread(frames: NDArray[np.int64]) -> list[int]:
-    """A few of the frames, the first two far from each other."""
+    """Choose a few of the frames, the first two far from each other.
+
+    Parameters
+    ----------
+    frames : (n,) numbers
+
+    Returns
+    -------
+    `SWAP_SAMPLES` numbers at most
+    """
     order = np.unique(np.linspace(0, len(frames) - 1, SWAP_SAMPLES).astype(int))
     order = np.concatenate([order[1::3], order[2::3], order[::3]])
     return [int(frames[place]) for place in order]
@@ -156,8 +208,23 @@ def _spread(frames: NDArray[np.int64]) -> list[int]:
 def crossed_pairs(
     names: Sequence[str], observed: Array, errors: Array, placed: Array, unit: float
 ) -> Mapping[tuple[str, str], NDArray[np.int64]]:
-    """Pairs that lie nearer to each other's places on the model than to their own, and the frames
-    of that.
+    """Find pairs of markers, each nearer to the other's position on the model than to its own.
+
+    With y recorded and x on the model, both errors large, a frame counts where
+
+        |y_i - x_j|^2 + |y_j - x_i|^2 < 0.4 (|y_i - x_i|^2 + |y_j - x_j|^2)
+
+    Parameters
+    ----------
+    names : of the markers
+    observed : (frames, markers, 3) as recorded [m]
+    errors : (frames, markers) of inverse kinematics [m], NaN where unseen
+    placed : (frames, markers, 3) on the model at its poses [m]
+    unit : what stands for one metre, see `length_unit` [m]
+
+    Returns
+    -------
+    frames (two or more) of each pair of names
     """
     far = errors > FAR * unit
     result: dict[tuple[str, str], NDArray[np.int64]] = {}
@@ -180,7 +247,16 @@ def _hypotheses(
     groups: bool,
     seen: NDArray[np.int64],
 ) -> Iterable[tuple[Swap, NDArray[np.int64]]]:
-    """Exchanges to try, and the frames to try each on."""
+    """Yield exchanges to try, and the frames to try each on.
+
+    Parameters
+    ----------
+    model : that was fitted
+    names : of the markers
+    pairs : of `crossed_pairs`
+    groups : try whole sides, limbs and a mirrored recording too
+    seen : (n,) numbers of the frames with markers
+    """
     for pair, frames in pairs.items():
         yield Swap(f"'{pair[0]}' and '{pair[1]}'", (pair,)), frames
     if not groups:
@@ -204,7 +280,7 @@ def _hypotheses(
 
 
 def side_pairs(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """Markers of the two sides, each pair once."""
+    """Pair markers of the two sides, each pair once."""
     partner = mirror_names(names)
     place = {name: i for i, name in enumerate(names)}
     return tuple(
@@ -217,8 +293,16 @@ def side_pairs(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
 def limb_pairs(
     model: Model, sided: Sequence[tuple[str, str]]
 ) -> dict[str, tuple[tuple[str, str], ...]]:
-    """Pairs of markers by the pair of limbs that they are on, named after the limb's first body;
-    else by their body.
+    """Group pairs of markers by the pair of limbs that they are on.
+
+    Parameters
+    ----------
+    model : with these markers
+    sided : pairs of markers of the two sides
+
+    Returns
+    -------
+    pairs by the limb's first body; else by their body
     """
     parent = {joint.child: joint.parent for joint in model.joints}
     bodies = mirror_names(model.body_names)
@@ -232,7 +316,17 @@ def limb_pairs(
 
 
 def front_pairs(model: Model, sided: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
-    """The front and the back markers of the first body on each side that has both."""
+    """Pair the front and the back markers of the first body that has both on each side.
+
+    Parameters
+    ----------
+    model : with these markers
+    sided : pairs of markers of the two sides
+
+    Returns
+    -------
+    two pairs, front and back of each side; none where no body has four such markers
+    """
     first = ""
     pairs = list[tuple[str, str]]()
     for first in model.body_names:
@@ -264,9 +358,18 @@ THROUGHOUT = 0.9  # Share of the frames from which on an exchange is one of all 
 
 
 def mended_labels(model: Model, markers: Markers) -> tuple[Markers, tuple[Finding, ...]]:
-    """A recording with labels that are exchanged throughout put back, before the lengths of the
-    body are known. A calibration would else move the markers on the model to where the exchanged
-    ones lie.
+    """Exchange labels back that are exchanged throughout, before the lengths of the body are known.
+
+    A calibration would else move the markers on the model to where the exchanged ones lie.
+
+    Parameters
+    ----------
+    model : of any size
+    markers : as recorded (frames, markers, 3) [m], NaN where hidden
+
+    Returns
+    -------
+    the repaired recording, and findings on what was exchanged
     """
     options = InverseKinematicsOptions()
     names, _ = tracked_markers(model, markers, options)
@@ -298,8 +401,21 @@ def swap_findings(
     margin: Margin = USUAL,
     mend: bool = True,
 ) -> tuple[KinematicsFit, tuple[Finding, ...]]:
-    """Exchanged labels that the fit shows, and the fit with those put back (if `mend`) that are not
-    of all the body.
+    """Find exchanged labels by a fit, and fit again with those exchanged back.
+
+    Parameters
+    ----------
+    model : that was fitted
+    markers : as recorded (frames, markers, 3) [m], NaN where hidden
+    fit : of inverse kinematics
+    options : of inverse kinematics
+    unit : what stands for one metre, see `length_unit` [m]
+    margin : how much better an exchange must fit
+    mend : repair; else the first exchange is only reported
+
+    Returns
+    -------
+    the fit after repairs, and the findings; a mirrored recording is reported and never repaired
     """
     findings: list[Finding] = []
     for _ in range(MAX_SWAPS):
@@ -332,7 +448,7 @@ def swap_findings(
 def _put_back(
     markers: Markers, swap: Swap, names: Sequence[str], wrong: np.ndarray | None = None
 ) -> Markers:
-    """The recording with an exchange of labels undone, in some frames (frames,) or in all."""
+    """Undo an exchange of labels, in some frames (frames,) or in all."""
     values = np.array(markers.values)
     columns = [markers.names.index(name) for name in names]
     values[:, columns] = swap.applied(values[:, columns], swap.columns(names))
@@ -341,7 +457,7 @@ def _put_back(
 
 
 def _smooth(flags: np.ndarray) -> np.ndarray:
-    """Flags without runs of one or two frames."""
+    """Remove runs of one or two frames from flags (frames,)."""
     result = np.array(flags)
     for value in (True, False):
         for start, stop in runs(result == value):
@@ -358,6 +474,16 @@ def _swap_finding(
     other: KinematicsFit,
     sure: bool,
 ) -> Finding:
+    """Describe an exchange with its repair.
+
+    Parameters
+    ----------
+    swap : the exchange
+    markers : before it is undone
+    wrong : (frames,) whether the labels are exchanged there
+    fit, other : with the labels as recorded and exchanged
+    sure : offer a repair
+    """
     spans = () if wrong.mean() > THROUGHOUT else spans_of(markers.time, wrong)
     before = 100 * float(np.nanmedian(fit.rms[wrong]))
     after = 100 * float(np.nanmedian(other.rms[wrong]))
@@ -386,7 +512,7 @@ def _swap_finding(
 
 
 def _placed(model: Model, fit: KinematicsFit) -> Array:
-    """(frames, markers, 3) where the model has its markers [m]."""
+    """Locate the model's markers at the poses of a fit: (frames, markers, 3) [m]."""
     tree = compile_tree(model)
     poses = forward_kinematics(tree, np.nan_to_num(fit.motion.values))
     return poses.markers([model.marker(name) for name in fit.marker_names])
@@ -395,7 +521,7 @@ def _placed(model: Model, fit: KinematicsFit) -> Array:
 def _solver(
     model: Model, markers: Markers, names: Sequence[str], options: InverseKinematicsOptions
 ) -> Solve:
-    """Inverse kinematics of single frames, each searched for anew."""
+    """Return inverse kinematics of single frames, each searched for anew."""
 
     def solve(observed: Array) -> Array:
         errors = np.full(observed.shape[:2], np.nan)

@@ -1,8 +1,7 @@
-"""Inverse kinematics that is not wrong in silence: what of a recording of markers may not be
-believed, and its repair.
+"""Checks of inverse kinematics: what of a marker recording may not be believed, and its repair.
 
 Before the fit: markers that jump and labels exchanged for some frames show in time alone. After it:
-labels exchanged throughout, a marker beside its place, coordinates held at their bounds or shown by
+labels exchanged throughout, a marker off its position, coordinates held at their bounds or shown by
 no marker, a body that lies. Names that the model does not have show without any frame.
 """
 
@@ -56,8 +55,14 @@ class MarkerCheckOptions:
 
 @dataclass(frozen=True, eq=False)
 class CheckedFit:
-    """Inverse kinematics of a recording as mended; `findings` on what may not be believed and what
-    was mended.
+    """Inverse kinematics of a recording after repairs.
+
+    Attributes
+    ----------
+    fit : of the repaired recording
+    markers : the repaired recording
+    findings : what may not be believed, and what was repaired
+    sensors : the fit with inertial sensors, None without them
     """
 
     fit: KinematicsFit
@@ -73,7 +78,20 @@ def checked_kinematics(
     checks: MarkerCheckOptions | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> CheckedFit:
-    """`inverse_kinematics` of a recording, with findings about its labels and what was mended."""
+    """Solve inverse kinematics of a recording after repairs, with findings about its labels.
+
+    Parameters
+    ----------
+    model : of the recorded body
+    markers : as recorded (frames, markers, 3) [m], NaN where hidden
+    options : of inverse kinematics
+    checks : whether to repair
+    progress : called with the number of frames just done
+
+    Returns
+    -------
+    the fit, the repaired recording and the findings
+    """
     options = options or InverseKinematicsOptions()
     checks = checks or MarkerCheckOptions()
     unit = length_unit(compile_tree(model))
@@ -99,8 +117,17 @@ def checked_kinematics(
 
 
 def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding, ...]:
-    """Labels exchanged for some frames, and markers that jump once these are put back; `unit` see
-    `length_unit`.
+    """Find labels exchanged for some frames, and markers that jump once these are exchanged back.
+
+    Parameters
+    ----------
+    model : whose markers count
+    markers : as recorded (frames, markers, 3) [m], NaN where hidden
+    unit : what stands for one metre, see `length_unit` [m]
+
+    Returns
+    -------
+    findings with their repairs
     """
     names = [name for name in markers.names if name in set(model.marker_names)]
     swapped = tuple(_exchange_findings(markers, names, unit))
@@ -109,7 +136,7 @@ def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding,
 
 
 def _exchange_findings(markers: Markers, names: Sequence[str], unit: float) -> Iterator[Finding]:
-    """Pairs of labels that are exchanged in the same frames together."""
+    """Find pairs of labels that are exchanged in the same frames together."""
     values = markers.values[:, [markers.names.index(name) for name in names]]
     found = _short_side(exchanges(values, edges_of(markers.time, values, unit)), len(values))
     parts = grouped(
@@ -135,7 +162,7 @@ def _exchange_findings(markers: Markers, names: Sequence[str], unit: float) -> I
 
 
 def _exchanged(markers: Markers, pairs: Sequence[tuple[str, str]], part: slice) -> Markers:
-    """The recording with labels exchanged in some frames."""
+    """Exchange labels in some frames."""
     values = np.array(markers.values)
     for pair in pairs:
         columns = [markers.names.index(name) for name in pair]
@@ -144,8 +171,9 @@ def _exchanged(markers: Markers, pairs: Sequence[tuple[str, str]], part: slice) 
 
 
 def _short_side(exchanges: Sequence[Exchange], frames: int) -> Iterator[Exchange]:
-    """Each exchange on the side that is shorter: an odd one at the end may be right there and wrong
-    before.
+    """Put each exchange on the side that is shorter.
+
+    An odd one at the end may be right there and wrong before.
     """
     for exchange in exchanges:
         if exchange.stop == frames and exchange.start < frames - exchange.start:
@@ -157,9 +185,10 @@ def _short_side(exchanges: Sequence[Exchange], frames: int) -> Iterator[Exchange
 
 
 def _jump_findings(markers: Markers, names: Sequence[str], unit: float) -> Iterator[Finding]:
-    """Jumping markers, put where their path leads from before to after; at the ends of the
-    recording left out. A marker that is left out for some frames lets the pose jump, for no marker
-    fits exactly: a bridge does not.
+    """Find jumping markers, to be bridged from before to after.
+
+    A marker that is left out for some frames lets the pose jump, for no marker fits exactly: a
+    bridge does not. At the ends of the recording markers are left out.
     """
     values = markers.values[:, [markers.names.index(name) for name in names]]
     jumping = grouped(
@@ -188,7 +217,7 @@ def _jump_findings(markers: Markers, names: Sequence[str], unit: float) -> Itera
 
 
 def _bridged(markers: Markers, name: str, parts: Sequence[tuple[int, int]]) -> Markers:
-    """The recording with the path of a marker bridged in some parts."""
+    """Bridge the path of a marker in some parts, frames [start, stop)."""
     values = np.array(markers.values)
     column = markers.names.index(name)
     for start, stop in parts:
@@ -197,7 +226,22 @@ def _bridged(markers: Markers, name: str, parts: Sequence[tuple[int, int]]) -> M
 
 
 def _bridge(time: Array, path: Array, start: int, stop: int) -> Array:
-    """(stop - start, 3) cubic from the frames before to those after; NaN if they are missing."""
+    """Bridge a gap by the cubic that continues position and velocity from before and after.
+
+    With u from 0 to 1 over the span, positions p and velocities v times the span (Hermite),
+
+        (1 + 2 u)(1 - u)^2 p_0 + u (1 - u)^2 v_0 + u^2 (3 - 2 u) p_1 + u^2 (u - 1) v_1
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    path : (frames, 3) [m]
+    start, stop : frames [start, stop) of the gap
+
+    Returns
+    -------
+    (stop - start, 3) [m], NaN without two frames before and after
+    """
     if start < 2 or stop > len(path) - 2:
         return np.full((stop - start, 3), np.nan)
     t0 = time[start - 1]
@@ -216,15 +260,23 @@ def _frames_text(count: int) -> str:
 
 
 def spelling(name: str) -> str:
-    """A name without what laboratories spell differently: case, dots, blanks, underscores, a
-    subject's prefix.
+    """Reduce a name to what laboratories spell alike.
+
+    Without case, dots, blanks, underscores and a subject's prefix.
     """
     return re.sub(r"[^a-z0-9]", "", name.rsplit(":", 1)[-1].lower())
 
 
 def near_names(wanted: Sequence[str], offered: Sequence[str]) -> dict[str, str]:
-    """For each wanted name the offered one that probably means it, where there is one; sides are
-    never exchanged.
+    """Match wanted names with offered ones that probably mean them; sides are never exchanged.
+
+    Parameters
+    ----------
+    wanted, offered : names
+
+    Returns
+    -------
+    the offered name by wanted one, where there is one
     """
     result: dict[str, str] = {}
     by_spelling = {spelling(name): name for name in reversed(offered)}
@@ -247,7 +299,7 @@ def near_names(wanted: Sequence[str], offered: Sequence[str]) -> dict[str, str]:
 
 
 def _only_adds(short: str, long: str) -> bool:
-    """Whether a name is another with more letters inserted, and the same start and digits."""
+    """Return whether a name is another with letters inserted, and the same start and digits."""
     if short[:1] != long[:1] or re.findall(r"\d", short) != re.findall(r"\d", long):
         return False
     rest = iter(long)
@@ -257,7 +309,18 @@ def _only_adds(short: str, long: str) -> bool:
 def name_findings(
     missing: Sequence[str], unused: Sequence[str], matched: int
 ) -> tuple[Finding, ...]:
-    """Too few markers that match, and names that are nearly those of the model."""
+    """Report too few markers that match, and names that are nearly those of the model.
+
+    Parameters
+    ----------
+    missing : markers of the model that were not recorded
+    unused : recorded markers that the model does not have
+    matched : number of the others
+
+    Returns
+    -------
+    one finding or none
+    """
     model = matched + len(missing)
     recorded = matched + len(unused)
     near = near_names(missing, unused)
@@ -313,8 +376,13 @@ class Exchange:
 
 @read_only
 class Steps:
-    """Steps of a marker that stand out: frames from and to, where it would be and what it is off
-    (steps, 3) [m].
+    """Steps of a marker that stand out.
+
+    Attributes
+    ----------
+    start, stop : (steps,) frames from which and to which
+    predicted : (steps, 3) position expected after the step [m]
+    excess : (steps, 3) position less that expected [m]
     """
 
     start: NDArray[np.int64]
@@ -332,13 +400,33 @@ NONE = Steps(
 
 
 def edges_of(time: Array, values: Array, unit: float = 1.0) -> tuple[Steps, ...]:
-    """For each marker of (frames, markers, 3) [m], NaN where unseen, the steps that stand out of
-    those around.
+    """Find for each marker the steps that stand out of those around.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    values : (frames, markers, 3) [m], NaN where unseen
+    unit : what stands for one metre, see `length_unit` [m]
+
+    Returns
+    -------
+    the steps of each marker
     """
     return tuple(_edges(time, values[:, marker], unit) for marker in range(values.shape[1]))
 
 
 def _edges(time: Array, path: Array, unit: float) -> Steps:
+    """Find the steps of a path that stand out of those around.
+
+    A step is predicted by the median velocity of the three before and the three after it. Its
+    excess must be larger than 3 cm (on a human body) and six times what nine of ten steps have.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    path : (frames, 3) [m], NaN where unseen
+    unit : what stands for one metre [m]
+    """
     seen = np.flatnonzero(np.isfinite(path).all(axis=1))
     if len(seen) < 2 * AROUND + 2:
         return NONE
@@ -370,8 +458,16 @@ def _edges(time: Array, path: Array, unit: float) -> Steps:
 
 
 def excursions(time: Array, edges: Sequence[Steps]) -> tuple[Excursion, ...]:
-    """Markers that leave their path from one frame to the next and return as suddenly, of the edges
-    of every marker.
+    """Find markers that leave their path from one frame to the next and return as suddenly.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    edges : steps of every marker, of `edges_of`
+
+    Returns
+    -------
+    excursions, marker by marker
     """
     spans = []
     for marker, steps in enumerate(edges):
@@ -398,8 +494,16 @@ def excursions(time: Array, edges: Sequence[Steps]) -> tuple[Excursion, ...]:
 
 
 def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
-    """Pairs of markers whose paths go on in each other from some frame on, the last of an odd
-    number to the end.
+    """Find pairs of markers whose paths go on in each other from some frame on.
+
+    Parameters
+    ----------
+    values : (frames, markers, 3) [m], NaN where unseen
+    edges : steps of every marker, of `edges_of`
+
+    Returns
+    -------
+    exchanges, from one such frame to the next; the last of an odd number goes to the end
     """
     at = grouped(
         (int(frame), (marker, place))

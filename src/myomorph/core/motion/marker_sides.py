@@ -1,6 +1,4 @@
-"""Bony markers that lie elsewhere on one side than on the other, seen before a calibration moves a
-model after them.
-"""
+"""Bony markers placed asymmetrically, found before a calibration moves a model after them."""
 
 from __future__ import annotations
 
@@ -37,8 +35,13 @@ SAMPLES = 200
 
 
 class _Link(NamedTuple):
-    """Two markers of one side, the two of the other, and by how much the first two are farther
-    apart [m].
+    """Two markers of one side, and the two of the other.
+
+    Attributes
+    ----------
+    markers, others : names on one side and on the other
+    length : distance of the first two [m]
+    difference : by how much they are farther apart than the others [m]
     """
 
     markers: tuple[str, str]
@@ -48,10 +51,21 @@ class _Link(NamedTuple):
 
 
 def side_findings(markers: Markers, names: Sequence[str], unit: float = 1.0) -> Iterator[Finding]:
-    """Pairs of bony markers of which one lies elsewhere than the other, by distances that both
-    sides have. Distances between points of the same bone, or of neighboring ones where they keep
-    them, need no model. Points of the skin are not looked at: where they lie is free, and a
-    calibration finds it.
+    """Find pairs of bony markers of which one is placed asymmetrically.
+
+    Distances between points of the same bone, or of neighboring ones where they keep them, are
+    compared on both sides; this needs no model. Points of the skin are not looked at: where they
+    lie is free, and a calibration finds it.
+
+    Parameters
+    ----------
+    markers : as recorded (frames, markers, 3) [m], NaN where hidden
+    names : of the markers to look at
+    unit : what stands for one metre, see `length_unit` [m]
+
+    Yields
+    ------
+    a finding for each pair, the worst first
     """
     links = _links(markers, names)
     if not links:
@@ -70,6 +84,7 @@ def side_findings(markers: Markers, names: Sequence[str], unit: float = 1.0) -> 
 
 
 def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
+    """Compare distances of bony markers on both sides that stay the same in all frames."""
     sites = {name: site for name, site in recognize(markers.names).sites.items() if name in names}
     bony = {name: site for name, site in sites.items() if site.kind == "bony"}
     partner = {
@@ -101,15 +116,23 @@ def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
 
 
 def _rigid(site: Site, other: Site) -> bool:
-    """Whether a distance may be the same in all frames."""
+    """Return whether a distance may be the same in all frames."""
     if site.segment == other.segment:
         return site.side == other.side or not other.side or site.segment in ONE_BODY
     return site.side == other.side and frozenset((site.segment, other.segment)) in BESIDE
 
 
 def _distance(first: Array, other: Array) -> tuple[float, float]:
-    """Median and standard deviation of the distance of two points (frames, 3), infinite where it is
-    hardly seen [m].
+    """Measure the distance of two points over time.
+
+    Parameters
+    ----------
+    first, other : (frames, 3) [m], NaN where unseen
+
+    Returns
+    -------
+    median and standard deviation [m]; nan and infinite where seen in less than a tenth of the
+    frames
     """
     apart = np.linalg.norm(first - other, axis=1)
     known = apart[np.isfinite(apart)]
@@ -121,8 +144,9 @@ def _distance(first: Array, other: Array) -> tuple[float, float]:
 
 
 def _suspects(worst: _Link, links: Sequence[_Link]) -> list[tuple[str, ...]]:
-    """Markers of which one lies elsewhere: the pair, or the one in the middle, whose other
-    distances differ more.
+    """Find the markers of which one is placed asymmetrically.
+
+    Of a link that differs: the pair, or the one in the middle, whose other distances differ more.
     """
     pairs = [tuple(dict.fromkeys(ends)) for ends in zip(worst.markers, worst.others, strict=True)]
     differing = []

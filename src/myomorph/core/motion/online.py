@@ -1,5 +1,4 @@
-"""Coordinates and derivatives while frames arrive: one filter for motion and forces, its delay
-known.
+"""Coordinates and derivatives while frames arrive, by one filter of known delay.
 
 Markers never fit a model exactly, so that the pose jumps when one of them is lost or comes back.
 The jump is what the same frame gives with the markers before and after: it is taken off at once,
@@ -46,12 +45,23 @@ LOST = 3.0
 
 @dataclass(frozen=True)
 class OnlineFilter:
-    """A low-pass that gives value, velocity and acceleration of samples at a rate [Hz] in a moving
-    window, half the power at `cutoff` [Hz].
+    """A low-pass in a moving window that gives value, velocity and acceleration.
 
-    The window's weights are a bell g(t) = exp(-t^2 / 2 s^2) and its derivatives, s = sqrt(ln 2) /
-    (2 pi cutoff), corrected so that parabolas are differentiated exactly. Phase is linear:
-    everything comes `delay` late and otherwise unshifted, the forces like the motion.
+    The window's weights are a bell and its derivatives,
+
+        g(t) = exp(-t^2 / 2 s^2),   s = sqrt(ln 2) / (2 pi cutoff),
+
+    corrected so that parabolas are differentiated exactly. Phase is linear: everything comes
+    `delay` late and otherwise unshifted, the forces like the motion.
+
+    Attributes
+    ----------
+    rate : of the samples [Hz]
+    cutoff : frequency at which half the power passes, at most an eighth of the rate [Hz]
+
+    Raises
+    ------
+    BadData : a rate or cutoff out of range
     """
 
     rate: float
@@ -78,20 +88,22 @@ class OnlineFilter:
 
     @property
     def delay(self) -> float:
-        """How late a result comes [s]."""
+        """Delay of a result [s]."""
         return self.half / self.rate
 
     @property
     def frames_per_sample(self) -> float:
-        """Frames that make one independent sample of filtered white noise: its autocorrelation's
-        sum.
+        """Frames that make one independent sample of filtered white noise.
+
+        The sum of its autocorrelation, 2 sqrt(pi) s rate, at least 1.
         """
         return max(2.0 * float(np.sqrt(np.pi)) * self.bell * self.rate, 1.0)
 
     @property
     def weights(self) -> Array:
-        """(3, 2 half + 1) of value, velocity and acceleration in the window's middle, oldest sample
-        first.
+        """Weights (3, 2 half + 1) of value, velocity and acceleration, oldest sample first.
+
+        They belong to the window's middle [1, per s, per s^2].
         """
         t = np.arange(-self.half, self.half + 1) / self.rate
         g = np.exp(-0.5 * (t / self.bell) ** 2)
@@ -101,8 +113,20 @@ class OnlineFilter:
         return np.stack([g, first / (first @ t), 2.0 * second / (second @ t**2)])
 
     def motion(self, motion: Motion) -> Motion:
-        """A recorded motion through the filter, with derivatives: the frames that have a whole
-        window.
+        """Filter a recorded motion, with derivatives, over the frames that have a whole window.
+
+        Parameters
+        ----------
+        motion : (frames, coordinates) [rad or m] at the filter's rate
+
+        Returns
+        -------
+        (frames - 2 half, coordinates) with `velocities` and `accelerations`, at the times of the
+        windows' middles
+
+        Raises
+        ------
+        BadData : fewer frames than a window, or frames that are not evenly spaced at the rate
         """
         value_weight, velocity_weight, acceleration_weight = self.weights
         value = self._whole(motion.values, value_weight)
@@ -123,10 +147,24 @@ class OnlineFilter:
         )
 
     def values(self, samples: Array) -> Array:
-        """(frames - 2 half, ...) samples of the same clock through the filter, as forces go."""
+        """Filter samples of the same clock, as forces.
+
+        Parameters
+        ----------
+        samples : (frames, ...)
+
+        Returns
+        -------
+        (frames - 2 half, ...)
+
+        Raises
+        ------
+        BadData : fewer frames than a window
+        """
         return self._whole(samples, self.weights[0])
 
     def _whole(self, samples: Array, weights: Array) -> Array:
+        """Weight whole windows (window,) of samples (frames, ...): (frames - window + 1, ...)."""
         if len(samples) < len(weights):
             raise BadData(f"the filter needs {len(weights)} frames, but there are {len(samples)}")
         windows = sliding_window_view(np.asarray(samples, dtype=np.float64), len(weights), axis=0)
@@ -134,7 +172,7 @@ class OnlineFilter:
 
 
 class MovingWindow:
-    """The last samples, `width` numbers each, of a stream, and what the filter makes of them."""
+    """The last samples of a stream, `width` numbers each, and their filtered values."""
 
     def __init__(self, filter: OnlineFilter, width: int):
         self._weights = filter.weights
@@ -145,7 +183,13 @@ class MovingWindow:
         self._count = 0
 
     def push(self, time: float, row: Array) -> None:
-        """Add the newest sample [s], NaN where it is missing."""
+        """Add the newest sample.
+
+        Parameters
+        ----------
+        time : [s]
+        row : (width,), NaN where it is missing
+        """
         at = self._count % self._length
         # Every sample stands twice, so that the window is always one piece.
         for place in (at, at + self._length):
@@ -171,8 +215,9 @@ class MovingWindow:
 
 
 class OnlineKinematics:
-    """Inverse kinematics of one frame after the other of the named markers, each from where the
-    last two lead.
+    """Inverse kinematics of one frame after the other of the named markers.
+
+    Each starts from the straight line through the last two poses.
     """
 
     def __init__(
@@ -188,8 +233,19 @@ class OnlineKinematics:
         self._usual = 0.0
 
     def solve(self, time: float, positions: Array) -> tuple[Array, float]:
-        """Coordinates of one frame of markers (markers, 3) [m], NaN where unseen, and its RMS error
-        [m].
+        """Solve the pose of one frame.
+
+        A frame whose error is three times the usual one is solved again from several headings.
+
+        Parameters
+        ----------
+        time : [s]
+        positions : (markers, 3) in the order of the names [m], NaN where unseen
+
+        Returns
+        -------
+        (coordinates,) [rad or m] and their root mean square marker error [m]; NaN where too few
+        markers are seen
         """
         problem = self._frame(time, positions)
         if not frames_shown(problem)[0]:
@@ -209,18 +265,39 @@ class OnlineKinematics:
     def from_start(
         self, time: float, positions: Array, start: Array, posture: Array
     ) -> tuple[Array, float]:
-        """As `solve`, from a pose, coordinates that no marker shows drawn to `posture`, remembering
-        nothing.
+        """Solve the pose of one frame from another pose, remembering nothing.
+
+        Parameters
+        ----------
+        time : [s]
+        positions : (markers, 3) in the order of the names [m], NaN where unseen
+        start : (coordinates,) pose to begin with [rad or m]
+        posture : (coordinates,) to which coordinates that no marker shows are drawn [rad or m]
+
+        Returns
+        -------
+        (coordinates,) [rad or m] and their root mean square marker error [m]
         """
         return self._settle(self._frame(time, positions)._replace(posture=posture), start)
 
     def from_anywhere(self, time: float, positions: Array, posture: Array) -> tuple[Array, float]:
-        """As `from_start`, but from the best of several headings."""
+        """Solve the pose of one frame from the best of several headings, remembering nothing.
+
+        Parameters
+        ----------
+        time : [s]
+        positions : (markers, 3) in the order of the names [m], NaN where unseen
+        posture : (coordinates,) to which coordinates that no marker shows are drawn [rad or m]
+
+        Returns
+        -------
+        (coordinates,) [rad or m] and their root mean square marker error [m]
+        """
         problem = self._frame(time, positions)
         return self._settle(problem._replace(posture=posture), self._search(problem))
 
     def _frame(self, time: float, positions: Array) -> PoseProblem:
-        """The problem of one frame."""
+        """Build the problem of one frame from markers (markers, 3) [m]."""
         observed = np.ascontiguousarray(
             np.asarray(positions, dtype=np.float64)[None, self._columns]
         )
@@ -231,26 +308,31 @@ class OnlineKinematics:
         return shown.with_coordinates(value=targets)._replace(fixed=targets)
 
     def _start(self, problem: PoseProblem) -> Array:
+        """Extrapolate the last two poses, or search for one: (coordinates,) [rad or m]."""
         if len(self._before) == 2:
             return 2.0 * self._before[1] - self._before[0]
         return self._before[0] if self._before else self._search(problem)
 
     def _search(self, problem: PoseProblem) -> Array:
+        """Find a pose (coordinates,) from several headings [rad or m]."""
         return scout_poses(self._tree, problem, self._options.settings)[0]
 
     def _settle(self, problem: PoseProblem, start: Array) -> tuple[Array, float]:
+        """Solve one frame from a pose (coordinates,): the pose and its root mean square error."""
         solved = solve_poses(self._tree, problem, start[None], self._options.settings)
         return solved.values[0], float(np.sqrt(np.nanmean(self._errors(problem) ** 2)))
 
     def _errors(self, problem: PoseProblem) -> Array:
-        """Residuals that say how well a frame is solved."""
+        """Return the residuals (1, markers) by which a solution is judged [m]."""
         return problem.markers.errors
 
 
 class OnlineOrientations(OnlineKinematics):
-    """The same of inertial sensors whose mounting is known: frames of quaternions (sensors, 4) to
-    the earth, NaN where one is missing, errors in radians. Headings stay as the mounting has them
-    last; joints without a sensor stay where they were last.
+    """Inverse kinematics, frame by frame, of inertial sensors whose mounting is known.
+
+    `solve` takes quaternions (sensors, 4) to the earth, NaN where one is missing, and returns
+    errors in radians. Headings stay as the mounting has them last; joints without a sensor stay
+    where they were last.
     """
 
     def __init__(
@@ -274,6 +356,7 @@ class OnlineOrientations(OnlineKinematics):
         self._mounted = np.swapaxes(mounting.rotations, 1, 2)
 
     def _frame(self, time: float, positions: Array) -> PoseProblem:
+        """Build the problem of one frame from quaternions (sensors, 4) to the earth."""
         tasks = list(self._problem.tasks)
         rotation = self._earth @ rotation_from_quaternion(positions) @ self._mounted
         tasks[self._place] = tasks[self._place]._replace(
@@ -289,6 +372,7 @@ class OnlineOrientations(OnlineKinematics):
         return problem._replace(posture=self._before[-1]) if self._before else problem
 
     def _errors(self, problem: PoseProblem) -> Array:
+        """Return the residuals (1, sensors) by which a solution is judged [rad]."""
         return problem.tasks[self._place].errors
 
 
@@ -299,9 +383,16 @@ SEARCH = 0.5  # Least time between two searches from several headings [s]
 
 @dataclass(frozen=True, eq=False)
 class SteadyFrame:
-    """One pose, NaN before any marker was seen, and its root mean square error [m]; `held` is the
-    last one, where no marker is seen. `owed` is the root mean square, over coordinates in radians
-    and metres, of the jump still to be given back.
+    """One pose.
+
+    Attributes
+    ----------
+    coordinates : (coordinates,) [rad or m], NaN before any marker was seen
+    error : root mean square over the markers [m], NaN where `held`
+    seen : number of markers seen
+    held : no marker is seen, and this is the last pose
+    owed : root mean square, over coordinates in radians and metres, of the jump still to be given
+        back
     """
 
     coordinates: Array
@@ -312,8 +403,9 @@ class SteadyFrame:
 
 
 class SteadyKinematics:
-    """Inverse kinematics frame by frame, continuous where markers come and go: jumps are given back
-    in `blend` [s].
+    """Inverse kinematics frame by frame, continuous where markers come and go.
+
+    Jumps are given back in `blend` [s].
     """
 
     def __init__(
@@ -355,7 +447,17 @@ class SteadyKinematics:
         self._usual = 0.0
 
     def solve(self, time: float, positions: Array) -> SteadyFrame:
-        """The pose of one frame of markers (markers, 3) [m], NaN where unseen."""
+        """Solve the pose of one frame.
+
+        Parameters
+        ----------
+        time : [s]
+        positions : (markers, 3) in the order of the names [m], NaN where unseen
+
+        Returns
+        -------
+        the pose, with what is left of earlier jumps
+        """
         positions = np.asarray(positions, dtype=np.float64)
         seen = np.isfinite(positions).all(axis=1) & self._tracked
         if not seen.any():
@@ -391,7 +493,7 @@ class SteadyKinematics:
         )
 
     def _hold(self, time: float) -> SteadyFrame:
-        """No marker is seen: everything stays where it was shown."""
+        """Keep everything where it was shown: no marker is seen."""
         if self._found is not None:
             self._found = self._shown.copy()
             self._before = None
@@ -402,7 +504,7 @@ class SteadyKinematics:
         return SteadyFrame(coordinates=self._shown, error=float("nan"), seen=0, held=True, owed=0.0)
 
     def _ahead(self, time: float) -> Array:
-        """Straight on from the last two frames."""
+        """Extrapolate the last two frames to a time [s]: (coordinates,) [rad or m]."""
         assert self._found is not None
         span = self._time - self._time_before
         if self._before is None or not 0.0 < time - self._time < 3.0 * span:
@@ -410,7 +512,16 @@ class SteadyKinematics:
         return self._found + (time - self._time) / span * (self._found - self._before)
 
     def _give_back(self, step: float) -> None:
-        """Move the offset towards 0 as a critically damped spring does."""
+        """Move the offset towards 0 as a critically damped spring does.
+
+        With the offset o, its rate v and x = step / blend,
+
+            o -> e^-x (o + x (v blend + o)),   v -> e^-x (v - x (v blend + o) / blend)
+
+        Parameters
+        ----------
+        step : time since the last frame [s]
+        """
         x = max(step, 0.0) / self._blend
         pushed = self._rate * self._blend + self._offset
         decay = np.exp(-x)
@@ -418,7 +529,12 @@ class SteadyKinematics:
         self._offset = decay * (self._offset + x * pushed)
 
     def _take_off_lost(self, common: np.ndarray) -> None:
-        """Of the frame before, what it gives without the markers that are lost now."""
+        """Take off the jump of the frame before when solved without the markers that are lost now.
+
+        Parameters
+        ----------
+        common : (markers,) whether a marker is seen in both frames
+        """
         if not common.any() or np.array_equal(common, self._seen) or self._found is None:
             return
         left = np.where(common[:, None], self._positions, np.nan)
@@ -432,7 +548,15 @@ class SteadyKinematics:
     def _take_off_found(
         self, time: float, positions: Array, common: np.ndarray, start: Array, values: Array
     ) -> None:
-        """Of this frame, what the markers change that were found just now."""
+        """Take off the jump of this frame that markers bring which came back just now.
+
+        Parameters
+        ----------
+        time : [s]
+        positions : (markers, 3) [m]
+        common : (markers,) whether a marker is seen in both frames
+        start, values : (coordinates,) pose to begin with and solved pose [rad or m]
+        """
         assert self._found is not None
         if common.any():
             left = np.where(common[:, None], positions, np.nan)
@@ -444,8 +568,18 @@ class SteadyKinematics:
     def _searched_again(
         self, time: float, positions: Array, values: Array, error: float
     ) -> tuple[Array, float]:
-        """Another heading where the markers fit badly and another one fits better, its jump taken
-        off.
+        """Search other headings where the markers fit badly, and take off the jump to a better one.
+
+        Parameters
+        ----------
+        time : [s]
+        positions : (markers, 3) [m]
+        values : (coordinates,) solved [rad or m]
+        error : of `values` [m]
+
+        Returns
+        -------
+        the better pose (coordinates,) [rad or m] and its error [m]
         """
         blind = not self._seen.any()
         if not blind and (error <= LOST * self._usual or time - self._searched < SEARCH):
@@ -460,5 +594,5 @@ class SteadyKinematics:
         return values + turned, less
 
     def _turned(self, change: Array) -> Array:
-        """A change of coordinates with angles by the shorter way round."""
+        """Take a change (coordinates,) of angles by the shorter way round [rad or m]."""
         return np.where(self._turning, nearest_turn(change, np.zeros_like(change)), change)
