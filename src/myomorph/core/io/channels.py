@@ -1,6 +1,4 @@
-"""Recorded channels as named columns over time: C3D analog, MOT and STO tables, tables of
-spreadsheets.
-"""
+"""Recorded channels as columns over time: C3D analog, MOT, STO, tables of spreadsheets."""
 
 from __future__ import annotations
 
@@ -25,7 +23,20 @@ HEADING_LINES = 50  # Lines in which the one of the names is looked for.
 
 
 def read_channels(path: str | os.PathLike[str]) -> Series:
-    """All channels of a recording (samples, channels), in the file's units."""
+    """Read all channels of a recording.
+
+    Parameters
+    ----------
+    path : of the file (.c3d, .mot, .sto, .csv, .tsv or .txt)
+
+    Returns
+    -------
+    (samples, channels) in the file's units, over times [s]
+
+    Raises
+    ------
+    BadFile : it cannot be read, has another ending, or holds no channels
+    """
     path = Path(path)
     ending = path.suffix.lower()
     if ending == ".c3d":
@@ -50,9 +61,22 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
 
 
 def read_csv_table(path: Path) -> Table:
-    """A CSV file as a table; its column of time is in [s], or in [ms] where its name says so. With
-    semicolons between cells a comma is a decimal point. Lines before the one of the names are
-    passed over.
+    """Read a CSV file as a table; lines before the one of the names are passed over.
+
+    With semicolons between cells a comma is a decimal point.
+
+    Parameters
+    ----------
+    path : of the file; its column of time is in seconds, or in ms where its name says so
+
+    Returns
+    -------
+    columns (rows, columns) in the file's units, without the time [s], NaN where a cell is blank
+
+    Raises
+    ------
+    BadFile : it has no line of names with the time, a row that is not of numbers, no row at all, or
+        times that do not rise
     """
     lines = [line for line in file_text(path, HINT).splitlines() if line.strip()]
     mark, names, start = _heading(lines, path)
@@ -81,7 +105,21 @@ def read_csv_table(path: Path) -> Table:
 
 
 def _heading(lines: list[str], path: Path) -> tuple[str, list[str], int]:
-    """What stands between cells, the names of the columns, and the number of the first row."""
+    """Find the line of column names.
+
+    Parameters
+    ----------
+    lines : of the file, without empty ones
+    path : of the file, for messages
+
+    Returns
+    -------
+    the mark between cells, the names of the columns, and the index of the first row below them
+
+    Raises
+    ------
+    BadFile : none of the first lines names a column of time
+    """
     for number, line in enumerate(lines[:HEADING_LINES]):
         mark = next((delimiter for delimiter in ";\t" if delimiter in line), ",")
         names = [cell.strip().strip('"') for cell in line.split(mark)]
@@ -91,7 +129,24 @@ def _heading(lines: list[str], path: Path) -> tuple[str, list[str], int]:
 
 
 def _row(line: str, mark: str, width: int, number: int, path: Path) -> list[float]:
-    """Numbers of a row, NaN where a cell is blank or missing."""
+    """Read the numbers of a row, NaN where a cell is blank or missing.
+
+    Parameters
+    ----------
+    line : of the table
+    mark : between cells; with ";" a comma is a decimal point
+    width : count of columns; further cells are ignored
+    number : of the line, for messages
+    path : of the file, for messages
+
+    Returns
+    -------
+    `width` numbers
+
+    Raises
+    ------
+    BadFile : a cell is no number
+    """
     text = line.replace(",", ".") if mark == ";" else line
     cells = [cell.strip().strip('"') for cell in text.split(mark)]
     try:
@@ -102,7 +157,7 @@ def _row(line: str, mark: str, width: int, number: int, path: Path) -> list[floa
 
 
 def _word(name: str) -> str:
-    """A name without its unit, in small letters."""
+    """Return a name in small letters without its unit."""
     return (
         name.lower()
         .split("[")[0]

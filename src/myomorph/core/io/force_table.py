@@ -1,5 +1,6 @@
-"""Tables of forces as laboratories write them: any heading or none, frames for times; what was
-assumed is noted.
+"""Tables of forces as laboratories write them: any heading or none, frames for times.
+
+What was assumed is noted.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ LOADED = 20.0  # Force from which on a point is one [N].
 
 @dataclass(frozen=True)
 class ForceLayout:
-    """How a table of forces is laid out, where somebody says so."""
+    """How a table of forces is laid out, where the user states it."""
 
     # of its columns in order, as `time`, `Fx1`, `COPx1`; "-" for one to leave out; () as its
     # heading has them
@@ -56,7 +57,22 @@ class ForceLayout:
 
 
 def force_layout(names: str = "", rate: float = 0.0, origins: str = "") -> ForceLayout:
-    """A layout of texts: names between commas, origins as "x,y,z; x,y,z" [m]."""
+    """Read a layout from texts, as the command line has them.
+
+    Parameters
+    ----------
+    names : of the columns, between commas; "-" for one to leave out, "" to take the table's heading
+    rate : of the rows [Hz], 0 to take the heading's
+    origins : points of moments as "x,y,z; x,y,z" [m], "" for the origin
+
+    Returns
+    -------
+    the layout
+
+    Raises
+    ------
+    BadData : an origin is not of three numbers, or the rate is negative or not finite
+    """
     points: list[tuple[float, float, float]] = []
     for text in origins.split(";") if origins.strip() else []:
         try:
@@ -76,9 +92,28 @@ def force_layout(names: str = "", rate: float = 0.0, origins: str = "") -> Force
 def read_forces(
     path: Path, bodies: Mapping[str, str] | None = None, layout: ForceLayout | None = None
 ) -> Wrenches:
-    """Forces of a table in its own axes [N, m, N m], its bodies those named, else not known (""). A
-    table with the usual heading is read as it stands; of any other, notes say what was taken for
-    what; `layout`: what it does not say itself.
+    """Read the forces of a table in its own axes.
+
+    A table with the usual heading is read as it stands; of any other, notes say what was taken for
+    what.
+
+    Parameters
+    ----------
+    path : of the table
+    bodies : body of each force by what names of its columns begin with; None takes all forces,
+        whose bodies then are not known ("")
+    layout : what the table does not state itself
+
+    Returns
+    -------
+    forces [N], points [m] and torques [N m] (frames, forces, 3)
+
+    Raises
+    ------
+    BadFile : it is no table of numbers, or has no times and no rate
+    BadData : it has no forces, or another number of origins than forces without a center of
+        pressure
+    UnknownName : none or several forces begin with a name in `bodies`
     """
     layout = layout or ForceLayout()
     table = None if layout.names or layout.rate else _usual(path)
@@ -96,7 +131,12 @@ def read_forces(
 
 
 def holds_forces(path: Path) -> bool:
-    """Whether a table has columns of forces, by its heading or by its numbers."""
+    """Return whether a table has columns of forces, by its heading or by its numbers.
+
+    Parameters
+    ----------
+    path : of the table; False where it cannot be read
+    """
     try:
         return bool(read_forces(path).names)
     except (MyomorphError, OSError):
@@ -104,8 +144,15 @@ def holds_forces(path: Path) -> bool:
 
 
 def _usual(path: Path) -> Table | None:
-    """A table with the heading that OpenSim's have, or a line of names that begins with the time;
-    None for others.
+    """Read a table with OpenSim's heading, or with a line of names that begins with the time.
+
+    Parameters
+    ----------
+    path : of the table
+
+    Returns
+    -------
+    the table; None where it has another heading or no forces
     """
     try:
         table = read_sto(path)
@@ -115,13 +162,26 @@ def _usual(path: Path) -> Table | None:
 
 
 def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
-    """A table with any heading or none: columns between tabs, commas, semicolons or blanks.
+    """Read a table with any heading or none, between tabs, commas, semicolons or blanks.
 
     Knows names under names of plates and over units, frames and sub frames for times with the rate
     in the heading, decimal commas, and a second section below the first, which is passed over.
     Without a heading the columns are found by their numbers where only one reading is possible.
-    Returns columns (rows, columns) in the table's own units; `warnings` say what was taken for
-    what.
+
+    Parameters
+    ----------
+    path : of the table
+    layout : what the table does not state itself
+
+    Returns
+    -------
+    columns (rows, columns) in the table's own units, without times and frames; `warnings` say what
+    was taken for what
+
+    Raises
+    ------
+    BadFile : it has no two rows of numbers, no names that are known or guessed, other columns than
+        `layout` names, no times and no rate, or times that do not rise
     """
     layout = layout or ForceLayout()
     lines = [line for line in file_text(path, HINT).splitlines() if line.strip(" \t,;")]
@@ -158,13 +218,24 @@ def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
 
 
 def _cells(line: str, mark: str | None) -> list[str]:
+    """Split a line into cells without quotes and blanks around; no mark splits at white space."""
     return [
         cell.strip().strip('"').strip() for cell in (line.split(mark) if mark else line.split())
     ]
 
 
 def _row(line: str, mark: str | None) -> list[float] | None:
-    """Numbers of a line, None where a cell is none or all are blank."""
+    """Read the numbers of a line.
+
+    Parameters
+    ----------
+    line : of the table
+    mark : between cells, None for white space; other marks than a comma allow decimal commas
+
+    Returns
+    -------
+    one number per cell, NaN for a blank one; None where a cell is no number or all are blank
+    """
     cells = _cells(line, mark)
     while cells and not cells[-1]:
         cells.pop()
@@ -178,8 +249,22 @@ def _row(line: str, mark: str | None) -> list[float] | None:
 
 
 def _numbers(lines: Sequence[str], mark: str | None, path: Path) -> tuple[int, Array]:
-    """Line at which the numbers begin, and the rows (rows, columns) up to the first that is no row
-    of the table.
+    """Find the rows of numbers, up to the first line that is no row of the table.
+
+    Parameters
+    ----------
+    lines : of the file, without empty ones
+    mark : between cells, None for white space
+    path : of the file, for messages
+
+    Returns
+    -------
+    index of the line at which the numbers begin, and values (rows, columns), NaN where a cell is
+    blank or missing
+
+    Raises
+    ------
+    BadFile : no two rows of numbers follow each other
     """
     for start in range(max(len(lines) - 1, 0)):
         first = _row(lines[start], mark)
@@ -197,8 +282,18 @@ def _numbers(lines: Sequence[str], mark: str | None, path: Path) -> tuple[int, A
 
 
 def _names(heading: Sequence[Sequence[str]], width: int) -> list[str]:
-    """Names of the columns: a line of words, with the plates' names from the line above and units
-    from that below.
+    """Read the names of the columns from a heading.
+
+    They are a line of words, with the plates' names from the line above and units from that below.
+
+    Parameters
+    ----------
+    heading : cells of each line above the numbers
+    width : count of columns
+
+    Returns
+    -------
+    one name per column; none where no line has a word for most columns
     """
     units = [""] * width
     for at in range(len(heading) - 1, -1, -1):
@@ -224,14 +319,24 @@ def _names(heading: Sequence[Sequence[str]], width: int) -> list[str]:
 
 
 def _plate(group: str) -> str:
-    """A plate's name in a line of groups, without the quantity that columns name themselves."""
+    """Return a plate's name from a line of groups, without the quantity behind it."""
     return re.sub(
         r"force[\s_]*(plate|platform)", r"\1", PART_OF_PLATE.sub("", group), flags=re.IGNORECASE
     ).strip()
 
 
 def _spread(cells: Sequence[str], width: int) -> list[str]:
-    """A line of groups, each over its own column and the blank ones behind it."""
+    """Repeat each group's name over its own column and the blank ones behind it.
+
+    Parameters
+    ----------
+    cells : of the line of groups
+    width : count of columns
+
+    Returns
+    -------
+    one name per column, "" before the first group
+    """
     result = []
     last = ""
     for index in range(width):
@@ -241,8 +346,15 @@ def _spread(cells: Sequence[str], width: int) -> list[str]:
 
 
 def _rate(heading: Sequence[Sequence[str]]) -> float:
-    """Samples a second, from a heading that has them: a number alone in its line, or behind a word;
-    0 without.
+    """Find the rate in a heading: a number alone in its line, or behind a word for a rate.
+
+    Parameters
+    ----------
+    heading : cells of each line above the numbers
+
+    Returns
+    -------
+    samples per second [Hz], 0 where the heading states none
     """
     for cells in heading:
         filled = [cell for cell in cells if cell]
@@ -256,6 +368,7 @@ def _rate(heading: Sequence[Sequence[str]]) -> float:
 
 
 def _plain(name: str) -> str:
+    """Return a name in small letters without its unit and the characters around it."""
     return (
         UNIT.sub("", name)
         .split("[")[0]
@@ -267,7 +380,24 @@ def _plain(name: str) -> str:
 
 
 def _times(names: Sequence[str], values: Array, rate: float, notes: list[str], path: Path) -> Array:
-    """Times of the rows [s]: of a column, else of frames or rows at the rate."""
+    """Find the times of the rows, by a column of times or by frames or rows at the rate.
+
+    Parameters
+    ----------
+    names : one per column
+    values : (rows, columns)
+    rate : of the rows [Hz], 0 for unknown
+    notes : gets a note where times follow from the rate
+    path : of the file, for messages
+
+    Returns
+    -------
+    (rows,) [s]
+
+    Raises
+    ------
+    BadFile : there is neither a column of times nor a rate, or times do not rise
+    """
     plain = [_plain(name) for name in names]
     column = next((index for index, name in enumerate(plain) if name in TIMES), None)
     if column is not None:
@@ -297,7 +427,17 @@ def _times(names: Sequence[str], values: Array, rate: float, notes: list[str], p
 
 
 def _in_metres(wrenches: Wrenches, table: Table) -> Wrenches:
-    """Points and moments in m and N m if the table names no unit and their size allows no other."""
+    """Convert points in mm and moments in N mm that name no unit, by their size.
+
+    Parameters
+    ----------
+    wrenches : (frames, forces, 3) as the table has them
+    table : whose columns they are
+
+    Returns
+    -------
+    points [m] and torques [N m], with a note for each that was converted
+    """
     notes = list(wrenches.notes)
     points = wrenches.points.copy()
     torques = wrenches.torques.copy()
@@ -320,7 +460,21 @@ def _in_metres(wrenches: Wrenches, table: Table) -> Wrenches:
 
 
 def _about_origins(wrenches: Wrenches, origins: Sequence[tuple[float, float, float]]) -> Wrenches:
-    """Moments of forces without a center of pressure about points of their own."""
+    """Place moments of forces without a center of pressure at points of their own.
+
+    Parameters
+    ----------
+    wrenches : (frames, forces, 3)
+    origins : [m], one per force without a center of pressure, in their order
+
+    Returns
+    -------
+    the wrenches, with the origins as points of those forces
+
+    Raises
+    ------
+    BadData : there are more or fewer origins than such forces
+    """
     bare = [index for index in range(len(wrenches.names)) if not wrenches.points[:, index].any()]
     if len(bare) != len(origins):
         raise BadData(

@@ -1,6 +1,4 @@
-"""How many frames a recording has and at what rate, from its first bytes: for plans, without
-reading it whole.
-"""
+"""Count of frames and rate of a recording, for plans, from its first bytes alone."""
 
 from __future__ import annotations
 
@@ -27,14 +25,24 @@ SHARE = 0.1
 
 @dataclass(frozen=True)
 class FrameCount:
-    """What a recording says of its length."""
+    """Length and rate that a recording states."""
 
     frames: int | None = None  # None where its first bytes do not tell
     rate: float | None = None  # frames a second [Hz], None where they do not show it
     start: float | None = None  # time of the first frame [s], None where they do not show it
 
     def within(self, time: tuple[float, float] | None) -> int | None:
-        """Frames of a part of the recording, from start to end [s], within those recorded."""
+        """Count the frames of a part of the recording.
+
+        Parameters
+        ----------
+        time : start and end of the part [s], None for the whole recording
+
+        Returns
+        -------
+        frames within those recorded; all of them where the rate is unknown, None where their count
+        is
+        """
         if self.frames is None or time is None or self.rate is None:
             return self.frames
         asked = round((time[1] - time[0]) * self.rate) + 1
@@ -46,8 +54,15 @@ class FrameCount:
 
 
 def count_frames(path: str | os.PathLike[str]) -> FrameCount:
-    """What the header of a recording says; nothing where it is damaged, or tells it only at its
-    end.
+    """Read count, rate and start of the frames from the first bytes of a recording.
+
+    Parameters
+    ----------
+    path : of the file (.trc, .c3d or keypoints in HDF5)
+
+    Returns
+    -------
+    None for all that a damaged file, or one of another kind, does not state there
     """
     path = Path(path)
     try:
@@ -69,14 +84,23 @@ def count_frames(path: str | os.PathLike[str]) -> FrameCount:
 
 
 def _told(frames: float, rate: float, start: float = float("nan")) -> FrameCount:
+    """Return what is stated, None in place of numbers that cannot be."""
     whole = int(frames) if np.isfinite(frames) and 0 < frames < 2**31 else None
     often = float(rate) if np.isfinite(rate) and rate > 0.0 else None
     return FrameCount(whole, often, float(start) if np.isfinite(start) else None)
 
 
 def _trc(head: bytes, path: Path) -> FrameCount:
-    """By the header, unless the file is too short or too long for it; the rate by the column of
-    times.
+    """Count frames by the header, unless the file is too short or too long for it.
+
+    Parameters
+    ----------
+    head : first bytes of the file
+    path : of the file; its size is compared with that of the rows in `head`
+
+    Returns
+    -------
+    rate and start by the column of times, the rate by the header where this has one time
     """
     text = head.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
     facts, start = trc_head(text, path)

@@ -35,11 +35,20 @@ _TYPES = {"Float32": "f4", "Float64": "f8"} | {
 def read_surfaces(
     model: Model, folders: Sequence[str | Path], root: str | Path | None = None
 ) -> tuple[dict[str, Surface], tuple[str, ...]]:
-    """The meshes a model draws its bodies with, by the name the model gives them. What cannot be
-    drawn is left out and named in a warning: a picture is not worth a stop. `folders`: where to
-    look, in order; `root`: names may climb out of a folder (`../meshes/femur.stl`, as MuJoCo's
-    models do) as long as they stay inside this one; None forbids climbing; returns surfaces by
-    `Mesh.file`, and warnings, one line each.
+    """Read the meshes that a model draws its bodies with.
+
+    What cannot be drawn is left out and named in a warning: a picture is not worth a stop.
+
+    Parameters
+    ----------
+    model : its bodies' meshes are read
+    folders : where to look, in order
+    root : names may climb out of a folder (`../meshes/femur.stl`, as MuJoCo's models do) as long as
+        they stay inside this one; None forbids climbing
+
+    Returns
+    -------
+    surfaces in the files' units by `Mesh.file`, and warnings, one line each
     """
     wanted = [
         mesh.file
@@ -79,8 +88,19 @@ def read_surfaces(
 def find_mesh(
     name: str, folders: Iterable[str | Path], root: str | Path | None = None
 ) -> Path | None:
-    """Path of a mesh inside one of the folders, None where there is none or the name leads outside.
+    """Find a mesh inside one of the folders.
+
     Models made on Windows often write another case than the file has; the one that exists is taken.
+
+    Parameters
+    ----------
+    name : of the file as the model has it, with folders or without
+    folders : where to look, in order
+    root : folder in which a name may climb; None forbids climbing
+
+    Returns
+    -------
+    path of the file; None where there is none or the name leads outside
     """
     if not _allowed(name, root is not None):
         return None
@@ -102,7 +122,7 @@ def find_mesh(
 
 
 def _allowed(name: str, climbing: bool) -> bool:
-    """Whether a mesh's name stays where the model is: relative, no drive, no way up."""
+    """Return whether a mesh's name stays where the model is: relative, no drive, no way up."""
     windows = PureWindowsPath(name)
     posix = PurePosixPath(name.replace("\\", "/"))
     if not name or "\0" in name or windows.drive or windows.root or posix.is_absolute():
@@ -111,7 +131,7 @@ def _allowed(name: str, climbing: bool) -> bool:
 
 
 def read_mesh(path: str | Path) -> Surface:
-    """The surface in a VTP, OBJ, STL or PLY file, in the file's own units (meters in models).
+    """Read the surface in a VTP, OBJ, STL or PLY file.
 
     Vertices that lie on each other become one; polygons become triangles; textures and materials
     are not read.
@@ -125,12 +145,11 @@ def read_mesh(path: str | Path) -> Surface:
 
     Returns
     -------
-    vertices (vertices, 3) in the file's units and faces (faces, 3)
+    vertices (vertices, 3) in the file's units (meters in models) and faces (faces, 3)
 
     Raises
     ------
-    BadFile
-        The file is absent, too large, cut off, of another kind or without a surface.
+    BadFile : the file is absent, too large, cut off, of another kind or without a surface
 
     Examples
     --------
@@ -163,6 +182,7 @@ def read_mesh(path: str | Path) -> Surface:
 
 
 def _read_other(path: Path, kind: str) -> Surface:
+    """Read an OBJ, STL or PLY file; `BadFile` where it holds no triangles."""
     content = path.read_bytes()
     if (
         kind == "stl"
@@ -187,8 +207,16 @@ def _read_other(path: Path, kind: str) -> Surface:
 
 
 def merged(vertices: Array, faces: np.ndarray) -> Surface:
-    """A surface whose equal vertices are one, so that its normals are smooth (STL repeats every
-    corner).
+    """Merge equal vertices, so that normals are smooth (STL repeats every corner).
+
+    Parameters
+    ----------
+    vertices : (vertices, 3)
+    faces : (faces, 3) indices of vertices
+
+    Returns
+    -------
+    the surface with its vertices in rising order of x, y and z
     """
     vertices = np.asarray(vertices, dtype=np.float64)
     # What np.unique gives for rows, five times as fast.
@@ -201,7 +229,20 @@ def merged(vertices: Array, faces: np.ndarray) -> Surface:
 
 
 def _read_vtp(path: Path) -> Surface:
-    """VTK's XML PolyData: ASCII, base64 and appended arrays, compressed by zlib or not."""
+    """Read VTK's XML PolyData: ASCII, base64 and appended arrays, compressed by zlib or not.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    the surface of all pieces, polygons and strips as triangles
+
+    Raises
+    ------
+    BadFile : it is not such a file, declares XML entities, or holds no polygons
+    """
     content = path.read_bytes()
     marked = re.search(rb"<AppendedData[^>]*>", content)
     appended = b""
@@ -253,7 +294,17 @@ def _read_vtp(path: Path) -> Surface:
 
 
 def _fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Triangles of polygons given by the end of each one's corners."""
+    """Split polygons into triangles around each one's first corner.
+
+    Parameters
+    ----------
+    corners : (corners,) indices of vertices, polygon after polygon
+    ends : (polygons,) index behind each polygon's last corner
+
+    Returns
+    -------
+    (triangles, 3)
+    """
     starts = np.concatenate([[0], ends[:-1]])
     sides = ends - starts
     triangles = []
@@ -266,7 +317,17 @@ def _fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
 
 
 def _strips(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Triangles of strips: every next corner makes one with the two before it."""
+    """Split strips into triangles: every next corner makes one with the two before it.
+
+    Parameters
+    ----------
+    corners : (corners,) indices of vertices, strip after strip
+    ends : (strips,) index behind each strip's last corner
+
+    Returns
+    -------
+    (triangles, 3), every second one of a strip turned over so that all face one side
+    """
     triangles = []
     for start, end in zip(np.concatenate([[0], ends[:-1]]), ends, strict=True):
         strip = corners[start:end]
@@ -287,7 +348,20 @@ class _Arrays:
         self.raw = raw
 
     def array(self, element: etree._Element | None) -> np.ndarray:
-        """Numbers of one element, flat."""
+        """Read the numbers of one element, flat.
+
+        Parameters
+        ----------
+        element : a `DataArray`
+
+        Returns
+        -------
+        (numbers,) in the element's type
+
+        Raises
+        ------
+        ValueError : there is no element, it is cut off, or its compressor is unknown
+        """
         if element is None:
             raise ValueError("no DataArray")
         kind = _TYPES[element.get("type", "Float32")]
@@ -302,6 +376,22 @@ class _Arrays:
         )
 
     def _decoded(self, data: bytes, kind: str, raw: bool) -> np.ndarray:
+        """Decode an array behind its header: a count of bytes, or sizes of compressed blocks.
+
+        Parameters
+        ----------
+        data : from the array's first byte or character on; more may follow
+        kind : data type of the numbers
+        raw : whether they are bytes, not base64
+
+        Returns
+        -------
+        (numbers,)
+
+        Raises
+        ------
+        ValueError : it is cut off, or its compressor is unknown
+        """
         size = np.dtype(self.header).itemsize
         if not self.compressor:
             body = data if raw else base64.b64decode(_only_base64(data))
@@ -328,24 +418,35 @@ class _Arrays:
 
 
 def _padded(size: int) -> int:
-    """Characters that base64 needs for so many bytes."""
+    """Return how many characters base64 needs for so many bytes."""
     return 4 * ((size + 2) // 3)
 
 
 def _only_base64(data: bytes) -> bytes:
-    """The first run of base64 text: appended arrays stand one behind the other."""
+    """Cut out the first run of base64 text: appended arrays stand one behind the other."""
     match = re.match(rb"[A-Za-z0-9+/]*={0,2}", data)
     return match[0] if match else b""
 
 
 def _exactly(data: bytes, count: int) -> bytes:
+    """Return the first bytes; `ValueError` where there are fewer than `count`."""
     if len(data) < count:
         raise ValueError(f"expected {count} bytes, but got {len(data)}")
     return data[:count]
 
 
 def write_obj(surface: Surface, path: str | os.PathLike[str]) -> None:
-    """Write a surface as Wavefront OBJ, in metres with eight digits; OpenSim and MuJoCo read it."""
+    """Write a surface as Wavefront OBJ, which OpenSim and MuJoCo read.
+
+    Parameters
+    ----------
+    surface : vertices (vertices, 3) [m], written with eight digits
+    path : of the new file, replaced where it exists
+
+    Raises
+    ------
+    BadFile : the file cannot be written
+    """
     path = Path(path)
     vertices = "\n".join(f"v {x:.8g} {y:.8g} {z:.8g}" for x, y, z in surface.vertices.tolist())
     faces = "\n".join(f"f {a} {b} {c}" for a, b, c in (np.asarray(surface.faces) + 1).tolist())

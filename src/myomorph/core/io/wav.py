@@ -29,7 +29,7 @@ _KINDS = {(_INTEGER, 8), (_INTEGER, 16), (_INTEGER, 24), (_INTEGER, 32), (_FLOAT
 
 @dataclass(frozen=True)
 class _Format:
-    """What the chunk `fmt ` says of the samples."""
+    """Format of the samples, by the chunk `fmt `."""
 
     kind: int
     channels: int
@@ -43,9 +43,23 @@ class _Format:
 
 
 def read_wav(path: str | os.PathLike[str], start: float = 0.0) -> Sound:
-    """Read a WAV file; channels are named "1", "2", ... as the recorder's inputs. A file whose
-    header promises more than it holds (a recording that was cut off) is read as far as it goes,
-    with a warning. `start`: time of the first sample on the motion's clock [s].
+    """Read a WAV file; channels are named "1", "2", ... as the recorder's inputs.
+
+    A file whose header promises more than it holds (a recording that was cut off) is read as far as
+    it goes, with a warning.
+
+    Parameters
+    ----------
+    path : of the file
+    start : time of the first sample on the motion's clock [s]
+
+    Returns
+    -------
+    samples (samples, channels) as a fraction of full scale; `warnings` say what was assumed
+
+    Raises
+    ------
+    BadFile : it cannot be read, is no such file, holds samples in another format, none, or too many
     """
     path = Path(path)
     data = mapped_bytes(path)
@@ -85,7 +99,21 @@ def read_wav(path: str | os.PathLike[str], start: float = 0.0) -> Sound:
 
 
 def _chunks(data: np.ndarray, path: Path) -> tuple[_Format, int, int]:
-    """The format, where the samples begin, and how many bytes of them the header promises."""
+    """Find the format and the samples of a WAV file.
+
+    Parameters
+    ----------
+    data : (bytes,) of the file
+    path : of the file, for messages
+
+    Returns
+    -------
+    format, index of the samples' first byte, and how many bytes of them the header promises
+
+    Raises
+    ------
+    BadFile : it is no such file, or lacks the chunk of the format or of the samples
+    """
     magic = bytes(data[:4])
     if magic in (b"RF64", b"RIFX", b"FORM"):
         raise BadFile(path, f"is a {magic.decode()} file, which is not read", HINT)
@@ -108,6 +136,7 @@ def _chunks(data: np.ndarray, path: Path) -> tuple[_Format, int, int]:
 
 
 def _format(raw: bytes, path: Path) -> _Format:
+    """Read the chunk `fmt `; `BadFile` where the samples have a format that is not read."""
     if len(raw) < 16:
         raise BadFile(path, f"its chunk 'fmt ' has {len(raw)} bytes instead of 16 or more", HINT)
     kind, channels, rate, _, block, bits = struct.unpack("<HHIIHH", raw[:16])
@@ -124,7 +153,17 @@ def _format(raw: bytes, path: Path) -> _Format:
 
 
 def _decoded(raw: np.ndarray, facts: _Format) -> np.ndarray:
-    """Samples (samples, channels) in shares of full scale."""
+    """Convert samples to fractions of full scale.
+
+    Parameters
+    ----------
+    raw : (bytes,) of whole samples
+    facts : their format
+
+    Returns
+    -------
+    (samples, channels) in single precision, integers between -1 and 1
+    """
     if facts.kind == _FLOAT:
         values = raw.view(f"<f{facts.bits // 8}").astype(np.float32)
     elif facts.bits == 8:

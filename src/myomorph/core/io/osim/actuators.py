@@ -1,6 +1,4 @@
-"""OpenSim's ideal actuators (coordinate, torque, point, point to point), their files, and files of
-controls.
-"""
+"""OpenSim's ideal actuators (coordinate, torque, point, point to point), and files of controls."""
 
 from __future__ import annotations
 
@@ -37,7 +35,17 @@ AFTER = ("<min_nodes />", "<max_nodes />", "<kp>100</kp>", "<kv>20</kv>")
 
 
 def read_actuator(node: Node) -> Actuator:
-    """An ideal actuator with the names the file gives, not yet looked up in a model."""
+    """Read an ideal actuator with the names that the file has, not yet looked up in a model.
+
+    Parameters
+    ----------
+    node : the actuator
+
+    Returns
+    -------
+    points [m] and directions (3,) in the frames that the file names; before document version 1.9.5
+    the file has directions of the force on the other body
+    """
     old = node.document.version < OLD
     if node.kind == "CoordinateActuator":
         coordinate = plain_name(node.text("", "coordinate"))
@@ -76,7 +84,7 @@ def read_actuator(node: Node) -> Actuator:
 
 
 def _bare(node: Node, kind: ActuatorKind) -> Actuator:
-    """What actuators of all kinds have."""
+    """Read the fields that actuators of all kinds have."""
     return Actuator(
         name=node.name,
         kind=kind,
@@ -88,6 +96,7 @@ def _bare(node: Node, kind: ActuatorKind) -> Actuator:
 
 
 def _body(node: Node, tag: str) -> str:
+    """Read the name of a body, "" where none is assigned."""
     text = node.text("", tag)
     return "" if text == "Unassigned" else text
 
@@ -98,8 +107,22 @@ def placed_actuator(
     pose_of: Callable[[str], tuple[str, Transform]],
     where: str,
 ) -> Actuator:
-    """The actuator with its names looked up, its points and directions in bodies. `pose_of`: body
-    and pose of the frame of a name; `where`: begins the message about an unknown name.
+    """Look up the names of an actuator and place its points and directions in bodies.
+
+    Parameters
+    ----------
+    actuator : as `read_actuator` gives it
+    coordinates : names of the model's coordinates
+    pose_of : gives body and pose of the frame of a name
+    where : begins the message about an unknown name
+
+    Returns
+    -------
+    the actuator with its points [m] and directions (3,) in bodies, or in ground where it says so
+
+    Raises
+    ------
+    UnknownName : its coordinate or frame does not exist
     """
     if actuator.kind == "coordinate":
         check_name("coordinate", actuator.coordinate, coordinates, where)
@@ -119,7 +142,13 @@ def placed_actuator(
 
 
 def write_actuator(parent: etree._Element, actuator: Actuator) -> None:
-    """An ideal actuator."""
+    """Write an ideal actuator.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    actuator : to write
+    """
     kinds = dict(zip(("coordinate", "torque", "point", "point_to_point"), KINDS, strict=True))
     element = child(parent, kinds[actuator.kind], name=actuator.name)
     put(
@@ -154,8 +183,22 @@ def write_actuator(parent: etree._Element, actuator: Actuator) -> None:
 def read_actuators(
     path: str | os.PathLike[str], model: Model | None = None
 ) -> tuple[Actuator, ...]:
-    """The actuators of a ForceSet file, those it switches off left out. `model`: where given, names
-    are looked up in it, and points on its offset frames placed in bodies.
+    """Read the actuators of a ForceSet file, those it switches off left out.
+
+    Parameters
+    ----------
+    path : of the file
+    model : names are looked up in it, and points on its offset frames placed in bodies; None leaves
+        names and points as the file has them
+
+    Returns
+    -------
+    the actuators, one or more
+
+    Raises
+    ------
+    BadFile : it is no such file, has other forces, or no actuator that is switched on
+    UnknownName : the model lacks a coordinate or frame that an actuator names
     """
     node = read_document(path, ("ForceSet", "ActuatorSet"), "a set of actuators (ForceSet)")
     actuators = []
@@ -171,6 +214,7 @@ def read_actuators(
 
 
 def _looked_up(actuator: Actuator, model: Model) -> Actuator:
+    """Look up an actuator's names in a model; `UnknownName` where it lacks one."""
     where = f"the model (for actuator '{actuator.name}')"
     return placed_actuator(
         actuator, model.coordinate_names, lambda name: _place(name, model, where), where
@@ -178,6 +222,7 @@ def _looked_up(actuator: Actuator, model: Model) -> Actuator:
 
 
 def _place(text: str, model: Model, where: str) -> tuple[str, Transform]:
+    """Return body and pose of the body or frame that a text names in a model."""
     name = plain_name(text)
     if not name or name == GROUND or name in model.body_names:
         return name, Transform.identity()
@@ -193,7 +238,18 @@ def _place(text: str, model: Model, where: str) -> tuple[str, Transform]:
 
 
 def write_controls(table: Table, path: str | os.PathLike[str], name: str = "Control Set") -> None:
-    """Write the columns of a table as controls, whole or not at all."""
+    """Write the columns of a table as controls, whole or not at all.
+
+    Parameters
+    ----------
+    table : controls (rows, columns) over times [s]; the names of its columns are the actuators'
+    path : of the new file, replaced where it exists
+    name : of the set of controls
+
+    Raises
+    ------
+    BadFile : the file cannot be written
+    """
     # It imports what opens web addresses, which reading a model does without.
     from xml.sax.saxutils import quoteattr
 
@@ -214,5 +270,5 @@ def write_controls(table: Table, path: str | os.PathLike[str], name: str = "Cont
 
 
 def _number(value: float) -> str:
-    """As OpenSim's XML has it."""
+    """Write a number as OpenSim's XML has it."""
     return "NaN" if value != value else f"{value:.12g}"

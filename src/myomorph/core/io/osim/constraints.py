@@ -32,7 +32,23 @@ KINDS = ("CoordinateLimitForce", "SpringGeneralizedForce")
 def read_constraints(
     model: Node, frames: Frames, coordinates: tuple[str, ...]
 ) -> tuple[tuple[Coupler, ...], tuple[Loop, ...], tuple[Kept, ...]]:
-    """Couplers, loops and the rest; a constraint that is not enforced is only kept."""
+    """Read couplers and loops; other constraints, and those not enforced, are only stored.
+
+    Parameters
+    ----------
+    model : its node
+    frames : of the model
+    coordinates : names of its coordinates
+
+    Returns
+    -------
+    couplers, loops and stored parts, in the file's order
+
+    Raises
+    ------
+    BadFile, BadModel : a coupler has no function, or one that is not supported
+    UnknownName : a constraint names a coordinate or a frame that does not exist
+    """
     couplers = []
     loops = []
     kept = []
@@ -49,6 +65,7 @@ def read_constraints(
 
 
 def _coupler(node: Node, coordinates: tuple[str, ...]) -> Coupler:
+    """Read a coupler of coordinates [rad or m], its function multiplied by its scale factor."""
     function = node.inner("coupled_coordinates_function")
     if function is None:
         raise node.bad("has no coupled_coordinates_function")
@@ -72,6 +89,7 @@ def _coupler(node: Node, coordinates: tuple[str, ...]) -> Coupler:
 
 
 def _loop(node: Node, frames: Frames) -> Loop:
+    """Read a point or weld constraint as two frames on bodies."""
     if node.kind == "PointConstraint":
         ends = []
         for i in "12":
@@ -86,8 +104,21 @@ def _loop(node: Node, frames: Frames) -> Loop:
 
 
 def tied_frame(node: Node, frames: Frames, i: str) -> tuple[str, Transform]:
-    """Body and pose of the first ("1") or second ("2") frame of what links two, in any version's
-    layout.
+    """Read one of the two frames of an object that links two, in any version's layout.
+
+    Parameters
+    ----------
+    node : the object
+    frames : of the model
+    i : "1" for the first frame, "2" for the second
+
+    Returns
+    -------
+    name of the body, and the frame's pose in it
+
+    Raises
+    ------
+    UnknownName : the frame does not exist
     """
     text = node.socket(f"frame{i}", f"body_{i}")
     body, pose = frames.place(text, node)
@@ -97,7 +128,21 @@ def tied_frame(node: Node, frames: Frames, i: str) -> tuple[str, Transform]:
 def read_passive_torques(
     model: Node, coordinates: Sequence[Coordinate]
 ) -> tuple[PassiveTorque, ...]:
-    """The passive torques of a model's forces, those switched off left out."""
+    """Read the passive torques of a model's forces, those switched off left out.
+
+    Parameters
+    ----------
+    model : its node
+    coordinates : of the model
+
+    Returns
+    -------
+    a torque for each spring, and two for each limit of a coordinate, over the coordinate [rad or m]
+
+    Raises
+    ------
+    UnknownName : a force acts on a coordinate that does not exist
+    """
     by_name = {coordinate.name: coordinate for coordinate in coordinates}
     passive_torques: list[PassiveTorque] = []
     for node in model.items("ForceSet"):
@@ -123,7 +168,21 @@ def read_passive_torques(
 
 
 def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
-    """The bushings of a model's forces, those switched off left out."""
+    """Read the bushings of a model's forces, those switched off left out.
+
+    Parameters
+    ----------
+    model : its node
+    frames : of the model
+
+    Returns
+    -------
+    frames on two bodies each, with stiffness [N m/rad, N/m] and damping [N m s/rad, N s/m] (3,)
+
+    Raises
+    ------
+    UnknownName : a bushing is on a frame that does not exist
+    """
     bushings = []
     for node in model.items("ForceSet"):
         if node.kind != BUSHING or not node.is_applied:
@@ -147,8 +206,19 @@ def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
 
 
 def _limits(node: Node, coordinate: Coordinate) -> list[PassiveTorque]:
-    """The torques of both limits: nothing inside, then a stiffness that rises over the transition.
-    Rotational limits are in degrees, their stiffness and damping per degree.
+    """Read the torques of both limits of a coordinate.
+
+    They are 0 inside; beyond, a stiffness rises over the transition. Rotational limits are in
+    degrees, their stiffness and damping per degree.
+
+    Parameters
+    ----------
+    node : the `CoordinateLimitForce`
+    coordinate : that it acts on
+
+    Returns
+    -------
+    torque of the upper limit, then of the lower one, over radians or meters
     """
     unit = np.pi / 180.0 if coordinate.motion == "rotational" else 1.0
     width = node.number("transition", 0.1) * unit
@@ -179,7 +249,15 @@ def _limits(node: Node, coordinate: Coordinate) -> list[PassiveTorque]:
 def _pieces(
     limit: float, width: float, within: np.ndarray, beyond: list[float]
 ) -> PiecewisePolynomial:
-    """0 up to the limit, `within` over the transition, `beyond` after it."""
+    """Join polynomials: 0 up to the limit, `within` over the transition, `beyond` after it.
+
+    Parameters
+    ----------
+    limit : where the transition begins [rad or m]
+    width : of the transition [rad or m]
+    within : coefficients in the distance from `limit`, the constant first, 7 at most
+    beyond : coefficients in the distance from the transition's end
+    """
     rows = np.zeros((3, 7))
     rows[1, : len(within)] = within
     rows[2, : len(beyond)] = beyond
@@ -187,7 +265,7 @@ def _pieces(
 
 
 def _mirrored(function: PiecewisePolynomial) -> PiecewisePolynomial:
-    """g(x) = f(-x) of a function of three pieces whose first break is given twice."""
+    """Mirror a function of three pieces whose first break is given twice: g(x) = f(-x)."""
     _, low, high = function.breaks
     width = high - low
     left, middle, right = function.coefficients
@@ -200,8 +278,13 @@ def _mirrored(function: PiecewisePolynomial) -> PiecewisePolynomial:
 
 
 def write_passive(parent: etree._Element, passive: PassiveTorque, warnings: list[str]) -> None:
-    """A spring of a coordinate, where the torque is a line and the damping constant; else a
-    warning.
+    """Write a passive torque as a spring of a coordinate.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    passive : torque of the coordinate [N m or N]
+    warnings : gets a line where the torque is no line or the damping not constant: it is left out
     """
     torque = passive.torque
     damping = passive.damping
@@ -230,14 +313,27 @@ def write_passive(parent: etree._Element, passive: PassiveTorque, warnings: list
 
 
 def write_bushing(parent: etree._Element, bushing: Bushing) -> None:
-    """Springs and dampers between two frames."""
+    """Write springs and dampers between two frames.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    bushing : to write
+    """
     element = child(parent, BUSHING, name=bushing.name)
     _write_ends(element, bushing)
     put(element, **{part: getattr(bushing, part) for part in BUSHING_PARTS})
 
 
 def write_coupler(parent: etree._Element, coupler: Coupler, warnings: list[str]) -> None:
-    """A coordinate coupler."""
+    """Write a coordinate coupler.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    coupler : to write
+    warnings : gets a line where OpenSim has no such function or coupler
+    """
     element = child(parent, "CoordinateCouplerConstraint", name=coupler.name)
     put(element, isEnforced=True)
     holder = child(element, "coupled_coordinates_function")
@@ -252,7 +348,14 @@ def write_coupler(parent: etree._Element, coupler: Coupler, warnings: list[str])
 
 
 def write_loop(parent: etree._Element, loop: Loop, warnings: list[str]) -> None:
-    """A point or weld constraint."""
+    """Write a point or weld constraint.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    loop : to write
+    warnings : gets a line where it is of another kind: it is left out
+    """
     if loop.kind in ("PointConstraint", "connect"):
         element = child(parent, "PointConstraint", name=loop.name)
         for i, body, pose in (("1", loop.body_1, loop.pose_1), ("2", loop.body_2, loop.pose_2)):
@@ -266,7 +369,7 @@ def write_loop(parent: etree._Element, loop: Loop, warnings: list[str]) -> None:
 
 
 def _write_ends(element: etree._Element, tie: Loop | Bushing) -> None:
-    """The two frames of what links bodies, as offset frames of its own."""
+    """Write the two frames of an object that links bodies, as offset frames of its own."""
     frames = etree.Element("frames")
     for i, body, pose in (("1", tie.body_1, tie.pose_1), ("2", tie.body_2, tie.pose_2)):
         child(element, f"socket_frame{i}", legal(f"{body}_frame{i}"))

@@ -1,5 +1,6 @@
-"""An OpenSim document as typed properties: versions, defaults sections and component paths; and
-elements to write.
+"""An OpenSim document as typed properties, and elements to write.
+
+Versions, defaults sections and component paths are looked after here.
 """
 
 from __future__ import annotations
@@ -56,16 +57,19 @@ class Document:
     warnings: list[str] = field(default_factory=list)  # filled while reading, one line each
 
     def warn(self, line: str) -> None:
-        """Remember a warning once."""
+        """Add a warning, once.
+
+        Parameters
+        ----------
+        line : of text
+        """
         if line not in self.warnings:
             self.warnings.append(line)
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One object of the file: its properties, those of the defaults section where it has none
-    itself.
-    """
+    """One object of the file: its properties, else those of the defaults section."""
 
     element: etree._Element
     document: Document
@@ -79,12 +83,21 @@ class Node:
 
     @cached_property
     def name(self) -> str:
-        """The name attribute, without the blanks that OpenSim 4 takes out of old names."""
+        """Name attribute, without the blanks that OpenSim 4 takes out of old names."""
         name = str(self.element.get("name", "")).strip()
         return re.sub(r"\s+", "", name) if self.document.version < 30500 else name
 
     def find(self, *tags: str) -> etree._Element | None:
-        """First child element of one of the tags, or the defaults section's."""
+        """Find the first child element of one of the tags, or the defaults section's.
+
+        Parameters
+        ----------
+        tags : in order of preference
+
+        Returns
+        -------
+        the element, None where neither has one
+        """
         for tag in tags:
             result = self.element.find(tag)
             if result is not None:
@@ -95,12 +108,26 @@ class Node:
         return next((result for tag in tags if (result := default.find(tag)) is not None), None)
 
     def child(self, *tags: str) -> Node | None:
-        """First child of one of the tags as a node."""
+        """Find the first child of one of the tags as a node, None where there is none.
+
+        Parameters
+        ----------
+        tags : in order of preference
+        """
         element = self.find(*tags)
         return None if element is None else self.node(element)
 
     def inner(self, *tags: str) -> Node | None:
-        """The object inside a property: `<function><Constant/></function>` gives the Constant."""
+        """Find the object inside a property, in `<function><Constant/></function>` the Constant.
+
+        Parameters
+        ----------
+        tags : of the property, in order of preference
+
+        Returns
+        -------
+        the first object inside, None where there is none
+        """
         holder = self.find(*tags)
         if holder is None:
             return None
@@ -109,12 +136,26 @@ class Node:
         )
 
     def node(self, element: etree._Element) -> Node:
-        """A child element as a node, with its component path."""
+        """Wrap a child element as a node, with its component path.
+
+        Parameters
+        ----------
+        element : inside this one
+        """
         name = element.get("name", "")
         return Node(element, self.document, f"{self.path}/{name}" if name else self.path)
 
     def items(self, tag: str) -> list[Node]:
-        """Objects of a set (`<tag><objects>...`) or of a list property (`<tag>...`)."""
+        """List the objects of a set (`<tag><objects>...`) or of a list property (`<tag>...`).
+
+        Parameters
+        ----------
+        tag : of the set or property
+
+        Returns
+        -------
+        the objects in the file's order, with their component paths; none where the set is absent
+        """
         owner_element = self.find(tag)
         if owner_element is None:
             return []
@@ -129,16 +170,45 @@ class Node:
         return [owner.node(element) for element in holder if isinstance(element.tag, str)]
 
     def words(self, *tags: str) -> list[str]:
-        """A property that is a list of names."""
+        """Read a property that is a list of names.
+
+        Parameters
+        ----------
+        tags : in order of preference
+
+        Returns
+        -------
+        the names, none where the property is absent
+        """
         return self.text("", *tags).split()
 
     def text(self, default: str, *tags: str) -> str:
-        """A property that is a text."""
+        """Read a property that is a text.
+
+        Parameters
+        ----------
+        default : value where the property is absent
+        tags : in order of preference
+
+        Returns
+        -------
+        the text without blanks around
+        """
         element = self.find(*tags)
         return default if element is None else (element.text or "").strip()
 
     def flag(self, tag: str, default: bool) -> bool:
-        """A property that is true or false."""
+        """Read a property that is true or false.
+
+        Parameters
+        ----------
+        tag : of the property
+        default : value where it is absent or empty
+
+        Raises
+        ------
+        BadFile : it is another text
+        """
         text = self.text("", tag).lower()
         if text in ("true", "1", "false", "0"):
             return text in ("true", "1")
@@ -152,7 +222,22 @@ class Node:
         return self.flag("appliesForce", not self.flag("isDisabled", False))
 
     def number(self, tag: str, default: float, infinite: bool = False) -> float:
-        """A property that is one number."""
+        """Read a property that is one number.
+
+        Parameters
+        ----------
+        tag : of the property
+        default : value where it is absent or empty
+        infinite : whether it may be infinite
+
+        Returns
+        -------
+        the number in the file's unit
+
+        Raises
+        ------
+        BadFile : it is no number, several, NaN, or infinite where it may not be
+        """
         values = self.numbers(tag, None, infinite)
         if values is None or not len(values):
             return default
@@ -163,7 +248,22 @@ class Node:
     def vector(
         self, tag: str, default: tuple[float, ...] = (0.0, 0.0, 0.0), infinite: bool = False
     ) -> Array:
-        """A property of as many numbers as its default."""
+        """Read a property of as many numbers as its default.
+
+        Parameters
+        ----------
+        tag : of the property
+        default : value where it is absent or empty
+        infinite : whether numbers may be infinite
+
+        Returns
+        -------
+        (numbers,) in the file's unit
+
+        Raises
+        ------
+        BadFile : it has more or fewer numbers, or some that are not allowed
+        """
         values = self.numbers(tag, None, infinite)
         if values is None or not len(values):
             return np.array(default)
@@ -172,15 +272,42 @@ class Node:
         return values
 
     def pose(self, turn: str, place: str) -> Transform:
-        """A pose by two properties: body-fixed X, Y, Z angles [rad] and a position [m], zero where
-        they are absent.
+        """Read a pose from two properties, zero where they are absent.
+
+        Parameters
+        ----------
+        turn : property of body-fixed X, Y, Z angles [rad]
+        place : property of the position [m]
+
+        Returns
+        -------
+        the transform from the frame to its parent
+
+        Raises
+        ------
+        BadFile : one of the properties is not of three finite numbers
         """
         return Transform.from_euler_xyz(self.vector(turn), self.vector(place))
 
     def numbers(
         self, tag: str, default: Array | None = None, infinite: bool = False
     ) -> Array | None:
-        """A property that is a list of numbers."""
+        """Read a property that is a list of numbers.
+
+        Parameters
+        ----------
+        tag : of the property
+        default : value where it is absent
+        infinite : whether numbers may be infinite
+
+        Returns
+        -------
+        (numbers,) in the file's unit, empty for an empty property
+
+        Raises
+        ------
+        BadFile : one is no number, NaN, or infinite where it may not be
+        """
         element = self.find(tag)
         if element is None:
             return default
@@ -200,7 +327,17 @@ class Node:
         return values
 
     def socket(self, name: str, *old: str) -> str:
-        """What a socket is connected to, in any version's spelling; "" if to nothing."""
+        """Read which object a socket is connected to, in any version's spelling.
+
+        Parameters
+        ----------
+        name : of the socket
+        old : properties that named the object in older versions
+
+        Returns
+        -------
+        path or name of the object as the file has it; "" if the socket is not connected
+        """
         tags = [
             f"socket_{name}",
             f"socket_{name}_connectee_name",
@@ -219,19 +356,43 @@ class Node:
     def bad(
         self, problem: str, expected: str = "", element: etree._Element | None = None
     ) -> BadFile:
-        """The error that says where in the file this object stands."""
+        """Make the error that states where in the file this object stands.
+
+        Parameters
+        ----------
+        problem : what is wrong
+        expected : what would be right
+        element : whose line is named, this object's by default
+
+        Returns
+        -------
+        the error, to be raised
+        """
         line = (self.element if element is None else element).sourceline
         where = f"{self.kind} '{self.name}'" if self.name else self.kind
         return BadFile(self.document.path, f"line {line}: {where}: {problem}", expected)
 
     def source(self) -> str:
-        """The object as the file has it."""
+        """Return the text of the object as the file has it."""
         return str(etree.tostring(self.element, encoding="unicode", with_tail=False))
 
 
 def read_document(path: str | os.PathLike[str], wanted: tuple[str, ...], what: str) -> Node:
-    """The object of one of the classes `wanted` (of any, where that is empty) that an OpenSim file
-    holds.
+    """Read the object that an OpenSim file holds.
+
+    Parameters
+    ----------
+    path : of the file
+    wanted : classes of which the object may be, () for any
+    what : was expected, for the message
+
+    Returns
+    -------
+    the object, with the file's version, defaults sections and warnings
+
+    Raises
+    ------
+    BadFile : it cannot be read, is no XML, has a version that is no number, or holds another object
     """
     file = read_xml(path)
     root = file.root
@@ -258,29 +419,66 @@ def read_document(path: str | os.PathLike[str], wanted: tuple[str, ...], what: s
 
 
 def joined(owner: str, path: str) -> str:
-    """A component path made absolute, seen from the component `owner`."""
+    """Make a component path absolute, as seen from a component.
+
+    Parameters
+    ----------
+    owner : absolute path of the component
+    path : relative to it, or absolute
+    """
     return posixpath.normpath(path if path.startswith("/") else posixpath.join(owner or "/", path))
 
 
 def number(value: float) -> str:
-    """Shortest text that reads back as the same number."""
+    """Write a number as the shortest text that reads back as the same number.
+
+    Parameters
+    ----------
+    value : may be infinite
+    """
     if np.isinf(value):
         return "Inf" if value > 0 else "-Inf"
     return repr(float(value))
 
 
 def numbers(values: ArrayLike) -> str:
-    """Numbers with blanks between."""
+    """Write numbers with blanks between.
+
+    Parameters
+    ----------
+    values : of any shape, flattened row by row
+
+    Returns
+    -------
+    the text
+    """
     return " ".join(number(value) for value in np.ravel(np.asarray(values, dtype=np.float64)))
 
 
 def legal(name: str) -> str:
-    """A name without the characters that OpenSim 4 refuses in one."""
+    """Replace characters that OpenSim 4 refuses in a name by underscores.
+
+    Parameters
+    ----------
+    name : of a component
+    """
     return re.sub(r"[\\*+\s/]", "_", name)
 
 
 def child(parent: etree._Element, tag: str, text: str = "", name: str = "") -> etree._Element:
-    """A new element inside `parent`."""
+    """Add an element to a parent.
+
+    Parameters
+    ----------
+    parent : gets the element as its last child
+    tag : of the element
+    text : inside it
+    name : attribute, made legal; "" for none
+
+    Returns
+    -------
+    the new element
+    """
     element = etree.SubElement(parent, tag, {"name": legal(name)} if name else {})
     if text:
         element.text = text
@@ -288,7 +486,13 @@ def child(parent: etree._Element, tag: str, text: str = "", name: str = "") -> e
 
 
 def put(parent: etree._Element, **properties: str | bool | ArrayLike) -> None:
-    """Properties of an object, in this order: texts, truths, numbers, or lists of numbers."""
+    """Add properties to an object, in this order.
+
+    Parameters
+    ----------
+    parent : the object
+    properties : texts, truths, numbers, or lists of numbers by name
+    """
     for tag, value in properties.items():
         if isinstance(value, bool):
             value = str(value).lower()
@@ -296,7 +500,17 @@ def put(parent: etree._Element, **properties: str | bool | ArrayLike) -> None:
 
 
 def write_document(root: etree._Element, path: str | os.PathLike[str]) -> None:
-    """Write a document with tabs, whole or not at all."""
+    """Write a document with tabs, whole or not at all.
+
+    Parameters
+    ----------
+    root : outermost element, which is indented in place
+    path : of the new file, replaced where it exists
+
+    Raises
+    ------
+    BadFile : the file cannot be written
+    """
     etree.indent(root, space="\t")
     text = etree.tostring(root, encoding="unicode")
     with written(path) as stream:

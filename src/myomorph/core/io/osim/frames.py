@@ -1,4 +1,4 @@
-"""Where OpenSim's frames, offset frames and stations lie: a body and a pose in it."""
+"""Poses of OpenSim's frames, offset frames and stations in the bodies that they are fixed to."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ class Frames:
         self._collect(model)
 
     def _collect(self, node: Node) -> None:
+        """Collect the offset frames and stations inside a node by their paths, at any depth."""
         for element in node.element:
             if not isinstance(element.tag, str):
                 continue
@@ -53,21 +54,75 @@ class Frames:
                     self._collect(item)
 
     def place(self, text: str, user: Node) -> tuple[str, Transform]:
-        """Body and pose of the frame that `user` names."""
+        """Find the frame that an object names.
+
+        Parameters
+        ----------
+        text : path of the frame, absolute or relative to the object, or its bare name
+        user : the object
+
+        Returns
+        -------
+        name of the body, and the frame's pose in it
+
+        Raises
+        ------
+        BadFile : the frame is its own parent
+        UnknownName : there is no such frame
+        """
         return self._at(self._find(text, user, {**self._placed, **self._offsets}, "frame"))
 
     def station(self, text: str, user: Node) -> tuple[str, Array]:
-        """Body and location of the station that `user` names."""
+        """Find the station that an object names.
+
+        Parameters
+        ----------
+        text : path of the station, absolute or relative to the object, or its bare name
+        user : the object
+
+        Returns
+        -------
+        name of the body, and the location (3,) in it [m]
+
+        Raises
+        ------
+        UnknownName : there is no such station, or its frame does not exist
+        """
         node = self._stations[self._find(text, user, self._stations, "station")]
         body, pose = self.place(node.socket("parent_frame", "body"), node)
         return body, pose.apply(node.vector("location"))
 
     def stations(self) -> list[tuple[str, str, Array]]:
-        """Name, body and location in the body of every station and marker."""
+        """List every station and marker that has a name.
+
+        Returns
+        -------
+        name, body and location (3,) in the body [m] of each
+        """
         named = {path: node for path, node in self._stations.items() if node.name}
         return [(node.name, *self.station(path, node)) for path, node in named.items()]
 
     def _find(self, text: str, user: Node, where: Mapping[str, object], kind: str) -> str:
+        """Find the path that an object means by a text.
+
+        A path that exists counts first, then a component of that name inside the object, on a body,
+        and anywhere.
+
+        Parameters
+        ----------
+        text : path or bare name
+        user : the object
+        where : components by their paths
+        kind : of component, for the message
+
+        Returns
+        -------
+        absolute path of the component
+
+        Raises
+        ------
+        UnknownName : none has that name
+        """
         path = joined(user.path, text)
         if path in where:
             return path
@@ -88,6 +143,7 @@ class Frames:
         raise UnknownName(kind, text, existing=names, where=f"{self._document.path}: {owner}")
 
     def _at(self, path: str) -> tuple[str, Transform]:
+        """Return body and pose of the frame at a path; `BadFile` where it is its own parent."""
         if path in self._placed:
             return self._placed[path]
         node = self._offsets[path]
@@ -101,11 +157,20 @@ class Frames:
         return self._placed[path]
 
     def _offset(self, node: Node) -> tuple[str, Transform]:
+        """Return body and pose of an offset frame, by its parent and its own pose in that."""
         body, pose = self.place(node.socket("parent"), node)
         return body, pose @ node.pose("orientation", "translation")
 
     def _from_stations(self, node: Node) -> tuple[str, Transform]:
-        """Axes along b - a, along (b - a) x (c - a), and across both."""
+        """Return body and pose of a frame that four stations define.
+
+        Its axes point along b - a, along (b - a) x (c - a), and across both; its origin is the
+        fourth.
+
+        Raises
+        ------
+        BadFile : the stations are on several bodies or in one line, or an axis is none
+        """
         bodies, points = zip(
             *(
                 self.station(node.socket(name), node)
@@ -138,13 +203,19 @@ class Frames:
 
     @staticmethod
     def _signed_axis(node: Node, tag: str, default: str) -> tuple[int, float]:
+        """Read an axis such as "-y" as its index and its sign; `BadFile` for another text."""
         text = node.text(default, tag).lower()
         if text.lstrip("+-") not in AXES:
             raise node.bad(f"'{tag}' is '{text}'", "expected one of +x, -x, +y, -y, +z, -z")
         return AXES[text.lstrip("+-")], -1.0 if text.startswith("-") else 1.0
 
     def all(self) -> tuple[Frame, ...]:
-        """Every named offset frame but those of the joints, placed in its body."""
+        """List every named offset frame but those of the joints, placed in its body.
+
+        Returns
+        -------
+        the frames in the file's order; of those with one name the first
+        """
         frames: dict[str, Frame] = {}
         for path, node in self._offsets.items():
             if node.name and node.name not in frames and not path.startswith("/jointset/"):
@@ -154,24 +225,55 @@ class Frames:
 
 
 def body_path(body: str) -> str:
-    """Component path of a body."""
+    """Return the component path of a body.
+
+    Parameters
+    ----------
+    body : name of the body, or of the ground
+    """
     return "/ground" if body == GROUND else f"/bodyset/{legal(body)}"
 
 
 def is_still(pose: Transform) -> bool:
-    """Whether a pose is exactly the identity."""
+    """Return whether a pose is exactly the identity.
+
+    Parameters
+    ----------
+    pose : in a body
+    """
     return bool(np.array_equal(pose.rotation, np.eye(3)) and not pose.translation.any())
 
 
 def write_offset_frame(
     parent: etree._Element, name: str, base: str, pose: Transform
 ) -> etree._Element:
-    """A PhysicalOffsetFrame on the frame at component path `base`."""
+    """Write a PhysicalOffsetFrame.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    name : of the new frame
+    base : component path of the frame that it is fixed to
+    pose : in that frame
+
+    Returns
+    -------
+    the new element
+    """
     frame = child(parent, "PhysicalOffsetFrame", name=name)
     put(frame, socket_parent=base, translation=pose.translation, orientation=euler(pose.rotation))
     return frame
 
 
 def euler(rotation: Array) -> Array:
-    """Body-fixed X, Y, Z angles, zeros kept clean."""
+    """Return the body-fixed X, Y, Z angles of a rotation, without negative zeros.
+
+    Parameters
+    ----------
+    rotation : (3, 3)
+
+    Returns
+    -------
+    (3,) [rad]
+    """
     return euler_xyz_from_rotation(rotation) + 0.0

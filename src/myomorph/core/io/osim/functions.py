@@ -37,7 +37,22 @@ SAMPLES = 401
 
 
 def read_function(node: Node, user: Node) -> Function:
-    """The function an object of the file describes; `user` is the object that uses it."""
+    """Read the function that an object of the file describes.
+
+    Parameters
+    ----------
+    node : the function
+    user : object that uses it, for messages
+
+    Returns
+    -------
+    the function, in the file's units (angles in radians)
+
+    Raises
+    ------
+    BadFile : its numbers do not make a function
+    BadModel : its class is not supported
+    """
     kind = node.kind
     if kind == "Constant":
         return constant(node.number("value", 0.0))
@@ -89,6 +104,16 @@ def read_function(node: Node, user: Node) -> Function:
 
 
 def _points(node: Node) -> tuple[Array, Array]:
+    """Read the points of a sampled function.
+
+    Returns
+    -------
+    x (points,), which increases, and y (points,)
+
+    Raises
+    ------
+    BadFile : there are none, not as many of each, or x does not increase
+    """
     x = node.numbers("x")
     y = node.numbers("y")
     if x is None or y is None or not len(x) or len(x) != len(y):
@@ -102,7 +127,19 @@ def _points(node: Node) -> tuple[Array, Array]:
 
 
 def smooth_step(start: float, end: float, low: float, high: float) -> PiecewisePolynomial:
-    """OpenSim's `StepFunction`: the quintic 10 s^3 - 15 s^4 + 6 s^5 between two levels."""
+    """Make OpenSim's `StepFunction`, a quintic between two levels.
+
+        f = low + (high - low) (10 s^3 - 15 s^4 + 6 s^5),   s = (x - start) / (end - start)
+
+    Parameters
+    ----------
+    start, end : x between which it rises, start below end
+    low, high : levels before and after
+
+    Returns
+    -------
+    the function, constant beyond its ends
+    """
     width = end - start
     pieces = np.zeros((3, 6))
     pieces[:, 0] = low, low, high
@@ -111,6 +148,17 @@ def smooth_step(start: float, end: float, low: float, high: float) -> PiecewiseP
 
 
 def _gcv_spline(node: Node, x: Array, y: Array) -> PiecewisePolynomial:
+    """Read a `GCVSpline` through its points.
+
+    Parameters
+    ----------
+    node : the spline
+    x, y : (points,) that it goes through
+
+    Raises
+    ------
+    BadFile : it smooths, or has too few points for its degree
+    """
     half = int(node.number("half_order", 3.0))
     if node.number("error_variance", 0.0) != 0.0:
         raise node.bad(
@@ -125,8 +173,19 @@ def _gcv_spline(node: Node, x: Array, y: Array) -> PiecewisePolynomial:
 
 
 def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
-    """Interpolating natural spline of degree 2 half - 1, as `GCVSpline` is where its error variance
-    is zero. Beyond its ends it goes on as a polynomial of degree half - 1.
+    """Interpolate by a natural spline, as `GCVSpline` does where its error variance is zero.
+
+    Beyond its ends it goes on as a polynomial of degree half - 1.
+
+    Parameters
+    ----------
+    x : (points,), increasing; 2 half or more
+    y : (points,)
+    half : half the order; the degree is 2 half - 1
+
+    Returns
+    -------
+    a piece between each pair of points and one beyond each end
     """
     # SciPy takes a while to import, and hardly any model has such a spline.
     zero = [(order, 0.0) for order in range(half, 2 * half - 1)]
@@ -143,8 +202,14 @@ def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
 def write_function(
     parent: etree._Element, function: Function, user: str, warnings: list[str]
 ) -> None:
-    """Put the OpenSim object that equals `function` into `parent`; say in `warnings` where none
-    does. `user`: what has the function, for the warning.
+    """Write the OpenSim object that equals a function.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    function : to write
+    user : what has the function, for the warning
+    warnings : gets a line where no class of OpenSim's equals it
     """
     if isinstance(function, SineProduct):
         if function.arity != 1:
@@ -165,6 +230,7 @@ def write_function(
 
 
 def _polynomial(parent: etree._Element, coefficients: Array) -> None:
+    """Write a polynomial of these coefficients (degree + 1,), the constant first."""
     if len(coefficients) == 1:
         put(child(parent, "Constant"), value=coefficients[0])
     else:
@@ -175,6 +241,10 @@ def _polynomial(parent: etree._Element, coefficients: Array) -> None:
 def _pieces(
     parent: etree._Element, function: PiecewisePolynomial, user: str, warnings: list[str]
 ) -> None:
+    """Write a function of pieces as the class that equals it, or as a spline close to it.
+
+    A warning states how far the spline is off.
+    """
     x = np.unique(function.breaks)
     y = function(x)
     degree = function.coefficients.shape[1] - 1
@@ -208,13 +278,28 @@ def _pieces(
 
 
 def _with_end(function: PiecewisePolynomial, x: Array, y: Array) -> tuple[Array, Array]:
-    """The points of a broken line with one more on its last piece, which has no end of its own."""
+    """Add a point on the last piece of a broken line, which has no end of its own.
+
+    Parameters
+    ----------
+    function : the broken line
+    x, y : (points,) at its breaks
+
+    Returns
+    -------
+    x and y (points + 1,)
+    """
     end = x[-1] + max(1.0, float(np.ptp(x)))
     return np.append(x, end), np.append(y, float(function(end)))
 
 
 def same(first: PiecewisePolynomial, second: PiecewisePolynomial) -> bool:
-    """Whether two functions agree to rounding, beyond their ends too."""
+    """Return whether two functions agree to rounding, beyond their ends too.
+
+    Parameters
+    ----------
+    first, second : compared at 1001 values around the breaks of the first
+    """
     low = float(first.breaks[0])
     high = float(first.breaks[-1])
     beyond = 0.1 * (high - low)
@@ -225,6 +310,7 @@ def same(first: PiecewisePolynomial, second: PiecewisePolynomial) -> bool:
 
 
 def _sampled_points(parent: etree._Element, kind: str, x: Array, y: Array) -> etree._Element:
+    """Write a function that is given by points x, y (points,) and return its element."""
     element = child(parent, kind)
     put(element, x=x, y=y)
     return element

@@ -1,4 +1,4 @@
-"""What an OpenSim file holds and Myomorph does not model: kept as it is, with what that means."""
+"""Parts of an OpenSim file that are not modelled: stored as they are, with the effect of that."""
 
 from __future__ import annotations
 
@@ -49,7 +49,18 @@ SAME_SINCE_2 = frozenset(
 
 
 def keep(node: Node, room: str, effect: str) -> Kept:
-    """A part as the file has it."""
+    """Store a part as the file has it.
+
+    Parameters
+    ----------
+    node : the part
+    room : name of the set that it stands in
+    effect : of not modelling it
+
+    Returns
+    -------
+    the part with its XML text and the version of its document
+    """
     return Kept(
         kind=node.kind,
         name=node.name,
@@ -61,13 +72,28 @@ def keep(node: Node, room: str, effect: str) -> Kept:
 
 
 def kept_force(node: Node) -> Kept:
-    """A force or actuator that is not modelled."""
+    """Store a force or actuator that is not modelled.
+
+    Parameters
+    ----------
+    node : the force
+    """
     acting = EFFECTS.get(node.kind, "its force is left out")
     return keep(node, "ForceSet", acting if node.is_applied else "switched off in the file")
 
 
 def kept_elsewhere(model: Node, bodies: list[Node]) -> list[Kept]:
-    """Controllers, probes, contact geometry and further components of the model and its bodies."""
+    """Store controllers, probes, contact geometry and components of the model and its bodies.
+
+    Parameters
+    ----------
+    model : the model's node
+    bodies : nodes of its bodies
+
+    Returns
+    -------
+    the parts in the order of the sets
+    """
     result = [
         keep(child, "Model", HARMLESS) for tag in WORDS if (child := model.child(tag)) is not None
     ]
@@ -84,7 +110,16 @@ def kept_elsewhere(model: Node, bodies: list[Node]) -> list[Kept]:
 
 
 def warnings_of(kept: Iterable[Kept]) -> list[str]:
-    """One line for each class that is kept and matters."""
+    """List a warning for each class that is stored and whose absence has an effect.
+
+    Parameters
+    ----------
+    kept : stored parts
+
+    Returns
+    -------
+    one line per class and effect
+    """
     acting = [
         part
         for part in kept
@@ -99,7 +134,17 @@ def warnings_of(kept: Iterable[Kept]) -> list[str]:
 
 
 def usable_parts(kept: Iterable[Kept], warnings: list[str]) -> list[Kept]:
-    """The kept parts that an OpenSim 4.6 document can hold, in its layout."""
+    """Select the stored parts that an OpenSim 4.6 document can hold, in its layout.
+
+    Parameters
+    ----------
+    kept : stored parts
+    warnings : gets a line for each that is left out
+
+    Returns
+    -------
+    the parts to write; a bushing that the model has itself is not among them
+    """
     usable = []
     for part in kept:
         if part.kind == "BushingForce" and part.effect == HARMLESS:
@@ -118,8 +163,14 @@ def usable_parts(kept: Iterable[Kept], warnings: list[str]) -> list[Kept]:
 
 
 def is_kept(passive: str, kept: list[Kept]) -> bool:
-    """Whether a passive torque comes from a part that is put back; a limit has one for each of its
-    sides.
+    """Return whether a passive torque comes from a part that is written back.
+
+    A limit of a coordinate has a torque for each of its sides.
+
+    Parameters
+    ----------
+    passive : name of the torque
+    kept : parts that are written back
     """
     names = {passive, passive.removesuffix("_upper"), passive.removesuffix("_lower")}
     return any(part.room == "ForceSet" and part.name in names for part in kept)
@@ -132,7 +183,16 @@ def put_back(
     model: Model | None = None,
     joints: dict[str, str] | None = None,
 ) -> None:
-    """Put the kept parts of one room of the document back into it."""
+    """Write the stored parts of one set of the document back into it.
+
+    Parameters
+    ----------
+    parent : element of the set
+    kept : parts of all sets
+    room : name of the set
+    model : its ligaments give paths and slack lengths; None leaves the parts' own
+    joints : component name of the joint of each coordinate, for the paths of ligaments
+    """
     for part in kept:
         if part.room != room:
             continue

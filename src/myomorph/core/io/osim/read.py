@@ -52,7 +52,24 @@ class Forces:
 def read_forces(
     model: Node, frames: Frames, coordinates: tuple[str, ...], wraps: dict[str, str]
 ) -> Forces:
-    """Muscles, actuators and the rest of a model's forces."""
+    """Read muscles, actuators and the rest of a model's forces.
+
+    Parameters
+    ----------
+    model : its node
+    frames : of the model
+    coordinates : names of its coordinates
+    wraps : the model's wrap object that each name in a path means
+
+    Returns
+    -------
+    muscles, actuators and ligaments, and the forces that are only stored
+
+    Raises
+    ------
+    BadFile, BadModel : a force lacks a part, or has one that is not supported
+    UnknownName : a force names a part that does not exist
+    """
     paths = PathReader(frames, coordinates, wraps)
     groups = _groups(model)
     muscles = []
@@ -79,7 +96,14 @@ def read_forces(
 
 
 def _with_unique_names(items: Sequence[Named], kind: str, document: Document) -> list[Named]:
-    """The items, their names numbered where one comes twice or is empty, as OpenSim does."""
+    """Rename items by numbers where names come twice or are empty, as OpenSim does.
+
+    Parameters
+    ----------
+    items : of one kind
+    kind : names those without a name, and begins the warning
+    document : gets a warning where a name comes twice
+    """
     result: dict[str, Named] = {}
     for item in items:
         name = item.name or kind
@@ -94,6 +118,7 @@ def _with_unique_names(items: Sequence[Named], kind: str, document: Document) ->
 
 
 def _actuator(node: Node, frames: Frames, coordinates: tuple[str, ...]) -> Actuator:
+    """Read an actuator with its names looked up; `UnknownName` where one does not exist."""
     actuator = read_actuator(node)
     where = f"{node.document.path}: actuator '{actuator.name}': the model"
     return placed_actuator(
@@ -102,7 +127,7 @@ def _actuator(node: Node, frames: Frames, coordinates: tuple[str, ...]) -> Actua
 
 
 def _groups(model: Node) -> dict[str, tuple[str, ...]]:
-    """Groups of each member, in the file's order."""
+    """Read the groups of each member, in the file's order."""
     result: dict[str, tuple[str, ...]] = {}
     forces = model.child("ForceSet", "ActuatorSet")
     if forces is None:
@@ -115,7 +140,25 @@ def _groups(model: Node) -> dict[str, tuple[str, ...]]:
 
 
 def read_osim(path: str | os.PathLike[str]) -> Model:
-    """The model of an OpenSim file."""
+    """Read an OpenSim model.
+
+    Source: Seth et al. 2018, OpenSim's model files.
+
+    Parameters
+    ----------
+    path : of the file (.osim), of document version 1.9 to 4.6
+
+    Returns
+    -------
+    the model in meters, radians and kilograms, with bodies in tree order and loops cut; `kept` has
+    what is not modelled, `warnings` what was assumed
+
+    Raises
+    ------
+    BadFile : it cannot be read, is no model, is too old, or a part of it is not as it should be
+    BadModel : it has a part that is not supported
+    UnknownName : a part names another that does not exist
+    """
     node = read_document(path, ("Model",), "an OpenSim model")
     document = node.document
     if document.version < OLDEST:
@@ -178,6 +221,7 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
 
 
 def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:
+    """Read the joints of the model, before version 3.5.1 those inside its bodies too."""
     joints = []
     for item in (*node.items("JointSet"), *node.items("components")):
         if item.kind.endswith("Joint"):
@@ -199,9 +243,7 @@ def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:
 
 @dataclass
 class Tree:
-    """Bodies in tree order, a joint for each, the coordinates in the file's order, and the cut
-    loops.
-    """
+    """Bodies in tree order, the joint of each, coordinates in the file's order, cut loops."""
 
     bodies: list[Body]
     joints: list[Joint]
@@ -210,7 +252,18 @@ class Tree:
 
 
 def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
-    """The tree as OpenSim makes it: loose bodies float, loops are cut and their ends welded."""
+    """Order bodies and joints as OpenSim does: loose bodies float, loops are cut and welded.
+
+    Parameters
+    ----------
+    node : of the model; its document gets a warning for each body that floats and each loop
+    bodies : in the file's order
+    joints : in the file's order
+
+    Raises
+    ------
+    BadModel : two bodies have one name, or a joint cannot be cut
+    """
     by_name = {body.name: body for body in bodies}
     if len(by_name) != len(bodies):
         names = [body.name for body in bodies]
@@ -252,7 +305,18 @@ def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
 
 
 def _cut(node: Node, joint: Joint, tree: Tree) -> None:
-    """A joint that closes a loop leads to a massless copy of its child, welded to it."""
+    """Lead a joint that closes a loop to a massless copy of its child, welded to it.
+
+    Parameters
+    ----------
+    node : of the model, for messages
+    joint : to cut
+    tree : gets the copy, the joint and the weld
+
+    Raises
+    ------
+    BadModel : the joint joins a body to itself, or leads to the ground
+    """
     if joint.parent == joint.child or joint.child == GROUND:
         raise BadModel(
             f"{node.document.path}: joint '{joint.name}' joins '{joint.parent}' to '{joint.child}'"
@@ -278,7 +342,21 @@ def _cut(node: Node, joint: Joint, tree: Tree) -> None:
 def _wraps(
     node: Node, ground: Node | None, bodies: list[Node], tree: list[str], frames: Frames
 ) -> tuple[tuple[WrapObject, ...], dict[str, str]]:
-    """All wrap objects in tree order, and the object of each name in a path: the file's first."""
+    """Read all wrap objects.
+
+    Parameters
+    ----------
+    node : of the model
+    ground : its node, None where the file has none
+    bodies : nodes of its bodies
+    tree : names of the bodies in tree order
+    frames : of the model
+
+    Returns
+    -------
+    wrap objects in tree order, named BODY/NAME where a name comes twice; and the object that each
+    name in a path means, the file's first
+    """
     holders = [] if ground is None else [ground]
     for body in bodies:
         holders += [

@@ -53,7 +53,7 @@ PLACER = (
 
 @read_only
 class ScalerSetup:
-    """How bodies are stretched."""
+    """Measurements and factors by which bodies are scaled."""
 
     order: tuple[str, ...]  # "measurements" and "manualScale", as they are carried out
     measurements: tuple[Measurement, ...]  # those that are switched on
@@ -67,7 +67,7 @@ class ScalerSetup:
 
 @dataclass(frozen=True)
 class PlacerSetup:
-    """How markers are moved to where a static trial shows them."""
+    """Settings of moving markers to their positions in a static trial."""
 
     tasks: IkTasks
     markers: Path | None
@@ -96,7 +96,20 @@ class ScaleSetup:
 
 
 def scale_setup(node: Node) -> ScaleSetup:
-    """The settings of a ScaleTool."""
+    """Read the settings of a ScaleTool.
+
+    Parameters
+    ----------
+    node : of the tool
+
+    Returns
+    -------
+    the settings; `warnings` name the parts that are left out
+
+    Raises
+    ------
+    BadFile : a part is not as it should be
+    """
     maker = node.child("GenericModelMaker")
     scaler = node.child("ModelScaler")
     placer = node.child("MarkerPlacer")
@@ -119,6 +132,7 @@ def scale_setup(node: Node) -> ScaleSetup:
 
 
 def _scaler(node: Node) -> ScalerSetup:
+    """Read how bodies are scaled; `BadFile` for an unknown order, axis or factor."""
     order = tuple(node.words("scaling_order"))
     for word in order:
         if word not in ORDERS:
@@ -140,6 +154,7 @@ def _scaler(node: Node) -> ScalerSetup:
 
 
 def _measurement(node: Node) -> Measurement:
+    """Read a measurement: pairs of markers, and the axes of bodies that it scales."""
     pairs = []
     for pair in node.items("MarkerPairSet"):
         names = pair.words("markers")
@@ -160,6 +175,7 @@ def _measurement(node: Node) -> Measurement:
 
 
 def _factors(node: Node) -> tuple[str, Array]:
+    """Read a body and its factors (3,); `BadFile` where one is not above 0."""
     factors = node.vector("scales", (1.0, 1.0, 1.0))
     if (factors <= 0.0).any():
         raise node.bad(
@@ -170,6 +186,7 @@ def _factors(node: Node) -> tuple[str, Array]:
 
 def _placer(node: Node) -> PlacerSetup:
     # In the unit of the marker file, which is the millimetre wherever a static trial is a TRC file.
+    """Read how markers are moved."""
     most = node.number("max_marker_movement", -1.0)
     return PlacerSetup(
         tasks=tasks_of(node),
@@ -184,6 +201,6 @@ def _placer(node: Node) -> PlacerSetup:
 
 
 def _range(node: Node) -> tuple[float, float]:
-    """The range of an unset property, (-1, -1), is the first frame, as OpenSim makes of it."""
+    """Read a range of time [s]; an unset one, (-1, -1), is the first frame in OpenSim."""
     low, high = node.vector("time_range", (-1.0, -1.0), infinite=True)
     return float(low), float(high)

@@ -1,6 +1,4 @@
-"""What OpenSim's setups share: tasks of inverse kinematics, files that they name, parts that stand
-in other files.
-"""
+"""Parts that OpenSim's setups share: tasks of inverse kinematics, files that they name, sets."""
 
 from __future__ import annotations
 
@@ -26,7 +24,20 @@ OUTPUTS = (".osim", ".mot", ".sto", ".xml")
 
 
 def with_included(node: Node) -> Node:
-    """The node with the contents of the files that its parts name by a `file` attribute."""
+    """Fill in the contents of the files that a node's parts name by a `file` attribute.
+
+    Parameters
+    ----------
+    node : of a setup, which stays as it is
+
+    Returns
+    -------
+    a node without such attributes
+
+    Raises
+    ------
+    BadFile : a file cannot be read, holds another object, or names a further file
+    """
     if not any(element.get("file") for element in node.element.iter()):
         return node
     root = copy.deepcopy(node.element)
@@ -62,8 +73,19 @@ class IkTasks:
 
 
 def read_ik_tasks(path: str | os.PathLike[str]) -> IkTasks:
-    """The inverse kinematics tasks of an IKTaskSet file, or of the setup file of a tool that has
-    one.
+    """Read the tasks of inverse kinematics from an IKTaskSet file or a tool's setup file.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    weights of markers and coordinates, those switched off left out
+
+    Raises
+    ------
+    BadFile : it cannot be read, has no IKTaskSet, or a task has no name or a negative weight
     """
     node = with_included(
         read_document(path, (), "inverse kinematics tasks (IKTaskSet) or a tool's setup")
@@ -74,8 +96,19 @@ def read_ik_tasks(path: str | os.PathLike[str]) -> IkTasks:
 
 
 def tasks_of(node: Node) -> IkTasks:
-    """The tasks of an IKTaskSet, or of the first one inside a node; none where there is no such
-    set.
+    """Read the tasks of an IKTaskSet, or of the first one inside a node.
+
+    Parameters
+    ----------
+    node : the set, or an object that has it
+
+    Returns
+    -------
+    weights of markers and coordinates, none where there is no such set
+
+    Raises
+    ------
+    BadFile : a task has no name or a negative weight
     """
     task_set = _task_set(node)
     if task_set is None:
@@ -99,10 +132,12 @@ def tasks_of(node: Node) -> IkTasks:
 
 
 def _task_set(node: Node) -> etree._Element | None:
+    """Find the element of the IKTaskSet, None where there is none."""
     return node.element if node.kind == "IKTaskSet" else next(node.element.iter("IKTaskSet"), None)
 
 
 def _aim(task: Node, weight: float) -> CoordinateAim:
+    """Read a coordinate's task: towards its default, a value [rad or m] or a table."""
     kind = task.text("default_value", "value_type").lower()
     if kind == "manual_value":
         return CoordinateAim(
@@ -112,14 +147,42 @@ def _aim(task: Node, weight: float) -> CoordinateAim:
 
 
 def path_of(node: Node, tag: str) -> Path | None:
-    """The file that a property names, None where it names none."""
+    """Return the file that a property names, None where it names none.
+
+    Parameters
+    ----------
+    node : of the setup
+    tag : of the property
+
+    Returns
+    -------
+    path in the setup file's folder, if not absolute
+
+    Raises
+    ------
+    BadFile : the path has a null character
+    """
     text = node.text("", tag)
     return None if text in UNASSIGNED else resolved(node, text)
 
 
 def resolved(node: Node, name: str) -> Path:
-    """A path beside the setup file; of a path on somebody's Windows drive, only the name counts
-    elsewhere.
+    """Resolve a path that a setup file names against the file's folder.
+
+    Of a path on somebody's Windows drive, only the name counts elsewhere.
+
+    Parameters
+    ----------
+    node : of the setup
+    name : path as the file has it
+
+    Returns
+    -------
+    the path
+
+    Raises
+    ------
+    BadFile : the path has a null character
     """
     if "\0" in name:
         raise BadFile(node.document.path, f"names the path {name!r}")
@@ -130,8 +193,22 @@ def resolved(node: Node, name: str) -> Path:
 
 
 def output_of(node: Node, tag: str) -> Path | None:
-    """The file that a property wants written, None for none; its ending is checked, as it may come
-    from anybody.
+    """Return the file that a property wants written.
+
+    Its ending is checked, as the setup may come from anybody.
+
+    Parameters
+    ----------
+    node : of the setup
+    tag : of the property
+
+    Returns
+    -------
+    path in the setup file's folder, None where the property names none
+
+    Raises
+    ------
+    BadFile : its name does not end in one of `OUTPUTS`
     """
     path = path_of(node, tag)
     if path is not None and path.suffix.lower() not in OUTPUTS:
@@ -144,7 +221,17 @@ def output_of(node: Node, tag: str) -> Path | None:
 
 
 def unknown_parts(node: Node, read: Iterable[str]) -> tuple[str, ...]:
-    """One line for each part with a content that nothing reads."""
+    """List the parts with a content that nothing reads.
+
+    Parameters
+    ----------
+    node : of the setup
+    read : tags that are read
+
+    Returns
+    -------
+    one line per part
+    """
     known = set(read)
     return tuple(
         f"<{element.tag}> of {node.kind} is left out"
@@ -154,19 +241,48 @@ def unknown_parts(node: Node, read: Iterable[str]) -> tuple[str, ...]:
 
 
 def _says_something(element: etree._Element) -> bool:
+    """Return whether an element has objects, or a text other than an unset property's."""
     if len(element):
         return any(len(objects) for objects in element.iter("objects"))
     return (element.text or "").strip() not in (*UNASSIGNED, "-1", "false")
 
 
 def read_marker_set(path: str | os.PathLike[str], model: Model) -> tuple[Marker, ...]:
-    """The markers of a MarkerSet file, on bodies of `model`."""
+    """Read the markers of a MarkerSet file, on bodies of a model.
+
+    Parameters
+    ----------
+    path : of the file
+    model : its bodies and frames carry the markers
+
+    Returns
+    -------
+    markers with locations (3,) in their bodies [m]; of those with one name the last
+
+    Raises
+    ------
+    BadFile : it is no such file, or a marker has no name
+    BadData : a marker is on no body or frame of the model
+    """
     node = read_document(path, ("MarkerSet",), "an OpenSim MarkerSet")
     return tuple({marker.name: _marker(marker, model) for marker in named_markers(node)}.values())
 
 
 def named_markers(marker_set: Node) -> list[Node]:
-    """The markers of a MarkerSet."""
+    """List the markers of a MarkerSet.
+
+    Parameters
+    ----------
+    marker_set : node of the set
+
+    Returns
+    -------
+    nodes of the markers
+
+    Raises
+    ------
+    BadFile : a marker has no name
+    """
     inside = marker_set.element.find("objects")
     holder = marker_set.element if inside is None else inside
     result = [marker_set.node(element) for element in holder.findall("Marker")]
@@ -177,11 +293,22 @@ def named_markers(marker_set: Node) -> list[Node]:
 
 
 def holder_of(marker: Node) -> str:
-    """Name of the body or frame that a marker of a MarkerSet is on."""
+    """Return the name of the body or frame that a marker of a MarkerSet is on.
+
+    Parameters
+    ----------
+    marker : its node
+    """
     return marker.socket("parent_frame", "body").rstrip("/").rsplit("/", 1)[-1]
 
 
 def _marker(node: Node, model: Model) -> Marker:
+    """Read a marker with its location (3,) in the body [m].
+
+    Raises
+    ------
+    BadData : the model has no such body or frame
+    """
     name = holder_of(node)
     location = node.vector("location")
     places = {frame.name: (frame.body, frame.pose) for frame in model.frames}
@@ -198,7 +325,17 @@ def _marker(node: Node, model: Model) -> Marker:
 
 
 def write_marker_set(model: Model, path: str | os.PathLike[str]) -> None:
-    """Write a model's markers as a MarkerSet file, whole or not at all."""
+    """Write a model's markers as a MarkerSet file, whole or not at all.
+
+    Parameters
+    ----------
+    model : whose markers
+    path : of the new file, replaced where it exists
+
+    Raises
+    ------
+    BadFile : the file cannot be written
+    """
     root = etree.Element("OpenSimDocument", Version=str(NEWEST))
     objects = child(child(root, "MarkerSet", name=model.name), "objects")
     for marker in model.markers:
@@ -207,7 +344,13 @@ def write_marker_set(model: Model, path: str | os.PathLike[str]) -> None:
 
 
 def put_marker(parent: etree._Element, marker: Marker) -> None:
-    """A marker as OpenSim 4 writes it."""
+    """Write a marker as OpenSim 4 does.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    marker : to write
+    """
     element = child(parent, "Marker", name=marker.name)
     put(
         element,
@@ -218,7 +361,17 @@ def put_marker(parent: etree._Element, marker: Marker) -> None:
 
 
 def write_scale_set(factors: Mapping[str, Array], path: str | os.PathLike[str]) -> None:
-    """Write scale factors (3,) by body as a ScaleSet file, whole or not at all."""
+    """Write scale factors as a ScaleSet file, whole or not at all.
+
+    Parameters
+    ----------
+    factors : (3,) along x, y and z of each body, by its name
+    path : of the new file, replaced where it exists
+
+    Raises
+    ------
+    BadFile : the file cannot be written
+    """
     root = etree.Element("OpenSimDocument", Version=str(NEWEST))
     objects = child(child(root, "ScaleSet", name="ScaleSet"), "objects")
     for body, factor in factors.items():
@@ -227,7 +380,21 @@ def write_scale_set(factors: Mapping[str, Array], path: str | os.PathLike[str]) 
 
 
 def read_markers(node: Node, frames: Frames) -> list[Marker]:
-    """The model's markers, on bodies."""
+    """Read the model's markers, on bodies.
+
+    Parameters
+    ----------
+    node : of the model
+    frames : of the model
+
+    Returns
+    -------
+    markers with locations (3,) in their bodies [m], in the file's order
+
+    Raises
+    ------
+    UnknownName : a marker is on a frame that does not exist
+    """
     markers = []
     for item in node.items("MarkerSet"):
         if item.kind != "Marker":

@@ -1,4 +1,4 @@
-"""A model as an OpenSim 4 document, with what a file held beyond it put back."""
+"""A model as an OpenSim 4 document, with the stored parts of its file written back."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ def write_osim(model: Model, path: str | os.PathLike[str]) -> tuple[str, ...]:
 
     Returns
     -------
-    warnings : what could not be written as it is, one line each
+    what could not be written as it is, one line each
 
     Raises
     ------
-    BadFile
-        where the file cannot be written
+    BadFile : the file cannot be written
+    BadModel : two names would become one in OpenSim
 
     Examples
     --------
@@ -71,7 +71,16 @@ def write_osim(model: Model, path: str | os.PathLike[str]) -> tuple[str, ...]:
 
 
 def _renamed(model: Model) -> list[str]:
-    """A warning for names that OpenSim cannot hold; an error where two would become one."""
+    """Warn of names that OpenSim cannot hold.
+
+    Returns
+    -------
+    a line where names are changed, else none
+
+    Raises
+    ------
+    BadModel : two names would become one
+    """
     groups = {
         "bodies": model.body_names,
         "joints": tuple(joint.name for joint in model.joints),
@@ -97,6 +106,7 @@ def _renamed(model: Model) -> list[str]:
 
 
 def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
+    """Write all parts of the model into its element, and add to the warnings."""
     plan = plan_joints(model, warnings)
     coordinates = {coordinate.name: coordinate for coordinate in model.coordinates}
     joints = {name: legal(joint.name) for joint in plan.joints for name in joint.coordinates}
@@ -144,7 +154,7 @@ def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
 
 
 def _write_groups(parent: etree._Element, model: Model) -> None:
-    """Groups in an order that every muscle's own order of groups agrees with, as the file's did."""
+    """Write groups in an order that agrees with every muscle's own order of groups."""
     members = grouped((group, muscle.name) for muscle in model.muscles for group in muscle.groups)
     sooner: dict[str, set[str]] = {group: set() for group in members}
     for muscle in model.muscles:

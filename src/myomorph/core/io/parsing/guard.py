@@ -1,5 +1,6 @@
-"""Read in a process of its own what may hang, crash or eat memory: C3D, MJCF and HDF5 by libraries
-of others.
+"""Read in a process of its own what may hang, crash or eat memory.
+
+C3D, MJCF and HDF5 are read by libraries of others.
 
 `python -m myomorph.core.io.parsing.guard MODULE FUNCTION GIGABYTES TEXT...` is the child's side.
 """
@@ -24,8 +25,9 @@ LONGEST = 300  # Characters of a message.
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a guarded run ended: `message` is the last line that it wrote, or the error that stopped
-    it.
+    """How a guarded run ended.
+
+    `message` is the last line that it wrote, or the error that stopped it.
     """
 
     status: Literal["done", "failed", "hung"]
@@ -33,7 +35,12 @@ class Outcome:
 
 
 def seconds_for(path: Path) -> float:
-    """Time that a library may take for a file of this size [s]."""
+    """Return how long a library may take for a file of this size [s].
+
+    Parameters
+    ----------
+    path : of the file, which must exist
+    """
     return 10.0 + path.stat().st_size / BYTES_PER_SECOND
 
 
@@ -43,10 +50,21 @@ def run_guarded(
     seconds: float,
     gigabytes: float = 16.0,
 ) -> Outcome:
-    """Call a function ("module:name") with texts in a child process, which is stopped when its time
-    [s] is over; its result is dropped, an error is the message of a failure. The child starts in
-    the folder that holds the package, so paths among `arguments` must be absolute. `gigabytes`:
-    limit of its address space, where the system has such limits [GiB].
+    """Call a function with texts in a child process, which is stopped when its time is over.
+
+    Its result is dropped, an error is the message of a failure. The child starts in the folder that
+    holds the package, so paths among `arguments` must be absolute.
+
+    Parameters
+    ----------
+    function : as "module:name"
+    arguments : texts or absolute paths
+    seconds : time allowed [s]
+    gigabytes : limit of the child's address space, where the system has such limits [GiB]
+
+    Returns
+    -------
+    "done", "failed" with a message, or "hung" where the time was over
     """
     home = Path(myomorph.__file__).resolve().parents[1]
     # The child does no linear algebra: one thread makes its start shorter.
@@ -90,7 +108,12 @@ def run_guarded(
 
 
 def limit_memory(gigabytes: float) -> None:
-    """Let this process take `gigabytes` of address space at most, where the system can do that."""
+    """Limit the address space of this process, where the system can do that.
+
+    Parameters
+    ----------
+    gigabytes : largest address space [GiB]; a lower limit that exists stays
+    """
     try:
         # Not on every system.
         import resource
@@ -103,7 +126,7 @@ def limit_memory(gigabytes: float) -> None:
 
 
 def _main(module: str, name: str, gigabytes: str, *arguments: str) -> int:
-    """The child's side: the function's error as one line, and exit status 1 for it."""
+    """Run the child's side: the function's error becomes one line and exit status 1."""
     function = getattr(importlib.import_module(module), name)
     limit_memory(float(gigabytes))
     try:

@@ -1,6 +1,4 @@
-"""What the readers of text tables share: bytes to text, cells to numbers, times that rise, whole
-files.
-"""
+"""Parts of all readers of tables: bytes to text, cells to numbers, rising times, files."""
 
 from __future__ import annotations
 
@@ -25,7 +23,12 @@ FARTHEST = 1e5
 
 @contextmanager
 def readable(path: Path) -> Iterator[None]:
-    """`BadFile` where the system refuses to read a file."""
+    """Raise `BadFile` where the system refuses to read a file within the block.
+
+    Parameters
+    ----------
+    path : of the file, for the message
+    """
     try:
         yield
     except OSError as error:
@@ -33,8 +36,17 @@ def readable(path: Path) -> Iterator[None]:
 
 
 def check_size(path: Path, largest: int, what: str) -> None:
-    """Raise `BadFile` where a file is absent, or larger than what is allowed [bytes] for a kind of
-    content.
+    """Check that a file exists and is not larger than allowed.
+
+    Parameters
+    ----------
+    path : of the file
+    largest : size allowed [bytes]
+    what : kind of content, for the message
+
+    Raises
+    ------
+    BadFile : it is absent or larger
     """
     with readable(path):
         size = path.stat().st_size
@@ -47,7 +59,20 @@ def check_size(path: Path, largest: int, what: str) -> None:
 
 
 def mapped_bytes(path: Path) -> np.ndarray:
-    """The bytes of a file, mapped into memory; raises `BadFile` where it cannot be read."""
+    """Map the bytes of a file into memory.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    (bytes,) of type uint8, empty for an empty file
+
+    Raises
+    ------
+    BadFile : it cannot be read
+    """
     with readable(path):
         return (
             np.memmap(path, dtype=np.uint8, mode="r")
@@ -57,7 +82,21 @@ def mapped_bytes(path: Path) -> np.ndarray:
 
 
 def file_text(path: Path, hint: str) -> str:
-    """Text of a file, in UTF-8 or, failing that, Latin-1; raises `BadFile` on what is not text."""
+    """Read the text of a file in UTF-8, UTF-16 with a mark or, failing that, Latin-1.
+
+    Parameters
+    ----------
+    path : of the file
+    hint : what was expected, for the message
+
+    Returns
+    -------
+    the text, its lines ended by a line feed alone
+
+    Raises
+    ------
+    BadFile : it cannot be read, is empty or is not text
+    """
     with readable(path):
         raw = path.read_bytes()
     if not raw[:4096].strip() and not raw.strip():
@@ -80,8 +119,16 @@ def file_text(path: Path, hint: str) -> str:
 
 
 def line_from(text: str, start: int) -> tuple[str, int]:
-    """First line at or after `start` that holds more than white space and commas, and where the
-    next begins.
+    """Find the next line that holds more than white space and commas.
+
+    Parameters
+    ----------
+    text : of the file
+    start : index of the character at which to begin
+
+    Returns
+    -------
+    the line, "" where none follows, and the index at which the next one begins
     """
     while start < len(text):
         end = text.find("\n", start)
@@ -94,12 +141,27 @@ def line_from(text: str, start: int) -> tuple[str, int]:
 
 
 def split_cells(line: str, delimiter: str | None) -> list[str]:
-    """Cells of a line; None splits at any white space."""
+    """Split a line into cells; no delimiter splits at any white space.
+
+    Parameters
+    ----------
+    line : of the table
+    delimiter : between cells, None for white space
+
+    Returns
+    -------
+    the cells as they stand
+    """
     return line.split() if delimiter is None else line.rstrip("\r\n").split(delimiter)
 
 
 def number_or_nan(text: str) -> float:
-    """A text as a number, NaN where it is none."""
+    """Convert a text to a number, NaN where it is none.
+
+    Parameters
+    ----------
+    text : may have blanks around
+    """
     try:
         return float(text)
     except ValueError:
@@ -107,7 +169,20 @@ def number_or_nan(text: str) -> float:
 
 
 def number(cell: str) -> float:
-    """A cell as a number: blank and every spelling of NaN is nan; raises `ValueError` otherwise."""
+    """Convert a cell to a number; blank cells and every spelling of NaN are NaN.
+
+    Parameters
+    ----------
+    cell : may be in quotes; a D may mark the exponent, a comma the fraction
+
+    Returns
+    -------
+    the number
+
+    Raises
+    ------
+    ValueError : it is none
+    """
     cell = cell.strip().strip('"')
     try:
         return float(cell)
@@ -128,8 +203,24 @@ def number(cell: str) -> float:
 def parse_cells(
     body: str, columns: int, delimiter: str | None, notes: list[str], path: Path, hint: str
 ) -> Array:
-    """Values (rows, columns) read cell by cell: blanks are NaN, rows that are too short are left
-    out.
+    """Read the rows of a table cell by cell; rows that are too short or hold text are left out.
+
+    Parameters
+    ----------
+    body : text below the line of names
+    columns : count of columns; further cells of a row are ignored
+    delimiter : between cells, None for white space
+    notes : gets a warning for what was left out
+    path : of the file, for messages
+    hint : what was expected, for the message
+
+    Returns
+    -------
+    (rows, columns), NaN where a cell is blank
+
+    Raises
+    ------
+    BadFile : no row is of numbers
     """
     rows: list[list[float]] = []
     short = odd = 0
@@ -156,7 +247,18 @@ def parse_cells(
 
 
 def quick_numbers(body: str, delimiter: str | None, columns: int) -> Array | None:
-    """Values (rows, columns) of a body without blanks or odd numbers, or None."""
+    """Read a table of numbers at once, where no cell is blank or odd.
+
+    Parameters
+    ----------
+    body : text below the line of names
+    delimiter : between cells; other than a comma it must be white space
+    columns : count of columns
+
+    Returns
+    -------
+    (rows, columns); None where it must be read cell by cell
+    """
     if delimiter == ",":
         body = body.replace(",", " ")
     with warnings.catch_warnings():
@@ -175,7 +277,16 @@ def quick_numbers(body: str, delimiter: str | None, columns: int) -> Array | Non
 
 
 def rising(time: Array) -> np.ndarray:
-    """Which entries (frames,) are finite and larger than every one kept before."""
+    """Find the times that are finite and larger than every one before.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+
+    Returns
+    -------
+    (frames,) whether to keep each
+    """
     finite = np.isfinite(time)
     highest = np.maximum.accumulate(np.where(finite, time, -np.inf))
     before = np.concatenate(([-np.inf], highest[:-1]))
@@ -183,8 +294,16 @@ def rising(time: Array) -> np.ndarray:
 
 
 def without_far_away(positions: Array, notes: list[str]) -> Array:
-    """The same positions (..., 3) [m] with NaN for those that no laboratory can hold, which `notes`
-    lists.
+    """Mark positions that no laboratory can hold as hidden.
+
+    Parameters
+    ----------
+    positions : (..., 3) [m]
+    notes : gets a warning with their count
+
+    Returns
+    -------
+    (..., 3) [m], NaN for those farther than 100 km along an axis
     """
     far = np.abs(positions).max(axis=-1) > FARTHEST
     if far.any():
@@ -197,7 +316,18 @@ def without_far_away(positions: Array, notes: list[str]) -> Array:
 
 
 def unique_names(names: Sequence[str], kind: str, notes: list[str]) -> tuple[str, ...]:
-    """Names of which none occurs twice: a later one gets `_2`, `_3`, ..., which `notes` lists."""
+    """Rename names that occur twice: a later one gets `_2`, `_3`, ...
+
+    Parameters
+    ----------
+    names : as the file has them
+    kind : what they name, for the warning
+    notes : gets a warning where names were changed
+
+    Returns
+    -------
+    the names in their order, each once
+    """
     taken = set(names)
     seen: set[str] = set()
     unique: list[str] = []
@@ -228,8 +358,19 @@ def unique_names(names: Sequence[str], kind: str, notes: list[str]) -> tuple[str
 
 @contextmanager
 def written(path: str | os.PathLike[str]) -> Iterator[TextIO]:
-    """A text file that appears under its name only when it is whole; `BadFile` where it cannot be
-    made.
+    """Open a text file that appears under its name only when the block ends without an error.
+
+    Parameters
+    ----------
+    path : of the new file, replaced where it exists
+
+    Yields
+    ------
+    the stream to write to, in UTF-8
+
+    Raises
+    ------
+    BadFile : no file can be made in its folder
     """
     target = Path(path)
     try:
@@ -249,7 +390,18 @@ def written(path: str | os.PathLike[str]) -> Iterator[TextIO]:
 
 
 def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]], digits: int = 6) -> str:
-    """A table as comma-separated text; numbers with a fraction to so many digits."""
+    """Write a table as comma-separated text.
+
+    Parameters
+    ----------
+    head : names of the columns
+    rows : cells of each row
+    digits : significant ones of numbers with a fraction
+
+    Returns
+    -------
+    the text, a line for the head and one per row
+    """
     text = io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
     table.writerow(head)
@@ -265,6 +417,18 @@ def write_csv(
     rows: Iterable[Iterable[object]],
     digits: int = 6,
 ) -> None:
-    """The same as a file that is whole or not there."""
+    """Write a table as a file of comma-separated text, whole or not at all.
+
+    Parameters
+    ----------
+    path : of the new file, replaced where it exists
+    head : names of the columns
+    rows : cells of each row
+    digits : significant ones of numbers with a fraction
+
+    Raises
+    ------
+    BadFile : the file cannot be written
+    """
     with written(path) as stream:
         stream.write(csv_text(head, rows, digits))

@@ -28,7 +28,20 @@ class XmlFile:
 
 
 def read_xml(path: str | os.PathLike[str]) -> XmlFile:
-    """Parse an XML file, overlooking a few slips as OpenSim's parser does, and nothing worse."""
+    """Parse an XML file, overlooking a few slips as OpenSim's parser does, and nothing worse.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    the document without comments; `warnings` say what was overlooked
+
+    Raises
+    ------
+    BadFile : it is absent, too large, empty, declares XML entities, or is not XML after repair
+    """
     path = Path(path)
     content = _content(path)
     if ENTITIES.search(content.replace(b"\0", b"")):
@@ -49,8 +62,10 @@ def read_xml(path: str | os.PathLike[str]) -> XmlFile:
 
 
 def _tidied(content: bytes) -> bytes:
-    """The same document with what careless editors leave in it taken out: odd bytes, a stray last
-    tag.
+    """Take out of a document what careless editors leave in it.
+
+    Odd bytes become blanks, comments and a stray last tag are removed, and a bare & is written as
+    an entity.
     """
     try:
         text = content.decode("utf-8-sig")
