@@ -1,6 +1,4 @@
-"""What each marker says against all others: where they would put it, markers off their place, what
-no marker shows.
-"""
+"""Influence of each marker: where all others would put it, and what no marker shows."""
 
 from __future__ import annotations
 
@@ -33,10 +31,14 @@ BLIND = 1e-5
 
 @read_only
 class MarkerFrames:
-    """Markers of some frames against a model's pose: recorded less model (frames, markers, 3) [m]
-    in ground, NaN where unseen; slopes (..., variables) of model positions; rotations (..., 3, 3)
-    of the markers' bodies; `held` (frames, variables), whether each lies at a bound, so that it has
-    no slopes.
+    """Markers of some frames against a model's pose.
+
+    Attributes
+    ----------
+    errors : (frames, markers, 3) recorded less model in ground [m], NaN where unseen
+    slopes : (frames, markers, 3, variables) derivatives of model positions [m/rad or 1]
+    rotations : (frames, markers, 3, 3) from the markers' bodies to ground
+    held : (frames, variables) whether each lies at a bound, so that it has no slopes
     """
 
     errors: Array
@@ -46,8 +48,20 @@ class MarkerFrames:
 
 
 def marker_frames(tree: Tree, problem: PoseProblem, observed: Array, values: Array) -> MarkerFrames:
-    """Errors of markers (frames, markers, 3) [m] and slopes at poses; variables at a bound do not
-    move.
+    """Compute errors of markers and the slopes of their positions at poses.
+
+    Variables at a bound do not move. The slopes are forward differences.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    problem : with the markers and the free coordinates
+    observed : (frames, markers, 3) recorded [m], NaN where unseen
+    values : (frames, coordinates) poses [rad or m]
+
+    Returns
+    -------
+    errors, slopes and rotations of each frame
     """
     poses, held = nudged_poses(tree, problem, values)
     points = poses.points(problem.markers.body, problem.markers.location)
@@ -64,8 +78,18 @@ def marker_frames(tree: Tree, problem: PoseProblem, observed: Array, values: Arr
 
 
 def nudged_poses(tree: Tree, problem: PoseProblem, values: Array) -> tuple[Poses, np.ndarray]:
-    """Each frame of values (frames, coordinates) as it is, then with each variable moved by `STEP`
-    of its unit, frame after frame; (frames, variables) whether each lies at a bound.
+    """Pose each frame as it is, then with each variable moved by `STEP` of its unit.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    problem : with the free coordinates, their bounds and units
+    values : (frames, coordinates) [rad or m]
+
+    Returns
+    -------
+    poses (frames (variables + 1)), frame after frame, and (frames, variables) whether each variable
+    lies at a bound
     """
     stacked = np.repeat(values[:, None], len(problem.free) + 1, axis=1)
     for i, j in enumerate(problem.free):
@@ -79,9 +103,24 @@ def nudged_poses(tree: Tree, problem: PoseProblem, values: Array) -> tuple[Poses
 
 
 def left_out(marker_frames: MarkerFrames, weight: Array) -> Array:
-    """(frames, markers, 3) how far each marker lies from where all others would put it, in its
-    body's frame [m]. By the leverage h of a marker in the linear problem: (1 - h)^-1 e, without the
-    directions that others hardly tell; NaN where a marker is unseen or none is told.
+    """Measure how far each marker lies from where all others would put it.
+
+    With e the marker's error and its weighted slopes as rows of an orthonormal basis B, its
+    leverage is h = B B^T (3, 3), and the error without it
+
+        (1 - h)^-1 e
+
+    without the directions that the others hardly determine.
+
+    Parameters
+    ----------
+    marker_frames : errors and slopes
+    weight : (markers,)
+
+    Returns
+    -------
+    (frames, markers, 3) in the frame of the marker's body [m]; NaN where a marker is unseen, or
+    fewer than two of its directions are determined
     """
     frames, markers = marker_frames.errors.shape[:2]
     result = np.full((frames, markers, 3), np.nan)
@@ -105,7 +144,21 @@ def left_out(marker_frames: MarkerFrames, weight: Array) -> Array:
 def undetermined(
     marker_frames: MarkerFrames, problem: PoseProblem, weight: Array
 ) -> tuple[int, ...]:
-    """Coordinates that take part in a motion that no marker of any of the frames shows."""
+    """Find coordinates that take part in a motion that no marker of any of the frames shows.
+
+    Of the sum of J^T J over seen markers, with slopes J, such motions have an eigenvalue below
+    1e-10 of the median. A variable that lies at its bound in all frames is determined by the bound.
+
+    Parameters
+    ----------
+    marker_frames : errors and slopes
+    problem : with the free coordinates
+    weight : (markers,)
+
+    Returns
+    -------
+    numbers of the coordinates, without those that a task draws
+    """
     seen = np.isfinite(marker_frames.errors).all(axis=2) & (weight > 0.0)
     rows = marker_frames.slopes[seen].reshape(-1, len(problem.free))
     sizes, directions = np.linalg.eigh(rows.T @ rows)
@@ -148,8 +201,19 @@ SAMPLES = 20
 def place_findings(
     model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, unit: float
 ) -> Iterator[Finding]:
-    """Markers that lie steadily off the place where all others put them, while those of the other
-    side do not.
+    """Find markers that lie steadily off where all others put them, while those opposite do not.
+
+    Parameters
+    ----------
+    model : that was fitted
+    markers : as used (frames, markers, 3) [m], NaN where hidden
+    fit : of inverse kinematics
+    problem : of the fit
+    unit : what stands for one metre, see `length_unit` [m]
+
+    Yields
+    ------
+    a finding for each marker, the farthest first
     """
     seen = np.flatnonzero(fit.seen)
     if len(seen) < 3 or len(fit.marker_names) < 6:
@@ -193,7 +257,17 @@ def place_findings(
 
 
 def _steady(away: Array) -> tuple[Array, Array]:
-    """Mean over frames (markers, 3), and the root mean square of what changes (markers,) [m]."""
+    """Separate the mean over frames from what changes.
+
+    Parameters
+    ----------
+    away : (frames, markers, 3) [m], NaN where unknown
+
+    Returns
+    -------
+    mean (markers, 3) [m], NaN where known in less than half of the frames, and root mean square of
+    what changes (markers,) [m]
+    """
     known: np.ndarray = np.asarray(np.isfinite(away).all(axis=2))
     count = known.sum(axis=0)
     some = np.where(known[:, :, None], away, 0.0)
@@ -222,9 +296,21 @@ CHUNK = 128  # Frames whose slopes are held at once
 def hidden_findings(
     model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem
 ) -> tuple[Finding, ...]:
-    """Frames whose markers do not show where the body is, which become gaps, and what is hidden in
-    part of the frames. Models with loops are not looked at: what ties determine, slopes of single
-    markers do not know.
+    """Find frames that do not show where the body is, and coordinates hidden in part of the frames.
+
+    The former become gaps. Models with loops are not looked at: what ties determine, slopes of
+    single markers do not know.
+
+    Parameters
+    ----------
+    model : that was fitted
+    markers : as used (frames, markers, 3) [m], NaN where hidden
+    fit : of inverse kinematics
+    problem : of the fit
+
+    Returns
+    -------
+    findings, the first with a repair of the fit
     """
     if model.loops or not fit.seen.any():
         return ()
@@ -242,7 +328,7 @@ def hidden_findings(
 
 
 def _without(fit: KinematicsFit, lost: np.ndarray) -> KinematicsFit:
-    """The fit with gaps in some frames."""
+    """Make gaps of some frames (frames,) of a fit."""
     values = np.array(fit.motion.values)
     errors = np.array(fit.errors)
     converged = np.array(fit.converged)
@@ -255,7 +341,22 @@ def _without(fit: KinematicsFit, lost: np.ndarray) -> KinematicsFit:
 
 
 def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> np.ndarray:
-    """(frames, variables) whether a coordinate is hidden that the frames with most markers show."""
+    """Find coordinates that a frame hides and the frames with most markers show.
+
+    A direction of the coordinates is hidden where it moves the seen markers by less than 1 % of the
+    usual, and a coordinate with it from a share of 0.3.
+
+    Parameters
+    ----------
+    model : that was fitted
+    markers : as used (frames, markers, 3) [m], NaN where hidden
+    fit : of inverse kinematics
+    problem : of the fit
+
+    Returns
+    -------
+    (frames, variables)
+    """
     seen = np.isfinite(fit.errors)
     masks, first, group = np.unique(seen, axis=0, return_index=True, return_inverse=True)
     columns = [markers.names.index(name) for name in fit.marker_names]
@@ -283,7 +384,7 @@ def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PosePro
 
 
 def _lost(fit: KinematicsFit, lost: np.ndarray) -> Iterator[Finding]:
-    """The frames that show too few markers to determine where the body is."""
+    """Report the frames (frames,) that show too few markers to determine where the body is."""
     if not lost.any():
         return
     spans = spans_of(fit.motion.time, lost)
@@ -299,8 +400,16 @@ def _lost(fit: KinematicsFit, lost: np.ndarray) -> Iterator[Finding]:
 def _partly(
     fit: KinematicsFit, names: list[str], hidden: np.ndarray, frames: int
 ) -> Iterator[Finding]:
-    """Coordinates that no marker shows in more than a tenth of the frames, those of nearly the same
-    frames together.
+    """Report coordinates that no marker shows in more than a tenth of the frames.
+
+    Those of nearly the same frames are reported together.
+
+    Parameters
+    ----------
+    fit : of inverse kinematics
+    names : (variables,) of the free coordinates
+    hidden : (frames, variables)
+    frames : number of frames that are kept
     """
     together: list[list[int]] = []
     for i in map(int, np.flatnonzero(hidden.sum(axis=0) > LEAST * frames)):
@@ -324,5 +433,5 @@ def _partly(
 
 
 def _overlap(first: np.ndarray, other: np.ndarray) -> float:
-    """Share of the frames of either that both have."""
+    """Compute the share of the frames (frames,) of either that both have."""
     return float((first & other).sum() / max(int((first | other).sum()), 1))

@@ -1,6 +1,4 @@
-"""What the coordinates found say of themselves: held at a bound, shown by no marker, a body that
-lies on its side.
-"""
+"""Checks of solved coordinates: held at a bound, shown by no marker, a body that lies."""
 
 from __future__ import annotations
 
@@ -38,7 +36,20 @@ def pose_findings(
     problem: PoseProblem,
     options: InverseKinematicsOptions,
 ) -> Iterator[Finding]:
-    """Findings about the coordinates of a fit of these markers."""
+    """Check the coordinates of a fit of these markers.
+
+    Parameters
+    ----------
+    model : that was fitted
+    markers : as used (frames, markers, 3) [m], NaN where hidden
+    fit : of inverse kinematics
+    problem : of the fit
+    options : of inverse kinematics
+
+    Yields
+    ------
+    findings on bounds, hidden coordinates, joints turned over, the vertical and convergence
+    """
     if not fit.seen.any():
         return
     yield from _bound_findings(model, markers, fit, problem, options)
@@ -55,8 +66,9 @@ def _bound_findings(
     problem: PoseProblem,
     options: InverseKinematicsOptions,
 ) -> Iterator[Finding]:
-    """Coordinates at a bound for more than a tenth of the frames, and how far they would go without
-    it.
+    """Find coordinates at a bound for more than a tenth of the frames.
+
+    Some of these frames are solved again without the bound, for how far the coordinate would go.
     """
     values = fit.motion.values[:, problem.free]
     with np.errstate(invalid="ignore"):
@@ -140,8 +152,18 @@ def _blind_findings(
 
 
 def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
-    """Angles of joints far outside their range: two neighbors that turn over together look much the
-    same to markers.
+    """Find angles of joints that lie more than 90 degrees outside their range.
+
+    Two neighbors that turn over together look much the same to markers.
+
+    Parameters
+    ----------
+    model : that was fitted
+    fit : of inverse kinematics
+
+    Yields
+    ------
+    a finding for each coordinate
     """
     floating = set(floating_coordinates(model))
     for coordinate in model.coordinates:
@@ -169,8 +191,9 @@ def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
 
 
 def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
-    """A floating body that lies or stands on its head in nearly all frames: its vertical may be
-    another axis.
+    """Find a floating body that lies or stands on its head in nearly all frames.
+
+    Its vertical may be another axis of the recording.
     """
     floating = set(floating_coordinates(model))
     joint = next(

@@ -52,7 +52,16 @@ class Site(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Protocol:
-    """A set of labels, what each lies on, and the endings that a label can have besides."""
+    """A set of labels.
+
+    Attributes
+    ----------
+    name : in the table
+    title : in words
+    source : publication or manual
+    labels : what each label lies on
+    endings : that a label can have in addition
+    """
 
     name: str
     title: str
@@ -61,7 +70,16 @@ class Protocol:
     endings: tuple[str, ...] = ()
 
     def site(self, label: str) -> Site | None:
-        """What a label of a recording lies on, None where the protocol does not know it."""
+        """Find what a label of a recording lies on.
+
+        Parameters
+        ----------
+        label : as recorded
+
+        Returns
+        -------
+        None where the protocol does not know it
+        """
         return self._plain_labels.get(_plain(label, self.name == COMMON, self.endings))
 
     @cached_property
@@ -75,8 +93,14 @@ class Protocol:
 
 @dataclass(frozen=True, eq=False)
 class Recognized:
-    """Labels as protocols know them: by the one that knows most (None for none), by common names
-    only, or by none.
+    """Labels of a recording as protocols know them.
+
+    Attributes
+    ----------
+    protocol : that knows most labels, None for none
+    sites : what each known label lies on
+    common : labels known by common names only
+    unknown : labels that nothing knows
     """
 
     protocol: Protocol | None
@@ -87,8 +111,13 @@ class Recognized:
 
 @dataclass(frozen=True, eq=False)
 class ProtocolTable:
-    """Protocols by name, the common names, and the landmarks (words and kind, by `segment.key`)
-    that they name.
+    """Protocols and landmarks.
+
+    Attributes
+    ----------
+    landmarks : words and kind, by `segment.key`
+    protocols : by name
+    common : names in use in many laboratories
     """
 
     landmarks: Mapping[str, tuple[str, Kind]]
@@ -101,9 +130,19 @@ class ProtocolTable:
 
 
 def find_protocol(names: Iterable[str], table: ProtocolTable | None = None) -> Protocol | None:
-    """The marker protocol that a recording follows, by its labels with or without a subject's name
-    before them (`Subject:LASI`); None where no protocol knows enough of them. Of protocols that
+    """Find the marker protocol that a recording follows.
+
+    Labels count with or without a subject's name before them (`Subject:LASI`). Of protocols that
     know equally many labels, the one counts whose labels are all there.
+
+    Parameters
+    ----------
+    names : labels of the recording
+    table : of protocols; None takes those of the package
+
+    Returns
+    -------
+    None where no protocol knows enough of the labels
     """
     labels = tuple(dict.fromkeys(names))
     table = table or protocols()
@@ -124,9 +163,19 @@ def find_protocol(names: Iterable[str], table: ProtocolTable | None = None) -> P
 
 
 def recognize(names: Iterable[str], table: ProtocolTable | None = None) -> Recognized:
-    """What every label of a recording lies on: by its protocol, else by the table of common names.
+    """Find what every label of a recording lies on: by its protocol, else by common names.
+
     Two labels never lie on the same landmark: a label of the protocol goes before a common name,
     and of two of the same kind the first counts. Points of the skin may be several.
+
+    Parameters
+    ----------
+    names : labels of the recording
+    table : of protocols; None takes those of the package
+
+    Returns
+    -------
+    the protocol, and the labels that are known or unknown
     """
     table = table or protocols()
     labels = tuple(dict.fromkeys(names))
@@ -153,10 +202,21 @@ def recognize(names: Iterable[str], table: ProtocolTable | None = None) -> Recog
 def labels_between(
     recorded: Iterable[str], known: Iterable[str], table: ProtocolTable | None = None
 ) -> dict[str, str]:
-    """Labels of a recording and the markers of a model on the same landmark under another name, as
-    the key `labels` takes them. Only bony landmarks and joint centers: a point of the skin without
-    a landmark lies elsewhere in every laboratory. Names that both have are left out, and so are
-    markers that the recording has under their own name.
+    """Match labels of a recording with markers of a model on the same landmark under another name.
+
+    Only bony landmarks and joint centers: a point of the skin without a landmark lies elsewhere in
+    every laboratory. Names that both have are left out, and so are markers that the recording has
+    under their own name.
+
+    Parameters
+    ----------
+    recorded : labels of the recording
+    known : markers of the model
+    table : of protocols; None takes those of the package
+
+    Returns
+    -------
+    marker by label, as the key `labels` takes them
     """
     recorded = tuple(recorded)
     known = tuple(known)
@@ -174,13 +234,28 @@ def labels_between(
 
 @cache
 def protocols() -> ProtocolTable:
-    """The protocols that come with the package."""
+    """Read the protocols that come with the package."""
     text = (files("myomorph.core.motion") / "data" / "protocols.toml").read_text("utf-8")
     return protocol_table(text, "protocols.toml")
 
 
 def protocol_table(text: str, source: str, base: ProtocolTable | None = None) -> ProtocolTable:
-    """Add protocols of a TOML table to those of `base`, or put them in their place."""
+    """Add protocols of a TOML table to those of `base`, or put them in their place.
+
+    Parameters
+    ----------
+    text : TOML
+    source : name of the file, for errors
+    base : table to add to; None begins with an empty one
+
+    Returns
+    -------
+    the whole table
+
+    Raises
+    ------
+    BadData : no TOML, an unknown table, protocol or landmark, or a label that is there twice
+    """
     try:
         raw = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -278,7 +353,7 @@ def _labels(
 
 
 def _sided(label: str, sides: Mapping[str, str]) -> Iterable[tuple[str, str]]:
-    """The labels that one of a table stands for, and their sides."""
+    """List the labels that one of a table stands for, with their sides."""
     return (
         [(label.replace("#", letter), side) for letter, side in sides.items()]
         if "#" in label
@@ -287,8 +362,9 @@ def _sided(label: str, sides: Mapping[str, str]) -> Iterable[tuple[str, str]]:
 
 
 def _plain(label: str, loose: bool, endings: Sequence[str] = ()) -> str:
-    """A label without the subject's name and the protocol's endings, in small letters; `loose`
-    drops separators.
+    """Strip a label of the subject's name and the protocol's endings, in small letters.
+
+    `loose` drops separators too.
     """
     text = _PREFIX.sub("", label.strip()).lower()
     for ending in endings:

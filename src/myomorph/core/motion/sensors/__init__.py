@@ -1,3 +1,1 @@
-"""Inertial sensors: their orientation, where they are mounted on bodies, and how their headings
-drift.
-"""
+"""Inertial sensors on bodies: their orientation, mounting and drift of headings."""

@@ -41,8 +41,19 @@ SEGMENT_OF = {word: segment for segment, words in WORDS.items() for word in word
 
 
 def named_bodies(model: Model, names: tuple[str, ...]) -> dict[str, str]:
-    """Body of each sensor whose name shows it; of several that name one segment by makers' words,
-    the first's.
+    """Find the body of each sensor whose name shows it.
+
+    A name is that of a body or a frame, else a maker's word for a segment; of several sensors that
+    name one segment, the first counts.
+
+    Parameters
+    ----------
+    model : with the bodies
+    names : of the sensors
+
+    Returns
+    -------
+    body by sensor, where known
     """
     bodies = {body.name.casefold(): body.name for body in model.bodies}
     frames = {frame.name: frame.body for frame in model.frames}
@@ -64,7 +75,23 @@ def named_bodies(model: Model, names: tuple[str, ...]) -> dict[str, str]:
 def bodies_of_sensors(
     model: Model, names: tuple[str, ...], chosen: Mapping[str, str]
 ) -> dict[str, str]:
-    """Body of each sensor, as chosen ("" to leave it out), else by its name (`named_bodies`)."""
+    """Find the body of each sensor, as chosen, else by its name (`named_bodies`).
+
+    Parameters
+    ----------
+    model : with the bodies
+    names : of the sensors
+    chosen : body by sensor, "" to leave it out
+
+    Returns
+    -------
+    body by sensor, without those left out
+
+    Raises
+    ------
+    BadData : the body of a sensor is not known, or all are left out
+    UnknownName : a chosen sensor or body does not exist
+    """
     for name, body in chosen.items():
         index_of("sensor", name, names, "the recording")
         if body:
@@ -84,7 +111,7 @@ def bodies_of_sensors(
 
 
 def _plain(name: str) -> str:
-    """A sensor's name without what stands for 'sensor' behind it."""
+    """Strip a sensor's name of what stands for 'sensor' at its end."""
     for suffix in SUFFIXES:
         if name.casefold().endswith(suffix):
             return name[: -len(suffix)]
@@ -92,7 +119,7 @@ def _plain(name: str) -> str:
 
 
 def _main_bodies(model: Model) -> dict[Segment, str]:
-    """The heaviest body of each segment; none of a model without human segments."""
+    """Find the heaviest body of each segment; none of a model without human segments."""
     masses = {body.name: body.mass for body in model.bodies}
     segments = sorted(segments_if_human(model).items(), key=lambda part: masses[part[0]])
     return {segment: body for body, segment in segments}
@@ -135,13 +162,22 @@ class SensorOptions:
 
 @read_only
 class SensorMounting:
-    """Sensors on bodies, turned by `rotations` (sensors, 3, 3) to them; each sensor's earth is
-    turned about the vertical (`up` of the ground) by `headings` (knots, sensors) [rad], linear
-    between the `knots` [s].
+    """Orientation of sensors on bodies.
 
-    `delay` [s] is by how much the sensors' clock is behind the motion's; `factor` (3 sensors +
-    knots sensors, numbers) of the covariance of what is left open: rotation vectors in the bodies,
-    behind them the headings, knot by knot [rad].
+    Each sensor's earth is rotated about the vertical by its heading, linear between knots.
+
+    Attributes
+    ----------
+    sensors : names
+    bodies : of each sensor
+    rotations : (sensors, 3, 3) from sensors to their bodies
+    knots : (knots,) [s]
+    headings : (knots, sensors) [rad]
+    delay : of the sensors' clock behind the motion's [s]
+    factor : (3 sensors + knots sensors, numbers) of the covariance of what is not determined:
+        rotation vectors in the bodies, then the headings, knot by knot [rad]
+    up : (3,) unit vector, vertical of the ground
+    notes : what looks wrong, one line each
     """
 
     sensors: tuple[str, ...]
@@ -160,7 +196,16 @@ class SensorMounting:
         )
 
     def moved(self, numbers: Array) -> SensorMounting:
-        """The same with errors of what is left open, by independent numbers of variance 1."""
+        """Draw a mounting with errors of what is not determined.
+
+        Parameters
+        ----------
+        numbers : (numbers,) independent, of variance 1
+
+        Returns
+        -------
+        the same sensors with other rotations and headings
+        """
         count = len(self.sensors)
         errors = self.factor @ numbers
         turned = rotation_from_vector(errors[: 3 * count].reshape(-1, 3)) @ self.rotations
@@ -168,12 +213,32 @@ class SensorMounting:
         return replace(self, rotations=turned, headings=headings)
 
     def heading_at(self, time: Array) -> Array:
-        """(times, sensors) headings [rad]."""
+        """Interpolate the headings.
+
+        Parameters
+        ----------
+        time : (times,) [s]
+
+        Returns
+        -------
+        (times, sensors) [rad]
+        """
         return np.column_stack([np.interp(time, self.knots, column) for column in self.headings.T])
 
     def body_rotations(self, sensors: InertialSensors, time: Array, model: Model) -> Array:
-        """(times, sensors, 3, 3) from bodies to ground, as the sensors report; NaN where they do
-        not.
+        """Compute the rotations of bodies as the sensors report them.
+
+            R_body = R_heading R_earth-to-ground R_sensor R_mounting^T
+
+        Parameters
+        ----------
+        sensors : with orientations
+        time : (times,) on the motion's clock [s]
+        model : with the vertical
+
+        Returns
+        -------
+        (times, sensors, 3, 3) from bodies to ground, NaN where the sensors have none
         """
         earth = rotations_at(sensors.only(self.sensors), time + self.delay, model)
         turned = rotation_from_vector(self.heading_at(time)[..., None] * self.up)
@@ -183,9 +248,23 @@ class SensorMounting:
 def trunk_acceleration(
     model: Model, mounting: SensorMounting, sensors: InertialSensors, time: Array
 ) -> Array | None:
-    """(times, 3) acceleration of the sensor on the pelvis in the model's ground, without gravity
-    [m/s^2], NaN where unknown; None without such a sensor. Where on the pelvis it is nobody knows,
-    nor is its turning taken off.
+    """Compute the acceleration of the sensor on the pelvis in the model's ground, without gravity.
+
+        a = R_sensor f + g
+
+    with the measured specific force f. Where on the pelvis it is nobody knows, so its rotation
+    about other points is not taken off.
+
+    Parameters
+    ----------
+    model : with segments and gravity
+    mounting : of the sensors
+    sensors : with orientations, and accelerations (frames, sensors, 3) [m/s^2]
+    time : (times,) on the motion's clock [s]
+
+    Returns
+    -------
+    (times, 3) [m/s^2], NaN where unknown; None without such a sensor
     """
     segments = segments_of(model)
     of_trunk = [
@@ -205,9 +284,20 @@ def trunk_acceleration(
 def orientation_tasks(
     mounting: SensorMounting, rotations: Array, marker_weights: Array, options: SensorOptions
 ) -> tuple[OrientationTask, ...]:
-    """Tasks of inverse kinematics whose weight beside the markers follows from both's noise.
-    `marker_weights` (frames,) are the sums over the markers seen, by which each marker's is
-    divided.
+    """Build tasks of inverse kinematics whose weight against the markers follows from both's noise.
+
+        weight = (marker noise / sensor noise)^2 / max(sum of marker weights, 1)
+
+    Parameters
+    ----------
+    mounting : sensors and their bodies
+    rotations : (frames, sensors, 3, 3) from bodies to ground, NaN where unknown
+    marker_weights : (frames,) sum over the markers seen, by which each marker's is divided
+    options : noise of sensors [rad] and markers [m]
+
+    Returns
+    -------
+    a task for each sensor
     """
     weight = (options.imu_marker_noise / options.imu_noise) ** 2 / np.maximum(marker_weights, 1.0)
     return tuple(
@@ -219,7 +309,19 @@ def orientation_tasks(
 def weights_seen(
     model: Model, markers: Markers, weights: Mapping[str, float], only_weighted: bool
 ) -> Array:
-    """(frames,) sum of the weights of the model's markers that a recording shows."""
+    """Sum the weights of the model's markers that a recording shows.
+
+    Parameters
+    ----------
+    model : with markers
+    markers : as recorded (frames, markers, 3) [m], NaN where hidden
+    weights : by name of a marker
+    only_weighted : markers without a weight have 0; else 1
+
+    Returns
+    -------
+    (frames,)
+    """
     default = 0.0 if only_weighted else 1.0
     total = np.zeros(len(markers))
     for index, name in enumerate(markers.names):
@@ -235,11 +337,28 @@ STEADY_RATE = 0.02  # Steps of a clock that differ by a larger share have gaps
 def with_orientations(
     sensors: InertialSensors, magnetometer: bool = True, causal: bool = False
 ) -> InertialSensors:
-    """The sensors with the orientations that a filter finds in their raw signals; known
-    orientations are kept. The filter is VQF (Laidig and Seel 2023), run forwards and backwards over
-    the whole recording, or forwards alone (`causal`): gyroscopes are integrated, accelerations
-    correct the inclination, magnetic fields the heading where they are undisturbed. Without
-    magnetic fields every sensor's heading begins anywhere and drifts slowly.
+    """Find the orientations of sensors from their raw signals; known orientations are kept.
+
+    The filter is VQF, run forwards and backwards over the whole recording, or forwards alone:
+    gyroscopes are integrated, accelerations correct the inclination, magnetic fields the heading
+    where they are undisturbed. Without magnetic fields every sensor's heading begins anywhere and
+    drifts slowly.
+
+    Source: Laidig and Seel 2023.
+
+    Parameters
+    ----------
+    sensors : with angular velocities [rad/s] and accelerations [m/s^2], each (frames, sensors, 3)
+    magnetometer : use magnetic fields where there are any
+    causal : run forwards alone
+
+    Returns
+    -------
+    with orientations, quaternions (frames, sensors, 4), NaN where a signal is missing
+
+    Raises
+    ------
+    BadData : neither orientations nor raw signals, or a rate too low to integrate
     """
     if sensors.orientations is not None:
         return sensors
@@ -291,15 +410,38 @@ def with_orientations(
 
 
 def _filled(time: Array, values: Array, clock: Array) -> Array:
-    """A signal (frames, 3) on an even clock, gaps bridged by lines."""
+    """Resample a signal on an even clock, gaps bridged by lines.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    values : (frames, 3), NaN in gaps
+    clock : (samples,) [s]
+
+    Returns
+    -------
+    (samples, 3)
+    """
     known = np.isfinite(values).all(axis=1)
     columns = [np.interp(clock, time[known], column) for column in values[known].T]
     return np.ascontiguousarray(np.array(columns).T)
 
 
 def earth_to_ground(model: Model) -> Array:
-    """Rotation (3, 3) from an earth whose z points up to the model's ground: about x where y points
-    up there.
+    """Rotate an earth whose z points up to the model's ground: about x where y points up there.
+
+    With the unit axis a = z x up / |z x up|, K = [a]_x and the angle t between z and up
+    (Rodrigues),
+
+        R = 1 + sin t K + (1 - cos t) K K
+
+    Parameters
+    ----------
+    model : with the vertical
+
+    Returns
+    -------
+    (3, 3) from earth to ground
     """
     up = np.asarray(model.up)
     axis = np.cross([0.0, 0.0, 1.0], up)
@@ -313,8 +455,19 @@ def earth_to_ground(model: Model) -> Array:
 
 
 def rotations_at(sensors: InertialSensors, time: Array, model: Model) -> Array:
-    """Rotations (times, sensors, 3, 3) from sensors to the model's ground at other times; NaN
-    outside, and in gaps. Half a frame beyond either end the sensors are as they were there.
+    """Interpolate the sensors' rotations to the model's ground at other times.
+
+    Half a frame beyond either end the sensors are as they were there.
+
+    Parameters
+    ----------
+    sensors : with orientations
+    time : (times,) on the sensors' clock [s]
+    model : with the vertical
+
+    Returns
+    -------
+    (times, sensors, 3, 3) from sensors to ground, NaN outside and in gaps
     """
     assert sensors.orientations is not None
     slack = 0.5 / sensors.rate if len(sensors) > 1 else 0.0

@@ -16,10 +16,17 @@ from myomorph.core.motion.tasks.orientations import OrientationTask
 
 @dataclass(frozen=True, eq=False)
 class SensorFit:
-    """Inverse kinematics with sensors, as used with their orientations and mounting. `bridges` are
-    pulls of coordinates in gaps, of the root's place without markers and of joints whose sensor is
-    lost, towards `places` (None without gaps); `spreads` the standard deviation of what such a
-    joint may be away from there [rad].
+    """Inverse kinematics with sensors, with the orientations and mounting that were used.
+
+    Attributes
+    ----------
+    fit : of markers and sensors
+    mounting : of the sensors
+    sensors : with their orientations
+    bridges : pulls of coordinates in gaps: of the root's position without markers, and of joints
+        whose sensor is lost
+    places : coordinates to which the bridges pull, None without gaps
+    spreads : standard deviation of such a joint about there [rad]
     """
 
     fit: KinematicsFit
@@ -32,7 +39,17 @@ class SensorFit:
     def added(
         self, options: InverseKinematicsOptions, tasks: Sequence[OrientationTask]
     ) -> InverseKinematicsOptions:
-        """Options of inverse kinematics with tasks of sensors, and what bridges gaps."""
+        """Add tasks of sensors, and what bridges gaps, to options of inverse kinematics.
+
+        Parameters
+        ----------
+        options : of markers alone
+        tasks : orientations of sensors
+
+        Returns
+        -------
+        the options with both
+        """
         return with_tasks(options, tasks, self.bridges, self.places)
 
 
@@ -42,7 +59,7 @@ def with_tasks(
     bridges: Sequence[CoordinateTask],
     places: Motion | None,
 ) -> InverseKinematicsOptions:
-    """Options of inverse kinematics with tasks of sensors and pulls in gaps.
+    """Add tasks of sensors and pulls in gaps to options of inverse kinematics.
 
     Parameters
     ----------
@@ -50,6 +67,10 @@ def with_tasks(
     tasks : orientations of sensors
     bridges : pulls of coordinates in gaps
     places : coordinates that the pulls draw to, None without gaps
+
+    Returns
+    -------
+    the options with both
     """
     whole = replace(options, tasks=(*options.tasks, *tasks, *bridges))
     return whole if places is None else replace(whole, coordinates=places)
