@@ -1,5 +1,6 @@
-"""Clusters of spherical markers: found in the surface of a CT, named, and put on a model's bones
-([S] figure 3).
+"""Clusters of spherical markers: found in the surface of a CT, named, and put on a model's bones.
+
+[S] figure 3.
 """
 
 from __future__ import annotations
@@ -47,17 +48,34 @@ OTHER = 2e-3  # Misfit above which the scan's cluster is not the recording's [m]
 
 @read_only
 class Ball:
-    """A sphere fitted to part of a surface."""
+    """A sphere fitted to part of a surface.
 
-    center: Array  # (3,) [m]
-    radius: float  # as fitted [m]
-    residual: float  # median of the absolute distances from the sphere [m]
-    covered: float  # share of the sphere's area that the surface shows
+    Attributes
+    ----------
+    center : (3,) [m]
+    radius : as fitted [m]
+    residual : median of the absolute distances from the sphere [m]
+    covered : share of the sphere's area that the surface shows [-]
+    """
+
+    center: Array
+    radius: float
+    residual: float
+    covered: float
 
 
 def surface_parts(surface: Surface) -> list[Surface]:
-    """The connected parts of a surface, the largest first; corners that lie on each other count as
-    one.
+    """Separate the connected parts of a surface.
+
+    Vertices that lie on each other, to 1e-7 m, count as one.
+
+    Parameters
+    ----------
+    surface : of any parts
+
+    Returns
+    -------
+    the parts, that of most faces first
     """
     _, same = np.unique(np.round(surface.vertices, 7), axis=0, return_inverse=True)
     faces = same.reshape(-1)[surface.faces]
@@ -69,7 +87,27 @@ def surface_parts(surface: Surface) -> list[Surface]:
 
 
 def fit_ball(points: Array, radius: float | None = None) -> Ball:
-    """Sphere through points (n, 3) with least squares that outliers do not pull (Huber 1964)."""
+    """Fit a sphere through points with least squares that outliers do not pull.
+
+        min sum_i w_i (|x_i - c| - r)^2,   w = min(1, 1.345 s / |left|)
+
+    with s the standard deviation by the median of what is left (Huber's weights, Gauss-Newton).
+
+    Source: Huber 1964.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+    radius : expected [m], where to start if the algebraic fit is three times off; None without one
+
+    Returns
+    -------
+    the sphere
+
+    Raises
+    ------
+    BadData : fewer than four points
+    """
     if len(points) < 4:
         raise BadData(f"a sphere needs four points, but got {len(points)}")
     middle = points.mean(axis=0)
@@ -107,7 +145,18 @@ def fit_ball(points: Array, radius: float | None = None) -> Ball:
 
 
 def _covered(away: Array, left: Array, radius: float) -> float:
-    """Share of directions near which a point lies on the sphere."""
+    """Compute the share of directions near which a point lies on the sphere.
+
+    Parameters
+    ----------
+    away : (n, 3) points less the center [m]
+    left : (n,) distance from the sphere [m]
+    radius : of the sphere [m]
+
+    Returns
+    -------
+    [-], of 200 directions
+    """
     on = away[left < 0.2 * radius]
     if not len(on):
         return 0.0
@@ -118,10 +167,19 @@ def _covered(away: Array, left: Array, radius: float) -> float:
 
 
 def find_balls(surface: Surface, diameter: float = 0.009) -> tuple[Ball, ...]:
-    """The balls of a diameter [m] in a surface, whether apart or grown together with what holds
-    them, the best seen first. A part that is one ball is taken whole. Elsewhere every point votes
-    for the center that its normal leads to at one radius; where votes meet a ball is fitted to the
-    points around.
+    """Find the balls of a diameter in a surface, apart or grown together with what holds them.
+
+    A part that is one ball is taken whole. Elsewhere points on the faces vote for the center that
+    their normal leads to at one radius; where votes meet a ball is fitted to the points around.
+
+    Parameters
+    ----------
+    surface : of a CT
+    diameter : of the markers [m]
+
+    Returns
+    -------
+    the balls, that seen best first
     """
     radius = 0.5 * diameter
     balls: list[Ball] = []
@@ -147,7 +205,13 @@ def _is_ball(ball: Ball, radius: float) -> bool:
 
 
 def _voted(part: Surface, radius: float) -> list[Ball]:
-    """Balls grown together with other things, by votes of the normals."""
+    """Find balls grown together with other things, by votes of the normals.
+
+    Parameters
+    ----------
+    part : of a surface
+    radius : of the markers [m]
+    """
     corners = part.vertices[part.faces]
     crossed = 0.5 * face_crosses(part.vertices, part.faces)
     middle = part.vertices.mean(axis=0)
@@ -200,13 +264,19 @@ def _voted(part: Surface, radius: float) -> list[Ball]:
 
 @read_only
 class NamedCluster:
-    """The balls of a cluster with the names of its markers."""
+    """The balls of a cluster with the names of its markers.
 
-    centers: Mapping[str, Array]  # (3,) by marker [m]
-    # root mean square difference of the distances between markers [m]; NaN without distances to
-    # compare with
+    Attributes
+    ----------
+    centers : (3,) by marker [m]
+    misfit : root mean square difference of the distances between markers [m]; NaN without distances
+        to compare with
+    notes : what looks wrong, one line each
+    """
+
+    centers: Mapping[str, Array]
     misfit: float
-    notes: tuple[str, ...] = ()  # what looks wrong, one line each
+    notes: tuple[str, ...] = ()
 
 
 def name_cluster(
@@ -215,8 +285,24 @@ def name_cluster(
     distances: Array | None = None,
     picked: Mapping[str, Array] | None = None,
 ) -> NamedCluster:
-    """Which ball is which marker: by points picked near them, or by the distances (markers,
-    markers) between the recorded markers [m], NaN where unknown.
+    """Find which ball is which marker.
+
+    By points picked near them, or by the distances between the recorded markers.
+
+    Parameters
+    ----------
+    balls : found in the CT
+    names : of the markers
+    distances : (markers, markers) between the recorded markers [m], NaN where unknown
+    picked : (3,) by name, points near some of the balls [m]
+
+    Returns
+    -------
+    the balls by name, with what looks wrong
+
+    Raises
+    ------
+    BadData : too few balls, neither distances nor picks, or distances that leave the order open
     """
     if len(balls) < len(names):
         raise BadData(
@@ -280,6 +366,17 @@ def name_cluster(
 
 
 def _size_cost(centers: Array, distances: Array | None) -> float:
+    """Compute the root mean square difference of distances.
+
+    Parameters
+    ----------
+    centers : (markers, 3) in one order [m]
+    distances : (markers, markers) [m], NaN where unknown
+
+    Returns
+    -------
+    [m]; 0 without distances
+    """
     if distances is None:
         return 0.0
     apart = np.linalg.norm(centers[:, None] - centers[None], axis=2) - distances
@@ -298,22 +395,36 @@ FAR = 0.25  # A marker further from its bone than that is named [m].
 
 @read_only
 class Picks:
-    """Points picked on a CT and the same points on the model's bone."""
+    """Points picked on a CT and the same points on the model's bone.
 
-    names: tuple[str, ...]  # of the points
-    # scanned, modelled: (points, 3) in the CT's frame and in the body's frame [m]
+    Attributes
+    ----------
+    names : of the points
+    scanned : (points, 3) in the CT's frame [m]
+    modelled : (points, 3) in the body's frame [m]
+    """
+
+    names: tuple[str, ...]
     scanned: Array
     modelled: Array
 
 
 @read_only
 class ScannedBone:
-    """A CT bone laid on a model's bone, and where its markers come to lie."""
+    """A CT bone laid on a model's bone, and where its markers come to lie.
 
-    body: str  # of the model
-    fit: SurfaceFit  # of the surfaces, from the CT's frame to the body's
-    markers: Mapping[str, Array]  # (3,) by name in the CT's frame [m]
-    notes: tuple[str, ...] = ()  # what looks wrong, one line each
+    Attributes
+    ----------
+    body : of the model
+    fit : of the surfaces, from the CT's frame to the body's
+    markers : (3,) by name in the CT's frame [m]
+    notes : what looks wrong, one line each
+    """
+
+    body: str
+    fit: SurfaceFit
+    markers: Mapping[str, Array]
+    notes: tuple[str, ...] = ()
 
     @property
     def scale(self) -> float:
@@ -322,7 +433,21 @@ class ScannedBone:
 
 
 def bone_surface(body: Body, surfaces: Mapping[str, Surface]) -> Surface:
-    """The meshes of a body as one surface in the body's frame. `surfaces`: by `Mesh.file`."""
+    """Join the meshes of a body into one surface in the body's frame.
+
+    Parameters
+    ----------
+    body : of a model
+    surfaces : by `Mesh.file`
+
+    Returns
+    -------
+    one surface [m]
+
+    Raises
+    ------
+    BadData : the body has no mesh that can be read
+    """
     parts = body_meshes(body, surfaces)
     if not parts:
         named = ", ".join(mesh.file for mesh in body.meshes if mesh.file) or "none"
@@ -340,8 +465,26 @@ def place_scanned_bone(
     picks: Picks | None = None,
     options: SurfaceOptions | None = None,
 ) -> ScannedBone:
-    """Lay the surface of a bone in a CT, or of a part of it, on the bone of a model
-    (`bone_surface`), picked points first. `markers`: (3,) by name in the CT's frame [m].
+    """Lay the surface of a bone in a CT, or of a part of it, on the bone of a model.
+
+    Picked points give the start. Where other starts come clearly nearer, they are taken.
+
+    Parameters
+    ----------
+    body : of the model
+    scanned : the bone in the CT's frame [m]
+    modelled : the bone in the body's frame (`bone_surface`) [m]
+    markers : (3,) by name in the CT's frame [m]
+    picks : the same points on both; None tries many starts
+    options : of the registration
+
+    Returns
+    -------
+    the fit, and the markers with what looks wrong
+
+    Raises
+    ------
+    BadData : the surfaces or picked points allow no fit
     """
     options = options or SurfaceOptions()
     start = None
@@ -373,6 +516,7 @@ def place_scanned_bone(
 def _warnings(
     body: str, fit: SurfaceFit, scanned: Surface, markers: Mapping[str, Array]
 ) -> list[str]:
+    """Name a size, a misfit or a marker's distance from its bone that looks wrong."""
     notes = []
     size = fit.similarity.scale
     if not 0.8 < size < 1.25:
@@ -398,9 +542,25 @@ def _warnings(
 def place_cluster_markers(
     model: Model, bones: Sequence[ScannedBone], path_lengths: Callable[[Model], Array] | None = None
 ) -> Model:
-    """The model with the markers of CT clusters fixed to its bones. Every body gets the size of its
-    scanned bone (see `scale`), so that the markers keep their place on it exactly; `path_lengths`:
-    see `scale`.
+    """Fix the markers of CT clusters to a model's bones.
+
+    Every body gets the size of its scanned bone (see `scale`), so that the markers keep their
+    position on it exactly.
+
+    Parameters
+    ----------
+    model : with the bones
+    bones : laid on the model's bones
+    path_lengths : see `scale`
+
+    Returns
+    -------
+    the scaled model with the markers, in place of those of the same names
+
+    Raises
+    ------
+    BadData : two bones for one body, or two clusters with a marker of one name
+    UnknownName : the model has no such body
     """
     names = [bone.body for bone in bones]
     if len(set(names)) != len(names):

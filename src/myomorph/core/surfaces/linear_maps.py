@@ -38,31 +38,47 @@ class Similarity:
         freeze(self, rotation=(3, 3), translation=(3,))
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) transferred."""
+        """Map points, y = scale rotation x + translation.
+
+        Parameters
+        ----------
+        points : (..., 3) [m]
+
+        Returns
+        -------
+        (..., 3) [m]
+        """
         return (
             self.scale * (np.asarray(points, dtype=np.float64) @ self.rotation.T) + self.translation
         )
 
     def inverse(self) -> Similarity:
-        """The way back."""
+        """Invert the map."""
         back = self.rotation.T
         return Similarity(back, -(back @ self.translation) / self.scale, 1.0 / self.scale)
 
     @property
     def rigid(self) -> Transform:
-        """The same without scale: of a target resized by 1 / scale."""
+        """Rigid map to a target resized by 1 / scale."""
         return Transform(self.rotation, self.translation / self.scale)
 
 
 @read_only
 class PointFit:
-    """Picked points laid on others."""
+    """Picked points laid on others.
 
-    similarity: Similarity  # from the source's frame to the target's
-    residuals: Array  # (points,) distances that remain [m]
-    # (points,) distances when the pick itself is left out [m]; NaN with three points
+    Attributes
+    ----------
+    similarity : from the source's frame to the target's
+    residuals : (points,) distances that remain [m]
+    left_out : (points,) distances when the pick itself is left out [m]; NaN with three points
+    notes : wrong picks and mirrored sides, one line each
+    """
+
+    similarity: Similarity
+    residuals: Array
     left_out: Array
-    notes: tuple[str, ...] = ()  # wrong picks and mirrored sides, one line each
+    notes: tuple[str, ...] = ()
 
     @property
     def rms(self) -> float:
@@ -73,8 +89,30 @@ class PointFit:
 def procrustes(
     source: Array, target: Array, scale: bool = False, weights: Array | None = None
 ) -> Similarity:
-    """The similarity that brings points (points, 3) onto others with least squares (Kabsch 1976,
-    Umeyama 1991).
+    """Fit the similarity that brings points onto others with least squares.
+
+        min sum_i w_i |s R x_i + t - y_i|^2
+
+    With the centered points, sum_i w_i y_i x_i^T = U D V^T and S = diag(1, 1, det(U V^T)),
+
+        R = U S V^T,   s = tr(D S) / sum_i w_i |x_i|^2,   t = mean y - s R mean x
+
+    Source: Kabsch 1976, Umeyama 1991.
+
+    Parameters
+    ----------
+    source : (points, 3) x [m]
+    target : (points, 3) y [m]
+    scale : find a size too; else s = 1
+    weights : (points,) w; None weighs all alike
+
+    Returns
+    -------
+    the map from source to target, without a reflection
+
+    Raises
+    ------
+    BadData : fewer than three pairs, points that are not finite, or that lie on a line
     """
     source = np.asarray(source, dtype=np.float64)
     target = np.asarray(target, dtype=np.float64)
@@ -104,8 +142,23 @@ def procrustes(
 
 
 def fit_points(names: Sequence[str], source: Array, target: Array, scale: bool = False) -> PointFit:
-    """`procrustes` with its residuals, and what looks wrong: a pick that the others contradict, a
-    mirrored side.
+    """Fit picked points by `procrustes`, and find what looks wrong.
+
+    A pick that the others contradict, or a mirrored side.
+
+    Parameters
+    ----------
+    names : of the points
+    source, target : (points, 3) [m]
+    scale : find a size too
+
+    Returns
+    -------
+    the similarity with its residuals and notes
+
+    Raises
+    ------
+    BadData : see `procrustes`
     """
     source = np.asarray(source, dtype=np.float64)
     target = np.asarray(target, dtype=np.float64)
@@ -139,6 +192,17 @@ def _warnings(
     left_out: Array,
     of_others: Array,
 ) -> list[str]:
+    """Name a mirrored side or the wrong pick.
+
+    Parameters
+    ----------
+    names : of the points
+    source, target : (points, 3) [m]
+    scale : a size is found too
+    residuals : (points,) of all points [m]
+    left_out : (points,) distance of each from where the others put it [m]
+    of_others : (points,) root mean square of the others' residuals then [m]
+    """
     rms = float(np.sqrt(np.mean(residuals**2)))
     mirrored = procrustes(source * [-1.0, 1.0, 1.0], target, scale)
     beside = np.linalg.norm(mirrored.apply(source * [-1.0, 1.0, 1.0]) - target, axis=1)
@@ -170,30 +234,59 @@ FOLDS = 24  # Parts in which many features are left out in turn.
 
 @read_only
 class AffineMap:
-    """y = matrix x + offset."""
+    """An affine map, y = matrix x + offset.
 
-    matrix: Array  # (3, 3)
-    offset: Array  # (3,) [m]
+    Attributes
+    ----------
+    matrix : (3, 3) [-]
+    offset : (3,) [m]
+    """
+
+    matrix: Array
+    offset: Array
 
     def __post_init__(self) -> None:
         freeze(self, matrix=(3, 3), offset=(3,))
 
     @staticmethod
     def from_similarity(similarity: Similarity) -> AffineMap:
-        """The same map."""
+        """Convert a similarity: matrix = scale rotation."""
         return AffineMap(similarity.scale * similarity.rotation, similarity.translation)
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) transferred [m]."""
+        """Map points, y = matrix x + offset.
+
+        Parameters
+        ----------
+        points : (..., 3) [m]
+
+        Returns
+        -------
+        (..., 3) [m]
+        """
         return np.asarray(points, dtype=np.float64) @ self.matrix.T + self.offset
 
     def jacobian(self, points: ArrayLike) -> Array:
-        """The matrix (..., 3, 3), once a point."""
+        """Repeat the matrix for each point, as the derivative of the map there.
+
+        Parameters
+        ----------
+        points : (..., 3) [m]
+
+        Returns
+        -------
+        (..., 3, 3) [-]
+        """
         shape = np.shape(np.asarray(points, dtype=np.float64))[:-1]
         return np.broadcast_to(self.matrix, (*shape, 3, 3)).copy()
 
     def inverse(self) -> AffineMap:
-        """The way back."""
+        """Invert the map.
+
+        Raises
+        ------
+        BadData : the matrix is singular
+        """
         try:
             back = np.linalg.inv(self.matrix).astype(np.float64)
         except np.linalg.LinAlgError:
@@ -203,10 +296,24 @@ class AffineMap:
 
 
 def fit_affine(source: Array, target: Array, weights: Array | None = None) -> AffineMap:
-    """The affine map that brings points (points, 3) nearest to others, a similarity along
-    directions of which they tell nothing. Four points that are not in a plane are reproduced
-    exactly. Points in a plane (three always are) fix the map in that plane alone; across it the map
-    is that of `procrustes` with scale.
+    """Fit the affine map that brings points nearest to others.
+
+    Along directions of which the points show nothing it is a similarity: points in a plane (three
+    always are) fix the map in that plane alone, and across it the map is that of `procrustes` with
+    scale. Four points that are not in a plane are reproduced exactly.
+
+    Parameters
+    ----------
+    source, target : (points, 3) [m]
+    weights : (points,); None weighs all alike
+
+    Returns
+    -------
+    the map from source to target
+
+    Raises
+    ------
+    BadData : see `procrustes`
     """
     start = AffineMap.from_similarity(procrustes(source, target, True, weights))
     share = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
@@ -224,14 +331,29 @@ def fit_affine(source: Array, target: Array, weights: Array | None = None) -> Af
 
 
 def fit_whole(source: Array, target: Array, weights: Array | None = None) -> AffineMap:
-    """Between the similarity and the affine map of a bone, by how well each foresees features that
-    it did not see.
+    """Mix the similarity and the affine map of a bone by how well each predicts held-out features.
 
-    A few landmarks tell little of how thick a long bone is and of its shear, and an affine map
-    makes the most of their errors, far more so beside the bone. With E the squares of the errors at
-    features left out in turn, the affine map counts 1 - E_affine / E_similarity, the similarity the
-    rest: features that an affine map moves exactly are reproduced exactly, from five on. Four leave
-    nothing to check: they make a similarity.
+    A few landmarks show little of how thick a long bone is and of its shear, and an affine map
+    makes the most of their errors, far more so away from the bone. With E the sum of squares of the
+    errors at features left out in turn, the affine map counts
+
+        1 - E_affine / E_similarity,
+
+    the similarity the rest: features that an affine map moves exactly are reproduced exactly, from
+    five on. Four leave nothing to check: they make a similarity.
+
+    Parameters
+    ----------
+    source, target : (points, 3) features of both bones [m]
+    weights : (points,); None weighs all alike
+
+    Returns
+    -------
+    the map from source to target
+
+    Raises
+    ------
+    BadData : see `procrustes`
     """
     affine = fit_affine(source, target, weights)
     similarity = AffineMap.from_similarity(procrustes(source, target, True, weights))
@@ -258,8 +380,15 @@ def fit_whole(source: Array, target: Array, weights: Array | None = None) -> Aff
 
 
 def unknown_directions(source: Array) -> Array:
-    """Unit vectors (k, 3) along which points have no extent: none, or the normal of the plane they
-    are in.
+    """Find directions along which points have no extent.
+
+    Parameters
+    ----------
+    source : (points, 3) [m]
+
+    Returns
+    -------
+    (k, 3) unit vectors: none, or the normal of the plane that the points are in
     """
     share = np.full(len(source), 1.0 / len(source))
     known = _spanned(np.asarray(source, dtype=np.float64), share)
@@ -269,7 +398,17 @@ def unknown_directions(source: Array) -> Array:
 
 
 def _spanned(source: Array, share: Array) -> Array:
-    """Orthonormal directions (k, 3) in which points spread."""
+    """Find orthonormal directions in which points spread by more than 2 % of the greatest spread.
+
+    Parameters
+    ----------
+    source : (points, 3) [m]
+    share : (points,) weights of sum 1
+
+    Returns
+    -------
+    (k, 3)
+    """
     _, spread, rows = np.linalg.svd(
         np.sqrt(share)[:, None] * (source - share @ source), full_matrices=False
     )

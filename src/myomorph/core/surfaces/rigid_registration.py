@@ -1,7 +1,7 @@
-"""One bone's surface laid on another's: trimmed iterative closest points, point to plane, with
-several starts.
+"""One bone's surface laid on another's: trimmed iterative closest points, point to plane.
 
-Besl and McKay 1992, Chen and Medioni 1992 (point to plane), Chetverikov et al. 2005 (trimming).
+Several starts are tried. Besl and McKay 1992, Chen and Medioni 1992 (point to plane), Chetverikov
+et al. 2005 (trimming).
 """
 
 from __future__ import annotations
@@ -37,18 +37,31 @@ MIRROR = np.array([-1.0, 1.0, 1.0])
 
 @dataclass(frozen=True)
 class SurfaceOptions:
-    """How surfaces are laid on each other."""
+    """Options of laying surfaces on each other.
 
-    scale: bool = True  # find a size too
-    # share of the points that counts, the nearest; the rest may have no counterpart
+    Attributes
+    ----------
+    scale : find a size too
+    kept : share of the points that counts, the nearest; the rest may have no counterpart [-]
+    points : number of the source's points, spread evenly over its surface
+    iterations : at most
+    starts : rotations about each of the long axis's two directions, where no start is specified
+    partial : the source is a part of the bone; None: it is where it has open edges. Of a whole bone
+        the target's points count too, without which a free size shrinks into the target
+    mirror : try the mirrored source too, to name a bone of the other side
+
+    Raises
+    ------
+    BadData : a value out of range
+    """
+
+    scale: bool = True
     kept: float = 0.9
-    points: int = 2000  # of the source, spread evenly over its surface
-    iterations: int = 100  # at most
-    starts: int = 12  # turns about each of the long axis's two directions, where no start is given
-    # the source is a part of the bone; None says so where it has open edges. Of a whole bone the
-    # target's points count too, without which a free size shrinks into the target
+    points: int = 2000
+    iterations: int = 100
+    starts: int = 12
     partial: bool | None = None
-    mirror: bool = True  # try the mirrored source too, to name a bone of the other side
+    mirror: bool = True
 
     def __post_init__(self) -> None:
         if not 0.2 <= self.kept <= 1.0:
@@ -59,14 +72,23 @@ class SurfaceOptions:
 
 @read_only
 class SurfaceFit:
-    """A surface laid on another."""
+    """A surface laid on another.
 
-    similarity: Similarity  # from the source's frame to the target's
-    # (vertices,) of the source's vertices to the target, positive outside: the residual map [m]
+    Attributes
+    ----------
+    similarity : from the source's frame to the target's
+    distances : (vertices,) of the source's vertices to the target, positive outside: the residual
+        map [m]
+    kept : (vertices,) which are among the share that counts
+    converged : whether the last step was small
+    notes : what looks wrong, one line each
+    """
+
+    similarity: Similarity
     distances: Array
-    kept: np.ndarray  # (vertices,) which are among the share that counts
-    converged: bool  # whether the last step was small
-    notes: tuple[str, ...] = ()  # what looks wrong, one line each
+    kept: np.ndarray
+    converged: bool
+    notes: tuple[str, ...] = ()
 
     @property
     def rms(self) -> float:
@@ -74,7 +96,16 @@ class SurfaceFit:
         return float(np.sqrt(np.mean(self.distances[self.kept] ** 2)))
 
     def percentile(self, share: float) -> float:
-        """Distance below which that share (0 to 100) of all vertices lies [m]."""
+        """Compute the distance below which a share of all vertices lies.
+
+        Parameters
+        ----------
+        share : 0 to 100 [%]
+
+        Returns
+        -------
+        [m]
+        """
         return float(np.percentile(np.abs(self.distances), share))
 
 
@@ -84,8 +115,27 @@ def register_surface(
     start: Similarity | None = None,
     options: SurfaceOptions | None = None,
 ) -> SurfaceFit:
-    """The similarity that lays a surface (a CT, perhaps cut off) on another (a model's whole bone).
-    `start`: from picked points; None tries the axes of both shapes in all their turns.
+    """Fit the similarity that lays a surface on another.
+
+    The source may be a CT that is cut off, the target a model's whole bone. Points of the source
+    count by their distance from the planes at the nearest points of the target, and points of the
+    target by theirs from the source, of a part only those that it covers. The farthest are left
+    out.
+
+    Parameters
+    ----------
+    source : in its own frame [m]
+    target : in its own frame [m]
+    start : from picked points; None tries the axes of both shapes in all their rotations
+    options : size, share of points that counts; see `SurfaceOptions`
+
+    Returns
+    -------
+    the similarity from source to target, and distances of the source's vertices
+
+    Raises
+    ------
+    BadData : a surface has no area
     """
     options = options or SurfaceOptions()
     goal = Shape(target)
@@ -119,16 +169,28 @@ def register_surface(
 
 @read_only
 class RoughFit:
-    """One of the ways in which a surface may lie on another."""
+    """One of the ways in which a surface may lie on another.
 
-    similarity: Similarity  # from the source's frame to the target's
-    rms: float  # root mean square distance that it leaves [m]
-    converged: bool  # whether the last step was small
+    Attributes
+    ----------
+    similarity : from the source's frame to the target's
+    rms : root mean square distance that it leaves [m]
+    converged : whether the last step was small
+    """
+
+    similarity: Similarity
+    rms: float
+    converged: bool
 
 
 class _Pairs(NamedTuple):
-    """Points (n, 3) of the source, transferred, with normals there and how far they are from the
-    target's points.
+    """Pairs of points of both surfaces.
+
+    Attributes
+    ----------
+    moved : (n, 3) points of the source in the target's frame [m]
+    normals : (n, 3) of the target there
+    away : (n, 3) `moved` less the target's points [m]
     """
 
     moved: Array
@@ -137,15 +199,21 @@ class _Pairs(NamedTuple):
 
     @property
     def distance(self) -> Array:
+        """Distance (n,) of the points [m]."""
         return np.linalg.norm(self.away, axis=1)
 
     def where(self, kept: np.ndarray) -> _Pairs:
+        """Keep pairs (n,) for which `kept` holds."""
         return _Pairs(*(values[kept] for values in self))
 
 
 class _Fitting:
-    """Gauss-Newton on distances to the planes of nearest points, the furthest left out in each
-    step.
+    """Gauss-Newton on distances to the planes of nearest points, the farthest left out in steps.
+
+    For a small rotation w about the center c of the moved source, a shift d and a growth g, the
+    distance of a point x from the plane with the normal n at y changes to
+
+        (x - y) . n + w . ((x - c) x n) + d . n + g (x - c) . n
     """
 
     def __init__(
@@ -163,7 +231,17 @@ class _Fitting:
         self.count = 7 if options.scale and fine else 6
 
     def iterated(self, start: Similarity, iterations: int) -> RoughFit:
-        """From a start until it settles."""
+        """Iterate from a start until steps are small.
+
+        Parameters
+        ----------
+        start : from source to target
+        iterations : at most
+
+        Returns
+        -------
+        the fit, with its root mean square distance in the source's size [m]
+        """
         rotation = np.array(start.rotation)
         translation = np.array(start.translation)
         size = start.scale
@@ -203,8 +281,19 @@ class _Fitting:
         return RoughFit(Similarity(rotation, translation, size), rms, converged)
 
     def pairs(self, rotation: Array, translation: Array, size: float) -> _Pairs:
-        """Pairs that count: from the source's points to the target, and from the target's points to
-        the source.
+        """Pair the source's points with the target's nearest, and the reverse.
+
+        Of a part, the target's points count only off the part's rim and not too far.
+
+        Parameters
+        ----------
+        rotation : (3, 3) from source to target
+        translation : (3,) [m]
+        size : factor
+
+        Returns
+        -------
+        the pairs that count
         """
         moved = size * self.ours.points @ rotation.T + translation
         closest = self.goal.nearest(moved, self.fine)
@@ -221,7 +310,17 @@ class _Fitting:
         return _Pairs(*(np.concatenate(both) for both in zip(forth, there, strict=True)))
 
     def _kept(self, pairs: _Pairs, normals: Array, others: Array) -> np.ndarray:
-        """Pairs that face each other, the furthest left out."""
+        """Find pairs that face each other, the farthest left out.
+
+        Parameters
+        ----------
+        pairs : n of both surfaces
+        normals, others : (n, 3) of source and target, in the target's frame
+
+        Returns
+        -------
+        (n,) whether a pair counts
+        """
         facing = np.einsum("ij,ij->i", normals, others) > 0
         sided = facing if np.mean(facing) > FACING else np.ones(len(facing), dtype=bool)
         return sided & (pairs.distance <= np.quantile(pairs.distance[sided], self.options.kept))
@@ -230,13 +329,22 @@ class _Fitting:
 def rough_fits(
     source: Surface, target: Surface, options: SurfaceOptions | None = None
 ) -> list[RoughFit]:
-    """The few different ways in which a surface may lie on another, the best first;
-    `register_surface` refines one.
+    """Find the few different ways in which a surface may lie on another.
+
+    Parameters
+    ----------
+    source, target : in their own frames [m]
+    options : see `SurfaceOptions`
+
+    Returns
+    -------
+    fits, the best first; `register_surface` refines one
     """
     return _few_fits(Shape(source), Shape(target), options or SurfaceOptions())
 
 
 def _few_fits(shape: Shape, goal: Shape, options: SurfaceOptions) -> list[RoughFit]:
+    """Fit few points from many starts, then the distinct best ones more closely."""
     coarse = _Fitting(shape, goal, options, COARSE, fine=False)
     fits = [coarse.iterated(start, 15) for start in _starts(shape, goal, options.starts)]
     fits.sort(key=lambda fit: fit.rms)
@@ -256,8 +364,16 @@ def _few_fits(shape: Shape, goal: Shape, options: SurfaceOptions) -> list[RoughF
 
 
 def _starts(shape: Shape, goal: Shape, turns: int) -> list[Similarity]:
-    """Long axis on long axis, either way, turned about it, and shifted along it for a bone that is
-    cut off.
+    """Lay long axis on long axis, either way, rotated about it, and shifted along it for a part.
+
+    Parameters
+    ----------
+    shape, goal : source and target
+    turns : rotations about each of the two directions
+
+    Returns
+    -------
+    similarities of size 1
     """
     middle, axes, long = _axes(shape.samples(2000))
     goal_middle, goal_axes, goal_long = _axes(goal.samples(2000))
@@ -278,8 +394,16 @@ def _starts(shape: Shape, goal: Shape, turns: int) -> list[Similarity]:
 
 
 def _axes(samples: Samples) -> tuple[Array, Array, float]:
-    """Middle (3,), principal axes (3, 3) as columns of a rotation, the long one first, and the
-    length along it.
+    """Compute the principal axes of samples.
+
+    Parameters
+    ----------
+    samples : of a surface
+
+    Returns
+    -------
+    middle (3,) [m], axes (3, 3) as columns of a rotation, the long one first, and the length along
+    it [m]
     """
     middle = samples.points.mean(axis=0)
     _, _, rows = np.linalg.svd(samples.points - middle, full_matrices=False)

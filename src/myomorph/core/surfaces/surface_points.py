@@ -1,6 +1,4 @@
-"""A surface that can be asked for its nearest points: evenly spread samples, outward normals, its
-open rim.
-"""
+"""Nearest points on a surface: evenly spread samples, outward normals, its open rim."""
 
 from __future__ import annotations
 
@@ -23,8 +21,13 @@ opposite to it.
 
 @read_only
 class Samples:
-    """Points (n, 3) spread evenly over a surface, with outward normals (n, 3) and whether each is
-    on its open rim.
+    """Points spread evenly over a surface.
+
+    Attributes
+    ----------
+    points : (n, 3) [m]
+    normals : (n, 3) outward unit vectors
+    rim : (n,) whether each is on the open rim
     """
 
     points: Array
@@ -33,7 +36,7 @@ class Samples:
 
 
 class Boxes:
-    """Triangles that tell what of them is nearest to points, and what lies inside of them."""
+    """Triangles in a tree of boxes, for nearest points and for what lies inside."""
 
     def __init__(self, vertices: Array, faces: np.ndarray):
         # Imported here because it takes a moment that only bones should pay.
@@ -47,8 +50,15 @@ class Boxes:
         self._high = vertices[faces].max(axis=(0, 1))
 
     def nearest(self, points: Array) -> tuple[Array, np.ndarray, Array]:
-        """Squared distances (n,) of points (n, 3), the nearest faces (n,) and places (n, 3) on
-        them.
+        """Find the nearest places on the triangles.
+
+        Parameters
+        ----------
+        points : (n, 3) [m]
+
+        Returns
+        -------
+        squared distances (n,) [m^2], nearest faces (n,) and places on them (n, 3) [m]
         """
         if not len(points):
             return np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3))
@@ -58,8 +68,17 @@ class Boxes:
         return np.atleast_1d(closest[0]), np.atleast_1d(closest[1]), np.reshape(closest[2], (-1, 3))
 
     def holds(self, points: Array) -> np.ndarray:
-        """(n,) whether points lie inside: their generalized winding number is above one half
-        (Barill et al. 2018).
+        """Find points that lie inside: their generalized winding number is above one half.
+
+        Source: Barill et al. 2018.
+
+        Parameters
+        ----------
+        points : (n, 3) [m]
+
+        Returns
+        -------
+        (n,) whether each lies inside
         """
         igl = from_extra("morph", "igl", "libigl")
 
@@ -73,7 +92,12 @@ class Boxes:
 
 
 class Shape:
-    """A surface with what nearest points need."""
+    """A surface with its normals, areas and rim, prepared for nearest points.
+
+    Raises
+    ------
+    BadData : the surface has no area
+    """
 
     def __init__(self, surface: Surface):
         self.vertices = np.array(surface.vertices)
@@ -85,7 +109,7 @@ class Shape:
 
     @cached_property
     def rim(self) -> np.ndarray:
-        """(faces,) whether a face touches an open edge; equal corners count as one."""
+        """Faces (faces,) that touch an open edge; equal vertices count as one."""
         _, same = np.unique(np.round(self.vertices, 7), axis=0, return_inverse=True)
         faces = same.reshape(-1)[self.faces]
         edges = np.sort(edges_of(faces), axis=1)
@@ -97,13 +121,22 @@ class Shape:
 
     @property
     def is_open(self) -> bool:
-        """Whether more than a hundredth of the surface lies at open edges, as where a scan is cut
-        off.
-        """
+        """Whether more than a hundredth of the surface lies at open edges, as of a cut-off scan."""
         return float(self.areas[self.rim].sum()) > 0.01 * self.area
 
     def samples(self, count: int) -> Samples:
-        """Points spread evenly over the surface; the same each time."""
+        """Spread points evenly over the surface; the same each time.
+
+        One point in every equal share of the area, in random order.
+
+        Parameters
+        ----------
+        count : number of points
+
+        Returns
+        -------
+        the points with their normals
+        """
         random = np.random.default_rng(0)
         # One point in every equal share of the area, in the order of the faces, spreads better than
         # chance.
@@ -118,6 +151,7 @@ class Shape:
 
     @cached_property
     def _spread(self) -> tuple[Samples, scipy.spatial.cKDTree]:
+        """Few samples, and the tree of their points."""
         samples = self.samples(SPREAD)
         return samples, scipy.spatial.cKDTree(samples.points)
 
@@ -132,8 +166,16 @@ class Shape:
         return Boxes(self.vertices, self.faces)
 
     def nearest(self, points: Array, fine: bool) -> Samples:
-        """Nearest points of the surface, their normals, and whether they lie on its rim; `fine` to
-        the triangles.
+        """Find the nearest points of the surface.
+
+        Parameters
+        ----------
+        points : (n, 3) [m]
+        fine : on the triangles; else the nearest of `SPREAD` samples
+
+        Returns
+        -------
+        n points with normals, and whether they lie on the rim
         """
         if not fine:
             samples, tree = self._spread
@@ -143,14 +185,34 @@ class Shape:
         return Samples(places, self.normals[faces], self.rim[faces])
 
     def closest(self, points: Array) -> tuple[Array, np.ndarray]:
-        """Nearest points (n, 3) of the triangles, and the triangles (n,) that they are on."""
+        """Find the nearest points on the triangles.
+
+        Parameters
+        ----------
+        points : (n, 3) [m]
+
+        Returns
+        -------
+        places (n, 3) [m] and the triangles (n,) that they are on
+        """
         _, faces, places = self._boxes.nearest(points)
         return places, faces
 
     def signed(self, points: Array) -> Array:
-        """Distances (n,), positive outside [m]. Where the nearest point is on an edge or a corner
-        the faces around it tell the side together (Baerentzen and Aanaes 2005): beside a sharp edge
-        one of them alone may tell the wrong one.
+        """Compute signed distances from the surface.
+
+        Where the nearest point is on an edge or a corner the normals of the faces around it are
+        averaged: next to a sharp edge the normal of one of them alone may have the wrong sign.
+
+        Source: Baerentzen and Aanaes 2005.
+
+        Parameters
+        ----------
+        points : (n, 3) [m]
+
+        Returns
+        -------
+        (n,) positive outside [m]
         """
         squared, face, places = self._seamless.nearest(points)
         side = np.einsum("ij,ij->i", points - places, self._seamless.normals(face, places))
@@ -158,8 +220,9 @@ class Shape:
 
     @cached_property
     def _seamless(self) -> _Seamless:
-        """The surface with equal vertices as one, and the faces that bound something, outward.
-        Faces without an area, and two on the same corners back to back, as files have them, bound
+        """Surface with equal vertices merged, and the faces that bound something, outward.
+
+        Faces without an area, and two on the same vertices back to back, as files have them, bound
         nothing.
         """
         _, first, same = np.unique(
@@ -196,8 +259,16 @@ class _Seamless(Boxes):
         self._of_edges = edges[0][edges[2].reshape(3, -1).T]
 
     def normals(self, face: np.ndarray, places: Array) -> Array:
-        """Normals (n, 3) at places on faces: the face's, at an edge or a corner that of all faces
-        around.
+        """Find the normals at places on faces: at an edge or a vertex the mean of the faces around.
+
+        Parameters
+        ----------
+        face : (n,) number of the face
+        places : (n, 3) on it [m]
+
+        Returns
+        -------
+        (n, 3)
         """
         corners = self.vertices[self.faces[face]]
         sides = np.roll(corners, -1, axis=1) - corners
@@ -219,7 +290,7 @@ class _Seamless(Boxes):
 
 
 def _face_normals(surface: Surface) -> tuple[Array, Array]:
-    """Outward unit normals (faces, 3) and areas (faces,)."""
+    """Compute outward unit normals (faces, 3) and areas (faces,) [m^2]."""
     crossed = face_crosses(surface.vertices, surface.faces)
     sizes = np.linalg.norm(crossed, axis=1)
     inward = signed_volume(surface.vertices - surface.vertices.mean(axis=0), surface.faces) < 0.0
