@@ -1,3 +1,4 @@
-"""Muscles fitted to a person: optimal fiber lengths, tendon slack lengths, strengths and passive
-strain.
+"""Muscles fitted to a person.
+
+Optimal fiber lengths, tendon slack lengths, strengths and passive strain.
 """

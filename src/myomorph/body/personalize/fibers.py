@@ -1,7 +1,7 @@
-"""Forces of muscles on elastic tendons from known activations, and their slopes in the muscles'
-parameters.
+"""Forces of muscles on elastic tendons from known activations, and their slopes.
 
-With activation a and path length L over time, the normalized fiber length x follows from
+The slopes are in the muscles' parameters. With activation a and path length L over time, the
+normalized fiber length x follows from
 
     (a f_L(x) f_V(v) + f_PE(1 + (x - 1) / k) + damping v) cos(alpha) = f_SE((L - lo w(x)) / ls - 1),
     w = sqrt(x^2 - sin(alpha0)^2),  cos(alpha) = w / x,  v = (dx/dt) / v_max,
@@ -36,19 +36,31 @@ STRAINS = np.arange(-0.2, 0.3, STEP / 4)
 
 @read_only
 class Lookup:
-    """Functions on one even grid, several of them, and which of them each muscle has."""
+    """Functions on one even grid, several of them, and which of them each muscle has.
 
-    # start, step: of the grid
+    Attributes
+    ----------
+    start, step : of the grid
+    values, slopes : (functions, points), slopes times the step
+    row : (muscles,) function of each muscle
+    """
+
     start: float
     step: float
-    # values, slopes: (functions, points), slopes times the step
     values: Array
     slopes: Array
-    row: NDArray[np.int64]  # (muscles,) function of each muscle
+    row: NDArray[np.int64]
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
-        """Values and slopes at x (..., muscles), straight beyond the grid; x may be complex, for
-        complex steps.
+        """Look up values and slopes, straight beyond the grid.
+
+        Parameters
+        ----------
+        x : (..., muscles); may be complex, for complex steps
+
+        Returns
+        -------
+        (..., muscles) values and (..., muscles) slopes
         """
         u = (x - self.start) / self.step
         index = np.clip(np.floor(u.real).astype(np.int64), 0, self.values.shape[1] - 2)
@@ -71,26 +83,43 @@ class Lookup:
 
 @read_only
 class MuscleShapes:
-    """What personalization leaves as it is of a model's muscles."""
+    """What personalization leaves as it is of a model's muscles.
 
-    # active, passive, velocity, tendon: f_L and f_PE over normalized fiber length, f_V over
-    # normalized velocity, f_SE over the tendon's strain
+    Attributes
+    ----------
+    active, passive, velocity, tendon : f_L and f_PE over normalized fiber length, f_V over
+        normalized velocity, f_SE over the tendon's strain
+    sine : (muscles,) of the pennation at optimal length: fibers keep their height
+    damping : (muscles,) normalized force at maximum contraction velocity
+    speed : (muscles,) maximum contraction velocity [optimal lengths / s]
+    shortest : (muscles,) least normalized fiber length
+    slower : (muscles,) whether contraction velocity falls with activation (Thelen 2003)
+    rigid : (muscles,) whether the tendon is
+    """
+
     active: Lookup
     passive: Lookup
     velocity: Lookup
     tendon: Lookup
-    sine: Array  # (muscles,) of the pennation at optimal length: fibers keep their height
-    damping: Array  # (muscles,) normalized force at maximum contraction velocity
-    speed: Array  # (muscles,) maximum contraction velocity [optimal lengths / s]
-    shortest: Array  # (muscles,) least normalized fiber length
-    # (muscles,) whether contraction velocity falls with activation (Thelen 2003)
+    sine: Array
+    damping: Array
+    speed: Array
+    shortest: Array
     slower: np.ndarray
-    rigid: np.ndarray  # (muscles,) whether the tendon is
+    rigid: np.ndarray
 
 
 def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
-    """Tables of all muscles' curves. `elastic`: whether tendons stretch, where their class has a
-    curve for it.
+    """Tabulate the curves of all muscles.
+
+    Parameters
+    ----------
+    model : whose muscles they are
+    elastic : whether tendons stretch, where their class has a curve for it
+
+    Returns
+    -------
+    tables, and what else stays of each muscle
     """
     models = muscle_models(model)
     muscles = model.muscles
@@ -128,8 +157,13 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
 
 
 def _table(grid: Array, curves: Sequence[Curve | None], shift: float = 0.0) -> Lookup:
-    """One function a muscle, those alike once, None as 0; `shift`: from the grid to what the curves
-    are over.
+    """Sample one function a muscle, those alike once, None as 0.
+
+    Parameters
+    ----------
+    grid : (points,) even
+    curves : of the muscles
+    shift : from the grid to what the curves are over
     """
     rows: dict[bytes, int] = {}
     sampled: dict[Curve | None, Array] = {None: np.zeros_like(grid)}
@@ -160,7 +194,7 @@ TOLERANCE = 1e-10  # Of the balance of a fiber, normalized
 
 @inner(counted=False)
 def _looked_up(start, step, values, slopes, row, x):
-    """Value and slope of a table at x, see `curves.Lookup`."""
+    """Look up value and slope of a table at x, see `Lookup`."""
     u = (x - start) / step
     last = values.shape[1] - 2
     index = min(max(int(np.floor(u)), 0), last)
@@ -184,7 +218,25 @@ def _looked_up(start, step, values, slopes, row, x):
 
 @inner(counted=False)
 def _balance(tables, muscle, x, v, lead, length, a, slower):
-    """Fibers' pull along the tendon less the tendon's, normalized, and what its slopes need."""
+    """Compute the fibers' pull along the tendon less the tendon's, and what its slopes need.
+
+    The equation at the head of this file, all forces normalized.
+
+    Parameters
+    ----------
+    tables : of f_L, f_PE, f_V, f_SE, and their rows for this muscle
+    muscle : lo [m], ls [m], strain factor k, sine of the pennation, damping
+    x, v : normalized fiber length and velocity
+    lead : dv/dx of the differentiation formula
+    length : of the path [m]
+    a : activation
+    slower : whether contraction velocity falls with activation
+
+    Returns
+    -------
+    balance; its slopes in x and v; the tendon's pull and its slope in strain; w; slope of f_PE;
+        slope of the balance in activation; cos(alpha)
+    """
     active, passive, velocity, tendon, rows = tables
     lo, ls, strain, sine, damping = muscle
     w = np.sqrt(max(x * x - sine * sine, 1e-12))
@@ -221,13 +273,20 @@ def _balance(tables, muscle, x, v, lead, length, a, slower):
 def follow_elastic(
     tables, rows, sizes, shapes, slower, rigid, lengths, speeds, activations, step, found
 ):
-    """Fill found (6, windows, frames, muscles): force, length, slopes in lo, ls, strain and
-    activation. `tables`: four of (start, step, values, slopes): f_L, f_PE, f_V, f_SE; `rows`
-    (muscles, 4) row of each table; `sizes` (4, muscles) optimal fiber length, slack length, maximum
-    isometric force, passive strain factor; `shapes` (4, muscles) sine of the pennation, damping,
-    maximum speed, shortest normalized length; `slower`, `rigid` (muscles,); `lengths`, `speeds`,
-    `activations` (windows, frames, muscles); `step`: between frames [s]; infinite where every frame
-    is held still.
+    """Fill forces, lengths and slopes of muscles on elastic tendons.
+
+    Parameters
+    ----------
+    tables : four of (start, step, values, slopes): f_L, f_PE, f_V, f_SE
+    rows : (muscles, 4) row of each table
+    sizes : (4, muscles) optimal fiber length [m], slack length [m], maximum isometric force [N],
+        passive strain factor
+    shapes : (4, muscles) sine of the pennation, damping, maximum speed, shortest normalized length
+    slower, rigid : (muscles,) ; rigid ones are left out
+    lengths, speeds, activations : (windows, frames, muscles) [m], [m/s]
+    step : between frames [s]; infinite where every frame is held still
+    found : (6, windows, frames, muscles) force [N], normalized length, slopes of the force in lo,
+        ls [N/m], strain and activation [N]
     """
     windows, frames, muscles = lengths.shape
     still = not np.isfinite(step)
@@ -325,25 +384,39 @@ def follow_elastic(
 
 @read_only
 class MuscleSizes:
-    """What personalization changes, each (muscles,)."""
+    """What personalization changes.
 
-    # fiber, slack: optimal fiber and tendon slack lengths [m]
+    Attributes
+    ----------
+    fiber, slack : (muscles,) optimal fiber and tendon slack lengths [m]
+    force : (muscles,) maximum isometric force [N]
+    strain : (muscles,) factor on the fiber strain at which passive force reaches its values
+    """
+
     fiber: Array
     slack: Array
-    force: Array  # maximum isometric force [N]
-    strain: Array  # factor on the fiber strain at which passive force reaches its values
+    force: Array
+    strain: Array
 
 
 class Followed(NamedTuple):
-    """Muscles over time, every array (windows, frames, muscles)."""
+    """Muscles over time, every array (windows, frames, muscles).
 
-    force: Array  # along the tendon [N]
-    length: Array  # normalized fiber length
-    # by_fiber, by_slack: slopes of the force in optimal length and slack length [N/m]
+    Attributes
+    ----------
+    force : along the tendon [N]
+    length : normalized fiber length
+    by_fiber, by_slack : slopes of the force in optimal length and slack length [N/m]
+    by_strain : slope in the strain factor [N]
+    by_activation : slope in an activation changed alike over time [N]
+    """
+
+    force: Array
+    length: Array
     by_fiber: Array
     by_slack: Array
-    by_strain: Array  # slope in the strain factor [N]
-    by_activation: Array  # slope in an activation changed alike over time [N]
+    by_strain: Array
+    by_activation: Array
 
 
 def follow(
@@ -354,10 +427,19 @@ def follow(
     activations: Array,
     step: float,
 ) -> Followed:
-    """Muscle forces along given paths under given activations.
-    `lengths`, `speeds` (windows, frames, muscles) of the paths [m], [m/s]; `activations` (windows,
-    frames, muscles); `step`: time between frames [s]; infinity holds every frame still, each in
-    equilibrium of its own.
+    """Compute muscle forces along given paths under given activations.
+
+    Parameters
+    ----------
+    shapes : curves of the muscles
+    sizes : lengths and strengths of the muscles
+    lengths, speeds : (windows, frames, muscles) of the paths [m], [m/s]
+    activations : (windows, frames, muscles)
+    step : time between frames [s]; infinity holds every frame still, each in equilibrium of its own
+
+    Returns
+    -------
+    (windows, frames, muscles) forces, lengths and slopes
     """
     rigid = shapes.rigid
     if not rigid.any():
@@ -377,7 +459,18 @@ def follow(
 
 
 def rigid_lengths(shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array) -> Array:
-    """Normalized fiber lengths on tendons at their slack length, not below the shortest."""
+    """Compute normalized fiber lengths on tendons at their slack length.
+
+    Parameters
+    ----------
+    shapes : with the pennation and the shortest lengths
+    sizes : optimal fiber and tendon slack lengths
+    lengths : (..., muscles) of the paths [m]
+
+    Returns
+    -------
+    (..., muscles) not below the shortest
+    """
     along = np.maximum(lengths - sizes.slack, 0.0) / sizes.fiber
     return np.maximum(np.sqrt(along**2 + shapes.sine**2), shapes.shortest)
 
@@ -385,7 +478,12 @@ def rigid_lengths(shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array) -> A
 def _rigid(
     shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array, speeds: Array, a: Array
 ) -> Followed:
-    """Rigid tendons; slopes by complex steps, exact to rounding."""
+    """Follow muscles on rigid tendons, slopes by complex steps, exact to rounding.
+
+    Parameters
+    ----------
+    lengths, speeds, a : (windows, frames, muscles) [m], [m/s], activation
+    """
 
     def pull(fiber, slack, strain, activation):
         """Force and normalized length; any of the parameters may be complex."""

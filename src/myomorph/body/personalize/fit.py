@@ -1,13 +1,12 @@
-"""Muscles from recordings: torques that have to be borne, with activations known as well as EMG
-tells them.
+"""Muscles from recordings: torques that must be borne, and activations as EMG shows them.
 
     tau = R^T F(p, a) + e_tau,   a = g e + e_a   (or a = l + e_a where no EMG is),   p = prior + e_p
 
 Of every frame the activations are marginalized to first order: with G = R^T dF/da the misfit r has
 the covariance S = var(e_tau) + G var(a) G^T, so that least effort weighs no more than what is known
 of activations says. Gauss-Newton steps in p use S^-1; activations follow as their mean given p,
-within 0 and 1. Errors of neighbouring frames are alike: frames count by 1 / (1 + 2 sum rho_k),
-rho_k the correlation of the whitened misfit over k frames. Errors of torques and activations are
+within 0 and 1. Errors of neighboring frames are alike: frames count by 1 / (1 + 2 sum rho_k), rho_k
+the correlation of the whitened misfit over k frames. Errors of torques and activations are
 estimated beside p from the squared misfits (Rasmussen and Williams 2006 for the marginal).
 """
 
@@ -37,8 +36,20 @@ MAX_ERROR = 0.5  # Of the root mean square of a torque: more of it is not taken 
 
 
 def noise_of(parts: Sequence[Part], noise: Noise, floors: Array, covariance: Array) -> Noise:
-    """Errors of torques and of EMG as their means given the misfits (a step of expectation and
-    maximization).
+    """Estimate errors of torques and of EMG as their means given the misfits.
+
+    A step of expectation and maximization.
+
+    Parameters
+    ----------
+    parts : linearized recordings; those at rest are left out
+    noise : before
+    floors : (rows,) least standard deviation of the torques [N m or N]
+    covariance : (parameters, parameters) after the recordings
+
+    Returns
+    -------
+    noise with other errors of torques and EMG; those at rest stay
     """
     moving = [part for part in parts if not part.rest]
     if not moving:
@@ -67,9 +78,19 @@ def noise_of(parts: Sequence[Part], noise: Noise, floors: Array, covariance: Arr
 
 
 def hastened(old: Noise, new: Noise, floors: Array, floors_at_rest: Array) -> Noise:
-    """A longer step of expectation and maximization, whose own steps are short where much of a
-    misfit is errors'. Upwards it is a short one: a misfit that the parameters have yet to follow is
-    no error.
+    """Lengthen a step of expectation and maximization.
+
+    Its own steps are short where much of a misfit is errors'. Upwards it is a short one: a misfit
+    that the parameters have yet to follow is no error.
+
+    Parameters
+    ----------
+    old, new : noise before and after the step
+    floors, floors_at_rest : (rows,) least standard deviations of torques [N m or N]
+
+    Returns
+    -------
+    noise
     """
     torque = old.torque * np.clip((new.torque / old.torque) ** HASTE, *CHANGES)
     rest = old.rest * np.clip((new.rest / old.rest) ** HASTE, *CHANGES)
@@ -80,8 +101,17 @@ def hastened(old: Noise, new: Noise, floors: Array, floors_at_rest: Array) -> No
 
 
 def torque_errors(part: Part, covariance: Array) -> tuple[Array, Array]:
-    """What parameters leave open of each frame's torques (frames, rows, rows), and summed squares
-    of errors (rows,).
+    """Compute what parameters leave open of torques, and squared errors of the torques.
+
+    Parameters
+    ----------
+    part : a linearized recording
+    covariance : (parameters, parameters) after the recordings
+
+    Returns
+    -------
+    (frames, rows, rows) covariance of each frame's torques from the parameters [(N m)^2 or N^2],
+        and (rows,) summed squares of errors
     """
     solved = np.asarray(np.linalg.inv(part.covariance), dtype=np.float64)
     # What the parameters leave open is no part of the errors, but of what is known of them.
@@ -94,7 +124,17 @@ def torque_errors(part: Part, covariance: Array) -> tuple[Array, Array]:
 
 
 def floors_of_rest(parts: Sequence[Part], floors: Array) -> Array:
-    """(rows,) least error of measured passive torques [N m or N]."""
+    """Compute the least error of measured passive torques.
+
+    Parameters
+    ----------
+    parts : recordings
+    floors : (rows,) least errors of torques in motion [N m or N]
+
+    Returns
+    -------
+    (rows,) [N m or N]
+    """
     still = [part for part in parts if part.rest]
     if not still:
         return np.full(len(floors), REST_FLOOR)
@@ -104,8 +144,20 @@ def floors_of_rest(parts: Sequence[Part], floors: Array) -> Array:
 
 
 def noise_at_rest(parts: Sequence[Part], noise: Noise, floors: Array, covariance: Array) -> Noise:
-    """Errors of measured passive torques, among them what is no muscle's: ligaments, capsules, the
-    poses' errors.
+    """Estimate errors of measured passive torques.
+
+    Among them is what is no muscle's: ligaments, capsules, the poses' errors.
+
+    Parameters
+    ----------
+    parts : linearized recordings; those in motion are left out
+    noise : before
+    floors : (rows,) least errors at rest [N m or N]
+    covariance : (parameters, parameters) after the recordings
+
+    Returns
+    -------
+    noise with other errors at rest
     """
     still = [part for part in parts if part.rest]
     if not still:
@@ -143,13 +195,13 @@ class Fitted:
 
     Attributes
     ----------
-    moved : largest change of a parameter in the last step, in its standard deviations
     p : (parameters,) see `Prior`
     covariance : (parameters, parameters) after the recordings
     noise : errors of torques and activations that the misfits show
     activations : of each recording, (windows, frames, muscles)
     weights : of each recording: what a frame counts
-    steps : done; `moved` the last one's largest, in standard deviations
+    steps : number of steps done
+    moved : largest change of a parameter in the last step, in its standard deviations
     """
 
     p: Array
@@ -170,10 +222,23 @@ def fit(
     advance: Callable[[int], None] | None = None,
     steps: int = STEPS,
 ) -> Fitted:
-    """The most probable parameters given the recordings.
-    `floors` (rows,) least standard deviation of the torques; `free` (parameters,) which ones are
-    estimated; None for all that have a prior spread; `advance`: called with the number of steps
-    just done; `steps`: at most.
+    """Find the most probable parameters given the recordings.
+
+    The model and its marginal are at the head of this file.
+
+    Parameters
+    ----------
+    prior : of the parameters
+    shapes : curves of the muscles
+    windows : recordings
+    floors : (rows,) least standard deviation of the torques [N m or N]
+    free : (parameters,) which ones are estimated; None for all that have a prior spread
+    advance : called with the number of steps just done
+    steps : at most
+
+    Returns
+    -------
+    parameters with covariance, errors and activations
     """
     free = (prior.deviation > 0.0) if free is None else free & (prior.deviation > 0.0)
     parts = [Part(prior, shapes, window) for window in windows]
@@ -254,18 +319,36 @@ def fit(
 
 @read_only
 class Checked:
-    """How well muscles explain recordings."""
+    """How well muscles explain recordings.
 
-    score: float  # negative logarithm of the marginal probability, per frame
-    # (rows,) root mean square of the torque that activations within what is known of them leave,
-    # NaN where none was measured [N m or N]
+    Attributes
+    ----------
+    score : negative logarithm of the marginal probability, per frame
+    left : (rows,) root mean square of the torque that activations within what is known of them
+        leave, NaN where none was measured [N m or N]
+    """
+
+    score: float
     left: Array
 
 
 def check(
     prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array, noise: Noise
 ) -> Checked:
-    """How well parameters explain recordings that they need not have been fitted to."""
+    """Score how well parameters explain recordings that they need not have been fitted to.
+
+    Parameters
+    ----------
+    prior : of the parameters
+    shapes : curves of the muscles
+    windows : recordings
+    p : (parameters,)
+    noise : errors of torques and EMG
+
+    Returns
+    -------
+    score per frame, and torques left
+    """
     score = 0.0
     frames = 0
     left = np.zeros(len(noise.torque))
@@ -289,16 +372,31 @@ def check(
 
 
 def _left_to_errors(parts: Sequence[Part], effective: float) -> float:
-    """Share of the independent misfits that the parameters do not follow, twice: so much less is
-    known than it looks. Once because the misfits are smaller for it, and once because what is
-    followed is slow: left misfits are alike over a shorter time than errors are.
+    """Compute how much of the independent misfits the parameters do not follow.
+
+    It is squared: so much less is known than it looks. Once because the misfits are smaller for it,
+    and once because what is followed is slow: left misfits are alike over a shorter time than
+    errors are.
+
+    Parameters
+    ----------
+    effective : number of parameters that the recordings determine
     """
     seen = sum(part.weight * part.known.sum() for part in parts)
     return float(np.clip(1.0 - effective / max(seen, 1e-12), 0.5, 1.0)) ** 2 * INFORMATION
 
 
 def path_ends(windows: Sequence[Windows]) -> Array:
-    """(2, muscles) least and greatest lengths of the paths in frames that count [m]."""
+    """Find the ends of the paths' ranges in frames that count.
+
+    Parameters
+    ----------
+    windows : recordings
+
+    Returns
+    -------
+    (2, muscles) least and greatest lengths [m]
+    """
     every = np.concatenate([window.lengths[window.counted] for window in windows])
     return np.array([every.min(axis=0), every.max(axis=0)])
 
@@ -306,7 +404,16 @@ def path_ends(windows: Sequence[Windows]) -> Array:
 def _outside(
     prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array
 ) -> tuple[Array, Array]:
-    """Rows that pull muscles into physiological lengths, (2 muscles, parameters), (2 muscles,)."""
+    """Build rows that pull muscles into physiological lengths.
+
+    Parameters
+    ----------
+    p : (parameters,)
+
+    Returns
+    -------
+    (2 muscles, parameters) rows and (2 muscles,) misfits in standard deviations (`OUTSIDE`)
+    """
     muscles = len(prior.names)
     ends = path_ends(windows)
     sizes = prior.sizes(p)
@@ -361,8 +468,18 @@ class HeldOut:
 
 
 def split(windows: Sequence[Windows]) -> tuple[list[Windows], list[Windows]]:
-    """Recordings to fit to, passive ones among them, and to hold out: the last one, or the last
-    third of one alone.
+    """Split recordings into those to fit to and those to hold out.
+
+    Held out is the last one in motion, or the last third of one alone; of passive ones alone the
+    last. Nothing is held out where too few frames would be left.
+
+    Parameters
+    ----------
+    windows : recordings
+
+    Returns
+    -------
+    to fit to, passive ones among them, and held out
     """
     moving = [window for window in windows if np.isfinite(window.step)]
     rest = [window for window in windows if not np.isfinite(window.step)]
@@ -389,9 +506,21 @@ def held_out(
     fitted: Fitted,
     keep: bool = True,
 ) -> tuple[HeldOut, Array]:
-    """Compare generic and fitted muscles on unseen recordings; returns also the parameters, generic
-    where better. `keep`: whether generic values are kept where they are better; else it is only
-    said.
+    """Compare generic and fitted muscles on unseen recordings.
+
+    Parameters
+    ----------
+    prior : of the parameters
+    shapes : curves of the muscles
+    fitted_to : recordings of the fit
+    unseen : recordings that were held out
+    floors : (rows,) least standard deviation of the torques [N m or N]
+    fitted : result of the fit
+    keep : whether generic values are kept where they are better; else it is only reported
+
+    Returns
+    -------
+    the comparison, and (parameters,) generic where better
     """
     gains = np.zeros(len(fitted.p), bool)
     gains[prior.parts[4]] = True
@@ -441,7 +570,18 @@ def held_out(
 
 
 def generic_group(prior: Prior, p: Array, g: int) -> Array:
-    """Parameters with those of one group of muscles at the prior."""
+    """Set the parameters of one group of muscles to the prior's mean.
+
+    Parameters
+    ----------
+    prior : with the groups
+    p : (parameters,)
+    g : number of the group
+
+    Returns
+    -------
+    (parameters,)
+    """
     p = p.copy()
     members = np.flatnonzero(prior.group == g)
     fiber, point, force, strain, _ = prior.parts

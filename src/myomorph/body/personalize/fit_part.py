@@ -1,5 +1,6 @@
-"""One recording at the present parameters: fibers followed, activations marginalized, misfits
-whitened; see `fit`.
+"""One recording at the present parameters.
+
+Fibers are followed, activations marginalized, misfits whitened; see `fit`.
 """
 
 from __future__ import annotations
@@ -28,24 +29,52 @@ MORE = 1e-3  # Of activation, for the slopes of what an activation gives
 
 @read_only
 class Noise:
-    """How far off torques and activations are."""
+    """How far off torques and activations are.
 
-    torque: Array  # (rows,) standard deviation [N m or N]
-    # (rows,) of measured passive torques: none of the errors of inverse dynamics are theirs [N m or
-    # N]
+    Attributes
+    ----------
+    torque : (rows,) standard deviation [N m or N]
+    rest : (rows,) of measured passive torques: none of the errors of inverse dynamics are theirs [N
+        m or N]
+    emg : factor on the variance of activations that EMG shows
+    """
+
+    torque: Array
     rest: Array
-    emg: float = 1.0  # factor on the variance of activations that EMG shows
+    emg: float = 1.0
 
 
 def frame_products(matrices: Array, vectors: Array) -> Array:
-    """Products of each frame's matrix and vector."""
+    """Multiply each frame's matrix and vector.
+
+    Parameters
+    ----------
+    matrices : (frames, m, n)
+    vectors : (frames, n)
+
+    Returns
+    -------
+    (frames, m)
+    """
     return (matrices @ vectors[..., None])[..., 0]
 
 
 class Part:
     """One recording at the present parameters and activations.
-    `jacobian`, `misfit`: whitened, (frames rows, parameters) and (frames rows,); `weight`: what a
-    frame counts; `plain` (frames, rows) torque left at the present activations.
+
+    Of the frames that count, with muscles in columns and torques in rows:
+
+    Attributes
+    ----------
+    activations : (windows, frames, muscles) of all frames
+    known : (frames, rows) whether a torque was measured
+    arms : (frames, rows, muscles) moment arms [m/rad or m/m], 0 where no torque was measured
+    plain : (frames, rows) torque left at the present activations [N m or N]
+    columns : (frames, rows, muscles) G, torque of a unit of activation
+    covariance : (frames, rows, rows) S of the misfit
+    jacobian, misfit : (frames rows, parameters), (frames rows,) whitened
+    slopes : (frames, rows, parameters) of the torques
+    weight : what a frame counts
     """
 
     def __init__(self, prior: Prior, shapes: MuscleShapes, windows: Windows):
@@ -69,8 +98,14 @@ class Part:
 
     def linearize(self, p: Array, noise: Noise, slopes: bool = True, widening: bool = True) -> None:
         """Follow the fibers, and whiten the misfit.
-        `slopes`: whether its slopes are wanted as well; `widening`: whether those of the covariance
-        are taken anew, which changes little from step to step.
+
+        Parameters
+        ----------
+        p : (parameters,)
+        noise : errors of torques and EMG
+        slopes : whether slopes of the misfit are computed as well
+        widening : whether those of the covariance are computed anew, which changes little from step
+            to step
         """
         w = self.windows
         prior = self.prior
@@ -102,7 +137,7 @@ class Part:
         self.slopes = jacobian
 
     def _followed(self, every: Followed) -> Followed:
-        """What belongs to the frames that are fitted."""
+        """Select the frames that count."""
         return Followed(
             force=self._of(every.force),
             length=self._of(every.length),
@@ -115,9 +150,19 @@ class Part:
     def _known_activations(
         self, gains: Array, noise: Noise, measured: np.ndarray
     ) -> tuple[Array, Array]:
-        """Mean and variance of activations (frames, muscles) before the torques are looked at.
+        """Compute what is known of activations before the torques.
+
         EMG has errors, so that its peaks are higher and its lows lower than those of activations:
         what is expected lies towards its mean (regression calibration, Carroll et al. 2006, ch. 4).
+
+        Parameters
+        ----------
+        gains : (muscles,) of EMG
+        measured : (frames, muscles) whether EMG is known
+
+        Returns
+        -------
+        (frames, muscles) mean and (frames, muscles) variance
         """
         # Where EMG is missing for a while, its gain says nothing of the level.
         factors = np.where(
@@ -139,9 +184,20 @@ class Part:
         return np.where(measured, mean + share * (scaled - mean), level), share * variance
 
     def _bounded(self, now: Array, expected: Array, variance: Array) -> Array:
-        """Covariance S of the misfit of activations within 0 and 1: those at a bound have no part
-        in it. The least of |a - m|^2 / var(a) + |e_tau|^2 / var(e_tau), by Newton steps in the
-        multipliers y of the balance: a = clip(m + var(a) G^T y), e_tau = var(e_tau) y.
+        """Compute the covariance S of the misfit of activations within 0 and 1.
+
+        Those at a bound have no part in it. The least of |a - m|^2 / var(a) + |e_tau|^2 /
+        var(e_tau), by Newton steps in the multipliers y of the balance: a = clip(m + var(a) G^T y),
+        e_tau = var(e_tau) y.
+
+        Parameters
+        ----------
+        now : (frames, muscles) present activations
+        expected, variance : (frames, muscles) m and var(a)
+
+        Returns
+        -------
+        (frames, rows, rows)
         """
         y = np.zeros_like(self.plain)
         fixed = np.zeros(now.shape, np.int8)
@@ -171,9 +227,20 @@ class Part:
     def _widening(
         self, at: Followed, more: Followed, fiber: Array, strain: Array, p: Array
     ) -> Array:
-        """(parameters,) slopes of half the logarithm of det S.
+        """Compute slopes of half the logarithm of det S.
+
         Activations that follow the torque make its slopes in the parameters follow its errors:
         without this term, whatever widens S would seem the more probable.
+
+        Parameters
+        ----------
+        at, more : muscles at the present activations, and at `MORE` above
+        fiber, strain : (muscles,) optimal lengths [m] and strain factors
+        p : (parameters,)
+
+        Returns
+        -------
+        (parameters,)
         """
         prior = self.prior
         by_fiber, by_point, by_force, by_strain, _ = prior.parts
@@ -193,7 +260,18 @@ class Part:
     def _jacobian(
         self, at: Followed, fiber: Array, strain: Array, p: Array, expected: Array
     ) -> Array:
-        """(frames, rows, parameters) slopes of the torque."""
+        """Compute slopes of the torques in the parameters.
+
+        Parameters
+        ----------
+        fiber, strain : (muscles,) optimal lengths [m] and strain factors
+        p : (parameters,)
+        expected : (frames, muscles) activations
+
+        Returns
+        -------
+        (frames, rows, parameters)
+        """
         prior = self.prior
         by_fiber, by_point, by_force, by_strain, by_gain = prior.parts
         point = prior.point + p[by_point]
@@ -215,7 +293,10 @@ class Part:
         return jacobian
 
     def weigh(self) -> None:
-        """What a frame counts, by how alike the misfits of neighbouring frames are."""
+        """Set what a frame counts, by how alike the misfits of neighboring frames are.
+
+        1 / (1 + 2 sum rho_k) with the correlation rho_k of the whitened misfit over k frames.
+        """
         frames = np.full((*self.windows.counted.shape, self.white.shape[1]), np.nan)
         frames[self.windows.counted] = np.where(self.known, self.white, np.nan)
         square = np.nanmean(frames**2)
@@ -231,7 +312,12 @@ class Part:
         self.weight = 0.5 * (self.weight + 1.0 / max(length, 1.0 if self.rest else SHORTEST_ERROR))
 
     def settle(self, step: Array) -> None:
-        """Activations given the recording, after a step of the parameters."""
+        """Move activations to their mean given the recording, after a step of the parameters.
+
+        Parameters
+        ----------
+        step : (parameters,); empty where slopes were not computed
+        """
         error = self.error - self.slopes @ step
         wanted = self.expected + frame_products(self.gain.transpose(0, 2, 1), error)
         new = self.activations.copy()
@@ -242,6 +328,6 @@ class Part:
         self.activations = new
 
     def score(self) -> float:
-        """Half the whitened misfit and the logarithm of the spread, summed over frames."""
+        """Sum half the whitened misfit and the logarithm of the spread over frames."""
         _, logarithm = np.linalg.slogdet(self.covariance)
         return float(0.5 * np.sum(self.misfit**2) + 0.5 * np.sum(logarithm))

@@ -1,5 +1,4 @@
-"""Fiber and tendon lengths of a scaled model at which its muscles work where those of the generic
-model do.
+"""Fiber and tendon lengths of a scaled model whose muscles work as the generic model's.
 
 Modenese et al. 2016: in many poses within the joints' ranges a muscle of the generic model, fully
 active and in equilibrium with its tendon, has normalized fiber and tendon lengths x and t; the
@@ -56,8 +55,22 @@ class GenericMap:
 
 def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap:
     """Map the operating ranges of a generic model's muscles onto a scaled model.
-    Source: Modenese et al. 2016, J Biomech 49:141-148.
-    `generic`: the model that was scaled; `scaled`: with muscles of the same names.
+
+    Source: Modenese et al. 2016, J Biomech 49:141-148; the equation is at the head of this file.
+
+    Parameters
+    ----------
+    generic : the model that was scaled
+    scaled : with muscles of the same names
+    poses : number of poses
+
+    Returns
+    -------
+    the scaled model with mapped lengths, and how well they fit
+
+    Raises
+    ------
+    BadModel : the models have no muscle in common
     """
     names = tuple(name for name in scaled.muscle_names if name in generic.muscle_names)
     if not names:
@@ -131,8 +144,20 @@ def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap
 def _least_squares(
     w: Array, t: Array, length: Array, fiber: float, slack: float
 ) -> tuple[float, float]:
-    """Optimal and slack length of one muscle; where its path hardly varies, in the generic model's
-    proportion.
+    """Solve for optimal and slack length of one muscle.
+
+    Where its path hardly varies, they keep the generic model's proportion.
+
+    Parameters
+    ----------
+    w, t : (poses,) normalized fiber length along the tendon, and tendon length, of the generic
+        model
+    length : (poses,) of the scaled model's path [m]
+    fiber, slack : of the generic model [m]
+
+    Returns
+    -------
+    lo and ls [m]
     """
     A = np.column_stack([w, t])
     if np.ptp(length) < 0.01 * fiber or np.linalg.cond(A / np.linalg.norm(A, axis=0)) > 1e4:
@@ -143,7 +168,12 @@ def _least_squares(
 
 
 def _lengths(generic: Model, scaled: Model, poses: int) -> tuple[Array, Array]:
-    """(poses, muscles) path lengths of both models in the same poses."""
+    """Compute path lengths of both models in the same poses.
+
+    Returns
+    -------
+    (poses, muscles) of each [m]
+    """
     shared = [
         coordinate
         for coordinate in free_coordinates(generic)
@@ -167,7 +197,16 @@ def _lengths(generic: Model, scaled: Model, poses: int) -> tuple[Array, Array]:
 
 
 def _active_lengths(model: Model, lengths: Array) -> Array:
-    """(poses, muscles) normalized fiber lengths of fully active muscles in equilibrium."""
+    """Compute normalized fiber lengths of fully active muscles in equilibrium.
+
+    Parameters
+    ----------
+    lengths : (poses, muscles) of the paths [m]
+
+    Returns
+    -------
+    (poses, muscles)
+    """
     active = np.ones_like(lengths)[None]
     return follow(
         muscle_shapes(model), sizes_of(model), lengths[None], 0.0 * active, active, np.inf

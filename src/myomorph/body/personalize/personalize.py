@@ -1,5 +1,6 @@
-"""Muscles of a model fitted to a person: from the generic model's operating ranges and from
-recordings.
+"""Muscles of a model fitted to a person.
+
+From the generic model's operating ranges and from recordings.
 """
 
 from __future__ import annotations
@@ -143,13 +144,12 @@ def personalize(
     generic: Model | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> Personalized:
-    """Optimal fiber lengths, tendon slack lengths, strengths and passive strains of a person's
-    muscles.
+    """Fit muscle parameters to a person: fibers, tendons, strengths and passive strains.
 
     With a generic model, muscles are first given the lengths at which they work where the generic
     model's do (`map_generic`). Recordings then move them, as far as torques that have to be borne
-    ask for it (see `fit`): what they do not tell keeps its value, and every parameter says how much
-    they told.
+    ask for it (see `fit`): what they do not show keeps its value, and every parameter says how much
+    they showed.
 
     Sources: Modenese et al. 2016 for the map; Lloyd and Besier 2003, Pizzolato et al. 2015 for
     muscles from torques and EMG.
@@ -164,7 +164,8 @@ def personalize(
 
     Returns
     -------
-    Personalized
+    the model with the person's muscles, every parameter with its interval, and how held-out
+        recordings are explained
 
     Raises
     ------
@@ -252,8 +253,13 @@ def personalize(
 def _cannot_reach(
     model: Model, shapes: MuscleShapes, windows: Sequence[Windows]
 ) -> tuple[np.ndarray, list[str]]:
-    """Muscles whose path is shorter than the slack tendon in half of the frames, or that are off;
-    and lines on them.
+    """Find muscles that are off, or whose path leaves their range.
+
+    They keep their lengths where the path is too short or too long in half of the frames.
+
+    Returns
+    -------
+    (muscles,) whether the muscle keeps its lengths, and one line for each that cannot reach
     """
     fixed = np.array([not muscle.enabled for muscle in model.muscles], bool)
     notes = []
@@ -393,8 +399,19 @@ def _estimates(
 def _slack_interval(
     prior: Prior, p: Array, covariance: Array, at: Sequence[int]
 ) -> tuple[float, float]:
-    """Ends of a slack length's interval: a product of two parameters, which of a short tendon is
-    far from normal.
+    """Compute the ends of a slack length's interval.
+
+    It is a product of two parameters, which of a short tendon is far from normal.
+
+    Parameters
+    ----------
+    p : (parameters,)
+    covariance : (parameters, parameters)
+    at : numbers of the muscle's fiber and shift
+
+    Returns
+    -------
+    ends of the 90 % interval [m]
     """
     m = at[0]
     spread = np.linalg.cholesky(covariance[np.ix_(at, at)] + 1e-14 * np.eye(2))
@@ -405,7 +422,7 @@ def _slack_interval(
 
 
 def known_by_prior(estimates: Sequence[MuscleEstimate]) -> str:
-    """One line: the share of lengths that only what was assumed before knows."""
+    """Report the share of lengths that only what was assumed before knows, in one line."""
     levels = {
         name: [estimate.identifiable for estimate in estimates if estimate.parameter == name]
         for name in (FIBER, SLACK)
@@ -428,7 +445,7 @@ def _notes(
     options: PersonalizeOptions,
     seen: Sequence[Windows],
 ) -> list[str]:
-    """What may not be believed, worst first."""
+    """Report what may not be believed, worst first."""
     notes = [known_by_prior(estimates)]
     if checked is not None and checked.kept:
         what = ", ".join(checked.kept)

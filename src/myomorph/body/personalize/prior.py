@@ -1,13 +1,13 @@
-"""What is known of a person's muscles before any recording: parameters, their spread and bounds,
-and groups.
+"""What is known of a person's muscles before any recording.
 
-Of every muscle the logarithm of the optimal fiber length and the shift of the normalized fiber
-length at the mean pose of the recordings are estimated; the tendon slack length follows from both.
-Spreads are those between people. Measured: fiber lengths normalized to the sarcomere vary by 11 to
-27 %, sarcomere lengths in a pose by 0.04 to 0.17 optimal lengths, median 0.09 (Ward et al. 2009, 28
-muscles of 21 bodies, sizes of bodies not taken out; Chen et al. 2016 and Cromie et al. 2013 in the
-living), strengths by 17 to 39 % (Tedla et al. 2022, men of one age). Assumed: passive strains,
-gains of EMG, mean activations without EMG, and how alike both sides are.
+Parameters, their spread and bounds, and groups. Of every muscle the logarithm of the optimal fiber
+length and the shift of the normalized fiber length at the mean pose of the recordings are
+estimated; the tendon slack length follows from both. Spreads are those between people. Measured:
+fiber lengths normalized to the sarcomere vary by 11 to 27 %, sarcomere lengths in a pose by 0.04 to
+0.17 optimal lengths, median 0.09 (Ward et al. 2009, 28 muscles of 21 bodies, sizes of bodies not
+taken out; Chen et al. 2016 and Cromie et al. 2013 in the living), strengths by 17 to 39 % (Tedla et
+al. 2022, men of one age). Assumed: passive strains, gains of EMG, mean activations without EMG, and
+how alike both sides are.
 """
 
 from __future__ import annotations
@@ -83,29 +83,43 @@ class PriorOptions:
 
 @read_only
 class Prior:
-    """Parameters p = (log fiber, shift of operating point, log strength, log passive strain, log
-    gains and levels).
+    """Parameters p of a person's muscles, and what is known of them.
+
+    They are, in this order, log fiber and shift of the operating point of each muscle, log strength
+    and log passive strain of each group, log gains of EMG and levels of muscles without it.
+
+    Attributes
+    ----------
+    names : (muscles,)
+    start : of the model that personalization begins with
+    point : (muscles,) its fibers along the tendon at the mean pose, normalized, tendons at slack
+        length
+    reference : (muscles,) path length there [m]
+    groups : names of muscle groups
+    group : (muscles,) each muscle's
+    gain : (muscles,) number of the gain of each muscle's EMG, and after these of its level, where
+        it has no EMG
+    gains : names of the muscles that share each gain
+    levels : number of muscles without EMG, whose mean activation is a parameter; none without a
+        recording in motion
+    deviation : (parameters,) prior standard deviation
+    precision : (parameters, parameters) inverse of the prior covariance; where a deviation is 0, of
+        a fixed parameter
+    bound : (parameters,) farthest from 0
     """
 
-    names: tuple[str, ...]  # (muscles,)
-    start: MuscleSizes  # of the model that personalization begins with
-    # (muscles,) its fibers along the tendon at the mean pose, normalized, tendons at slack length
+    names: tuple[str, ...]
+    start: MuscleSizes
     point: Array
-    reference: Array  # (muscles,) path length there [m]
-    groups: tuple[str, ...]  # names of muscle groups
-    group: NDArray[np.int64]  # (muscles,) each muscle's
-    # (muscles,) number of the gain of each muscle's EMG, and after these of its level, where it has
-    # no EMG
+    reference: Array
+    groups: tuple[str, ...]
+    group: NDArray[np.int64]
     gain: NDArray[np.int64]
-    gains: tuple[str, ...]  # names of the muscles that share each gain
-    # number of muscles without EMG, whose mean activation is a parameter; none without a recording
-    # in motion
+    gains: tuple[str, ...]
     levels: int
-    deviation: Array  # (parameters,) prior standard deviation
-    # (parameters, parameters) inverse of the prior covariance; where a deviation is 0, of a fixed
-    # parameter
+    deviation: Array
     precision: Array
-    bound: Array  # (parameters,) farthest from 0
+    bound: Array
 
     @property
     def parts(self) -> tuple[slice, slice, slice, slice, slice]:
@@ -117,7 +131,20 @@ class Prior:
         return tuple(slice(*pair) for pair in pairwise(ends))  # type: ignore[return-value]
 
     def sizes(self, p: Array) -> MuscleSizes:
-        """The muscles at parameters p (parameters,)."""
+        """Compute the muscles at some parameters.
+
+            lo = lo_0 exp(p_fiber),   ls = L - (point + p_point) lo
+
+        with the path length L at the mean pose.
+
+        Parameters
+        ----------
+        p : (parameters,)
+
+        Returns
+        -------
+        lengths [m], strengths [N] and strain factors
+        """
         fiber, point, force, strain, _ = self.parts
         lo = self.start.fiber * np.exp(p[fiber])
         slack = self.reference - (self.point + p[point]) * lo
@@ -130,14 +157,30 @@ class Prior:
         )
 
     def gains_of(self, p: Array) -> Array:
-        """(muscles,) gain of each muscle's EMG, of a muscle without it the factor on its mean
-        activation.
+        """Compute the gain of each muscle's EMG, or the factor on its level where it has none.
+
+        Parameters
+        ----------
+        p : (parameters,)
+
+        Returns
+        -------
+        (muscles,)
         """
         every = np.append(np.exp(p[self.parts[4]]), 1.0)
         return every[self.gain]
 
     def kept(self, p: Array) -> Array:
-        """Parameters within their bounds, with a tendon left to every muscle."""
+        """Keep parameters within their bounds, with a tendon left to every muscle.
+
+        Parameters
+        ----------
+        p : (parameters,)
+
+        Returns
+        -------
+        (parameters,)
+        """
         p = np.clip(p, -self.bound, self.bound)
         fiber, point = self.parts[:2]
         least = LEAST_SLACK * self.start.slack
@@ -147,7 +190,7 @@ class Prior:
 
 
 def sizes_of(model: Model) -> MuscleSizes:
-    """A model's own muscles."""
+    """Return a model's own muscles."""
     H = compile_hill(model)
     return MuscleSizes(fiber=H.fiber, slack=H.tendon, force=H.force, strain=np.ones(len(H.fiber)))
 
@@ -160,9 +203,21 @@ def prior_of(
     options: PriorOptions,
     fixed: np.ndarray,
 ) -> Prior:
-    """The prior of a model's muscles.
-    `rows`: names of the coordinates compared; `fixed` (muscles,) muscles that keep their lengths,
-    as those that are switched off or cannot reach.
+    """Build the prior of a model's muscles.
+
+    Parameters
+    ----------
+    model : that personalization begins with
+    shapes : curves of its muscles
+    windows : recordings
+    rows : names of the coordinates that are compared
+    options : spreads between people
+    fixed : (muscles,) muscles that keep their lengths, as those that are switched off or cannot
+        reach
+
+    Returns
+    -------
+    parameters with their spread and bounds
     """
     start = sizes_of(model)
     mean = np.mean(np.concatenate([window.lengths[window.counted] for window in windows]), axis=0)
@@ -214,8 +269,20 @@ def prior_of(
 def _precision(
     deviation: Array, pairs: Sequence[tuple[int, int]], muscles: int, correlation: float
 ) -> Array:
-    """Inverse of the prior covariance; a parameter without spread has a variance of its own that
-    holds it.
+    """Invert the prior covariance.
+
+    A parameter without spread has a variance of its own that holds it.
+
+    Parameters
+    ----------
+    deviation : (parameters,)
+    pairs : numbers of muscles of the same name on both sides
+    muscles : number of muscles
+    correlation : of both sides
+
+    Returns
+    -------
+    (parameters, parameters)
     """
     covariance = np.diag(np.maximum(deviation, 1e-6) ** 2)
     for i, j in pairs:
@@ -226,7 +293,7 @@ def _precision(
 
 
 def _pairs(names: Sequence[str]) -> list[tuple[int, int]]:
-    """Muscles of the same name on both sides."""
+    """Find muscles of the same name on both sides."""
     by_name: dict[str, dict[str, int]] = {}
     for m, name in enumerate(names):
         base, side = split_side(name)
@@ -238,8 +305,19 @@ def _pairs(names: Sequence[str]) -> list[tuple[int, int]]:
 def muscle_groups(
     model: Model, windows: Sequence[Windows], rows: Sequence[str]
 ) -> tuple[tuple[str, ...], NDArray[np.int64]]:
-    """Groups by what a muscle does most: the coordinate and sense of its largest mean moment arm,
-    both sides together. Returns names, as "knee_angle +"; and the group of each muscle, (muscles,).
+    """Group muscles by what they do most.
+
+    It is the coordinate and sense of the largest mean moment arm, both sides together.
+
+    Parameters
+    ----------
+    model : with the muscles
+    windows : recordings
+    rows : names of the coordinates that are compared
+
+    Returns
+    -------
+    names, as "knee_angle +", and (muscles,) the group of each muscle
     """
     mean = np.mean(np.concatenate([window.arms[window.counted] for window in windows]), axis=0)
     labels = []
@@ -256,7 +334,14 @@ def muscle_groups(
 def _shared_emg(
     names: Sequence[str], windows: Sequence[Windows]
 ) -> tuple[tuple[str, ...], NDArray[np.int64]]:
-    """Muscles whose EMG is the same all along share a gain; recordings at rest know none."""
+    """Let muscles whose EMG is the same all along share a gain.
+
+    Recordings at rest know none.
+
+    Returns
+    -------
+    names of the muscles that share each gain, and (muscles,) its number, -1 without EMG
+    """
     count = len(names)
     gain = np.full(len(names), -1, np.int64)
     targets = [window.emg.reshape(-1, count) for window in windows if np.isfinite(window.step)]
@@ -273,8 +358,13 @@ def _shared_emg(
 
 
 def with_sizes(model: Model, sizes: MuscleSizes, before: MuscleSizes) -> Model:
-    """The model with other optimal fiber lengths, tendon slack lengths, strengths and passive
-    strains.
+    """Give a model other fiber lengths, tendon slack lengths, strengths and passive strains.
+
+    Parameters
+    ----------
+    model : whose muscles change
+    sizes : of its muscles now
+    before : of the model as it is, for the passive strain
     """
     muscles = []
     for m, muscle in enumerate(model.muscles):

@@ -1,5 +1,6 @@
-"""Recordings as personalization takes them: paths, moment arms, torques and EMG in windows of even
-frames.
+"""Recordings as personalization takes them.
+
+Paths, moment arms, torques and EMG in windows of even frames.
 """
 
 from __future__ import annotations
@@ -62,24 +63,51 @@ class PersonalTrial:
 
 @read_only
 class Windows:
-    """One recording, cut into windows that overlap by what lets the fibers find their lengths."""
+    """One recording, cut into windows that overlap by what lets the fibers find their lengths.
+
+    Attributes
+    ----------
+    name : of the recording
+    time : (windows, frames) [s]
+    lengths : (windows, frames, muscles) of the paths [m]
+    speeds : (windows, frames, muscles) of the paths [m/s]
+    arms : (windows, frames, rows, muscles) [m/rad or m/m]
+    torques : (windows, frames, rows) that muscles have to give, NaN where not measured [N m or N]
+    emg : (windows, frames, muscles) NaN where unknown
+    counted : (windows, frames) whether the frame is compared
+    step : between frames [s], infinite where every frame is held still
+    """
 
     name: str
-    time: Array  # (windows, frames) [s]
-    lengths: Array  # (windows, frames, muscles) of the paths [m]
-    speeds: Array  # (windows, frames, muscles) of the paths [m/s]
-    arms: Array  # (windows, frames, rows, muscles) [m/rad or m/m]
-    # (windows, frames, rows) that muscles have to give, NaN where not measured [N m or N]
+    time: Array
+    lengths: Array
+    speeds: Array
+    arms: Array
     torques: Array
-    emg: Array  # (windows, frames, muscles) NaN where unknown
-    counted: np.ndarray  # (windows, frames) whether the frame is compared
-    step: float  # between frames [s], infinite where every frame is held still
+    emg: Array
+    counted: np.ndarray
+    step: float
 
 
 def windows_of(
     model: Model, trials: Sequence[PersonalTrial]
 ) -> tuple[list[Windows], tuple[str, ...]]:
-    """The recordings in windows, and the names of the coordinates whose torques are compared."""
+    """Cut recordings into windows, and find the coordinates whose torques are compared.
+
+    Parameters
+    ----------
+    model : with the muscles
+    trials : recordings
+
+    Returns
+    -------
+    windows of each, and names of the coordinates
+
+    Raises
+    ------
+    BadData : a motion has no velocities, a recording has too few known frames, or no muscle has a
+        moment arm about a free coordinate whose torque is known
+    """
     read = [_Read(model, trial) for trial in trials]
     reach = np.max(
         [np.abs(np.nan_to_num(recording.arms)).max(axis=(0, 2)) for recording in read], axis=0
@@ -97,7 +125,7 @@ def windows_of(
 
 
 class _Read:
-    """What one recording gives, on its own clock."""
+    """One recording on its own clock: paths, moment arms, torques and EMG."""
 
     def __init__(self, model: Model, trial: PersonalTrial):
         motion = trial.motion
@@ -136,7 +164,16 @@ class _Read:
             self.emg[:, columns] = np.maximum(trial.emg.activations, 0.0)
 
     def windows(self, kept: np.ndarray) -> Windows:
-        """Cut at even times."""
+        """Cut the recording at even times.
+
+        Parameters
+        ----------
+        kept : (rows,) coordinates that are compared
+
+        Raises
+        ------
+        BadData : fewer than `MIN_COUNT` frames have coordinates and torques
+        """
         parts = (self.lengths, self.speeds, self.arms[:, kept], self.torques[:, kept])
         whole = parts[:3] if self.trial.passive else parts
         good = np.all(
@@ -205,8 +242,15 @@ class _Read:
 
 
 def _measured(model: Model, trial: PersonalTrial) -> tuple[Series, np.ndarray]:
-    """Passive torques of all coordinates, 0 where not measured, and (frames, coordinates) where
-    they were.
+    """Arrange passive torques by coordinate, 0 where not measured.
+
+    Returns
+    -------
+    torques of all coordinates [N m or N], and (frames, coordinates) where they were measured
+
+    Raises
+    ------
+    BadData : no column is the torque of a coordinate
     """
     values = np.full((len(trial.motion), len(model.coordinates)), np.nan)
     known = [name for name in trial.torques.names if name in model.coordinate_names]
@@ -224,7 +268,18 @@ def _measured(model: Model, trial: PersonalTrial) -> tuple[Series, np.ndarray]:
 
 
 def _known_at(time: Array, own: Array, values: Array) -> Array:
-    """Values at other times, NaN beside gaps."""
+    """Interpolate values at other times, NaN beside gaps.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    own : (samples,) ascending [s]
+    values : (samples,) NaN where unknown
+
+    Returns
+    -------
+    (frames,)
+    """
     known = np.isfinite(values)
     if known.sum() < 2:
         return np.full(len(time), np.nan)
@@ -234,14 +289,35 @@ def _known_at(time: Array, own: Array, values: Array) -> Array:
 
 
 def _gap(own: Array, time: Array) -> Array:
-    """How far each time is from the nearest of `own`, ascending [s]."""
+    """Compute how far each time is from the nearest sample.
+
+    Parameters
+    ----------
+    own : (samples,) ascending [s]
+    time : (frames,) [s]
+
+    Returns
+    -------
+    (frames,) [s]
+    """
     after = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
     return np.minimum(np.abs(own[after] - time), np.abs(own[after - 1] - time))
 
 
 def torque_floors(model: Model, names: Sequence[str], windows: Sequence[Windows]) -> Array:
-    """(rows,) least error of the torques: 0.1 N m on a body of human size, and 1 % of what is
-    carried [N m or N].
+    """Compute the least error of the torques.
+
+    It is 0.1 N m on a body of human size, and 1 % of what is carried.
+
+    Parameters
+    ----------
+    model : whose size counts
+    names : of the coordinates that are compared
+    windows : recordings
+
+    Returns
+    -------
+    (rows,) [N m or N]
     """
     size = {reserve.coordinate: reserve.optimal_force for reserve in default_reserves(model)}
     least = np.array([size.get(name, 1.0) for name in names])

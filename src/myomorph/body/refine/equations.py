@@ -32,8 +32,13 @@ weight: something that no plate measures, as a chair, carries a part of the body
 
 @read_only
 class TrialEquations:
-    """Normal equations of one trial: `band` (lower) of its coefficients, `cross` with the shared
-    unknowns.
+    """Normal equations of one trial, whose coefficients depend on each other in windows.
+
+    Attributes
+    ----------
+    band : (WIDTH free, coefficients free) lower band of the coefficients' matrix
+    right : (coefficients free,) gradient
+    cross : (coefficients free, shared) with the shared unknowns
     """
 
     band: Array
@@ -43,16 +48,24 @@ class TrialEquations:
 
 @read_only
 class Equations:
-    """Normal equations of all unknowns: H step = -g."""
+    """Normal equations of all unknowns: H step = -g.
+
+    Attributes
+    ----------
+    trials : of each trial
+    H, g : (shared, shared), (shared,) of the shared unknowns
+    """
 
     trials: tuple[TrialEquations, ...]
-    # H, g: of the shared unknowns
     H: Array
     g: Array
 
 
 def cost(problem: Problem, at: Unknowns) -> float:
-    """Squares in units of standard deviations."""
+    """Sum squares of all residuals and priors, in standard deviations.
+
+    The objective of `refine`, with bounds of coordinates as soft limits.
+    """
     tree = problem.arrays(at)
     locations = problem.placed(at.factors, at.shifts)
     total = float(sum(miss @ miss for _, _, miss in _prior_rows(problem, at)))
@@ -76,8 +89,16 @@ def cost(problem: Problem, at: Unknowns) -> float:
 
 @read_only
 class _Weights:
-    """Of one frame's squares, a frame counting for its share of the time over which errors are
-    alike.
+    """Weights of one frame's squares.
+
+    A frame counts for its share of the time over which errors are alike.
+
+    Attributes
+    ----------
+    marker : of a marker along one axis [1 / m^2]
+    share : of the root's residual in standard deviations
+    value, acceleration : (free,) of a coordinate's departure from inverse kinematics
+    bound : of what a coordinate goes beyond its bounds
     """
 
     marker: float
@@ -103,21 +124,38 @@ def _weights(problem: Problem, trial: TrialData) -> _Weights:
 
 @lru_cache(maxsize=64)
 def _start(trial: TrialData, free: tuple[int, ...]) -> Array:
-    """(coefficients, free) of the splines nearest to inverse kinematics: the same for every point
-    of a search.
+    """Fit splines to inverse kinematics: the same for every point of a search.
+
+    Returns
+    -------
+    (coefficients, free)
     """
     return trial.basis.fitted(trial.start[:, list(free)])
 
 
 def _beyond(problem: Problem, values: Array) -> Array:
-    """(frames, free) how far coordinates are beyond their bounds, 0 inside."""
+    """Compute how far coordinates are beyond their bounds, 0 inside.
+
+    Parameters
+    ----------
+    values : (frames, free) [rad or m]
+
+    Returns
+    -------
+    (frames, free)
+    """
     low = problem.pose.lower
     high = problem.pose.upper
     return np.where(values > high, values - high, np.where(values < low, values - low, 0.0))
 
 
 def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Array]]:
-    """Columns, rows and misses of what is held likely of the shared unknowns."""
+    """Build what is known of the shared unknowns before.
+
+    Returns
+    -------
+    columns among the shared unknowns, (rows, columns) and (rows,) misses, in standard deviations
+    """
     lengths, places, masses = problem.columns()
     rows = []
     if problem.body:
@@ -139,9 +177,7 @@ def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Arra
 
 
 def with_trust(problem: Problem, at: Unknowns) -> Problem:
-    """The problem with the weights of the frames that the residuals at a point ask for, see
-    `UNEXPLAINED`.
-    """
+    """Weigh frames by the residuals at a point, see `UNEXPLAINED`."""
     tree = problem.arrays(at)
     locations = problem.placed(at.factors, at.shifts)
     trials = []
@@ -155,7 +191,7 @@ def with_trust(problem: Problem, at: Unknowns) -> Problem:
 
 
 def linearize(problem: Problem, at: Unknowns) -> Equations:
-    """Normal equations at a point."""
+    """Build the normal equations at a point."""
     tree = problem.arrays(at)
     locations = problem.placed(at.factors, at.shifts)
     p = problem.count
@@ -173,7 +209,12 @@ def linearize(problem: Problem, at: Unknowns) -> Equations:
 
 
 def _neighbors(problem: Problem, at: Unknowns) -> list[tuple[TreeArrays, Array]]:
-    """Trees and marker positions with each length a little longer."""
+    """Build trees and marker positions with each length a little longer.
+
+    Returns
+    -------
+    for each length its tree, and (markers, 3) positions [m]
+    """
     result = []
     tree = problem.arrays(at)
     for i in range(len(at.factors) if problem.body else 0):
@@ -193,7 +234,7 @@ def _neighbors(problem: Problem, at: Unknowns) -> list[tuple[TreeArrays, Array]]
 
 @lru_cache(maxsize=4)
 def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
-    """How each length changes the constants of the tree: all but linear, so that once is enough."""
+    """Differentiate the tree's constants in each length: nearly linear, so once is enough."""
     unstretched = compile_tree(problem.model).arrays
     result = []
     for i in range(len(problem.lengths)):
@@ -210,14 +251,24 @@ def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
 
 @read_only
 class _Slopes:
-    """Derivatives of a trial's frames."""
+    """Derivatives of a trial's frames.
 
-    rates: Array  # (3, frames, 6, free) of the residual in values, rates and accelerations
-    moved: Array  # (frames, free, 3 markers) of the markers
-    lengths_of_markers: Array  # (frames, 3 markers, lengths)
-    lengths_of_residual: Array  # (frames, 6, lengths)
-    turned: Array  # (frames, markers, 3, 3) of each marker in its own position
-    masses: Array  # (frames, 6, 10 links moved)
+    Attributes
+    ----------
+    rates : (3, frames, 6, free) of the residual in values, rates and accelerations
+    moved : (frames, free, 3 markers) of the markers
+    lengths_of_markers : (frames, 3 markers, lengths)
+    lengths_of_residual : (frames, 6, lengths)
+    turned : (frames, markers, 3, 3) of each marker in its own position
+    masses : (frames, 6, 10 links moved)
+    """
+
+    rates: Array
+    moved: Array
+    lengths_of_markers: Array
+    lengths_of_residual: Array
+    turned: Array
+    masses: Array
 
 
 def slopes(
@@ -227,7 +278,20 @@ def slopes(
     rates: Rates,
     nearby: list[tuple[TreeArrays, Array]],
 ) -> _Slopes:
-    """Derivatives of markers and residuals of all frames in all unknowns, at consistent `rates`."""
+    """Differentiate markers and residuals of all frames in all unknowns.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    at : point
+    trial : one of the problem's
+    rates : (frames, coordinates) each, consistent with the couplers
+    nearby : trees and marker positions with each length a little longer
+
+    Returns
+    -------
+    derivatives; those of the residual are 0 where it is not used
+    """
     free = problem.pose.free
     frames = len(trial.time)
     m = len(problem.locations)
@@ -273,6 +337,12 @@ def slopes(
 
 
 def _by_mass(problem: Problem, at: Unknowns, trial: TrialData, rates: Rates) -> Array:
+    """Differentiate residuals in the changes of pseudo-inertias.
+
+    Returns
+    -------
+    (frames, 6, 10 links moved)
+    """
     moved = problem.prior.moved
     model = problem.stretched(at.factors)
     T = tangents(at.parameters[moved])
@@ -304,7 +374,15 @@ def _trial_equations(
     H: Array,
     g: Array,
 ) -> TrialEquations:
-    """Normal equations of a trial; what it says of the shared unknowns is added to H, g."""
+    """Build the normal equations of a trial, and add its part of the shared unknowns to H, g.
+
+    Parameters
+    ----------
+    coefficients : (coefficients, free) of its splines
+    tree, locations : of the point; (markers, 3) [m]
+    nearby : trees and marker positions with each length a little longer
+    H, g : (shared, shared), (shared,), changed in place
+    """
     n = len(problem.pose.free)
     p = problem.count
     basis = trial.basis
@@ -390,7 +468,18 @@ def _trial_equations(
 def _shared_rows(
     problem: Problem, of: _Slopes, frames: Ints, marker_root: Array, residual_root: Array
 ) -> tuple[Array, Array]:
-    """Weighted rows of markers (frames, 3 m, shared less masses), residuals (6 frames, shared)."""
+    """Build weighted rows in the shared unknowns.
+
+    Parameters
+    ----------
+    frames : (chosen,) numbers
+    marker_root : (frames, 3 markers) roots of weights
+    residual_root : (frames, 6) roots of weights
+
+    Returns
+    -------
+    (chosen, 3 markers, shared less masses) of markers, and (6 chosen, shared) of residuals
+    """
     lengths, places, masses = problem.columns()
     m = len(problem.locations)
     markers = np.zeros((len(frames), 3 * m, masses.start))

@@ -1,5 +1,6 @@
-"""Motion, body and masses of one subject from markers and plates at once, and what may not be
-believed of them.
+"""Motion, body and masses of one subject from markers and plates at once.
+
+Also what may not be believed of them.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ link does not count.
 def kept_note(
     tried: Sequence[tuple[str, Sequence[Prediction]]], options: RefineOptions
 ) -> Iterator[str]:
-    """That parts of the given model were kept, and by how much refined ones predict worse."""
+    """Report that parts of the given model were kept, and how much worse refined ones predict."""
     if not tried:
         return
     kept = "lengths and marker positions" if options.masses else "body and masses"
@@ -68,8 +69,9 @@ def kept_note(
 
 
 def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[str]:
-    """That refined motions lie farther from their own markers than inverse kinematics on the given
-    model.
+    """Report refined motions that lie farther from their markers than inverse kinematics does.
+
+    Inverse kinematics is that on the given model, and farther is `LEAVES_MARKERS` times.
     """
     left = [
         trial for trial in trials if trial.after.markers > LEAVES_MARKERS * trial.before.markers
@@ -88,7 +90,7 @@ def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[str]:
 
 
 def refined_parts(options: RefineOptions) -> str:
-    """What options refine beside motions, in words."""
+    """Name in words what options refine beside motions."""
     words = {
         (True, True): "body and masses",
         (True, False): "lengths and marker positions",
@@ -98,8 +100,9 @@ def refined_parts(options: RefineOptions) -> str:
 
 
 def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
-    """That some recordings are predicted worse than by the given model, although all together are
-    not.
+    """Report recordings that are predicted worse than by the given model.
+
+    All together they are not.
     """
     left = [
         prediction
@@ -139,7 +142,7 @@ def _numbers(prediction: Prediction) -> str:
 
 
 def far_from_given(problem: Problem, at: Unknowns) -> Iterator[str]:
-    """Links that got a mass that is hard to believe, as one line."""
+    """Report links that got a mass that is hard to believe, as one line."""
     before = inertial_parameters(problem.model)[:, 0]
     after = at.parameters[:, 0]
     counts = before > MIN_MASS_SHARE * before.sum()
@@ -158,8 +161,9 @@ def far_from_given(problem: Problem, at: Unknowns) -> Iterator[str]:
 
 
 def _joint_above(model: Model, body: str) -> tuple[str, ...]:
-    """Coordinates of the nearest joint above a body that moves it; none where only the floating
-    base does.
+    """Return the coordinates of the nearest joint above a body that moves it.
+
+    None where only the floating base does.
     """
     above = {joint.child: joint for joint in model.joints}
     while body in above and not above[body].coordinates:
@@ -176,13 +180,13 @@ def refine(
     path_lengths: Callable[[Model], Array] | None = None,
     progress: Callable[[], None] = lambda: None,
 ) -> Refinement:
-    """Motion, lengths, marker positions and masses of a subject in one problem over all trials.
+    """Fit motion, lengths, marker positions and masses of a subject in one problem.
 
     Over frames f of all trials, markers m, coordinates q (quintic splines), lengths s, marker
     shifts d and inertial parameters phi,
 
-    min sum |x_m(q_f, s, d) - y_fm|^2 / noise^2 + sum |Y(q_f, q'_f, q''_f, s) phi - w_f|^2 /
-    noise_w^2 + priors,
+        min sum |x_m(q_f, s, d) - y_fm|^2 / noise^2
+            + sum |Y(q_f, q'_f, q''_f, s) phi - w_f|^2 / noise_w^2 + priors,
 
     where Y phi are the six root rows of the equations of motion and w the wrench of the plates.
     Every phi is a body's: masses change by P = L (I + E / 2)^2 L^T of their pseudo-inertia. Normal
@@ -200,10 +204,10 @@ def refine(
 
     Parameters
     ----------
-    options : how much each part is believed; see `RefineOptions`
     model : calibrated to the subject, with markers
     trials : recordings with markers and plates
     mass : of the whole body [kg]; the model's by default
+    options : how much each part is believed; see `RefineOptions`
     path_lengths : lets muscles keep their ratio of fiber to path, as in `scale`
     progress : called once a step
 
@@ -271,19 +275,25 @@ def refine(
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """What is refined in the end."""
+    """What is refined in the end.
 
-    options: RefineOptions  # with soft tissue "always" or "never"
-    # by what is refined, or by what was tried last where only motions are
+    Attributes
+    ----------
+    options : with soft tissue "always" or "never"
+    predictions : by what is refined, or by what was tried last where only motions are
+    tried : what was not taken because it predicts worse, with its predictions
+    """
+
+    options: RefineOptions
     predictions: tuple[Prediction, ...]
-    # what was not taken because it predicts worse, with its predictions
     tried: tuple[tuple[str, tuple[Prediction, ...]], ...] = ()
 
 
 def _choice(
     model: Model, recorded: Sequence[Opened], options: RefineOptions, progress: Callable[[], None]
 ) -> _Choice:
-    """Body and masses, masses alone or nothing but motions: the first that does not predict worse.
+    """Choose body and masses, masses alone or motions alone: the first that predicts no worse.
+
     Soft tissue where `identify` has it of the same recordings, and predictions here are better with
     it too.
     """

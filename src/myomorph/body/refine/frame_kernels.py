@@ -1,5 +1,6 @@
-"""Markers and the root's residual of each frame, and how they change with the coordinates and their
-rates.
+"""Markers and the root's residual of each frame.
+
+And how they change with the coordinates and their rates.
 """
 
 from __future__ import annotations
@@ -17,10 +18,20 @@ STEP = 1e-6  # Step of the differences in coordinates and their rates [rad, m an
 
 @kernel
 def predict_frames(T, body, location, c, cdot, cddot, seen, measured, places, residual):
-    """Fill places (frames, markers, 3) [m] and residual (frames, 6): moment about the base's origin
-    and force. `body`, `location`: of the markers; `c`, `cdot`, `cddot` (frames, coordinates) and
-    `seen`, those that markers show; dependent ones are set; `measured` (frames, 6) moment about the
-    ground's origin [N m] and force [N] of the external wrenches.
+    """Fill markers and root residuals of all frames.
+
+    Dependent coordinates of `c`, `cdot`, `cddot` and `seen` are set in place.
+
+    Parameters
+    ----------
+    T : arrays of the tree
+    body, location : (markers,), (markers, 3) of the markers on their bodies [m]
+    c, cdot, cddot : (frames, coordinates) of the mass
+    seen : (frames, coordinates) that markers show
+    measured : (frames, 6) moment about the ground's origin [N m] and force [N] of the external
+        wrenches
+    places : (frames, markers, 3) filled with positions in ground [m]
+    residual : (frames, 6) filled with moment about the base's origin [N m] and force [N]
     """
     n = T.parent.shape[0]
     axes = T.axis_kind.shape[0]
@@ -70,9 +81,20 @@ def difference_frames(
     by_acceleration,
     moved,
 ):
-    """Derivatives of every frame in the free coordinates (frames, 6, free), and of the markers
-    (frames, free, 3 m). `by_value`, `by_rate`, `by_acceleration`: filled, of the residual; `moved`:
-    filled, of the markers in `seen`, their coordinates.
+    """Differentiate residuals and markers of every frame in the free coordinates.
+
+    By differences; the residual is linear in accelerations, so that their step of 1 has no error.
+
+    Parameters
+    ----------
+    T : arrays of the tree
+    body, location : (markers,), (markers, 3) of the markers on their bodies [m]
+    free : (free,) coordinates
+    c, cdot, cddot : (frames, coordinates) of the mass
+    seen : (frames, coordinates) that markers show
+    measured : (frames, 6) moment about the ground's origin [N m] and force [N]
+    by_value, by_rate, by_acceleration : (frames, 6, free) filled, of the residual
+    moved : (frames, free, 3 markers) filled, of the markers in `seen`
     """
     n = T.parent.shape[0]
     axes = T.axis_kind.shape[0]
@@ -138,7 +160,7 @@ def difference_frames(
 
 @bare
 def restore(c, cdot, cddot, x, v, a):
-    """Copies of a frame's coordinates and rates."""
+    """Copy a frame's coordinates and rates."""
     for j in range(c.shape[0]):
         x[j] = c[j]
         v[j] = cdot[j]
@@ -147,7 +169,7 @@ def restore(c, cdot, cddot, x, v, a):
 
 @bare
 def differ(c, seen):
-    """Whether markers depend on coordinates that the mass does not, so both poses are needed."""
+    """Return whether markers depend on other coordinates than the mass: both poses are needed."""
     apart = 0.0
     for j in range(c.shape[0]):
         apart += abs(c[j] - seen[j])
@@ -156,7 +178,14 @@ def differ(c, seen):
 
 @bare
 def put_places(body, location, R, p, places):
-    """Positions of markers in ground."""
+    """Fill positions of markers in ground.
+
+    Parameters
+    ----------
+    body, location : (markers,), (markers, 3) on their bodies [m]
+    R, p : (bodies, 3, 3), (bodies, 3) poses of the bodies [m]
+    places : (markers, 3) filled
+    """
     for m in range(body.shape[0]):
         at = plus(vector(p, body[m]), turned(matrix(R, body[m]), vector(location, m)))
         for i in range(3):
@@ -165,7 +194,18 @@ def put_places(body, location, R, p, places):
 
 @bare
 def root_residual(T, c, cdot, cddot, R, p, w, o, measured, rates, residual):
-    """What the motion needs less what was measured: moment about the base's origin and force."""
+    """Fill what the motion needs less what was measured: moment about the base and force.
+
+    Parameters
+    ----------
+    T : arrays of the tree
+    c, cdot, cddot : (coordinates,)
+    R, p : (bodies, 3, 3), (bodies, 3) poses of the bodies
+    w, o : (axes, 3) axes of the joints and points on them
+    measured : (6,) moment about the ground's origin [N m] and force [N]
+    rates : (6, bodies, 3) scratch
+    residual : (6,) filled with moment about the base's origin [N m] and force [N]
+    """
     omega = rates[0]
     v = rates[1]
     alpha = rates[2]

@@ -1,5 +1,6 @@
-"""Recordings predicted by what was refined from others, and whether that is worse than the model as
-given.
+"""Recordings predicted by what was refined from others.
+
+Also whether that is worse than the model as given.
 """
 
 from __future__ import annotations
@@ -31,26 +32,41 @@ LEAST_GAIN = 1e-3  # A step that lowers the cost by a smaller share is the last
 
 @read_only
 class Solution:
-    """Where the search ended."""
+    """Where the search ended.
 
-    problem: Problem  # with the weights of frames that it was solved with
+    Attributes
+    ----------
+    problem : with the weights of frames that it was solved with
+    at : point
+    costs : after every step
+    converged : whether the last step was small, or none lowers the cost
+    """
+
+    problem: Problem
     at: Unknowns
-    costs: tuple[float, ...]  # after every step
+    costs: tuple[float, ...]
     converged: bool
 
 
 def settle(
     problem: Problem, progress: Callable[[], None] = lambda: None, first: Unknowns | None = None
 ) -> Solution:
-    """The optimum, from that of the motions alone, which shows the frames that nothing explains.
-    `first`: of the motions alone, see `motions_alone`; found here by default.
+    """Find the optimum, from that of the motions alone.
+
+    That shows the frames that nothing explains.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    progress : called once a step
+    first : of the motions alone, see `motions_alone`; found here by default
     """
     first = motions_alone(problem, progress) if first is None else first
     return solve(with_trust(problem, first), first, progress)
 
 
 def motions_alone(problem: Problem, progress: Callable[[], None] = lambda: None) -> Unknowns:
-    """The optimum of the motions on the body as given."""
+    """Find the optimum of the motions on the body as given."""
     still = replace(problem, body=False, masses=False)
     return solve(still, still.begin(), progress).at
 
@@ -58,7 +74,7 @@ def motions_alone(problem: Problem, progress: Callable[[], None] = lambda: None)
 def solve(
     problem: Problem, start: Unknowns, progress: Callable[[], None] = lambda: None
 ) -> Solution:
-    """Levenberg-Marquardt from a start."""
+    """Search by Levenberg-Marquardt from a start."""
     at = start
     damping = 1e-6
     costs = [cost(problem, at)]
@@ -86,7 +102,18 @@ def solve(
 
 
 def step(problem: Problem, equations: Equations, damping: float) -> tuple[tuple[Array, ...], Array]:
-    """Changes of each trial's coefficients, and of the shared unknowns."""
+    """Solve the damped normal equations.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    equations : at a point
+    damping : of the diagonal, relative to it
+
+    Returns
+    -------
+    (coefficients, free) changes of each trial's coefficients, and (shared,) of the shared unknowns
+    """
     reduced, right, solved = _reduce(equations, damping)
     shared = (
         -scipy.linalg.cho_solve(scipy.linalg.cho_factor(reduced), right)
@@ -99,8 +126,15 @@ def step(problem: Problem, equations: Equations, damping: float) -> tuple[tuple[
 
 
 def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Array]]:
-    """Normal equations of the shared unknowns with all motions eliminated, and what eliminates
-    them.
+    """Eliminate all motions from the normal equations of the shared unknowns.
+
+        (H - sum C^T B^-1 C) ds = -(g - sum C^T B^-1 r)
+
+    with the band B, the gradient r and the cross terms C of each trial.
+
+    Returns
+    -------
+    (shared, shared), (shared,) and for each trial B^-1 [r C]
     """
     H = equations.H.copy()
     g = equations.g.copy()
@@ -120,9 +154,19 @@ def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Ar
 
 
 def covariance(problem: Problem, at: Unknowns) -> Array:
-    """(shared, shared) of the shared unknowns, all motions unknown too.
+    """Compute the covariance of the shared unknowns, all motions unknown too.
+
     Masses that are identified first come from the same recordings, so that they are no prior
     knowledge: links are taken to differ from the given model by `LINK_SD`, as in `identify`.
+
+    Parameters
+    ----------
+    problem : with the weights of frames that it was solved with
+    at : optimum
+
+    Returns
+    -------
+    (shared, shared)
     """
     if not problem.count:
         return np.zeros((0, 0))
@@ -131,7 +175,18 @@ def covariance(problem: Problem, at: Unknowns) -> Array:
 
 
 def mass_sd(problem: Problem, at: Unknowns, spread: Array) -> Array:
-    """(bodies,) standard deviation of the masses [kg], 0 of those that do not change."""
+    """Compute standard deviations of the masses.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    at : optimum
+    spread : (shared, shared) covariance of the shared unknowns
+
+    Returns
+    -------
+    (bodies,) [kg], 0 of those that do not change
+    """
     result = np.zeros(len(problem.prior.reference))
     if problem.masses:
         masses = problem.columns()[2]
@@ -152,9 +207,20 @@ a refined body is not taken, whatever its forces.
 def errors_on(
     model: Model, opened: Opened, use: np.ndarray | None = None, tissue: SoftTissue | None = None
 ) -> Errors:
-    """Errors of plain inverse kinematics, filtered, on a model; the residual where the plates carry
-    all. `use` (frames,) in which the plates carry all; by default as the model itself says;
-    `tissue`: by which markers move more than the mass.
+    """Compute errors of plain inverse kinematics, filtered, on a model.
+
+    The residual is that of frames in which the plates carry all.
+
+    Parameters
+    ----------
+    model : with masses
+    opened : trial on this model
+    use : (frames,) in which the plates carry all; by default as the model itself says
+    tissue : by which markers move more than the mass
+
+    Returns
+    -------
+    root mean squares of markers [m], force [N] and moment [N m]
     """
     within = opened.within
     recording = (
@@ -177,14 +243,23 @@ def errors_on(
 
 
 def rms(vectors: Array) -> float:
-    """Root mean square of the size of vectors (frames, 3)."""
+    """Compute the root mean square of the norm of vectors.
+
+    Parameters
+    ----------
+    vectors : (frames, 3)
+
+    Returns
+    -------
+    root mean square; NaN without a frame
+    """
     return float(np.sqrt(np.mean(np.square(vectors).sum(axis=1)))) if len(vectors) else float("nan")
 
 
 def predictions_of(
     model: Model, recorded: Sequence[Opened], options: RefineOptions, progress: Callable[[], None]
 ) -> tuple[Prediction, ...]:
-    """Every trial by the others, or the halves of a single one by each other."""
+    """Predict every trial by the others, or the halves of a single one by each other."""
     if len(recorded) > 1:
         held_out = [
             (on.trial.name, [other for other in recorded if other is not on], on) for on in recorded
@@ -209,7 +284,12 @@ def predictions_of(
 def _prediction(
     name: str, model: Model, problem: Problem, held_out: Opened, progress: Callable[[], None]
 ) -> Prediction:
-    """What is left out of a problem, predicted. `held_out`: a trial on the given model."""
+    """Predict what is left out of a problem.
+
+    Parameters
+    ----------
+    held_out : a trial on the given model
+    """
     # All models are judged on the same frames: which ones the plates carry alone is not for a new
     # body to say.
     use = held_out.usable.use
@@ -236,7 +316,7 @@ def _prediction(
 
 
 def worse(predictions: Sequence[Prediction]) -> bool:
-    """Whether the refined body predicts forces worse or no longer fits the markers."""
+    """Judge whether the refined body predicts forces worse or no longer fits the markers."""
     if not predictions:
         return False
     forces = float(np.mean([prediction.ratio for prediction in predictions]))
@@ -250,7 +330,19 @@ def model_of(
     at: Unknowns,
     path_lengths: Callable[[Model], Array] | None = None,
 ) -> Model:
-    """The given model with the lengths, marker positions and masses of a point."""
+    """Give a model the lengths, marker positions and masses of a point.
+
+    Parameters
+    ----------
+    model : as given
+    problem : with what is unknown
+    at : point
+    path_lengths : lets muscles keep their ratio of fiber to path, as in `scale`
+
+    Returns
+    -------
+    the stretched model
+    """
     made = (
         scale(model, factors_of(problem.lengths, at.factors), path_lengths=path_lengths)
         if problem.body

@@ -47,17 +47,32 @@ show.
 
 @read_only
 class Basis:
-    """Values and derivatives at frames of splines with even knots."""
+    """Values and derivatives at frames of splines with even knots.
 
-    first: Ints  # (frames,) number of the first coefficient that a frame depends on
-    # (3, frames, WIDTH) of the following coefficients, for values, rates and accelerations
+    Attributes
+    ----------
+    first : (frames,) number of the first coefficient that a frame depends on
+    weights : (3, frames, WIDTH) of the following coefficients, for values, rates and accelerations
+    count : coefficients of each coordinate
+    """
+
+    first: Ints
     weights: Array
-    count: int  # coefficients of each coordinate
+    count: int
 
     @classmethod
     def of(cls, time: Array, spacing: float, span: tuple[float, float] | None = None) -> Basis:
-        """Basis for frames at `time` (frames,) with knots about `spacing` apart over a span, by
-        default theirs [s].
+        """Build a basis for frames.
+
+        Parameters
+        ----------
+        time : (frames,) [s]
+        spacing : about how far apart knots are [s]
+        span : of the knots, by default that of the frames [s]
+
+        Returns
+        -------
+        basis of `DEGREE`
         """
         start, end = (float(time[0]), float(time[-1])) if span is None else span
         pieces = max(1, round((end - start) / spacing))
@@ -77,13 +92,30 @@ class Basis:
         return cls(first, weights, pieces + DEGREE)
 
     def at(self, coefficients: Array, derivative: int = 0) -> Array:
-        """(frames, columns) of coefficients (count, columns)."""
+        """Evaluate splines at the frames.
+
+        Parameters
+        ----------
+        coefficients : (count, columns)
+        derivative : 0 for values, 1 for rates, 2 for accelerations
+
+        Returns
+        -------
+        (frames, columns)
+        """
         window = coefficients[self.first[:, None] + np.arange(WIDTH)]
         return np.einsum("fk,fkn->fn", self.weights[derivative], window)
 
     def fitted(self, values: Array) -> Array:
-        """(count, columns) whose splines are nearest to values (frames, columns), NaN left out;
-        little bent in gaps.
+        """Fit splines to values at the frames, little bent in gaps.
+
+        Parameters
+        ----------
+        values : (frames, columns); frames with NaN are left out
+
+        Returns
+        -------
+        (count, columns) coefficients
         """
         known: np.ndarray = np.asarray(np.isfinite(values).all(axis=1))
         band = np.zeros((WIDTH, self.count))
@@ -105,30 +137,66 @@ class Basis:
 
 @read_only
 class MassPrior:
-    """The masses before anything is measured: each link's change E with P = L (I + E) L^T has the
-    norm `sd`.
+    """The masses before anything is measured.
+
+    Each link's change E with P = L (I + E) L^T has the norm `sd`.
+
+    Attributes
+    ----------
+    reference : (links, 10) parameters
+    moved : numbers of the links that have a mass worth changing
+    rows : (links moved, 10, 10) of the prior: |rows (phi - reference)|^2
     """
 
-    reference: Array  # (links, 10) parameters
-    moved: Ints  # numbers of the links that have a mass worth changing
-    rows: Array  # (links moved, 10, 10) of the prior: |rows (phi - reference)|^2
+    reference: Array
+    moved: Ints
+    rows: Array
 
     @classmethod
     def of(cls, parameters: Array, sd: float) -> MassPrior:
-        """Prior about parameters (links, 10) with the relative SD of a mass."""
+        """Build the prior about parameters.
+
+        Parameters
+        ----------
+        parameters : (links, 10)
+        sd : relative standard deviation of a mass
+
+        Returns
+        -------
+        prior about the nearest possible parameters
+        """
         reference = possible_reference(parameters)
         moved = np.flatnonzero(reference[:, 0] > SMALLEST_SHARE * reference[:, 0].sum())
         rows: Array = np.asarray(np.linalg.inv(tangents(reference[moved])) / sd, dtype=np.float64)
         return cls(reference, moved, rows)
 
     def misses(self, parameters: Array) -> Array:
-        """(links moved, 10) in standard deviations."""
+        """Compute how far parameters are from the prior.
+
+        Parameters
+        ----------
+        parameters : (links, 10)
+
+        Returns
+        -------
+        (links moved, 10) in standard deviations
+        """
         return np.einsum("lij,lj->li", self.rows, (parameters - self.reference)[self.moved])
 
 
 def changed(parameters: Array, entries: Array) -> Array:
-    """Parameters (links, 10) after changes (links, 10) of E: L (I + E / 2)^2 L^T, which is some
-    body's whatever E.
+    """Change parameters so that they stay some body's whatever the change.
+
+        P = L (I + E / 2)^2 L^T
+
+    Parameters
+    ----------
+    parameters : (links, 10) of bodies
+    entries : (links, 10) scaled triangles of E
+
+    Returns
+    -------
+    (links, 10)
     """
     L = np.linalg.cholesky(pseudo_inertias(parameters))
     half = L @ (np.eye(4) + 0.5 * symmetric(entries))
@@ -137,19 +205,31 @@ def changed(parameters: Array, entries: Array) -> Array:
 
 @read_only
 class TrialData:
-    """One recording on the markers' clock."""
+    """One recording on the markers' clock.
+
+    Attributes
+    ----------
+    name : of the recording
+    time : (frames,) [s]
+    observed : (frames, markers, 3), NaN where unseen [m]
+    measured : (frames, 6) moment about the ground's origin and force [N m], [N]; 0 where not used
+    use : (frames,) whether the plates carry all that touches the ground, so that the residual
+        counts
+    trust : (frames,) weight of the residual, 1 unless nothing explains it
+    start : (frames, coordinates) by inverse kinematics [rad or m]
+    basis : splines of its coordinates
+    gain : by which what was measured is multiplied, so that the plates weigh the body
+    """
 
     name: str
-    time: Array  # (frames,)
-    observed: Array  # (frames, markers, 3), NaN where unseen [m]
-    # (frames, 6) moment about the ground's origin and force [N m], [N]; 0 where not used
+    time: Array
+    observed: Array
     measured: Array
-    # (frames,) whether the plates carry all that touches the ground, so that the residual counts
     use: np.ndarray
-    trust: Array  # (frames,) weight of the residual, 1 unless nothing explains it
-    start: Array  # (frames, coordinates) by inverse kinematics
-    basis: Basis  # splines of its coordinates
-    gain: float = 1.0  # by which what was measured is multiplied, so that the plates weigh the body
+    trust: Array
+    start: Array
+    basis: Basis
+    gain: float = 1.0
 
     @property
     def wrench(self) -> Array:
@@ -159,32 +239,54 @@ class TrialData:
 
 @read_only
 class Unknowns:
-    """A point of the problem."""
+    """A point of the problem.
 
-    motions: tuple[Array, ...]  # of each trial (coefficients, free coordinates)
-    factors: Array  # (lengths,) of the model's
-    shifts: Array  # (markers, 3) from the model's positions, stretched [m]
-    parameters: Array  # (bodies, 10) inertial
+    Attributes
+    ----------
+    motions : of each trial (coefficients, free coordinates)
+    factors : (lengths,) of the model's
+    shifts : (markers, 3) from the model's positions, stretched [m]
+    parameters : (bodies, 10) inertial
+    """
+
+    motions: tuple[Array, ...]
+    factors: Array
+    shifts: Array
+    parameters: Array
 
 
 @read_only
 class Problem:
-    """What stays the same while it is solved."""
+    """What stays the same while it is solved.
 
-    model: Model  # skeleton with the masses before
+    Attributes
+    ----------
+    model : skeleton with the masses before
+    lengths : that may change
+    names : of the markers
+    pose : what is tracked, and the coordinates that are free
+    locations : (markers, 3) on the model [m]
+    trials : that count
+    prior : of the masses
+    weight : of the body [N]
+    unit : size of the body against a human's, see `length_unit`
+    options : how much each part is believed
+    body, masses : whether lengths and marker positions, and masses are unknown
+    tissue : by which markers move more than the mass; None where they do not
+    """
+
+    model: Model
     lengths: tuple[Length, ...]
-    names: tuple[str, ...]  # of the markers
-    pose: PoseProblem  # what is tracked, and the coordinates that are free
-    locations: Array  # (markers, 3) on the model [m]
-    trials: tuple[TrialData, ...]  # that count
-    prior: MassPrior  # of the masses
-    weight: float  # of the body [N]
-    unit: float  # size of the body against a human's, see `length_unit`
+    names: tuple[str, ...]
+    pose: PoseProblem
+    locations: Array
+    trials: tuple[TrialData, ...]
+    prior: MassPrior
+    weight: float
+    unit: float
     options: RefineOptions
-    # body, masses: whether lengths and marker positions, and masses are unknown
     body: bool = True
     masses: bool = True
-    # by which markers move more than the mass; None where they do not
     tissue: SoftTissue | None = None
 
     @property
@@ -236,13 +338,32 @@ class Problem:
         )
 
     def stretched(self, factors: Array) -> Model:
-        """The skeleton with its lengths; masses as before."""
+        """Stretch the skeleton; masses as before.
+
+        Parameters
+        ----------
+        factors : (lengths,)
+
+        Returns
+        -------
+        the skeleton with these lengths
+        """
         if (factors == 1.0).all():
             return self.model
         return scale(self.model, factors_of(self.lengths, factors))
 
     def placed(self, factors: Array, shifts: Array) -> Array:
-        """(markers, 3) positions on the stretched bodies [m]."""
+        """Compute marker positions on the stretched bodies.
+
+        Parameters
+        ----------
+        factors : (lengths,)
+        shifts : (markers, 3) [m]
+
+        Returns
+        -------
+        (markers, 3) [m]
+        """
         grown = np.ones((len(self.model.bodies) + 1, 3))
         names = {name: b + 1 for b, name in enumerate(self.model.body_names)}
         for body, factor in factors_of(self.lengths, factors).items():
@@ -250,11 +371,21 @@ class Problem:
         return self.locations * grown[self.pose.markers.body] + shifts
 
     def arrays(self, at: Unknowns) -> TreeArrays:
-        """The tree at a point."""
+        """Build the arrays of the tree at a point."""
         return with_masses(compile_tree(self.stretched(at.factors)).arrays, at.parameters)
 
     def rates(self, trial: TrialData, coefficients: Array) -> Rates:
-        """Of a trial's splines."""
+        """Evaluate a trial's splines.
+
+        Parameters
+        ----------
+        trial : one of the problem's
+        coefficients : (coefficients, free)
+
+        Returns
+        -------
+        values, rates and accelerations of the mass, and the values q - alpha q'' that markers show
+        """
         c = trial.start.copy()
         cdot = np.zeros_like(c)
         cddot = np.zeros_like(c)
@@ -268,8 +399,21 @@ class Problem:
     def predict(
         self, tree: TreeArrays, locations: Array, trial: TrialData, rates: Rates
     ) -> tuple[Array, Array]:
-        """Markers less observed (frames, markers, 3), 0 where unseen, and residuals (frames, 6), 0
-        where not used. Dependent coordinates of `rates` are set.
+        """Compute errors of markers and residuals of the root.
+
+        Dependent coordinates of `rates` are set in place.
+
+        Parameters
+        ----------
+        tree : of the point
+        locations : (markers, 3) on the stretched bodies [m]
+        trial : one of the problem's
+        rates : (frames, coordinates) each
+
+        Returns
+        -------
+        (frames, markers, 3) predicted less observed [m], 0 where unseen, and (frames, 6) residuals
+            [N m], [N], 0 where not used
         """
         places = np.empty(trial.observed.shape)
         residual = np.empty((len(trial.time), 6))
@@ -293,7 +437,17 @@ class Problem:
 
 
 def with_masses(tree: TreeArrays, parameters: Array) -> TreeArrays:
-    """The tree with inertial parameters (bodies, 10) of its own."""
+    """Give a tree inertial parameters of its own.
+
+    Parameters
+    ----------
+    tree : arrays of the tree
+    parameters : (bodies, 10)
+
+    Returns
+    -------
+    arrays with these masses
+    """
     mass = parameters[:, 0]
     center = np.divide(
         parameters[:, 1:4], mass[:, None], out=np.zeros((len(mass), 3)), where=mass[:, None] > 0.0
@@ -310,7 +464,21 @@ def with_masses(tree: TreeArrays, parameters: Array) -> TreeArrays:
 
 
 def moved(problem: Problem, at: Unknowns, motions: tuple[Array, ...], shared: Array) -> Unknowns:
-    """The point after a step of the coefficients and of the shared unknowns."""
+    """Move a point by a step of the coefficients and of the shared unknowns.
+
+    The whole mass stays.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    at : point
+    motions : (coefficients, free) of each trial
+    shared : (shared,)
+
+    Returns
+    -------
+    the point after the step
+    """
     lengths, places, masses = problem.columns()
     at = replace(at, motions=tuple(a + b for a, b in zip(at.motions, motions, strict=True)))
     if problem.body:
@@ -333,7 +501,7 @@ def moved(problem: Problem, at: Unknowns, motions: tuple[Array, ...], shared: Ar
 
 
 def motion_of(problem: Problem, at: Unknowns, number: int) -> Motion:
-    """A trial's motion with the derivatives that belong to it."""
+    """Evaluate a trial's motion with the derivatives that belong to it."""
     trial = problem.trials[number]
     rates = problem.rates(trial, at.motions[number])
     tree = problem.arrays(at)
@@ -351,5 +519,15 @@ def motion_of(problem: Problem, at: Unknowns, number: int) -> Motion:
 
 
 def generic_parameters(model: Model, mass: float) -> Array:
-    """(bodies, 10) of the model brought to a mass [kg]."""
+    """Scale the model's inertial parameters to a mass.
+
+    Parameters
+    ----------
+    model : with masses
+    mass : of the whole body [kg]
+
+    Returns
+    -------
+    (bodies, 10)
+    """
     return inertial_parameters(model) * (mass / model.mass)

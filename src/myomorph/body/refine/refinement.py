@@ -1,5 +1,6 @@
-"""What refining takes of a recording, and what it gives: body, motion and masses, held against the
-model before.
+"""What refining takes of a recording, and what it gives.
+
+Body, motion and masses, compared with the model before.
 """
 
 from __future__ import annotations
@@ -75,8 +76,9 @@ class RefinedTrial:
 
 @dataclass(frozen=True)
 class Prediction:
-    """A recording, or a part of one, predicted by the body and masses refined on the others: plain
-    inverse kinematics.
+    """A recording, or a part of one, predicted by what was refined on the others.
+
+    Body and masses are those of the others, the motion is plain inverse kinematics.
 
     Attributes
     ----------
@@ -103,8 +105,9 @@ class Prediction:
 
     @property
     def markers_ratio(self) -> float:
-        """Marker error of the refined body to that of a body that the same markers made without
-        forces.
+        """Marker error of the refined body to that of a body made without forces.
+
+        Both are made from the same markers.
         """
         return self.refined.markers / self.markers_alone
 

@@ -1,5 +1,6 @@
-"""Recordings of a subject as the data of the one problem: through inverse kinematics, on one clock,
-thinned.
+"""Recordings of a subject as the data of the one problem.
+
+Through inverse kinematics, on one clock, thinned.
 """
 
 from __future__ import annotations
@@ -36,13 +37,22 @@ SPACING = 0.02  # Of the mass points in each link's envelope [m]
 
 @read_only
 class Opened:
-    """A trial through inverse kinematics: on the markers' clock, and with the frames that count."""
+    """A trial through inverse kinematics, on the markers' clock, with the frames that count.
+
+    Attributes
+    ----------
+    trial : as recorded
+    motion : by inverse kinematics
+    usable : motion and forces on one clock
+    distances : (frames, markers) of the markers [m], NaN where unseen
+    within : (frames,) of the forces' clock that count, None for all
+    """
 
     trial: SubjectTrial
     motion: Motion
     usable: Usable
-    distances: Array  # (frames, markers) of the markers [m], NaN where unseen
-    within: np.ndarray | None = None  # (frames,) of the forces' clock that count, None for all
+    distances: Array
+    within: np.ndarray | None = None
 
     @property
     def counted(self) -> Usable:
@@ -55,7 +65,7 @@ class Opened:
 
 
 def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
-    """A trial on a model."""
+    """Run inverse kinematics of a trial on a model, and find the frames that can be used."""
     fit = inverse_kinematics(model, trial.markers, trial.tracking)
     used = usable(
         model,
@@ -69,7 +79,7 @@ def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
 
 
 def problem_of(model: Model, recorded: Sequence[Opened], options: RefineOptions) -> Problem:
-    """The problem of some trials on a model."""
+    """Set up the problem of some trials on a model."""
     names: tuple[str, ...] = ()
     weights: dict[str, float] = {}
     for taken in recorded:
@@ -104,16 +114,22 @@ def problem_of(model: Model, recorded: Sequence[Opened], options: RefineOptions)
 
 
 def gain_of(usable: Usable, mass: float) -> float:
-    """By which forces are multiplied where plates weigh the body otherwise than stated by more than
-    `MASS_TOLERANCE`. A motion that had to explain what is missing would fall or rise all the time,
-    far from the markers.
+    """Compute the factor on forces where plates weigh the body otherwise than stated.
+
+    It is 1 within `MASS_TOLERANCE`. A motion that had to explain what is missing would fall or rise
+    all the time, far from the markers.
+
+    Parameters
+    ----------
+    usable : recording
+    mass : of the body [kg]
     """
     off = np.isfinite(usable.weighs) and abs(usable.weighs / mass - 1.0) > MASS_TOLERANCE
     return mass / usable.weighs if off else 1.0
 
 
 def _weighed(usable: Usable, mass: float) -> Usable:
-    """A recording whose plates weigh the body, see `gain_of`."""
+    """Scale the forces of a recording so that its plates weigh the body, see `gain_of`."""
     gain = gain_of(usable, mass)
     recording = usable.recording
     if gain == 1.0:
@@ -130,8 +146,9 @@ def _weighed(usable: Usable, mass: float) -> Usable:
 
 
 def thinned(problem: Problem) -> Problem:
-    """The problem with as many frames as its knots need: skin stays alike for longer, and forces
-    are filtered.
+    """Keep as many frames as the knots need.
+
+    Skin stays alike for longer, and forces are filtered.
     """
     rate = FRAMES_A_KNOT * KNOTS * problem.options.cutoff
     trials = []
@@ -195,7 +212,16 @@ def _trial_data(
 
 
 def _without_gaps(values: Array) -> Array:
-    """Frames that saw no marker, straight between those that did."""
+    """Interpolate frames that saw no marker, straight between those that did.
+
+    Parameters
+    ----------
+    values : (frames, coordinates) NaN where unknown
+
+    Returns
+    -------
+    (frames, coordinates)
+    """
     known = np.isfinite(values).all(axis=1)
     at = np.arange(len(values))
     return np.column_stack([np.interp(at, at[known], column[known]) for column in values.T])
@@ -204,9 +230,20 @@ def _without_gaps(values: Array) -> Array:
 def identified_masses(
     model: Model, recorded: Sequence[Usable], options: RefineOptions
 ) -> tuple[Array, SoftTissue | None]:
-    """(bodies, 10) of `identify`, for the motion of the problem, and the soft tissue between it and
-    the markers. The model's, and soft tissue as before anything is measured, where it keeps these,
-    or the recordings are too short.
+    """Identify masses and soft tissue for the motion of the problem.
+
+    The model's masses, and soft tissue as before anything is measured, where `identify` keeps
+    these, or the recordings are too short.
+
+    Parameters
+    ----------
+    model : with masses
+    recorded : recordings
+    options : of the refinement
+
+    Returns
+    -------
+    (bodies, 10) parameters, and the soft tissue between the motion of the mass and the markers
     """
     same = IdentificationOptions(compare=False, soft_tissue=options.soft_tissue)
     usual = usual_tissue(model) if options.soft_tissue == "always" else None
