@@ -48,8 +48,9 @@ IDENTITY = linear(1.0)
 
 
 class MjcfNames:
-    """Unique names of everything in a compiled model; what the file leaves unnamed gets one. The
-    first body is "ground".
+    """Unique names of everything in a compiled model.
+
+    What the file leaves unnamed gets a name. The first body is "ground".
     """
 
     def __init__(self, compiled: Any):
@@ -73,20 +74,29 @@ class MjcfNames:
 
     @staticmethod
     def _named(m: Any, kind: Any, count: int, word: str) -> list[str]:
+        """List unique names of objects of a kind, made up where the file has none."""
         return _unique(name or f"{word}_{i}" for i, name in enumerate(_names(m, kind, count)))
 
 
 def _names(m: Any, kind: Any, count: int) -> list[str]:
+    """List the names of the first objects of a kind, "" for one without."""
     return [mujoco.mj_id2name(m, kind, i) or "" for i in range(count)]
 
 
 def _unique(names: Iterable[str]) -> list[str]:
+    """Make names unique by numbers behind those that occur again."""
     taken: set[str] = set()
     return [new_name(name, taken) for name in names]
 
 
 def new_name(name: str, taken: set[str]) -> str:
-    """The name, with a number behind it where it is taken; it is taken from then on."""
+    """Return a name that is not taken, with a number behind it where needed.
+
+    Parameters
+    ----------
+    name : wanted
+    taken : names that are taken; gets the new one
+    """
     candidate = name
     count = 2
     while candidate in taken:
@@ -97,15 +107,36 @@ def new_name(name: str, taken: set[str]) -> str:
 
 
 def pose_of(position: ArrayLike, quaternion: ArrayLike) -> Transform:
-    """Transform of a position [m] and a quaternion (w, x, y, z)."""
+    """Make a transform of a position and a quaternion.
+
+    Parameters
+    ----------
+    position : (3,) [m]
+    quaternion : (4,) w, x, y, z
+
+    Returns
+    -------
+    the transform from the frame to its parent
+    """
     return Transform(rotation_from_quaternion(quaternion), np.asarray(position, dtype=np.float64))
 
 
 def _geom_mesh(m: Any, i: int, source: str) -> Mesh | None:
-    """Drawing of geom `i`, None where MuJoCo does not draw it or it is a plane or height field.
+    """Read the drawing of a geom.
 
     MuJoCo moves a mesh to its center and principal axes when it compiles; the pose given here is
     that of the mesh as its file has it.
+
+    Parameters
+    ----------
+    m : the compiled model
+    i : index of the geom
+    source : path of the model's file
+
+    Returns
+    -------
+    mesh or shape with its pose in the body; None where MuJoCo does not draw it or it is a plane or
+    height field
     """
     if m.geom_group[i] not in DRAWN_GROUPS or m.geom_rgba[i, 3] == 0.0:
         return None
@@ -129,8 +160,17 @@ def _geom_mesh(m: Any, i: int, source: str) -> Mesh | None:
 
 
 def mesh_file(m: Any, number: int, source: str) -> str:
-    """File of mesh `number`, relative to the folder of `source` where it has one; "" for a mesh
-    made in the text.
+    """Find the file of a mesh.
+
+    Parameters
+    ----------
+    m : the compiled model
+    number : index of the mesh
+    source : path of the model's file, "" where it has none
+
+    Returns
+    -------
+    path, relative to the folder of `source` where it has one; "" for a mesh made in the text
     """
     start = m.mesh_pathadr[number]
     if start < 0:
@@ -145,7 +185,17 @@ def mesh_file(m: Any, number: int, source: str) -> str:
 
 
 def left_out(m: Any, names: MjcfNames) -> list[Kept]:
-    """What a compiled model holds that has no noun, one entry for each kind."""
+    """List what a compiled model holds that has no noun here.
+
+    Parameters
+    ----------
+    m : the compiled model
+    names : of its parts
+
+    Returns
+    -------
+    one entry per kind, with the effect of leaving it out
+    """
     mocap = [names.bodies[i] for i in range(m.nbody) if m.body_mocapid[i] >= 0]
     antigravity = [names.bodies[i] for i in range(m.nbody) if m.body_gravcomp[i] != 0.0]
     balls = [
@@ -197,10 +247,12 @@ def left_out(m: Any, names: MjcfNames) -> list[Kept]:
 
 
 def _rows(values: Any) -> list[Array]:
+    """Split values into rows, each an array of one dimension or more."""
     return [np.atleast_1d(row) for row in values]
 
 
 def _dofs(m: Any, names: MjcfNames, values: Any) -> list[str]:
+    """List the joints that have a value other than 0 for one of their degrees of freedom."""
     moved = {int(m.dof_jntid[i]) for i, row in enumerate(_rows(values)) if np.any(row)}
     return [names.joints[i] for i in sorted(moved)]
 
@@ -208,8 +260,17 @@ def _dofs(m: Any, names: MjcfNames, values: Any) -> list[str]:
 def bodies_and_joints(
     m: Any, names: MjcfNames, meshes: Sequence[tuple[Mesh, ...]]
 ) -> tuple[tuple[Body, ...], tuple[Joint, ...], list[Coordinate]]:
-    """Bodies in MuJoCo's order, the joint of each to its parent, and all coordinates; `meshes`: see
-    `meshes_of`.
+    """Convert the bodies of a compiled model and their joints.
+
+    Parameters
+    ----------
+    m : the compiled model
+    names : of its parts
+    meshes : of each body, the ground first, as of `meshes_of`
+
+    Returns
+    -------
+    bodies in MuJoCo's order, the joint of each to its parent, and all coordinates [rad or m]
     """
     bodies = []
     joints = []
@@ -238,7 +299,17 @@ def bodies_and_joints(
 
 
 def meshes_of(m: Any, source: str) -> list[tuple[Mesh, ...]]:
-    """Drawings of the geoms of each body, the ground first."""
+    """Read the drawings of the geoms of each body.
+
+    Parameters
+    ----------
+    m : the compiled model
+    source : path of its file
+
+    Returns
+    -------
+    meshes of each body, the ground first
+    """
     meshes: list[list[Mesh]] = [[] for _ in range(m.nbody)]
     for i in range(m.ngeom):
         mesh = _geom_mesh(m, i, source)
@@ -248,8 +319,19 @@ def meshes_of(m: Any, source: str) -> list[tuple[Mesh, ...]]:
 
 
 def _joint(m: Any, names: MjcfNames, b: int) -> tuple[Joint, list[Coordinate]]:
-    """The joint of body `b`: its MuJoCo joints one after another, each about its anchor in the
-    body's frame.
+    """Convert the MuJoCo joints of a body to one joint.
+
+    Its axes follow each other, each about its anchor in the body's frame.
+
+    Parameters
+    ----------
+    m : the compiled model
+    names : of its parts
+    b : index of the body
+
+    Returns
+    -------
+    the joint and its coordinates
     """
     first = m.body_jntadr[b]
     count = m.body_jntnum[b]
@@ -284,7 +366,19 @@ def _joint(m: Any, names: MjcfNames, b: int) -> tuple[Joint, list[Coordinate]]:
 
 
 def _axes(m: Any, name: str, j: int, kind: str) -> tuple[list[Axis], list[Coordinate]]:
-    """Axes and coordinates of MuJoCo joint `j`."""
+    """Convert a MuJoCo joint to axes and coordinates.
+
+    Parameters
+    ----------
+    m : the compiled model
+    name : of the joint
+    j : its index
+    kind : "hinge", "slide", "ball" or "free"
+
+    Returns
+    -------
+    one axis and coordinate of a hinge or slide, three of a ball, six of a free joint
+    """
     adr = m.jnt_qposadr[j]
     anchor = np.array(m.jnt_pos[j])
     if kind in ("hinge", "slide"):
@@ -348,12 +442,21 @@ def _axes(m: Any, name: str, j: int, kind: str) -> tuple[list[Axis], list[Coordi
 def couplers_and_loops(
     m: Any, names: MjcfNames, coordinates: list[Coordinate]
 ) -> tuple[tuple[Coordinate, ...], tuple[Coupler, ...], tuple[Loop, ...], list[Kept]]:
-    """Active equality constraints: of joints to couplers or locks, of bodies to loops, the rest by
-    name.
+    """Convert active equality constraints: of joints to couplers or locks, of bodies to loops.
 
     MuJoCo's joint equality is y - y0 = a0 + a1 (x - x0) + ... + a4 (x - x0)^4 with x0, y0 the
     joints' `qpos0`. Where y follows another joint already and the equality is a line, x follows y
     instead.
+
+    Parameters
+    ----------
+    m : the compiled model
+    names : of its parts
+    coordinates : of the model
+
+    Returns
+    -------
+    the coordinates with locks, couplers, loops, and the rest by name
     """
     couplers: dict[str, Coupler] = {}
     locked: dict[str, float] = {}
@@ -405,6 +508,17 @@ def _join(
     locked: dict[str, float],
     lost: list[Kept],
 ) -> None:
+    """Convert a joint equality to a coupler, or to a lock of a joint that follows none.
+
+    Parameters
+    ----------
+    m : the compiled model
+    names : of its parts
+    e : index of the equality
+    couplers : by dependent coordinate; gets a coupler
+    locked : value by coordinate [rad or m]; gets a lock
+    lost : gets an equality of a joint that follows another already
+    """
     y = int(m.eq_obj1id[e])
     x = int(m.eq_obj2id[e])
     y0 = float(m.qpos0[m.jnt_qposadr[y]])
@@ -436,7 +550,12 @@ def _join(
 
 
 def _curve(m: Any, names: MjcfNames, name: str) -> Coupler | None:
-    """The coupler that the file holds, as text, for an equality of tendons: see `couplings.Cam`."""
+    """Read the coupler stored as text for an equality of tendons, see `couplings.Cam`.
+
+    Returns
+    -------
+    the coupler; None where there is no such text, or it names joints that do not exist
+    """
     number = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_TEXT, name)
     if number < 0:
         return None
@@ -455,7 +574,7 @@ def _curve(m: Any, names: MjcfNames, name: str) -> Coupler | None:
 
 
 def _follows(leader: str, follower: str, couplers: dict[str, Coupler]) -> bool:
-    """Whether `leader` already depends on `follower`, so that a coupler would close a circle."""
+    """Return whether `leader` depends on `follower`, so that a coupler would close a circle."""
     seen = set()
     while leader in couplers and leader not in seen:
         seen.add(leader)
@@ -466,6 +585,7 @@ def _follows(leader: str, follower: str, couplers: dict[str, Coupler]) -> bool:
 
 
 def _loop(m: Any, names: MjcfNames, e: int, kind: str) -> Loop:
+    """Convert a connect or weld equality to a loop, of frames (sites) or of bodies."""
     first = int(m.eq_obj1id[e])
     second = int(m.eq_obj2id[e])
     data = np.array(m.eq_data[e])

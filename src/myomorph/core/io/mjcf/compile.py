@@ -1,6 +1,4 @@
-"""What is checked before MuJoCo reads a file, the process of its own in which it does, MuJoCo kept
-from printing.
-"""
+"""Checks before MuJoCo reads a file, the process that compiles it, and MuJoCo silenced."""
 
 from __future__ import annotations
 
@@ -34,7 +32,7 @@ TEXTURE_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefro
 
 @dataclass
 class _Survey:
-    """What the texts of a model name, collected while walking through its includes."""
+    """Files that the texts of a model name, collected while walking through its includes."""
 
     main: Path
     tree: Path
@@ -45,8 +43,9 @@ class _Survey:
 
 @contextmanager
 def silent_mujoco() -> Iterator[None]:
-    """For compiling packaged models: MuJoCo prints its warnings and writes them into a file in the
-    user's folder.
+    """Silence MuJoCo within the block.
+
+    It prints its warnings and writes them into a file in the user's folder.
     """
     mujoco.set_mju_user_warning(lambda text: None)
     level = logging.root.manager.disable
@@ -61,8 +60,21 @@ def silent_mujoco() -> Iterator[None]:
 
 
 def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[Any, list[Kept]]:
-    """Compiled `mujoco.MjModel` of a file that was checked first, and the missing files that it
-    does without; raises `BadFile`, see `read_mjcf`.
+    """Check a file, then compile it in a process of its own.
+
+    Parameters
+    ----------
+    path : of the MJCF file
+    root : top folder of the model's files; None finds it
+    time_limit : for compiling [s]
+
+    Returns
+    -------
+    compiled `mujoco.MjModel`, and the missing files that it does without
+
+    Raises
+    ------
+    BadFile : the file is unsafe or no MJCF, MuJoCo refuses it, or the time is over; see `read_mjcf`
     """
     missing = check_files(path, root)
     with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
@@ -114,9 +126,21 @@ def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[A
 
 
 def check_files(path: Path, root: Path | None = None) -> list[str]:
-    """Mesh and height-field files that a model names and that do not exist, as the text writes
-    them. Raises `BadFile` where the text, or one that it includes, is not safe XML, is not MJCF, or
-    names a file outside of the model's folder tree (the rule: `read_mjcf`).
+    """Check the files that a model names.
+
+    Parameters
+    ----------
+    path : of the MJCF file
+    root : top folder of the model's files; None finds it
+
+    Returns
+    -------
+    mesh and height-field files that do not exist, as the text writes them
+
+    Raises
+    ------
+    BadFile : the text, or one that it includes, is not safe XML, is not MJCF, or names a file that
+        is too large or outside of the model's folder tree (the rule: `read_mjcf`)
     """
     survey = _Survey(path, (root or tree_of(path)).resolve())
     document = read_xml(path)
@@ -141,8 +165,15 @@ def check_files(path: Path, root: Path | None = None) -> list[str]:
 
 
 def tree_of(path: Path) -> Path:
-    """Top folder of the tree that a model belongs to: package, checkout, folder with a license, or
-    its own.
+    """Find the top folder of the tree that a model belongs to.
+
+    Parameters
+    ----------
+    path : of the MJCF file
+
+    Returns
+    -------
+    folder of the Python package, the checkout or the folder with a license; else the file's own
     """
     home = path.resolve().parent
     for folder in (home, *home.parents):
@@ -156,7 +187,14 @@ def tree_of(path: Path) -> Path:
 
 
 def _walk(element: Any, folder: Path, survey: _Survey) -> None:
-    """Collect the files that an element and its children name; follow includes."""
+    """Collect the files that an element and its children name; follow includes.
+
+    Parameters
+    ----------
+    element : of the file
+    folder : of that file
+    survey : gets the files
+    """
     tag = str(element.tag).lower()
     if tag == "compiler":
         for key in ("assetdir", "meshdir", "texturedir", "strippath"):
@@ -176,6 +214,12 @@ def _walk(element: Any, folder: Path, survey: _Survey) -> None:
 
 def _include(name: str, folder: Path, survey: _Survey, tag: str) -> None:
     # MuJoCo looks beside the main file first, then beside the including one.
+    """Follow an include, beside the main file first, then beside the including one.
+
+    Raises
+    ------
+    BadFile : the file does not exist, is outside of the tree, or is one too many
+    """
     for start in (survey.main.parent, folder):
         file = _inside(name, start, survey, tag, look=False)
         if file is not None and file.exists():
@@ -195,9 +239,23 @@ def _include(name: str, folder: Path, survey: _Survey, tag: str) -> None:
 
 
 def _inside(name: str, folder: Path, survey: _Survey, kind: str, look: bool = True) -> Path | None:
-    """Where a file that a model names lies; None for an absolute path of another machine.
+    """Find the path of a file that a model names.
 
-    Raises `BadFile` where that is outside of the model's tree.
+    Parameters
+    ----------
+    name : as the text has it
+    folder : from which an include is named
+    survey : folders of the compiler's settings, and the tree
+    kind : tag that names the file
+    look : whether the compiler's folders count
+
+    Returns
+    -------
+    the path, whether it exists or not; None for an absolute path of another machine
+
+    Raises
+    ------
+    BadFile : the file is outside of the model's tree
     """
     plain = name.replace("\\", "/")
     absolute = ntpath.isabs(name) or os.path.isabs(name) or bool(ntpath.splitdrive(name)[0])
@@ -220,8 +278,13 @@ def _inside(name: str, folder: Path, survey: _Survey, kind: str, look: bool = Tr
 
 
 def _compile(job: str, binary: str, answer: str) -> None:
-    """The child's side: compile what `job` names into `binary`, and write errors and weightless
-    bodies to `answer`.
+    """Run the child's side of compiling.
+
+    Parameters
+    ----------
+    job : path of a JSON file that names the model and its missing files
+    binary : path of the compiled model to write
+    answer : path of the JSON file of errors and of bodies that lose mass to write
     """
     # MuJoCo writes a log into the current folder: let that be the one that goes away.
     os.chdir(Path(job).parent)
@@ -250,7 +313,17 @@ def _compile(job: str, binary: str, answer: str) -> None:
 
 
 def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
-    """Take out geoms whose mesh files are missing; return bodies that lose mass by it."""
+    """Take out geoms whose mesh files are missing.
+
+    Parameters
+    ----------
+    spec : the `mujoco.MjSpec`, changed in place
+    missing : files as the text names them
+
+    Returns
+    -------
+    names of the bodies that lose mass by it
+    """
     absent = {_plain(name) for name in missing}
     gone = {_name(mesh) for mesh in spec.meshes if _plain(mesh.file) in absent}
     fields = {_name(field) for field in spec.hfields if _plain(field.file) in absent}
@@ -271,10 +344,10 @@ def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
 
 
 def _name(asset: Any) -> str:
-    """Name of an asset: that of its file where the text gives none."""
+    """Return the name of an asset: that of its file where the text gives none."""
     return asset.name or posixpath.splitext(posixpath.basename(_plain(asset.file)))[0]
 
 
 def _plain(name: str) -> str:
-    """A file's name in one spelling: MuJoCo tidies what the text says."""
+    """Write a file's name in one spelling, as MuJoCo tidies it."""
     return posixpath.normpath(name.replace("\\", "/"))

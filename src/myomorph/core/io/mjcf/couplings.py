@@ -1,4 +1,4 @@
-"""How one joint of a MuJoCo model follows another where a polynomial of degree four does not do."""
+"""Couplings of joints in MuJoCo models for which a polynomial of degree four does not do."""
 
 from __future__ import annotations
 
@@ -33,8 +33,9 @@ class Branch:
 
 @read_only
 class Cam:
-    """A sum of weighted distances that stays what it is; positive ones are one tendon, negative
-    ones another.
+    """A sum of weighted distances that stays constant.
+
+    Positive distances are one tendon, negative ones another.
     """
 
     follower: str  # coordinate that the cam holds
@@ -43,10 +44,18 @@ class Cam:
 
 
 def curve_text(follower: str, model: Model, joints: set[str]) -> str:
-    """The curve that a cam holds its follower to, in MuJoCo's custom text; "" where it has no name
-    for its leader.
+    """Write the function that a cam holds its follower to, as MuJoCo's custom text.
 
-    Leader, breaks and coefficients of each piece, with semicolons between.
+    Parameters
+    ----------
+    follower : dependent coordinate
+    model : its couplers are read
+    joints : names of the coordinates that are joints in MuJoCo
+
+    Returns
+    -------
+    leader, breaks and coefficients of each piece, with semicolons between; "" where the leader is
+    no such joint or the function has no pieces
     """
     coupler = model.dependent_coordinates[follower]
     leader = coupler.independents[0]
@@ -69,7 +78,18 @@ LINE = np.array([-1.0, 0.0, 0.3, 1.0])  # Values by which a coupler that changes
 
 
 def coupler_of_text(name: str, follower: str, text: str) -> Coupler:
-    """The coupler that `curve_text` wrote; raises `ValueError` where it wrote no such text."""
+    """Read the coupler that `curve_text` wrote.
+
+    Parameters
+    ----------
+    name : of the coupler
+    follower : dependent coordinate
+    text : as `curve_text` writes it
+
+    Raises
+    ------
+    ValueError : it is no such text
+    """
     leader, breaks, *rows = text.split(";")
     coefficients = np.array([[float(number) for number in row.split()] for row in rows])
     function = PiecewisePolynomial(
@@ -85,9 +105,19 @@ def write_dampers(
     muscles: Mapping[str, float] = FrozenMap({}),
     springs: Mapping[str, tuple[float, float]] = FrozenMap({}),
 ) -> None:
-    """Write the MJCF of `path` with damping of its joints [N m s/rad] and of its muscles' tendons
-    [N s/m], and springs of joints, stiffness and rest [N m/rad], [rad]. Raises `BadFile` where
-    MuJoCo cannot read the file, or a part is not in it.
+    """Write an MJCF file with damping of its joints and tendons, and springs of joints.
+
+    Parameters
+    ----------
+    path : of the file to read
+    out : path of the file to write, replaced where it exists
+    joints : damping by joint [N m s/rad]
+    muscles : damping of the tendon by muscle [N s/m]
+    springs : stiffness [N m/rad] and neutral position [rad] by joint
+
+    Raises
+    ------
+    BadFile : MuJoCo cannot read the file, or a part is not in it
     """
     with silent_mujoco():
         try:
@@ -117,5 +147,6 @@ def write_dampers(
 
 def _resist(part: Any, name: str, value: float) -> None:
     # MuJoCo since 3.5 has powers of the speed, and of the angle, beside it.
+    """Set the damping or stiffness of a part, the first of its powers where MuJoCo has several."""
     powers = getattr(part, name)
     setattr(part, name, np.array([value, *np.zeros(len(powers) - 1)]) if np.ndim(powers) else value)

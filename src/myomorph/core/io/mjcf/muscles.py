@@ -26,8 +26,16 @@ VERSION = 4 if int(mujoco.__version__.split(".")[0]) >= 4 else 3
 def muscles_of(
     m: Any, names: MjcfNames
 ) -> tuple[tuple[Muscle, ...], tuple[WrapObject, ...], list[Kept]]:
-    """Muscles on spatial tendons, the surfaces that their tendons wrap around, and what is left
-    out.
+    """Convert the muscles of a compiled model that pull spatial tendons.
+
+    Parameters
+    ----------
+    m : the compiled model
+    names : of its parts
+
+    Returns
+    -------
+    the muscles, the surfaces that their tendons wrap around, and the tendons that are left out
     """
     muscles: list[Muscle] = []
     wraps: dict[int, WrapObject] = {}
@@ -49,7 +57,13 @@ def muscles_of(
 
 
 def is_muscle(m: Any, i: int) -> bool:
-    """Whether actuator `i` has MuJoCo's muscle gain."""
+    """Return whether an actuator has MuJoCo's muscle gain.
+
+    Parameters
+    ----------
+    m : the compiled model
+    i : index of the actuator
+    """
     return int(m.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_MUSCLE)
 
 
@@ -65,8 +79,19 @@ def _tendon_of(m: Any, i: int) -> int | None:
 
 
 def _path(m: Any, names: MjcfNames, tendon: int, gear: float, wraps: dict[int, WrapObject]) -> Path:
-    """Sites as points, geoms between them as wraps, pulleys as divisors of the segments that
-    follow.
+    """Convert a tendon: sites to points, geoms to wraps, pulleys to divisors of segments.
+
+    Parameters
+    ----------
+    m : the compiled model
+    names : of its parts
+    tendon : its index
+    gear : of the actuator, which multiplies all lengths
+    wraps : surfaces by geom; gets those of this tendon
+
+    Returns
+    -------
+    the path; a segment's length counts divided by its divisor, and not at all where that is 0
     """
     points: list[PathPoint] = []
     used: list[TendonWrap] = []
@@ -106,6 +131,7 @@ def _path(m: Any, names: MjcfNames, tendon: int, gear: float, wraps: dict[int, W
 
 
 def _wrap_object(m: Any, names: MjcfNames, geom: int, kind: int) -> WrapObject:
+    """Convert a sphere or cylinder that tendons wrap around; a cylinder has no end."""
     radius = float(m.geom_size[geom, 0])
     return WrapObject(
         name=names.geoms[geom],
@@ -117,10 +143,19 @@ def _wrap_object(m: Any, names: MjcfNames, geom: int, kind: int) -> WrapObject:
 
 
 def _muscle(m: Any, names: MjcfNames, i: int, path: Path) -> Muscle:
-    """MuJoCo's muscle: the length range is mapped to the operating range of the fiber.
+    """Convert MuJoCo's muscle: the length range is mapped to the operating range of the fiber.
 
-    L0 = (lengthrange1 - lengthrange0) / (range1 - range0), LT = lengthrange0 - range0 L0 [m]; the
-    peak force is `force`, or `scale` / acc0 where that is negative [N].
+        L0 = (lengthrange1 - lengthrange0) / (range1 - range0),   LT = lengthrange0 - range0 L0
+
+    with both lengths in meters; the peak force is `force`, or `scale` / acc0 where that is negative
+    [N].
+
+    Parameters
+    ----------
+    m : the compiled model
+    names : of its parts
+    i : index of the actuator
+    path : of its tendon
     """
     gains = dict(
         zip(PARAMETERS, np.array(m.actuator_gainprm[i, :9], dtype=np.float64).tolist(), strict=True)
@@ -157,8 +192,16 @@ def _muscle(m: Any, names: MjcfNames, i: int, path: Path) -> Muscle:
 
 
 def actuators_of(m: Any, names: MjcfNames) -> tuple[tuple[Actuator, ...], list[Kept]]:
-    """Force actuators on hinge and slide joints; servos and other transmissions are left out by
-    name.
+    """Convert force actuators on hinge and slide joints.
+
+    Parameters
+    ----------
+    m : the compiled model
+    names : of its parts
+
+    Returns
+    -------
+    the actuators, and servos and other transmissions that are left out
     """
     actuators: list[Actuator] = []
     lost: list[Kept] = []

@@ -1,6 +1,4 @@
-"""The model that an MJCF file was written from, carried in the file and read back while the rest is
-as written.
-"""
+"""The model that an MJCF file was written from, stored in it, read while it is unedited."""
 
 from __future__ import annotations
 
@@ -25,8 +23,16 @@ LARGEST = 64 * 1024 * 1024
 
 
 def put_original(root: etree._Element, model: Model) -> tuple[str, ...]:
-    """Add the model, as OpenSim's file has it, to an MJCF document; what OpenSim's file cannot hold
-    of it.
+    """Add a model, as OpenSim's file has it, to an MJCF document.
+
+    Parameters
+    ----------
+    root : outermost element of the document, with all other parts in it
+    model : that the document was made of
+
+    Returns
+    -------
+    what OpenSim's file cannot hold of the model, one line each
     """
     with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
         path = Path(folder) / "model.osim"
@@ -39,8 +45,19 @@ def put_original(root: etree._Element, model: Model) -> tuple[str, ...]:
 
 
 def original_of(path: Path) -> Model | None:
-    """The model that a file carries, None where it carries none or was edited since it was written.
-    Raises `BadFile` where the file is no XML, or what it carries is damaged.
+    """Read the model that a file was written from.
+
+    Parameters
+    ----------
+    path : of the MJCF file
+
+    Returns
+    -------
+    the model; None where the file has none or was edited since it was written
+
+    Raises
+    ------
+    BadFile : the file is no XML, or the model in it is damaged or too large
     """
     root = read_xml(path).root
     held = next((text for text in root.iterfind("custom/text") if text.get("name") == NAME), None)
@@ -72,7 +89,7 @@ def original_of(path: Path) -> Model | None:
 
 
 def _digest(root: etree._Element) -> str:
-    """Hash of a document, whatever blanks stand between its elements."""
+    """Hash a document, whatever blanks stand between its elements."""
     return hashlib.sha256(
         etree.canonicalize(etree.tostring(root, encoding="unicode"), strip_text=True).encode()
     ).hexdigest()

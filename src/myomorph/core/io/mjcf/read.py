@@ -1,4 +1,4 @@
-"""MuJoCo models in: MJCF compiled by the `mujoco` package, then turned into our nouns.
+"""MuJoCo models: MJCF compiled by the `mujoco` package, then turned into our nouns.
 
 What has no noun here (contacts, damping, fixed tendons, skins, ...) is listed in `Model.kept`, each
 with what leaving it out means.
@@ -45,10 +45,10 @@ def read_mjcf(
     marker_sites: str | None = None,
     time_limit: float = DEFAULT_TIME_LIMIT,
 ) -> Model:
-    """Model of an MJCF file.
+    """Read the model of an MJCF file.
 
     The text is checked before MuJoCo sees it, in a process of its own that is stopped after
-    `time_limit` [s]. Files that the model names (includes, meshes, height fields, textures, skins,
+    `time_limit`. Files that the model names (includes, meshes, height fields, textures, skins,
     attached models) must lie inside the model's folder tree: `root`, or the folder of the file or,
     where that belongs to a Python package, a git checkout or a folder with a LICENSE file, the top
     folder of that. A relative path that leaves the tree is refused by name, and so is an absolute
@@ -56,10 +56,26 @@ def read_mjcf(
     in `Model.kept`.
 
     A file that `write_mjcf` wrote gives the model that it was written from, unless it was edited
-    since or `marker_sites` is given: then it is read as MuJoCo has it. `marker_sites`: regular
-    expression; sites whose whole name matches become markers too, instead of those of a tuple named
-    "markers". Raises `BadFile` where the file cannot be read, is not MJCF, is unsafe, or MuJoCo
-    refuses it, `BadModel` where what it describes cannot be a tree of joints.
+    since or `marker_sites` is given: then it is read as MuJoCo has it.
+
+    Source: Todorov, Erez and Tassa 2012.
+
+    Parameters
+    ----------
+    path : of the file
+    root : top folder of the model's files; None finds it
+    marker_sites : regular expression; sites whose whole name matches become markers, instead of
+        those of a tuple named "markers"
+    time_limit : for compiling [s]
+
+    Returns
+    -------
+    the model in meters, radians and kilograms; `kept` has what is not modelled
+
+    Raises
+    ------
+    BadFile : it cannot be read, is not MJCF, is unsafe, or MuJoCo refuses it
+    BadModel : what it describes cannot be a tree of joints
     """
     path = Path(path)
     original = original_of(path) if marker_sites is None else None
@@ -77,7 +93,7 @@ def model_from_mujoco(
     marker_sites: str | None = None,
     kept: Sequence[Kept] = (),
 ) -> Model:
-    """Model of a compiled `mujoco.MjModel`.
+    """Convert a compiled `mujoco.MjModel`.
 
     Every body becomes a body with one joint; several MuJoCo joints of a body are the axes of that
     joint, in order. Hinge and slide joints are one coordinate each, named as they are, whose value
@@ -87,10 +103,23 @@ def model_from_mujoco(
     `_rz`: rotation = R_x R_y R_z R_0 with R_0 the body's orientation in the file, so that the
     default pose has zero angles; `coordinates_from_qpos` converts.
 
-    Sites become frames; geoms of the groups that MuJoCo draws (0 to 2) become meshes. `name`: of
-    the model, its own by default; `source`: path of its file, for messages and for the place of
-    meshes; `marker_sites`: as of `read_mjcf`; `kept`: what was left out before. Raises `BadModel`
-    where there is no body, or a number that is not finite.
+    Sites become frames; geoms of the groups that MuJoCo draws (0 to 2) become meshes.
+
+    Parameters
+    ----------
+    compiled : the `mujoco.MjModel`
+    name : of the model, its own by default
+    source : path of its file, for messages and for the folder of meshes
+    marker_sites : as of `read_mjcf`
+    kept : what was left out before
+
+    Returns
+    -------
+    the model in meters, radians and kilograms
+
+    Raises
+    ------
+    BadModel : there is no body, or a number that is not finite
     """
     _check(compiled, source)
     names = MjcfNames(compiled)
@@ -130,6 +159,7 @@ def model_from_mujoco(
 
 
 def _check(m: Any, source: str) -> None:
+    """Raise `BadModel` where a model has no body, or a number that is not finite."""
     where = source or "the MuJoCo model"
     if m.nbody < 2:
         raise BadModel(f"{where}: has no body besides the world")
@@ -157,6 +187,18 @@ def _check(m: Any, source: str) -> None:
 
 
 def _markers(m: Any, names: MjcfNames, pattern: str | None) -> tuple[Marker, ...]:
+    """List the sites that are markers: those of a pattern, or of the tuple of markers.
+
+    Parameters
+    ----------
+    m : the compiled model
+    names : of its parts
+    pattern : regular expression of whole names; None takes the tuple
+
+    Returns
+    -------
+    markers with locations (3,) in their bodies [m]
+    """
     if pattern is not None:
         wanted = re.compile(pattern)
         sites = [i for i in range(m.nsite) if wanted.fullmatch(names.sites[i])]
@@ -175,9 +217,21 @@ def _markers(m: Any, names: MjcfNames, pattern: str | None) -> tuple[Marker, ...
 
 
 def coordinates_from_qpos(model: Model, qpos: ArrayLike) -> Array:
-    """Values of all coordinates for MuJoCo's `qpos` (..., nq) of a model that `read_mjcf` made.
+    """Convert MuJoCo's `qpos` to the values of all coordinates.
 
-    Angles of ball and free joints come back in (-pi, pi], the middle one in [-pi/2, pi/2].
+    Parameters
+    ----------
+    model : that `read_mjcf` made
+    qpos : (..., nq) [rad, m, quaternions w, x, y, z]
+
+    Returns
+    -------
+    (..., coordinates) [rad or m]; angles of ball and free joints in (-pi, pi], the middle one in
+    [-pi/2, pi/2]
+
+    Raises
+    ------
+    BadData : the width is not that of the model's joints, or a joint is not MuJoCo's
     """
     q = np.asarray(qpos, dtype=np.float64)
     layout = list(_layout(model))
@@ -198,7 +252,12 @@ def coordinates_from_qpos(model: Model, qpos: ArrayLike) -> Array:
 
 
 def _layout(model: Model) -> Iterator[tuple[str, int, int, Array]]:
-    """Kind, place in qpos, place in coordinates and start orientation of each MuJoCo joint."""
+    """Yield kind, index in qpos, index in coordinates and start rotation (3, 3) by joint.
+
+    Raises
+    ------
+    BadData : a joint is not MuJoCo's
+    """
     at_q = at_c = 0
     for joint in model.joints:
         for kind in joint.kind.split("+"):
@@ -214,9 +273,22 @@ def _layout(model: Model) -> Iterator[tuple[str, int, int, Array]]:
 
 
 def composed_model(name: str | os.PathLike[str]) -> Model:
-    """A model of the package `myo-sim` (Caggiano et al. 2022), with its bones; `name` as the
-    package has it ("myoarm", "myolegs", ...), with `myo-sim:` before it or without. Raises
-    `BadData` where the package is not installed, `BadFile` where it has no such model.
+    """Compose a model of the package `myo-sim`, with its bones.
+
+    Source: Caggiano et al. 2022.
+
+    Parameters
+    ----------
+    name : as the package has it ("myoarm", "myolegs", ...), with `myo-sim:` before it or without
+
+    Returns
+    -------
+    the model in meters, radians and kilograms
+
+    Raises
+    ------
+    BadData : the package is not installed
+    BadFile : it has no such model
     """
     name = os.fspath(name).removeprefix(COMPOSED)
     try:

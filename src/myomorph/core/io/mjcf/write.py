@@ -53,11 +53,23 @@ def mjcf_document(
     cams: Sequence[Cam] = (),
     surfaces: dict[str, Surface] | None = None,
 ) -> MjcfDocument:
-    """A model as MJCF, to be written to `path`; its meshes are written into a folder beside that.
-    `model`: each axis moves by its coordinate less the default, muscles are MuJoCo's
-    (`mujoco_tools`); `cams`: of the coordinates that follow others by what is no polynomial of
-    degree four; `surfaces`: meshes by `Mesh.file`; those without one are left out. Raises `BadFile`
-    where a mesh cannot be written, `BadModel` where a muscle is not MuJoCo's.
+    """Convert a model to MJCF; its meshes are written into a folder beside the path.
+
+    Parameters
+    ----------
+    model : each axis moves by its coordinate minus the default, muscles are MuJoCo's
+    path : where the document is to be written
+    cams : of the dependent coordinates whose function is no polynomial of degree four
+    surfaces : meshes by `Mesh.file` [m]; those without one are left out
+
+    Returns
+    -------
+    the document, which is not written yet
+
+    Raises
+    ------
+    BadFile : a mesh cannot be written
+    BadModel : a muscle is not MuJoCo's
     """
     writer = _Writer(model, Path(path), surfaces or {})
     root = writer.document(cams)
@@ -67,7 +79,12 @@ def mjcf_document(
 
 
 def text(values: ArrayLike) -> str:
-    """Numbers as MJCF has them, with all their digits."""
+    """Write numbers as MJCF has them, with all their digits.
+
+    Parameters
+    ----------
+    values : one number, or several (n,)
+    """
     return " ".join(
         repr(float(value)) for value in np.atleast_1d(np.asarray(values, dtype=np.float64))
     )
@@ -92,6 +109,16 @@ class _Writer:
         self.coordinates = {coordinate.name: coordinate for coordinate in model.coordinates}
 
     def document(self, cams: Sequence[Cam]) -> etree._Element:
+        """Write all parts of the model; each part adds to the warnings what it leaves out.
+
+        Parameters
+        ----------
+        cams : of dependent coordinates
+
+        Returns
+        -------
+        the outermost element
+        """
         root = etree.Element("mujoco", model=self.model.name)
         put(
             root,
@@ -140,6 +167,7 @@ class _Writer:
         return root
 
     def _body(self, body: Body, joint: Joint) -> None:
+        """Write a body with its inertia, made proper where needed, its joint and its meshes."""
         frame = joint.parent_frame
         if joint.kind == "free":
             start = [self.coordinates[name].default for name in joint.coordinates[:3]]
@@ -172,6 +200,7 @@ class _Writer:
             self._mesh(body.name, mesh)
 
     def _joints(self, element: etree._Element, joint: Joint, more: dict[str, str]) -> None:
+        """Write hinges, slides and balls of a joint; `more` are attributes of the first two."""
         axes: list[Axis] = list(joint.axes)
         for kind in joint.kind.split("+"):
             if kind == "weld":
@@ -199,6 +228,7 @@ class _Writer:
             )
 
     def _mesh(self, body: str, mesh: Mesh) -> None:
+        """Write a shape, or a mesh with its file; a mesh without a surface is left out."""
         if mesh.shape != "mesh":
             put(
                 self.elements[body],
@@ -223,6 +253,7 @@ class _Writer:
         put(self.elements[body], "geom", type="mesh", mesh=name, **pose(mesh.pose))
 
     def _surfaces_and_sites(self) -> None:
+        """Write the surfaces that muscles wrap around, and markers and frames as sites."""
         used = {wrap.wrap_object for muscle in self.model.muscles for wrap in muscle.path.wraps}
         self.wraps = {}
         for item in self.model.wrap_objects:
@@ -264,7 +295,19 @@ class _Writer:
             )
 
     def _site(self, name: str, body: str, place: ArrayLike, group: str = "3") -> str:
-        """A site, which may be there already."""
+        """Return the name of the site at a position, written where there is none yet.
+
+        Parameters
+        ----------
+        name : of a new site, numbered where it is taken
+        body : that the site is on
+        place : (3,) in the body [m]
+        group : of a new site
+
+        Returns
+        -------
+        name of the site
+        """
         key = body, tuple(np.asarray(place, dtype=np.float64).tolist())
         if key not in self.placed:
             self.placed[key] = new_name(name, self.sites)
@@ -272,6 +315,7 @@ class _Writer:
         return self.placed[key]
 
     def _muscle(self, muscle: Muscle) -> None:
+        """Write a muscle with its tendon; `BadModel` where it is not MuJoCo's."""
         if muscle.kind != "mujoco":
             raise BadModel(f"muscle '{muscle.name}' is a {muscle.kind}, and no muscle of MuJoCo")
         tendon = new_name(f"{muscle.name}_tendon", self.tendons)
@@ -318,6 +362,7 @@ class _Writer:
         )
 
     def _couplings(self, cams: Sequence[Cam]) -> None:
+        """Write couplers as polynomials, locked coordinates, and cams as equal tendons."""
         held = {cam.follower for cam in cams}
         names = {name for joint in self.model.joints for name in joint.coordinates}
         for coupler in self.model.couplers:
@@ -361,7 +406,7 @@ class _Writer:
             )
 
     def _curves(self, root: etree._Element, cams: Sequence[Cam]) -> None:
-        """What the cams hold, for whoever reads the file back."""
+        """Write the functions that the cams hold, for readers of the file."""
         custom = put(root, "custom") if cams else root
         joints = {name for joint in self.model.joints for name in joint.coordinates}
         for cam in cams:
@@ -369,6 +414,11 @@ class _Writer:
                 put(custom, "text", name=f"{cam.follower}_follows", data=f"{cam.follower};{curve}")
 
     def _polynomial(self, coupler: Coupler) -> None:
+        """Write a coupler as a polynomial of degree four about the leader's default.
+
+        MuJoCo's joint equality is y - y0 = a0 + a1 (x - x0) + ... + a4 (x - x0)^4 with x0, y0 the
+        defaults.
+        """
         leader = self.coordinates[coupler.independents[0]]
         dependent = self.coordinates[coupler.dependent]
         function = coupler.function
@@ -390,6 +440,7 @@ class _Writer:
         )
 
     def _loop(self, loop: Loop) -> None:
+        """Write a loop as an equality of two sites: a weld, or a connect."""
         ends = []
         for body, frame in ((loop.body_1, loop.pose_1), (loop.body_2, loop.pose_2)):
             ends.append(new_name(f"{loop.name}_{body}", self.sites))
@@ -398,6 +449,7 @@ class _Writer:
         put(self.equality, tag, name=loop.name, site1=ends[0], site2=ends[1])
 
     def _motors(self) -> None:
+        """Write actuators of coordinates as motors; others are left out with a warning."""
         others = []
         for actuator in self.model.actuators:
             if actuator.kind != "coordinate":
@@ -420,6 +472,7 @@ class _Writer:
             )
 
     def _left_out(self) -> None:
+        """Warn of the parts of the model that the document does not have."""
         model = self.model
         for what, names in (
             ("passive torques", [part.name for part in model.passive_torques]),
@@ -449,17 +502,44 @@ class _Writer:
 
 
 def put(parent: etree._Element, tag: str, **attributes: str) -> etree._Element:
-    """A new element with attributes, the last of its parent."""
+    """Add an element to a parent.
+
+    Parameters
+    ----------
+    parent : gets the element as its last child
+    tag : of the element
+    attributes : empty ones are left out
+
+    Returns
+    -------
+    the new element
+    """
     return etree.SubElement(parent, tag, {key: value for key, value in attributes.items() if value})
 
 
 def pose(frame: Transform) -> dict[str, str]:
-    """Attributes of a pose."""
+    """Write a pose as attributes: position [m] and quaternion w, x, y, z.
+
+    Parameters
+    ----------
+    frame : in the parent's frame
+    """
     return {"pos": text(frame.translation), "quat": text(quaternion_from_rotation(frame.rotation))}
 
 
 def proper_inertia(inertia: ArrayLike) -> np.ndarray:
-    """The nearest inertia whose principal moments keep to A + B >= C, as those of every body do."""
+    """Find the nearest inertia whose principal moments A, B, C keep to A + B >= C.
+
+    Those of every body do.
+
+    Parameters
+    ----------
+    inertia : (3, 3) about the center of mass [kg m^2]
+
+    Returns
+    -------
+    (3, 3) [kg m^2], with the same principal axes
+    """
     values, axes = np.linalg.eigh(np.asarray(inertia, dtype=np.float64))
     lack = values[2] - values[0] - values[1]
     if lack <= 0.0:
@@ -470,7 +550,12 @@ def proper_inertia(inertia: ArrayLike) -> np.ndarray:
 
 
 def moments(inertia: ArrayLike) -> str:
-    """Principal moments in words [kg m^2]."""
+    """Write the principal moments of an inertia, the smallest first.
+
+    Parameters
+    ----------
+    inertia : (3, 3) [kg m^2]
+    """
     return ", ".join(
         f"{value:.3g}" for value in np.linalg.eigvalsh(np.asarray(inertia, dtype=np.float64))
     )

@@ -39,7 +39,21 @@ PRIMITIVES = {"Sphere": "sphere", "Cylinder": "cylinder", "Ellipsoid": "ellipsoi
 
 
 def read_body(node: Node) -> Body:
-    """A body with its mass properties and its meshes."""
+    """Read a body with its mass properties and its meshes.
+
+    Parameters
+    ----------
+    node : the body
+
+    Returns
+    -------
+    mass [kg], center of mass (3,) [m] and inertia (3, 3) about it [kg m^2] in the body's frame
+
+    Raises
+    ------
+    BadFile : it has no mass, or numbers that are not as they should be
+    BadModel : its mass is negative
+    """
     mass = node.number("mass", float("nan"))
     if mass != mass:
         raise node.bad("has no mass", "expected <mass> in kg, 0 for none")
@@ -58,6 +72,7 @@ def read_body(node: Node) -> Body:
 
 
 def _inertia(node: Node) -> Array:
+    """Read the inertia (3, 3) about the center of mass, in the body's frame [kg m^2]."""
     if node.document.version < 30500:
         parts = [
             node.number(f"inertia_{axes}", float(axes in ("xx", "yy", "zz")))
@@ -70,7 +85,16 @@ def _inertia(node: Node) -> Array:
 
 
 def read_meshes(node: Node) -> tuple[Mesh, ...]:
-    """What draws a body: its own geometry and that of the offset frames inside it."""
+    """Read what draws a body: its own geometry and that of the offset frames inside it.
+
+    Parameters
+    ----------
+    node : a body or the ground
+
+    Returns
+    -------
+    meshes and shapes with their poses in the body and their scale factors or half sizes (3,)
+    """
     visible = node.child("VisibleObject")
     if node.document.version < 30502 and visible is not None:
         return _old_meshes(visible)
@@ -78,6 +102,7 @@ def read_meshes(node: Node) -> tuple[Mesh, ...]:
 
 
 def _old_meshes(visible: Node) -> tuple[Mesh, ...]:
+    """Read the geometry of a body before version 3.5.2, with both scales multiplied."""
     outer_scale = visible.vector("scale_factors", ONES)
     if visible.document.version < 20101:
         return tuple(
@@ -95,11 +120,19 @@ def _old_meshes(visible: Node) -> tuple[Mesh, ...]:
 
 
 def _placed(node: Node) -> Transform:
+    """Read a pose from six numbers: body-fixed X, Y, Z angles [rad] and a position [m]."""
     six = node.vector("transform", (0.0,) * 6)
     return Transform.from_euler_xyz(six[:3], six[3:])
 
 
 def _geometry(node: Node, pose: Transform) -> list[Mesh]:
+    """Read the geometry of a frame and of the offset frames inside it.
+
+    Parameters
+    ----------
+    node : the frame
+    pose : of the frame in its body
+    """
     meshes = []
     for item in node.items("attached_geometry") or node.items("geometry"):
         if item.kind == "Mesh":
@@ -123,6 +156,7 @@ def _geometry(node: Node, pose: Transform) -> list[Mesh]:
 
 
 def _half_sizes(node: Node) -> Array:
+    """Read the half sizes (3,) of a shape along its axes [m], a cylinder's along y."""
     if node.kind == "Sphere":
         return np.full(3, node.number("radius", 1.0))
     if node.kind == "Cylinder":
@@ -132,7 +166,22 @@ def _half_sizes(node: Node) -> Array:
 
 
 def read_wrap_objects(node: Node, frames: Frames) -> list[WrapObject]:
-    """The surfaces of a body, of the ground or of an offset frame, in its body's frame."""
+    """Read the surfaces of a body, of the ground or of an offset frame, in its body's frame.
+
+    Parameters
+    ----------
+    node : body, ground or frame
+    frames : of the model
+
+    Returns
+    -------
+    surfaces with poses in their bodies and sizes [m], in the file's order
+
+    Raises
+    ------
+    BadFile : a quadrant or a size is not as it should be
+    BadModel : a surface is of a class that is not supported
+    """
     body = node.name or GROUND
     pose = Transform.identity()
     if node.kind in OFFSET_KINDS:
@@ -143,6 +192,14 @@ def read_wrap_objects(node: Node, frames: Frames) -> list[WrapObject]:
 
 
 def _wrap_object(node: Node, body: str, frame: Transform) -> WrapObject:
+    """Read a surface; one without a size is switched off with a warning.
+
+    Parameters
+    ----------
+    node : the surface
+    body : name of the body
+    frame : pose of the frame that the surface is given in, in the body
+    """
     quadrant = node.text("all", "quadrant").lower()
     if quadrant not in QUADRANTS:
         raise node.bad(f"its quadrant is '{quadrant}'", "expected all, x, -x, y, -y, z or -z")
@@ -176,7 +233,15 @@ def _wrap_object(node: Node, body: str, frame: Transform) -> WrapObject:
 
 
 def write_body(parent: etree._Element, body: Body, model: Model, kept: list[Kept]) -> None:
-    """A body with its frames, meshes, wrap objects and mass properties."""
+    """Write a body with its frames, meshes, wrap objects and mass properties.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    body : to write
+    model : its frames and wrap objects are read
+    kept : stored parts, of which the body's are written back
+    """
     element = child(parent, "Body", name=body.name)
     write_body_parts(element, body.name, body.meshes, model, kept)
     inertia = body.inertia
@@ -187,7 +252,16 @@ def write_body(parent: etree._Element, body: Body, model: Model, kept: list[Kept
 def write_body_parts(
     element: etree._Element, name: str, meshes: Iterable[Mesh], model: Model, kept: list[Kept]
 ) -> None:
-    """Frames, meshes and wrap objects of a body or of the ground."""
+    """Write frames, meshes and wrap objects of a body or of the ground.
+
+    Parameters
+    ----------
+    element : of the body
+    name : of the body
+    meshes : of the body; those with a pose go into an offset frame
+    model : its frames and wrap objects are read
+    kept : stored parts, of which the body's are written back
+    """
     components = etree.Element("components")
     frames = [frame for frame in model.frames if frame.body == name]
     holders = {}
@@ -217,11 +291,13 @@ def write_body_parts(
 
 
 def _close(first: Transform, second: Transform) -> bool:
+    """Return whether two poses agree to rounding."""
     pairs = ((first.rotation, second.rotation), (first.translation, second.translation))
     return all(np.allclose(*both, rtol=0, atol=1e-14) for both in pairs)
 
 
 def _write_meshes(element: etree._Element, meshes: list[Mesh], name: str) -> None:
+    """Write meshes and the shapes that OpenSim has; other shapes are left out."""
     if not meshes:
         return
     holder = element.find("attached_geometry")
@@ -248,6 +324,7 @@ def _write_meshes(element: etree._Element, meshes: list[Mesh], name: str) -> Non
 
 
 def _write_wrap(parent: etree._Element, wrap: WrapObject) -> None:
+    """Write a wrap object; OpenSim gets 100 m for an infinite length."""
     kind, tags = next((kind, tags) for kind, (shape, tags) in WRAPS.items() if shape == wrap.kind)
     element = child(parent, kind, name=wrap.name)
     put(

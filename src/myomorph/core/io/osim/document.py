@@ -118,7 +118,7 @@ class Node:
         return None if element is None else self.node(element)
 
     def inner(self, *tags: str) -> Node | None:
-        """Find the object inside a property, in `<function><Constant/></function>` the Constant.
+        """Find the object inside a property: in `<function><Sine/></function>` the Sine.
 
         Parameters
         ----------

@@ -54,8 +54,23 @@ class ReadJoint:
 
 
 def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
-    """A joint with its axes and coordinates. `old_child`: before 4.0, the body that the joint
-    stands in.
+    """Read a joint with its axes and coordinates.
+
+    Parameters
+    ----------
+    node : the joint
+    frames : of the model
+    old_child : before version 4.0, the body that the joint stands in
+
+    Returns
+    -------
+    the joint from its parent to its child, as the file has them
+
+    Raises
+    ------
+    BadFile : it lacks a frame, or its axes and coordinates do not fit each other
+    BadModel : its class is not supported
+    UnknownName : it names a frame or coordinate that does not exist
     """
     kind = node.kind
     if kind not in KINDS:
@@ -97,11 +112,30 @@ def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
 
 
 def _motion(axes: tuple[Axis, ...], coordinate: str) -> Motion:
+    """Return whether a coordinate is rotational: whether it moves an axis of rotation."""
     turns = any(axis.kind == "rotation" and coordinate in axis.coordinates for axis in axes)
     return "rotational" if turns else "translational"
 
 
 def _ends(node: Node, frames: Frames, old_child: str) -> tuple[End, End]:
+    """Read the two ends of a joint.
+
+    Parameters
+    ----------
+    node : the joint
+    frames : of the model
+    old_child : before version 4.0, the body that the joint stands in
+
+    Returns
+    -------
+    of parent and of child: name of the body, pose of the joint's frame in it, and name of that
+    frame, "" where it is the body's own
+
+    Raises
+    ------
+    BadFile : an end names no frame
+    UnknownName : a frame does not exist
+    """
     ends = []
     old = {
         "parent": ("orientation_in_parent", "location_in_parent"),
@@ -128,6 +162,7 @@ def _ends(node: Node, frames: Frames, old_child: str) -> tuple[End, End]:
 
 
 def _coordinate(node: Node) -> Coordinate:
+    """Read a coordinate [rad or m], as rotational until the axes show another motion."""
     low, high = node.vector("range", (-10.0, 10.0), infinite=True)
     prescribed: Function | None = None
     function = node.inner("prescribed_function")
@@ -158,7 +193,16 @@ def _coordinate(node: Node) -> Coordinate:
 
 
 def free_joint(child: str) -> ReadJoint:
-    """The joint that OpenSim adds where none leads to a body."""
+    """Make the joint that OpenSim adds where none leads to a body.
+
+    Parameters
+    ----------
+    child : name of the body
+
+    Returns
+    -------
+    a joint of six coordinates from the ground
+    """
     name = f"free_{child}"
     names = [f"{name}_coord_{i}" for i in range(6)]
     axes = _simple("FreeJoint", names)
@@ -179,6 +223,18 @@ def free_joint(child: str) -> ReadJoint:
 
 
 def _named(node: Node, coordinates: tuple[Coordinate, ...], needed: int) -> list[str]:
+    """Return the names of a joint's coordinates, made up where the file has none.
+
+    Parameters
+    ----------
+    node : the joint
+    coordinates : as the file has them
+    needed : count that the joint's class has
+
+    Raises
+    ------
+    BadFile : it has another count of coordinates
+    """
     if coordinates and len(coordinates) != needed:
         raise node.bad(f"has {len(coordinates)} coordinates", f"a {node.kind} has {needed}")
     names = [coordinate.name for coordinate in coordinates] or [""] * needed
@@ -186,6 +242,7 @@ def _named(node: Node, coordinates: tuple[Coordinate, ...], needed: int) -> list
 
 
 def _simple(kind: str, names: list[str]) -> tuple[Axis, ...]:
+    """Make the axes of a joint of a class that has them fixed, by the names of its coordinates."""
     return tuple(
         Axis(
             kind="rotation" if what == "rotation" else "translation",
@@ -200,7 +257,22 @@ def _simple(kind: str, names: list[str]) -> tuple[Axis, ...]:
 def _custom(
     node: Node, coordinates: tuple[Coordinate, ...]
 ) -> tuple[tuple[Axis, ...], tuple[Coordinate, ...]]:
-    """Axes of a custom joint, and its coordinates in the order in which the axes name them."""
+    """Read the axes of a custom joint, and order its coordinates as the axes name them.
+
+    Parameters
+    ----------
+    node : the joint
+    coordinates : as the file has them
+
+    Returns
+    -------
+    three translations, then three rotations; and the coordinates with their kinds of motion
+
+    Raises
+    ------
+    BadFile : axes are parallel, lack a function or a coordinate, or do not use a coordinate
+    UnknownName : an axis names a coordinate that the joint does not have
+    """
     spatial = node.child("SpatialTransform")
     if spatial is None:
         raise node.bad("has no SpatialTransform")
@@ -241,13 +313,32 @@ def _custom(
 
 
 def _kind(name: str) -> Literal["rotation", "translation"]:
+    """Return whether a spatial axis is a rotation or a translation, by its name."""
     return "rotation" if name.startswith("rotation") else "translation"
 
 
 def _transform_axis(
     joint: Node, axis: Node, name: str, usual: Array, names: list[str]
 ) -> tuple[Axis, bool]:
-    """One axis, and whether a coordinate is its very amount (slope 1 or -1), as OpenSim sees it."""
+    """Read one axis of a custom joint.
+
+    Parameters
+    ----------
+    joint : the joint, for messages
+    axis : node of the axis
+    name : as "rotation1"
+    usual : (3,) direction where the file has none
+    names : coordinates that it names
+
+    Returns
+    -------
+    the axis with a direction of length 1; and whether a coordinate is its very amount (slope 1 or
+    -1), as OpenSim sees it
+
+    Raises
+    ------
+    BadFile : it has no direction, or a function but no coordinate
+    """
     vector = axis.vector("axis", tuple(usual))
     length = float(np.linalg.norm(vector))
     if length == 0:
@@ -286,9 +377,20 @@ def _transform_axis(
 
 
 def _curved(node: Node, names: list[str]) -> tuple[Axis, ...]:
-    """Ellipsoid mobilizer: body-fixed X, Y, Z turns; the origin rides where the z axis is the
-    normal. A scapulothoracic joint turns that ellipsoid by 90 degrees about z and adds winging
+    """Make the axes of a joint that rides on an ellipsoid.
+
+    Ellipsoid mobilizer: body-fixed X, Y, Z rotations; the origin rides where the z axis is the
+    normal. A scapulothoracic joint rotates that ellipsoid by 90 degrees about z and adds winging
     about an axis in the plane that touches it.
+
+    Parameters
+    ----------
+    node : the joint, with its radii [m]
+    names : of its coordinates
+
+    Raises
+    ------
+    BadFile : a radius is missing or not above 0
     """
     winged = node.kind == "ScapulothoracicJoint"
     quarter = QUARTER_TURN if winged else np.eye(3)
@@ -330,14 +432,28 @@ def _curved(node: Node, names: list[str]) -> tuple[Axis, ...]:
 
 
 def is_unit_line(function: Function) -> bool:
-    """Whether a function is a line of slope 1 or -1."""
+    """Return whether a function is a line of slope 1 or -1.
+
+    Parameters
+    ----------
+    function : of any kind
+    """
     if isinstance(function, SineProduct) or function.coefficients.shape != (1, 2):
         return False
     return abs(float(function.coefficients[0, 1])) == 1.0
 
 
 def reversed_joint(joint: Joint) -> Joint:
-    """The same joint seen from its child: the axes undone in the opposite order."""
+    """Reverse a joint, as seen from its child: the axes undone in the opposite order.
+
+    Parameters
+    ----------
+    joint : from a parent to a child
+
+    Returns
+    -------
+    the joint from that child to that parent, of the same coordinates
+    """
     axes = tuple(
         replace(axis, function=axis.function.scaled(-1.0)) for axis in reversed(joint.axes)
     )
@@ -354,5 +470,10 @@ def reversed_joint(joint: Joint) -> Joint:
 
 
 def plain_name(text: str) -> str:
-    """Last part of a component path, without blanks."""
+    """Return the last part of a component path, without blanks.
+
+    Parameters
+    ----------
+    text : path or name
+    """
     return re.sub(r"\s+", "", text.rsplit("/", 1)[-1])

@@ -1,6 +1,4 @@
-"""OpenSim's muscles: the parameters of their classes, and dampers along their paths, read and
-written.
-"""
+"""OpenSim's muscles: parameters of their classes and dampers along paths, read and written."""
 
 from __future__ import annotations
 
@@ -86,9 +84,19 @@ FOREIGN = "Millard2012EquilibriumMuscle"
 def with_dampers(
     muscles: list[Muscle], forces: list[Node], paths: PathReader
 ) -> tuple[list[Muscle], list[Node]]:
-    """Muscles with the viscosity of the dampers that lie along their paths, and the forces left
-    over. A damper is an ExpressionBasedPathForce named "<muscle>_viscosity" whose path is the
-    muscle's.
+    """Add the viscosity of the dampers that lie along muscles' paths.
+
+    A damper is an ExpressionBasedPathForce named "<muscle>_viscosity" whose path is the muscle's.
+
+    Parameters
+    ----------
+    muscles : of the model
+    forces : nodes of the other forces
+    paths : reads the dampers' paths
+
+    Returns
+    -------
+    the muscles with their viscosity [N s/m], and the forces that are no such dampers
     """
     places = {muscle.name: i for i, muscle in enumerate(muscles)}
     damped = list(muscles)
@@ -104,7 +112,7 @@ def with_dampers(
 
 
 def _viscosity(force: Node) -> float | None:
-    """N s/m of a path force that is a damper and is switched on, else None."""
+    """Read a path force's viscosity [N s/m], None where it is no active damper."""
     if force.kind != "ExpressionBasedPathForce" or not force.flag("appliesForce", True):
         return None
     form = FORM.fullmatch("".join(force.text("0.0", "expression").split()))
@@ -112,7 +120,7 @@ def _viscosity(force: Node) -> float | None:
 
 
 def _same(first: Any, second: Any) -> bool:
-    """Whether two values are alike, whatever their parts are named."""
+    """Return whether two values are alike, whatever their parts are named."""
     if isinstance(first, float | np.ndarray):
         return np.shape(first) == np.shape(second) and np.allclose(
             first, second, rtol=1e-9, atol=1e-9
@@ -132,14 +140,36 @@ def _same(first: Any, second: Any) -> bool:
 
 
 def is_muscle(node: Node) -> bool:
-    """Whether an object of the ForceSet is a muscle."""
+    """Return whether an object of the ForceSet is a muscle.
+
+    Parameters
+    ----------
+    node : the object
+    """
     return node.kind in DEFAULTS or (
         node.kind.endswith("Muscle") and node.find("max_isometric_force") is not None
     )
 
 
 def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscle:
-    """A muscle with its path and parameters."""
+    """Read a muscle with its path and parameters.
+
+    Parameters
+    ----------
+    node : the muscle
+    paths : reads its path
+    groups : that it is a member of
+
+    Returns
+    -------
+    forces [N], lengths [m], pennation [rad] and velocity [optimal fiber lengths per second]
+
+    Raises
+    ------
+    BadFile : a number or its path is not as it should be
+    BadModel : its class is not supported
+    UnknownName : its path names a part that does not exist
+    """
     if node.kind not in DEFAULTS:
         known = ", ".join(DEFAULTS)
         raise BadModel(
@@ -175,7 +205,12 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
 
 
 def _parameters(node: Node) -> dict[str, float]:
-    """Other numbers of the muscle and of its curves that the file or its defaults state."""
+    """Read other numbers of the muscle and of its curves that the file or its defaults state.
+
+    Returns
+    -------
+    by name, those of curves as CURVE/NAME; truths are 0 or 1
+    """
     result: dict[str, float] = {}
     for owner, prefix in ((node, ""), *((node.child(curve), f"{curve}/") for curve in CURVES)):
         if owner is None:
@@ -198,6 +233,7 @@ def _parameters(node: Node) -> dict[str, float]:
 
 
 def _value(node: Node, tag: str) -> float | None:
+    """Read a property that is a number or a truth, None where it is neither."""
     text = node.text("", tag).lower()
     if text in ("true", "false"):
         return float(text == "true")
@@ -210,7 +246,15 @@ def _value(node: Node, tag: str) -> float | None:
 def write_muscle(
     parent: etree._Element, muscle: Muscle, joints: dict[str, str], warnings: list[str]
 ) -> None:
-    """A muscle object; a class that OpenSim lacks becomes a Millard muscle, with a warning."""
+    """Write a muscle; a class that OpenSim lacks becomes a Millard muscle, with a warning.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    muscle : to write
+    joints : component name of the joint of each coordinate
+    warnings : gets a line for what cannot be written as it is
+    """
     kind = muscle.kind
     if kind not in DEFAULTS:
         warnings.append(
@@ -248,8 +292,15 @@ def write_muscle(
 
 
 def write_viscosity(parent: etree._Element, muscle: Muscle, joints: dict[str, str]) -> None:
-    """The damper along a muscle's path: a force of its own, which every class of muscle can have
-    beside it.
+    """Write the damper along a muscle's path as a force of its own.
+
+    Every class of muscle can have such a force.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    muscle : its viscosity is in N s/m
+    joints : component name of the joint of each coordinate
     """
     element = child(parent, "ExpressionBasedPathForce", name=f"{muscle.name}{DAMPER}")
     put(element, appliesForce=muscle.enabled)
@@ -258,6 +309,7 @@ def write_viscosity(parent: etree._Element, muscle: Muscle, joints: dict[str, st
 
 
 def _write_parameters(element: etree._Element, muscle: Muscle) -> None:
+    """Write the other numbers of a muscle and of its curves, truths as such."""
     curves: dict[str, etree._Element] = {}
     for key, value in muscle.parameters.items():
         owner, _, tag = key.rpartition("/")

@@ -37,7 +37,22 @@ class PathReader:
         self._wraps = wraps
 
     def read(self, node: Node) -> Path:
-        """The path of a muscle, of a path actuator or of another object that has one."""
+        """Read the path of a muscle, of a path actuator or of another object that has one.
+
+        Parameters
+        ----------
+        node : the object
+
+        Returns
+        -------
+        points in their bodies [m] and wraps
+
+        Raises
+        ------
+        BadFile : it has fewer than two points, or a wrap's method is none
+        BadModel : a point or the path is of a class that is not supported
+        UnknownName : it names a frame, coordinate or wrap object that does not exist
+        """
         path = node.child("GeometryPath")
         if path is None:
             other = next(
@@ -62,6 +77,7 @@ class PathReader:
         return Path(tuple(points), tuple(wraps))
 
     def _point(self, node: Node) -> PathPoint | MovingPathPoint:
+        """Read a point, located (3,) in its body [m], and the range [rad or m] it exists in."""
         body, pose = self._frames.place(node.socket("parent_frame", "body"), node)
         if node.kind == "MovingPathPoint":
             return self._moving(node, body, pose)
@@ -84,6 +100,14 @@ class PathReader:
         )
 
     def _moving(self, node: Node, body: str, pose: Transform) -> MovingPathPoint:
+        """Read a point that moves along the axes of its body by functions of coordinates.
+
+        Parameters
+        ----------
+        node : the point
+        body : name of the body
+        pose : of the frame that the point is given in, in the body; it must not be rotated
+        """
         if not np.array_equal(pose.rotation, np.eye(3)):
             raise BadModel(
                 f"{node.document.path}: moving path point '{node.name}' is in a turned frame: not"
@@ -109,6 +133,7 @@ class PathReader:
         )
 
     def _coordinate(self, text: str, node: Node) -> str:
+        """Return the coordinate that a text means; `UnknownName` where there is none."""
         name = plain_name(text)
         if name not in self._coordinates:
             raise UnknownName(
@@ -120,6 +145,7 @@ class PathReader:
         return name
 
     def _wrap(self, node: Node, points: int) -> PathWrap:
+        """Read which wrap object a path goes around, and between which of its points."""
         name = node.text("", "wrap_object")
         check_name("wrap object", name, self._wraps, f"{node.document.path}: the model")
         first, last = map(int, node.vector("range", (-1.0, -1.0)))
@@ -137,7 +163,20 @@ class PathReader:
 def write_path(
     element: etree._Element, owner: str, way: Path, joints: dict[str, str], warnings: list[str]
 ) -> etree._Element:
-    """The path of a muscle or ligament, put into `element`."""
+    """Write the path of a muscle or ligament.
+
+    Parameters
+    ----------
+    element : gets the path
+    owner : name of the muscle or ligament, which names points without a name
+    way : the path
+    joints : component name of the joint of each coordinate
+    warnings : gets a line where wraps or pulleys cannot be written
+
+    Returns
+    -------
+    the path's element
+    """
     path = child(element, "GeometryPath", name="path")
     points = child(child(path, "PathPointSet"), "objects")
     for i, point in enumerate(way.points):
@@ -172,6 +211,7 @@ def _write_point(
     joints: dict[str, str],
     warnings: list[str],
 ) -> None:
+    """Write a point, with the coordinate that moves it or switches it on."""
     if isinstance(point, MovingPathPoint):
         element = child(parent, "MovingPathPoint", name=name)
         put(element, socket_parent_frame=body_path(point.body))
@@ -201,7 +241,17 @@ def _write_point(
 
 
 def read_ligaments(forces: Iterable[Node], paths: PathReader) -> tuple[Ligament, ...]:
-    """The ligaments among forces that are kept as the file has them."""
+    """Read the ligaments among forces that are stored as the file has them.
+
+    Parameters
+    ----------
+    forces : nodes
+    paths : reads their paths
+
+    Returns
+    -------
+    ligaments with slack lengths [m], NaN where the file has none
+    """
     ligaments = [
         force for force in forces if force.kind in SLACK and force.child("GeometryPath") is not None
     ]
@@ -219,8 +269,14 @@ def read_ligaments(forces: Iterable[Node], paths: PathReader) -> tuple[Ligament,
 def put_ligament(
     part: Kept, element: etree._Element, ligaments: Iterable[Ligament], joints: dict[str, str]
 ) -> None:
-    """Give a kept part, about to be written, the path and slack length of the model's ligament of
-    that name.
+    """Give a stored part, about to be written, path and slack length of the model's ligament.
+
+    Parameters
+    ----------
+    part : stored part, which names the ligament
+    element : of the part, changed in place
+    ligaments : of the model; without one of that name nothing changes
+    joints : component name of the joint of each coordinate
     """
     ligament = next(
         (other for other in ligaments if (other.kind, other.name) == (part.kind, part.name)), None

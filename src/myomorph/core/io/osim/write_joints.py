@@ -32,8 +32,19 @@ class Plan:
 
 
 def plan_joints(model: Model, warnings: list[str]) -> Plan:
-    """The model's joints as joints of OpenSim's classes. A joint of another kind (MuJoCo's, with
-    anchors and several axes) becomes a chain of custom joints.
+    """Express the model's joints as joints of OpenSim's classes.
+
+    A joint of another kind (MuJoCo's, with anchors and several axes) becomes a chain of custom
+    joints.
+
+    Parameters
+    ----------
+    model : its joints are read
+    warnings : gets a line for what changes
+
+    Returns
+    -------
+    joints in tree order, and the massless bodies of chains
     """
     plan = Plan()
     for joint in model.joints:
@@ -51,7 +62,7 @@ def plan_joints(model: Model, warnings: list[str]) -> Plan:
 
 
 def _own_class(joint: Joint) -> str | None:
-    """The OpenSim class that can hold the joint's axes, or None."""
+    """Return the OpenSim class that can hold the joint's axes, or None."""
     if joint.kind in CURVED and curved_settings(joint) is not None:
         return joint.kind
     if joint.kind in SIMPLE and _is_simple(joint, joint.kind):
@@ -63,6 +74,7 @@ def _own_class(joint: Joint) -> str | None:
 
 
 def _is_simple(joint: Joint, kind: str) -> bool:
+    """Return whether a joint has exactly the axes and coordinates of a class."""
     wanted = SIMPLE[kind]
     if len(joint.axes) != len(wanted) or len(joint.coordinates) != len(wanted):
         return False
@@ -77,7 +89,12 @@ def _is_simple(joint: Joint, kind: str) -> bool:
 
 
 def is_identity(axis: Axis) -> bool:
-    """Whether the amount of motion is the coordinate itself."""
+    """Return whether the amount of motion is the coordinate itself.
+
+    Parameters
+    ----------
+    axis : of a joint
+    """
     function = axis.function
     if isinstance(function, SineProduct) or function.coefficients.shape != (1, 2):
         return False
@@ -85,8 +102,15 @@ def is_identity(axis: Axis) -> bool:
 
 
 def _custom_axes(axes: tuple[Axis, ...]) -> list[Axis] | None:
-    """Three rotations then three translations of a custom joint, filled up, or None where they do
-    not fit.
+    """Arrange axes as three rotations, then three translations of a custom joint.
+
+    Parameters
+    ----------
+    axes : in the order in which they move, translations first
+
+    Returns
+    -------
+    six axes, those added standing still; None where these do not fit
     """
     kinds = [axis.kind for axis in axes]
     slides = axes[: kinds.count("translation")]
@@ -101,7 +125,17 @@ def _custom_axes(axes: tuple[Axis, ...]) -> list[Axis] | None:
 
 
 def _filled(axes: list[Axis], kind: str) -> list[Axis] | None:
-    """Three axes that are not parallel, those added standing still."""
+    """Fill up to three axes that are not parallel, those added standing still.
+
+    Parameters
+    ----------
+    axes : up to three
+    kind : "rotation" or "translation"
+
+    Returns
+    -------
+    three axes; None where two of them are parallel
+    """
     still = PiecewisePolynomial(np.zeros(1), np.zeros((1, 1)))
     vectors = [axis.vector for axis in axes]
     while len(axes) < 3:
@@ -117,7 +151,16 @@ def _filled(axes: list[Axis], kind: str) -> list[Axis] | None:
 
 
 def _chain(joint: Joint, plan: Plan, warnings: list[str]) -> None:
-    """Custom joints one after another, through massless bodies, each about one anchor."""
+    """Write a joint as custom joints one after another, through massless bodies.
+
+    Each joint rotates about one anchor.
+
+    Parameters
+    ----------
+    joint : to write
+    plan : gets the joints and bodies
+    warnings : gets a line for what changes
+    """
     groups = _groups(joint.axes)
     if any(axis.function.arity > 1 for axis in joint.axes):
         warnings.append(
@@ -165,6 +208,7 @@ def _chain(joint: Joint, plan: Plan, warnings: list[str]) -> None:
 
 
 def _groups(axes: tuple[Axis, ...]) -> list[tuple[Axis, ...]]:
+    """Group consecutive axes that fit one custom joint about one anchor."""
     groups: list[list[Axis]] = []
     for axis in axes:
         if axis.function.arity > 1:
@@ -181,8 +225,16 @@ def _groups(axes: tuple[Axis, ...]) -> list[tuple[Axis, ...]]:
 
 
 def curved_settings(joint: Joint) -> dict[str, str] | None:
-    """Radii (and winging axis) of a joint that rides on an ellipsoid, or None where its axes are
-    others.
+    """Return the properties of a joint that rides on an ellipsoid.
+
+    Parameters
+    ----------
+    joint : of a class in `CURVED`
+
+    Returns
+    -------
+    texts of the radii [m] and of the winging axis by property; None where the joint's axes are
+    others
     """
     axes = joint.axes
     if (
@@ -211,7 +263,15 @@ def curved_settings(joint: Joint) -> dict[str, str] | None:
 def write_joint(
     parent: etree._Element, joint: Joint, coordinates: dict[str, Coordinate], warnings: list[str]
 ) -> None:
-    """A joint object with its frames, coordinates and axes."""
+    """Write a joint with its frames, coordinates and axes.
+
+    Parameters
+    ----------
+    parent : element that gets it
+    joint : of a class of OpenSim
+    coordinates : by name
+    warnings : gets a line for what cannot be written as it is
+    """
     element = child(parent, joint.kind, name=joint.name)
     frames = etree.Element("frames")
     for end, body, pose, frame_name in (
@@ -239,6 +299,7 @@ def write_joint(
 
 
 def _write_coordinate(parent: etree._Element, coordinate: Coordinate, warnings: list[str]) -> None:
+    """Write a coordinate; a default out of its range costs its clamp, with a warning."""
     element = child(parent, "Coordinate", name=coordinate.name)
     put(element, default_value=coordinate.default, default_speed_value=coordinate.default_speed)
     put(element, range=coordinate.range)
@@ -259,6 +320,10 @@ def _write_coordinate(parent: etree._Element, coordinate: Coordinate, warnings: 
 def _write_spatial(
     parent: etree._Element, joint: Joint, coordinates: dict[str, Coordinate], warnings: list[str]
 ) -> None:
+    """Write the axes of a custom joint.
+
+    Coordinates that move none are named at axes that stand still.
+    """
     spatial = child(parent, "SpatialTransform")
     used = {name for axis in joint.axes for name in axis.coordinates}
     idle = [name for name in joint.coordinates if name not in used]
