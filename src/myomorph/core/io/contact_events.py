@@ -1,6 +1,4 @@
-"""Contacts that somebody marked, as on high-speed video: a CSV table of spans, or of touch and
-leave events.
-"""
+"""Contacts that were marked, as on high-speed video: a CSV table of spans, or of events."""
 
 from __future__ import annotations
 
@@ -55,14 +53,27 @@ class _Mark:
 def read_events(
     path: str | os.PathLike[str], rate: float | None = None, start: float = 0.0
 ) -> Contacts:
-    """Touches in a CSV table, each row a span or an event.
+    """Read contacts from a CSV table, each row a span or an event.
 
     A span has the columns `site,start,stop` [s] or `site,first_frame,last_frame`; an event `time`
     [s] or `frame`, `site` and `event` ("touch" or "leave"). Columns `surface`, `confidence` (0 to
     1) and `source` may be added; lines that begin with # are remarks. A site that still touches at
-    the end does so until the last event of the table. `rate`: frames per second of the camera,
-    needed where the table counts frames [Hz]; `start`: time of the camera's zero on the motion's
-    clock [s].
+    the end does so until the last event of the table.
+
+    Parameters
+    ----------
+    path : of the table
+    rate : frames per second of the camera, needed where the table counts frames [Hz]
+    start : time of the camera's zero on the motion's clock [s]
+
+    Returns
+    -------
+    contact intervals on the motion's clock [s]; `warnings` name those that overlap or never end
+
+    Raises
+    ------
+    BadFile : it is no such table, a cell is not as it should be, touch and leave do not alternate,
+        or it counts frames and there is no rate
     """
     path = Path(path)
     header, rows = _table(path)
@@ -82,7 +93,17 @@ def read_events(
 
 
 def write_events(contacts: Contacts, path: str | os.PathLike[str]) -> None:
-    """Write touches as a table of spans, which `read_events` takes back; whole or not at all."""
+    """Write contacts as a table of spans, which `read_events` takes back; whole or not at all.
+
+    Parameters
+    ----------
+    contacts : intervals [s], written to the microsecond
+    path : of the new table, replaced where it exists
+
+    Raises
+    ------
+    BadFile : the table cannot be written
+    """
     rows = (
         (
             touch.site,
@@ -98,7 +119,20 @@ def write_events(contacts: Contacts, path: str | os.PathLike[str]) -> None:
 
 
 def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]]]:
-    """Names of the columns, and rows by their line numbers."""
+    """Read a table and check its columns.
+
+    Parameters
+    ----------
+    path : of the table
+
+    Returns
+    -------
+    names of the columns, and line number and cells by column of each row
+
+    Raises
+    ------
+    BadFile : it is empty, has other columns, or a row has more or fewer cells than the first line
+    """
     text = file_text(path, f"expected {SHAPES}")
     lines = [
         (row, line)
@@ -137,10 +171,12 @@ def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]
 
 
 def _delimiter(line: str) -> str:
+    """Return the mark that a line has most of: comma, semicolon or tab."""
     return max(",;\t", key=line.count)
 
 
 def _number(path: Path, row: int, name: str, cells: Mapping[str, str]) -> float:
+    """Read a finite number from a cell, with a decimal comma too; `BadFile` for another text."""
     try:
         value = float(cells[name].replace(",", "."))
     except ValueError:
@@ -153,7 +189,12 @@ def _number(path: Path, row: int, name: str, cells: Mapping[str, str]) -> float:
 
 
 def _site(path: Path, row: int, cells: Mapping[str, str]) -> tuple[str, str, float]:
-    """Name of the site, its surface and its confidence."""
+    """Read a site's name, its surface (by default the ground) and its confidence (1).
+
+    Raises
+    ------
+    BadFile : there is no name, or the confidence is not from 0 to 1
+    """
     if not cells["site"]:
         raise BadFile(path, f"line {row} names no site")
     confidence = _number(path, row, "confidence", cells) if cells.get("confidence") else 1.0
@@ -165,6 +206,19 @@ def _site(path: Path, row: int, cells: Mapping[str, str]) -> tuple[str, str, flo
 def _span(
     path: Path, row: int, cells: Mapping[str, str], rate: float | None, start: float
 ) -> Touch:
+    """Read an interval from a row.
+
+    Parameters
+    ----------
+    path, row : for messages
+    cells : by column
+    rate : frames per second [Hz], used where the table counts frames
+    start : added to all times [s]
+
+    Raises
+    ------
+    BadFile : it ends before it begins, or a cell is not as it should be
+    """
     site, surface, confidence = _site(path, row, cells)
     names, scale = (
         (("start", "stop"), 1.0)
@@ -191,6 +245,19 @@ def _span(
 def _mark(
     path: Path, row: int, cells: Mapping[str, str], rate: float | None, start: float
 ) -> _Mark:
+    """Read an event from a row.
+
+    Parameters
+    ----------
+    path, row : for messages
+    cells : by column
+    rate : frames per second [Hz], used where the table counts frames
+    start : added to all times [s]
+
+    Raises
+    ------
+    BadFile : it is neither a touch nor a leave, or a cell is not as it should be
+    """
     site, surface, confidence = _site(path, row, cells)
     word = cells["event"].lower()
     if word not in (*TOUCH, *LEAVE):
@@ -209,7 +276,21 @@ def _mark(
 
 
 def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[str]]:
-    """Each touch with the leave that follows it at the same site."""
+    """Pair each touch with the leave that follows it at the same site.
+
+    Parameters
+    ----------
+    path : of the table, for messages
+    marks : in any order
+
+    Returns
+    -------
+    intervals site by site, and a warning for each that never ends
+
+    Raises
+    ------
+    BadFile : touch and leave do not alternate at a site
+    """
     touches = []
     warnings = []
     last = max((mark.time for mark in marks), default=0.0)
@@ -251,6 +332,7 @@ def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[str]]
 
 
 def _overlaps(path: Path, touches: Iterable[Touch]) -> list[str]:
+    """List a warning for each interval that begins before the last one of its site ends."""
     ordered = sorted(touches, key=lambda touch: (touch.site, touch.start))
     return [
         f"{path.name}: '{touch.site}' touches from {touch.start:g} to {touch.stop:g} s and again"

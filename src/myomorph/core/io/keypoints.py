@@ -1,5 +1,6 @@
-"""Three-dimensional keypoints of markerless cameras: HDF5 files with a dataset `tracks`, names
-beside it.
+"""Three-dimensional keypoints of markerless cameras: HDF5 files with a dataset `tracks`.
+
+Names of the points stand in the file or beside it.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ HINT = "expected an HDF5 file with a dataset 'tracks' of (frames, animals, point
 
 @dataclass(frozen=True)
 class KeypointNames:
-    """What a file of names says of the points of a recording."""
+    """Names, bodies, unit and rate of a recording's points, as a file of names states them."""
 
     # of the points, in the order of the recording; () where not specified
     names: tuple[str, ...] = ()
@@ -56,14 +57,27 @@ def read_keypoints(
     rate: float | None = None,
     animal: int = 0,
 ) -> Trial:
-    """Read keypoints as markers: (frames, points) positions in metres, a hidden one as NaN.
+    """Read keypoints as markers.
 
     What is not specified here is taken from the file itself (`node_names`, attributes `units` and
     `rate`), then from the file of names beside it: the recording's own name with .yaml, .json or
-    .txt, or the only file of its folder with so many names, which the warnings report. `names`: of
-    the points, in order; `units`: "m", "cm", "mm" or "in"; `rate`: frames per second [Hz]; where
-    nothing states it, times are frame numbers, with a warning; `animal`: which one, where the file
-    holds several.
+    .txt, or the only file of its folder with so many names, which the warnings report.
+
+    Parameters
+    ----------
+    path : of the HDF5 file
+    names : of the points, in order
+    units : "m", "cm", "mm" or "in"
+    rate : frames per second [Hz]; where nothing states it, times are frame numbers, with a warning
+    animal : which one, counted from 0, where the file holds several
+
+    Returns
+    -------
+    markers (frames, points, 3) [m] in the file's axes, NaN where hidden
+
+    Raises
+    ------
+    BadFile : it cannot be read, has no such tracks or animal, or names or unit are unknown
     """
     path = Path(path)
     if units and units not in UNITS:
@@ -116,8 +130,21 @@ def read_keypoints(
 
 
 def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointNames]:
-    """Positions (frames, points, 3) of one animal in the file's unit, and what the file tells of
-    them.
+    """Read the positions of one animal.
+
+    Parameters
+    ----------
+    path : of the HDF5 file
+    animal : which one, counted from 0
+    notes : gets a warning where there are several animals
+
+    Returns
+    -------
+    (frames, points, 3) in the file's unit, NaN where hidden; and what the file states of the points
+
+    Raises
+    ------
+    BadFile : it cannot be read, or has no tracks of numbers in three dimensions, or no such animal
     """
     # Brings h5py: loaded only where it is needed.
     import h5py
@@ -169,8 +196,13 @@ def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointN
 
 
 def _check_hdf5(path: Path) -> None:
-    """Raise `BadFile` where the library crashes or hangs on a file; what it says of one, the reader
-    meets itself.
+    """Read a file in another process first, since the library may crash or hang on it.
+
+    Errors that the library reports are left to the reader.
+
+    Raises
+    ------
+    BadFile : the library crashed, hung or needed too much memory
     """
     outcome = run_guarded(f"{__name__}:_read_all", [path.resolve()], seconds_for(path), MEMORY)
     if outcome.status == "hung":
@@ -184,7 +216,7 @@ def _check_hdf5(path: Path) -> None:
 
 
 def _read_all(path: str) -> None:
-    """The child's side: touch everything that the reader may read."""
+    """Run the child's side: touch everything that the reader may read."""
     # Loaded only where such a file is read or written.
     import h5py
 
@@ -200,6 +232,7 @@ def _read_all(path: str) -> None:
 
 
 def _own_facts(file: Any, tracks: Any) -> KeypointNames:
+    """Read names, unit and rate that the recording itself states."""
     facts = {**dict(file.attrs), **dict(tracks.attrs)}
     names = file["node_names"] if "node_names" in file else facts.get("node_names", ())
     if len(names) > MAX_NAMES:
@@ -214,7 +247,18 @@ def _own_facts(file: Any, tracks: Any) -> KeypointNames:
 
 
 def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
-    """What the file of names beside a recording tells."""
+    """Read the file of names beside a recording.
+
+    Parameters
+    ----------
+    path : of the recording
+    points : count of its points
+    notes : gets a warning where the file of names has another name than the recording
+
+    Returns
+    -------
+    what the file states; nothing where there is none, or more than one fits
+    """
     named = next(
         (file for file in (path.with_suffix(ending) for ending in ENDINGS) if file.is_file()), None
     )
@@ -242,10 +286,23 @@ def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
 
 
 def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
-    """Read names of points: YAML or JSON (a list, or tables as `KeypointNames`), or text with a
-    name a line. Of YAML and JSON the keys are names, bodies, offsets [m], units and rate; those of
-    stac-mjx are understood too (KP_NAMES, KEYPOINT_MODEL_PAIRS, KEYPOINT_INITIAL_OFFSETS,
-    MOCAP_SCALE_FACTOR).
+    """Read names of points: YAML or JSON, or text with one name per line.
+
+    Of YAML and JSON (a list, or tables as `KeypointNames`) the keys are names, bodies, offsets [m],
+    units and rate; those of stac-mjx are understood too (KP_NAMES, KEYPOINT_MODEL_PAIRS,
+    KEYPOINT_INITIAL_OFFSETS, MOCAP_SCALE_FACTOR).
+
+    Parameters
+    ----------
+    path : of the file (.yaml, .yml, .json or .txt)
+
+    Returns
+    -------
+    names, bodies, offsets (3,) [m], unit [m] and rate [Hz], as far as the file states them
+
+    Raises
+    ------
+    BadFile : it cannot be read, is too long, or has something else where a name or number belongs
     """
     path = Path(path)
     try:
@@ -290,6 +347,7 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
 
 
 def _parsed(text: str, path: Path) -> Any:
+    """Parse JSON, or else YAML; `BadFile` where the text is none."""
     if path.suffix.lower() == ".json":
         try:
             return json.loads(text)
@@ -303,17 +361,18 @@ def _parsed(text: str, path: Path) -> Any:
 
 
 def _first(table: Mapping[str, Any], keys: Sequence[str]) -> Any:
+    """Return the value of the first key that a table has, None without."""
     return next((table[key] for key in keys if key in table), None)
 
 
 def _text(value: Any) -> str:
-    """A name. A list or table, which may hold itself many times over, is none."""
+    """Return a name; `TypeError` for a list or table, which may hold itself many times over."""
     if not isinstance(value, (str, int, float)):
         raise TypeError(f"a name cannot be a {type(value).__name__}")
     return str(value)
 
 
 def _three(value: Any) -> tuple[float, float, float]:
-    """Three numbers, as a list or as a text."""
+    """Read three numbers, from a list or from a text."""
     x, y, z = map(float, value.split() if isinstance(value, str) else value)
     return x, y, z

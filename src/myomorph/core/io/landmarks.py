@@ -1,5 +1,4 @@
-"""Landmarks of bones: tables of pairs, tables of points, 3D Slicer's markups, JSON, OpenSim's
-markers and stations.
+"""Landmarks of bones: tables, 3D Slicer's markups, JSON, OpenSim's markers and stations.
 
 `read_landmark_pairs` gives plain values (`model.landmarks.LandmarkPairs`), since readers know only
 the nouns of `model`; `study` makes feature points of them.
@@ -52,10 +51,25 @@ _IN_MILLIMETERS = "# Markups fiducial file"
 
 
 def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs]:
-    """Landmarks of two skeletons, by body of the source. A table with the columns `body, name,
-    source_x, source_y, source_z, target_x, target_y, target_z`, in any order and case, separated by
-    commas, semicolons or tabs; in meters unless a column says otherwise (`source_x [mm]`). Source
-    points are in the source body's frame, target points in the frame of the target's bone.
+    """Read the landmarks of two skeletons.
+
+    The table has the columns `body, name, source_x, source_y, source_z, target_x, target_y,
+    target_z`, in any order and case, separated by commas, semicolons or tabs; it is in meters
+    unless a column says otherwise (`source_x [mm]`).
+
+    Parameters
+    ----------
+    path : of the table
+
+    Returns
+    -------
+    by body of the source, names with source points (landmarks, 3) in the source body's frame [m]
+    and target points (landmarks, 3) in the frame of the target's bone [m]
+
+    Raises
+    ------
+    BadFile : it is no such table, a line lacks a body, a name or a number, or names a landmark
+        again
     """
     path = Path(path)
     table = _table(path, PAIR_COLUMNS)
@@ -85,10 +99,22 @@ def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs
 
 
 def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Array]:
-    """Landmarks (3,) of one bone by name [m]. `path`: a table (`name, x, y, z`), 3D Slicer's
-    markups (`.json`, `.fcsv`), JSON (`{"name": [x, y, z]}`), an OpenSim model or MarkerSet; see
-    `read_body_landmarks` for units and frames; `body`: whose landmarks, where a file has those of
-    several bodies.
+    """Read the landmarks of one bone.
+
+    Parameters
+    ----------
+    path : of a table (`name, x, y, z`), 3D Slicer's markups (`.json`, `.fcsv`), JSON (`{"name": [x,
+        y, z]}`), an OpenSim model or MarkerSet; see `read_body_landmarks` for units and frames
+    body : whose landmarks, where a file has those of several bodies
+
+    Returns
+    -------
+    (3,) by name [m]
+
+    Raises
+    ------
+    BadFile : it is no such file, or has several bodies and none is chosen
+    UnknownName : it has no landmarks of the body
     """
     body_landmarks = read_body_landmarks(path)
     if body:
@@ -105,13 +131,26 @@ def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Ar
 
 
 def read_body_landmarks(path: str | os.PathLike[str]) -> dict[str, dict[str, Array]]:
-    """Landmarks (3,) by body and name [m]; the body is "" where the file names none.
+    """Read the landmarks of several bones.
 
     Tables (an optional column `body`, then `name, x, y, z`) and JSON are in meters unless they say
     otherwise: a column `x [mm]`, a key `"units": "mm"`. 3D Slicer's markups are in millimeters
     unless they say otherwise; their axes stay as the file has them (LPS or RAS), so the bone must
     be saved in the same. OpenSim's markers and stations come in the frames of their bodies; a
     MarkerSet without a model in the frames that it names.
+
+    Parameters
+    ----------
+    path : of the file (.csv, .tsv, .txt, .fcsv, .json, .osim or .xml)
+
+    Returns
+    -------
+    (3,) by body and name [m]; the body is "" where the file names none
+
+    Raises
+    ------
+    BadFile : it has another ending, is not as its format asks for, names a landmark twice, or has
+        none
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -139,7 +178,7 @@ class _Line:
 
 
 class _Table:
-    """Lines of a table whose header is known, and what is wrong with them."""
+    """Lines of a table whose header is known, and the errors in them."""
 
     def __init__(self, path: Path, lines: Sequence[_Line], factors: Mapping[str, float]):
         self.path = path
@@ -148,11 +187,30 @@ class _Table:
         self._wrong: list[tuple[str, str]] = []
 
     def wrong(self, line: _Line, problem: str, hint: str) -> None:
-        """Remember a line that cannot be used."""
+        """Add an error of a line.
+
+        Parameters
+        ----------
+        line : that cannot be used
+        problem : what is wrong with it
+        hint : what would be right
+        """
         self._wrong.append((f"line {line.number} {problem}", hint))
 
     def point(self, line: _Line, prefix: str, whose: str, side: str = "") -> Array:
-        """Three numbers of a line [m]; what is wrong with them is remembered."""
+        """Read the three numbers of a point; errors in them are added to the table's.
+
+        Parameters
+        ----------
+        line : of the table
+        prefix : of the columns, before x, y and z
+        whose : the point is, for the message
+        side : "source", "target" or ""
+
+        Returns
+        -------
+        (3,) [m], 0 where a number is missing
+        """
         values = []
         for axis in "xyz":
             text = line.cells[prefix + axis]
@@ -171,7 +229,12 @@ class _Table:
         return frozen_array(np.nan_to_num(values))
 
     def done(self) -> None:
-        """Raise `BadFile` where a line was wrong, or there is none."""
+        """Check that there are lines without errors.
+
+        Raises
+        ------
+        BadFile : a line has an error, or there is none
+        """
         if not self.lines:
             raise BadFile(self.path, "has a header, but no landmark below it")
         if self._wrong:
@@ -183,11 +246,28 @@ class _Table:
 
 
 def _text(path: Path, hint: str) -> str:
+    """Read the text of a file that is not too large; `BadFile` where it is."""
     check_size(path, LARGEST, "landmarks")
     return file_text(path, hint)
 
 
 def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> _Table:
+    """Read a table with a header, in 3D Slicer's form too.
+
+    Parameters
+    ----------
+    path : of the file
+    columns : that it must have; a table of points may lack the header
+    optional : columns that must not stand there twice
+
+    Returns
+    -------
+    lines by names of columns in small letters, and the factor of each column to meters
+
+    Raises
+    ------
+    BadFile : it lacks a column, has one twice, or a line has more cells than the header
+    """
     hint = f"expected a table with the columns {', '.join(columns)}"
     text = _text(path, hint)
     rows = [(index + 1, row) for index, row in enumerate(text.split("\n")) if row.strip(" \t,;")]
@@ -226,6 +306,7 @@ def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> 
 
 
 def _cells(path: Path, row: str, delimiter: str) -> list[str]:
+    """Split a line into cells without blanks around; `BadFile` where quotes are broken."""
     try:
         return [cell.strip() for cell in next(csv.reader([row], delimiter=delimiter), [])]
     except csv.Error as error:
@@ -233,7 +314,17 @@ def _cells(path: Path, row: str, delimiter: str) -> list[str]:
 
 
 def _columns(cells: Sequence[str], factor: float) -> tuple[list[str], list[float]]:
-    """Names in small letters, and how many meters one of each is."""
+    """Read names and units of columns.
+
+    Parameters
+    ----------
+    cells : of the header
+    factor : of a column without a unit [m]
+
+    Returns
+    -------
+    names in small letters without units, and the unit of each [m]
+    """
     names = []
     factors = []
     for cell in cells:
@@ -247,7 +338,7 @@ def _columns(cells: Sequence[str], factor: float) -> tuple[list[str], list[float
 
 
 def _slicer_header(rows: Sequence[tuple[int, str]]) -> str:
-    """The header that 3D Slicer writes as a comment, its label under our name for it."""
+    """Return the header that 3D Slicer writes as a comment, with our names; "" without one."""
     header = next(
         (row.split("=", 1)[1] for _, row in rows if row.replace(" ", "").startswith("#columns=")),
         "",
@@ -257,6 +348,7 @@ def _slicer_header(rows: Sequence[tuple[int, str]]) -> str:
 
 
 def _points(path: Path) -> dict[str, dict[str, Array]]:
+    """Read a table of points: (3,) [m] by body and name."""
     table = _table(path, POINT_COLUMNS, ("body",))
     result: dict[str, dict[str, Array]] = {}
     for line in table.lines:
@@ -274,6 +366,20 @@ def _points(path: Path) -> dict[str, dict[str, Array]]:
 
 
 def _from_json(path: Path) -> dict[str, dict[str, Array]]:
+    """Read landmarks from JSON, a table of them or 3D Slicer's markups.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    (3,) by body and name [m]
+
+    Raises
+    ------
+    BadFile : it is not JSON, of another form, in an unknown unit, or has a name twice
+    """
     hint = (
         'expected {"name": [x, y, z], ...}, {"body": {"name": [x, y, z], ...}}, or 3D Slicer\'s'
         " markups"
@@ -317,6 +423,21 @@ def _from_json(path: Path) -> dict[str, dict[str, Array]]:
 
 
 def _markups(path: Path, markups: object) -> dict[str, Array]:
+    """Read the control points of 3D Slicer's markups.
+
+    Parameters
+    ----------
+    path : of the file, for messages
+    markups : of its JSON
+
+    Returns
+    -------
+    (3,) by label [m], along the file's axes
+
+    Raises
+    ------
+    BadFile : a point has no label, one that another has, or no position
+    """
     hint = "expected lists of points, as 3D Slicer writes them"
     result: dict[str, Array] = {}
     for markup in markups if isinstance(markups, list) else []:
@@ -345,6 +466,24 @@ def _markups(path: Path, markups: object) -> dict[str, Array]:
 
 
 def _place(path: Path, name: str, value: object, factor: float, hint: str) -> Array:
+    """Convert three numbers to a position.
+
+    Parameters
+    ----------
+    path : of the file, for messages
+    name : of the landmark, for messages
+    value : of the JSON
+    factor : the file's unit [m]
+    hint : what was expected, for the message
+
+    Returns
+    -------
+    (3,) [m]
+
+    Raises
+    ------
+    BadFile : it is no list of three numbers
+    """
     numbers = (
         value
         if isinstance(value, list) and all(type(number) in (int, float) for number in value)
@@ -359,6 +498,12 @@ def _place(path: Path, name: str, value: object, factor: float, hint: str) -> Ar
 
 
 def _stations(path: Path) -> dict[str, dict[str, Array]]:
+    """Read OpenSim's stations and markers: (3,) [m] by body and name.
+
+    Raises
+    ------
+    BadFile : it is neither a model nor a MarkerSet, or names a landmark of a body twice
+    """
     node = read_document(path, ("Model", "MarkerSet"), "an OpenSim model or MarkerSet")
     result: dict[str, dict[str, Array]] = {}
     if node.kind == "Model":

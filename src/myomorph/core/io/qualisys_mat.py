@@ -1,5 +1,6 @@
-"""MATLAB exports of Qualisys Track Manager (version 5 files, one structure a recording): marker
-trajectories.
+"""MATLAB exports of Qualisys Track Manager: marker trajectories.
+
+They are version 5 files with one structure per recording.
 """
 
 from __future__ import annotations
@@ -29,10 +30,25 @@ FRAGMENT = "unidentified_"
 
 
 def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) -> Trial:
-    """Read a Qualisys export: labelled trajectories in metres, an unseen marker as NaN, time 0 at
-    frame 1. QTM writes millimetres and, unless set otherwise, z upwards. `unidentified`:
-    trajectories without a label become markers named `unidentified_1`, ...; else only their number
-    and duration are reported.
+    """Read a Qualisys export: labelled trajectories, time 0 at frame 1.
+
+    QTM writes millimetres and, unless set otherwise, z upwards.
+
+    Parameters
+    ----------
+    path : of the file
+    unidentified : whether trajectories without a label become markers named `unidentified_1`, ...;
+        else only their number and duration are reported
+
+    Returns
+    -------
+    markers (frames, markers, 3) [m] in the file's axes, NaN where hidden; `warnings` name what is
+    not read
+
+    Raises
+    ------
+    BadFile : it cannot be read, is damaged or too large, has no labelled trajectories, or its
+        labels, frames or rate do not fit
     """
     path = Path(path)
     _check(path)
@@ -98,7 +114,12 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
 
 
 def _check(path: Path) -> None:
-    """Refuse what is no version 5 file, was cut off, or would not fit into memory."""
+    """Check that a file is of version 5, whole, and would fit into memory.
+
+    Raises
+    ------
+    BadFile : it is not
+    """
     data = mapped_bytes(path)
     head = bytes(data[:HEADER])
     if head.startswith(b"MATLAB 7.3") or head.startswith(b"\x89HDF"):
@@ -120,7 +141,17 @@ def _check(path: Path) -> None:
 
 
 def _unpacked(data: np.ndarray, path: Path) -> int:
-    """How many bytes a compressed element holds; counting ends beyond `LARGEST`."""
+    """Count the bytes that a compressed element holds; counting ends beyond `LARGEST`.
+
+    Parameters
+    ----------
+    data : (bytes,) of the element
+    path : of the file, for messages
+
+    Raises
+    ------
+    BadFile : it cannot be unpacked
+    """
     stream = zlib.decompressobj()
     size = 0
     rest = bytes(data)
@@ -134,7 +165,7 @@ def _unpacked(data: np.ndarray, path: Path) -> int:
 
 
 def _recording(path: Path) -> tuple[str, Any]:
-    """The first structure with trajectories, and its name."""
+    """Find the first structure with trajectories, and its name; `BadFile` where there is none."""
     # Brings SciPy: loaded only where it is needed.
     try:
         content = scipy.io.loadmat(
@@ -153,12 +184,13 @@ def _recording(path: Path) -> tuple[str, Any]:
 
 
 def _field(structure: Any, name: str) -> Any:
-    """A field of a structure, None where it has none or it is empty."""
+    """Return a field of a structure, None where it has none or it is empty."""
     value = getattr(structure, name, None)
     return None if isinstance(value, np.ndarray) and value.size == 0 else value
 
 
 def _number(structure: Any, name: str) -> float:
+    """Return a field's first number, NaN where it has none."""
     value = _field(structure, name)
     try:
         return float(np.asarray(value, dtype=np.float64).reshape(-1)[0])
@@ -167,7 +199,23 @@ def _number(structure: Any, name: str) -> float:
 
 
 def _positions(group: Any, path: Path, kind: str) -> Array:
-    """(trajectories, frames, 3) of a group as the file has them, (0, 0, 3) where there is none."""
+    """Read the trajectories of a group.
+
+    Parameters
+    ----------
+    group : structure with the field `Data` (trajectories, 3 or 4, frames); one may lack the first
+        axis
+    path : of the file, for messages
+    kind : of trajectories, for messages
+
+    Returns
+    -------
+    (trajectories, frames, 3) in the file's unit, NaN where hidden; (0, 0, 3) where there is none
+
+    Raises
+    ------
+    BadFile : it is of another shape, or no numbers
+    """
     data = _field(group, "Data")
     if data is None:
         return np.zeros((0, 0, 3))

@@ -1,6 +1,4 @@
-"""APDM's HDF5 files: orientations and raw signals of Opal sensors, of the older layout and the
-newer one.
-"""
+"""APDM's HDF5 files: orientations and raw signals of Opal sensors, in two layouts."""
 
 from __future__ import annotations
 
@@ -33,8 +31,23 @@ MEMORY = 4.0
 
 
 def read_apdm(path: Path) -> InertialSensors:
-    """Sensors of an APDM file, named by their labels. Source: APDM, Opal how-to: HDF5 file
-    structure.
+    """Read the sensors of an APDM file, named by their labels.
+
+    Source: APDM, Opal how-to: HDF5 file structure.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    orientations (frames, sensors, 4) as w, x, y, z, angular velocities [rad/s], accelerations
+    [m/s^2] and magnetic fields [microtesla] (frames, sensors, 3) over times [s] from the first
+    sensor's first
+
+    Raises
+    ------
+    BadFile : it cannot be read, has no sensor, or one without signals, times or the usual shapes
     """
     if not path.is_file():
         raise BadFile(path, "no such file")
@@ -49,12 +62,18 @@ def read_apdm(path: Path) -> InertialSensors:
 
 
 def read_through(path: str | os.PathLike[str]) -> None:
-    """Read all that `read_apdm` reads."""
+    """Read all that `read_apdm` reads, in a process that may be stopped.
+
+    Parameters
+    ----------
+    path : of the file
+    """
     _sensors(Path(path))
 
 
 def _sensors(path: Path) -> list[InertialSensors]:
     # Takes a moment to import, and few trials need it.
+    """Read each sensor by itself; `BadFile` where the file is no HDF5."""
     import h5py
 
     try:
@@ -65,6 +84,7 @@ def _sensors(path: Path) -> list[InertialSensors]:
 
 
 def _new(file: Any, path: Path) -> list[InertialSensors]:
+    """Read the sensors of the newer layout: groups Sensors and Processed."""
     sensors = []
     start = _start(file["Sensors"])
     for key, group in file["Sensors"].items():
@@ -78,6 +98,7 @@ def _new(file: Any, path: Path) -> list[InertialSensors]:
 
 
 def _old(file: Any, path: Path) -> list[InertialSensors]:
+    """Read the sensors of the older layout: one group per monitor."""
     lists = (file.attrs.get(name, ()) for name in ("CaseIdList", "MonitorLabelList"))
     labels = dict(zip(*(map(_text, texts) for texts in lists), strict=False))
     sensors = []
@@ -95,13 +116,27 @@ def _old(file: Any, path: Path) -> list[InertialSensors]:
 
 
 def _start(groups: Any) -> int:
-    """First time of any sensor [microseconds]."""
+    """Return the first time of any sensor [microseconds]."""
     return min((int(group["Time"][0]) for group in groups.values() if "Time" in group), default=0)
 
 
 def _sensor(
     name: str, parts: dict[str, Any], start: int, rate: float, path: Path
 ) -> InertialSensors:
+    """Read one sensor.
+
+    Parameters
+    ----------
+    name : of the sensor
+    parts : data sets by title, (samples, 3 or 4) or the other way round
+    start : time that counts as 0 [microseconds since 1970]
+    rate : of the samples [Hz], used where there are no times
+    path : of the file, for messages
+
+    Raises
+    ------
+    BadFile : it has no signals, one of another shape or too large, or neither times nor a rate
+    """
     signals: dict[str, Array] = {}
     for kind, titles in SIGNALS.items():
         dataset = next((parts[title] for title in titles if title in parts), None)
@@ -133,6 +168,7 @@ def _sensor(
 
 
 def _text(value: Any) -> str:
+    """Return a text without blanks and null characters at its ends."""
     return (
         value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
     ).strip(" \0")

@@ -34,7 +34,16 @@ HEAD = 4096  # Bytes in which a table states that it holds orientations.
 
 
 def sensor_files(path: Path) -> tuple[Path, ...]:
-    """The files of the recording of sensors alone that a file belongs to; () where it is none."""
+    """List the files of the recording of inertial sensors that a file belongs to.
+
+    Parameters
+    ----------
+    path : of one of the files
+
+    Returns
+    -------
+    the file, and those of the other sensors where each has a file; () where it is no such recording
+    """
     ending = path.suffix.lower()
     if ending == ".c3d" or not any(ending in kind.endings for kind in SENSORS):
         return ()
@@ -52,6 +61,7 @@ def sensor_files(path: Path) -> tuple[Path, ...]:
 
 
 def _holds_sensors(path: Path) -> bool:
+    """Return whether a file can be read and holds a frame of a sensor."""
     try:
         return len(_read(path)) > 0
     except MyomorphError:
@@ -61,7 +71,7 @@ def _holds_sensors(path: Path) -> bool:
 def read_inertial(
     paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
 ) -> InertialSensors:
-    """Inertial sensors of a recording, of one file or of one file for each sensor.
+    """Read the inertial sensors of a recording, of one file or of one file for each sensor.
 
     Knows OpenSim's tables of orientations (.sto), Xsens (.mvnx, .txt), Movella DOT and Delsys
     (.csv), APDM (.h5) and C3D files with channels of accelerometers and gyroscopes (.c3d).
@@ -79,8 +89,8 @@ def read_inertial(
 
     Raises
     ------
-    BadFile, BadData
-        where a file is none of these, or files do not belong together
+    BadFile : a file is none of these, or holds no frame of a sensor
+    BadData : files do not belong together, or there is none
 
     Examples
     --------
@@ -100,6 +110,7 @@ def read_inertial(
 
 
 def _read(path: Path) -> InertialSensors:
+    """Read one file by its ending; `BadFile` where it holds no frame of a sensor."""
     kind = next((kind for kind in SENSORS if path.suffix.lower() in kind.endings), None)
     if kind is None:
         expected = ", ".join(ending for kind in SENSORS for ending in kind.endings)
@@ -115,7 +126,20 @@ def _read(path: Path) -> InertialSensors:
 
 
 def read_c3d_sensors(path: Path) -> InertialSensors:
-    """The inertial sensors among the analog channels of a C3D file."""
+    """Read the inertial sensors among the analog channels of a C3D file.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    accelerations [m/s^2], angular velocities [rad/s] and other signals (frames, sensors, 3 or 4)
+
+    Raises
+    ------
+    BadFile : it cannot be read, or has no such channels
+    """
     sensors = sensors_of_trial(read_c3d(path))
     if sensors is None:
         raise BadFile(
@@ -127,7 +151,17 @@ def read_c3d_sensors(path: Path) -> InertialSensors:
 
 
 def sensors_of_trial(trial: Trial) -> InertialSensors | None:
-    """The inertial sensors among the analog channels of a recording, None where there are none."""
+    """Find the inertial sensors among the analog channels of a recording.
+
+    Parameters
+    ----------
+    trial : its analog channels are read
+
+    Returns
+    -------
+    accelerations [m/s^2], angular velocities [rad/s] and other signals (frames, sensors, 3 or 4);
+    None where there are none
+    """
     analog = trial.analog
     sensors = (
         None

@@ -22,7 +22,8 @@ def sensors_of_signals(
     ----------
     time : (frames,) [s]
     names : one per sensor
-    signals : by fields of `InertialSensors`, in its units; what is missing was not recorded
+    signals : (frames, sensors, 3 or 4) by fields of `InertialSensors`, in its units; what is
+        missing was not recorded
     warnings : what looks wrong, one line each
     source : path of the file
 

@@ -28,8 +28,21 @@ SENSOR_LIKE = re.compile(r"(acc|gyr|mag|quat|orientation)", re.IGNORECASE)
 
 
 def read_orientations(path: Path) -> InertialSensors:
-    """Orientations as OpenSim writes them: a column of quaternions w, x, y, z for each sensor.
+    """Read orientations as OpenSim writes them: a column of quaternions for each sensor.
+
     Source: OpenSim, OpenSense: kinematics with IMU data.
+
+    Parameters
+    ----------
+    path : of the file (.sto)
+
+    Returns
+    -------
+    orientations (frames, sensors, 4) as w, x, y, z, NaN where a quaternion is near 0
+
+    Raises
+    ------
+    BadFile : it is no table of quaternions
     """
     table = read_sto(path)
     if table.facts.get("DataType", "").lower() != "quaternion" or len(table.names) % 4:
@@ -49,8 +62,20 @@ def read_orientations(path: Path) -> InertialSensors:
 
 
 def read_sensor_csv(path: Path) -> InertialSensors:
-    """A CSV file of Movella DOT (one sensor) or of Delsys (several, each channel with its own
-    clock).
+    """Read a CSV file of Movella DOT (one sensor) or of Delsys (several sensors).
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    signals (frames, sensors, 3 or 4); those of Delsys, whose channels have clocks of their own, at
+    the times of the fastest inertial channel
+
+    Raises
+    ------
+    BadFile : it is none of these, or has no sensor with all axes
     """
     lines = file_text(path, HINT).splitlines()
     if any(COLUMNS.match(line) for line in lines[:HEAD_LINES]):
@@ -64,7 +89,23 @@ def read_sensor_csv(path: Path) -> InertialSensors:
 
 
 def _delsys(path: Path, cells: list[str], mark: str, lines: list[str]) -> InertialSensors:
-    """Channels brought to the clock of the fastest inertial channel."""
+    """Bring the channels of Delsys to the clock of the fastest inertial channel.
+
+    Parameters
+    ----------
+    path : of the file
+    cells : names of the columns; a column of times stands before its channels
+    mark : between cells; with ";" a comma is a decimal point
+    lines : of numbers
+
+    Returns
+    -------
+    the sensors, NaN where a channel was not recorded
+
+    Raises
+    ------
+    BadFile : a cell is no number, or no sensor has all axes
+    """
     decimal = mark == ";"
     lines = [line.replace(",", ".") if decimal else line for line in lines if line.strip(" ,;\t")]
     rows = [line.split(mark) for line in lines]
@@ -137,7 +178,22 @@ are deg/s.
 def sensors_of_channels(
     time: Array, names: Sequence[str], values: Array, units: Sequence[str]
 ) -> InertialSensors | None:
-    """Inertial sensors among channels (samples, channels); None where there are none."""
+    """Find inertial sensors among channels, by their names.
+
+    A sensor has all axes of an accelerometer and a gyroscope, or an orientation.
+
+    Parameters
+    ----------
+    time : (samples,) [s]
+    names : one per channel, as "shank.ACC.X"
+    values : (samples, channels)
+    units : one per channel, "" for unknown, then guessed from their size
+
+    Returns
+    -------
+    signals (samples, sensors, 3 or 4) that all sensors have, in the units of `InertialSensors`;
+    None where there are no sensors
+    """
     columns: dict[str, dict[tuple[str, str], int]] = {}
     for index, name in enumerate(names):
         match = CHANNEL.match(name)
@@ -175,11 +231,24 @@ def sensors_of_channels(
 
 
 def _axes(kind: str) -> str:
+    """Return the axes of a signal, w before x, y and z for orientations."""
     return "wxyz" if kind == "orientations" else "xyz"
 
 
 def _scale(kind: str, units: Sequence[str], values: Array, notes: list[str]) -> float:
-    """Factor to the units of `InertialSensors`; where no unit is stated, judged by size."""
+    """Find the factor of a signal to the units of `InertialSensors`.
+
+    Parameters
+    ----------
+    kind : of signal
+    units : one per channel
+    values : (samples, channels), three channels per sensor
+    notes : gets a warning where the unit follows from the size of the values
+
+    Returns
+    -------
+    the factor, 1 for orientations and magnetic fields
+    """
     if kind not in ("accelerations", "angular_velocities"):
         return 1.0
     known = ACCELERATION_UNITS if kind == "accelerations" else RATE_UNITS

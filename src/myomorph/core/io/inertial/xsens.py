@@ -34,8 +34,24 @@ VECTORS = {"accelerations": "Acc", "angular_velocities": "Gyr", "magnetic_fields
 
 
 def read_mvnx(path: Path) -> InertialSensors:
-    """Sensors of an MVNX file; where it has only segments, those. Frames of calibration poses are
-    left out: their orientations are those of an avatar. Source: Movella, MVN User Manual, MVNX.
+    """Read the sensors of an MVNX file; where it has only segments, those.
+
+    Frames of calibration poses are left out: their orientations are those of an avatar.
+
+    Source: Movella, MVN User Manual, MVNX.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    orientations (frames, sensors, 4) as w, x, y, z, and signals (frames, sensors, 3) in the file's
+    units
+
+    Raises
+    ------
+    BadFile : it is no such file, or has no frame with orientations
     """
     root = read_xml(path).root
     subject = _first(root, "subject")
@@ -78,15 +94,34 @@ def read_mvnx(path: Path) -> InertialSensors:
 
 
 def _all(element: etree._Element, tag: str) -> list[etree._Element]:
-    """Elements of a name in any name space."""
+    """List the elements of a name, in any name space."""
     return [child for child in element.iter() if etree.QName(child).localname == tag]
 
 
 def _first(element: etree._Element, tag: str) -> etree._Element | None:
+    """Find the first element of a name in any name space, None without."""
     return next((child for child in element.iter() if etree.QName(child).localname == tag), None)
 
 
 def _vectors(frames: list[etree._Element], tag: str, count: int, width: int, path: Path) -> Array:
+    """Read a signal of all sensors.
+
+    Parameters
+    ----------
+    frames : elements
+    tag : of the signal in a frame
+    count : of sensors
+    width : numbers per sensor
+    path : of the file, for messages
+
+    Returns
+    -------
+    (frames, count, width), NaN where a frame lacks the signal
+
+    Raises
+    ------
+    BadFile : a frame has another count of numbers, or a text
+    """
     rows = np.full((len(frames), count, width), np.nan)
     for index, frame in enumerate(frames):
         element = _first(frame, tag)
@@ -110,19 +145,49 @@ def _vectors(frames: list[etree._Element], tag: str, count: int, width: int, pat
 
 
 def read_xsens_text(path: Path) -> InertialSensors:
-    """One sensor of an MT Manager export, named by the last part of the file's name; gyroscopes in
-    rad/s.
+    """Read one sensor of an MT Manager export, named by the last part of the file's name.
+
+    Parameters
+    ----------
+    path : of the file; its gyroscopes are in rad/s
+
+    Returns
+    -------
+    signals (frames, 1, 3 or 4)
+
+    Raises
+    ------
+    BadFile : it is no such file, or has no signal or no time
     """
     return _table(path, 1.0)
 
 
 def read_dot(path: Path) -> InertialSensors:
-    """One sensor of a Movella DOT export, named by its tag or its file; gyroscopes in deg/s."""
+    """Read one sensor of a Movella DOT export, named by its tag or its file.
+
+    Parameters
+    ----------
+    path : of the file; its gyroscopes are in deg/s
+
+    Returns
+    -------
+    signals (frames, 1, 3 or 4), angular velocities [rad/s]
+
+    Raises
+    ------
+    BadFile : it is no such file, or has no signal or no time
+    """
     return _table(path, np.pi / 180.0)
 
 
 def _table(path: Path, rate_unit: float) -> InertialSensors:
-    """Columns of one sensor."""
+    """Read the columns of one sensor.
+
+    Parameters
+    ----------
+    path : of the file
+    rate_unit : unit of its gyroscopes [rad/s]
+    """
     text = file_text(path, HINT)
     lines = text.splitlines()
     start = next(
@@ -169,8 +234,22 @@ def _table(path: Path, rate_unit: float) -> InertialSensors:
 
 
 def _clock(values: Array, where: dict[str, int], head: str, path: Path) -> Array:
-    """Times by the counter of packets and the rate that the head states, else by the clock of
-    samples [s].
+    """Find the times of the rows, by the counter of packets or else by the clock of samples.
+
+    Parameters
+    ----------
+    values : (rows, columns)
+    where : index by name of column
+    head : text above the columns, which may state the rate
+    path : of the file, for messages
+
+    Returns
+    -------
+    (rows,) [s]
+
+    Raises
+    ------
+    BadFile : neither a rate with a counter nor a clock of samples is there
     """
     rate = re.search(r"Update\s*Rate:?[,\s]*([\d.]+)", head)
     if rate and "PacketCounter" in where:
