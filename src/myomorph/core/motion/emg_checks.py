@@ -261,7 +261,15 @@ def _unknown(series: Series, name: str, column: Array) -> list[EmgFault]:
 
 
 def _dead(series: Series, name: str, column: Array, least: float) -> list[EmgFault]:
-    """Find stretches without any change in a channel (samples,), at least `least` seconds long."""
+    """Find stretches without any change.
+
+    Parameters
+    ----------
+    series : with the times
+    name : of the channel
+    column : (samples,)
+    least : shortest stretch that counts [s]
+    """
     steps = np.diff(column)
     still = np.concatenate(
         [[False], np.isfinite(steps) & (np.abs(steps) <= 1e-12 * np.nanmax(np.abs(column)))]
@@ -381,7 +389,16 @@ def _share(flags: np.ndarray) -> str:
 
 
 def _fault(series: Series, name: str, kind: str, where: np.ndarray, what: str) -> EmgFault:
-    """Describe a fault from the first to the last sample of `where` (samples,)."""
+    """Describe a fault.
+
+    Parameters
+    ----------
+    series : with the times
+    name : of the channel
+    kind : of the fault
+    where : (samples,) whether a sample has it; reported from the first to the last
+    what : is wrong, for the text
+    """
     places = np.flatnonzero(where)
     start = float(series.time[places[0]])
     stop = float(series.time[places[-1]])

@@ -370,6 +370,10 @@ def mended_labels(model: Model, markers: Markers) -> tuple[Markers, tuple[Findin
     Returns
     -------
     the repaired recording, and findings on what was exchanged
+
+    Raises
+    ------
+    BadData : model and recording share no marker, or their sizes differ by more than five times
     """
     options = InverseKinematicsOptions()
     names, _ = tracked_markers(model, markers, options)
@@ -524,6 +528,7 @@ def _solver(
     """Return inverse kinematics of single frames, each searched for anew."""
 
     def solve(observed: Array) -> Array:
+        """Solve single frames from positions (frames, markers, 3) for errors (frames, markers)."""
         errors = np.full(observed.shape[:2], np.nan)
         for index, positions in enumerate(observed):
             if np.isfinite(positions).all(axis=1).any():

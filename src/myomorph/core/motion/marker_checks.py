@@ -91,6 +91,10 @@ def checked_kinematics(
     Returns
     -------
     the fit, the repaired recording and the findings
+
+    Raises
+    ------
+    BadData : model and recording share no marker that has a weight; see `inverse_kinematics`
     """
     options = options or InverseKinematicsOptions()
     checks = checks or MarkerCheckOptions()
@@ -356,7 +360,14 @@ CLOSES = 0.35
 
 @dataclass(frozen=True)
 class Excursion:
-    """Frames [start, stop) in which a marker is off its path, by how much [m]."""
+    """Frames in which a marker is off its path.
+
+    Attributes
+    ----------
+    marker : its number
+    start, stop : frames [start, stop)
+    size : distance from the path [m]
+    """
 
     marker: int
     start: int
@@ -366,7 +377,13 @@ class Excursion:
 
 @dataclass(frozen=True)
 class Exchange:
-    """Frames [start, stop) whose labels of two markers are exchanged against their neighbors."""
+    """Frames in which the labels of two markers are exchanged against their neighbors.
+
+    Attributes
+    ----------
+    first, second : numbers of the markers
+    start, stop : frames [start, stop)
+    """
 
     first: int
     second: int
@@ -382,7 +399,7 @@ class Steps:
     ----------
     start, stop : (steps,) frames from which and to which
     predicted : (steps, 3) position expected after the step [m]
-    excess : (steps, 3) position less that expected [m]
+    excess : (steps, 3) position less the one expected [m]
     """
 
     start: NDArray[np.int64]
@@ -419,7 +436,8 @@ def _edges(time: Array, path: Array, unit: float) -> Steps:
     """Find the steps of a path that stand out of those around.
 
     A step is predicted by the median velocity of the three before and the three after it. Its
-    excess must be larger than 3 cm (on a human body) and six times what nine of ten steps have.
+    excess must be larger than 3 cm (on a human body) and six times what nine of ten steps have;
+    steps over gaps longer than 0.1 s are not compared.
 
     Parameters
     ----------
@@ -460,6 +478,10 @@ def _edges(time: Array, path: Array, unit: float) -> Steps:
 def excursions(time: Array, edges: Sequence[Steps]) -> tuple[Excursion, ...]:
     """Find markers that leave their path from one frame to the next and return as suddenly.
 
+    With the excess out and back of two steps at most 0.25 s apart,
+
+        |out + back| < 0.35 max(|out|, |back|)
+
     Parameters
     ----------
     time : (frames,) [s]
@@ -495,6 +517,9 @@ def excursions(time: Array, edges: Sequence[Steps]) -> tuple[Excursion, ...]:
 
 def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
     """Find pairs of markers whose paths go on in each other from some frame on.
+
+    The markers that step in a frame are matched to the positions predicted, least distances in all;
+    a pair counts whose exchanged distances are below 0.35 of those as labeled.
 
     Parameters
     ----------

@@ -84,7 +84,17 @@ def side_findings(markers: Markers, names: Sequence[str], unit: float = 1.0) -> 
 
 
 def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
-    """Compare distances of bony markers on both sides that stay the same in all frames."""
+    """Compare distances of bony markers on both sides that stay the same in all frames.
+
+    Parameters
+    ----------
+    markers : as recorded (frames, markers, 3) [m], NaN where hidden
+    names : of the markers to look at
+
+    Returns
+    -------
+    links whose standard deviations over frames are below `STEADY` on both sides, each pair once
+    """
     sites = {name: site for name, site in recognize(markers.names).sites.items() if name in names}
     bony = {name: site for name, site in sites.items() if site.kind == "bony"}
     partner = {
@@ -164,10 +174,19 @@ def _suspects(worst: _Link, links: Sequence[_Link]) -> list[tuple[str, ...]]:
 
 
 def _has(link: _Link, names: tuple[str, ...]) -> bool:
+    """Return whether a link has one of these markers."""
     return bool({*link.markers, *link.others} & {*names})
 
 
 def _text(worst: _Link, suspects: Sequence[tuple[str, ...]], usual: float) -> str:
+    """Describe an asymmetry for the user.
+
+    Parameters
+    ----------
+    worst : the link that differs most
+    suspects : markers of which one is placed asymmetrically
+    usual : median of the differences [m]
+    """
     named = " or ".join(f"'{name}'" for pair in suspects for name in pair)
     first, other = worst.markers
     a, b = worst.others

@@ -218,6 +218,16 @@ class OnlineKinematics:
     """Inverse kinematics of one frame after the other of the named markers.
 
     Each starts from the straight line through the last two poses.
+
+    Parameters
+    ----------
+    model : with some of these markers
+    names : of the markers that will arrive, in their order
+    options : of inverse kinematics
+
+    Raises
+    ------
+    BadData : model and names share no marker that has a weight
     """
 
     def __init__(
@@ -333,6 +343,13 @@ class OnlineOrientations(OnlineKinematics):
     `solve` takes quaternions (sensors, 4) to the earth, NaN where one is missing, and returns
     errors in radians. Headings stay as the mounting has them last; joints without a sensor stay
     where they were last.
+
+    Parameters
+    ----------
+    model : with the sensors' bodies
+    mounting : of the sensors, in the order in which they arrive
+    options : of inverse kinematics
+    sizes : noise of the sensors
     """
 
     def __init__(
@@ -405,7 +422,16 @@ class SteadyFrame:
 class SteadyKinematics:
     """Inverse kinematics frame by frame, continuous where markers come and go.
 
-    Jumps are given back in `blend` [s].
+    Parameters
+    ----------
+    model : with some of these markers
+    names : of the markers that will arrive, in their order
+    options : of inverse kinematics
+    blend : time constant with which jumps are given back [s]
+
+    Raises
+    ------
+    BadData : `blend` is not above 0, or model and names share no marker that has a weight
     """
 
     def __init__(

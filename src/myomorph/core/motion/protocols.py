@@ -132,8 +132,9 @@ class ProtocolTable:
 def find_protocol(names: Iterable[str], table: ProtocolTable | None = None) -> Protocol | None:
     """Find the marker protocol that a recording follows.
 
-    Labels count with or without a subject's name before them (`Subject:LASI`). Of protocols that
-    know equally many labels, the one counts whose labels are all there.
+    Labels count with or without a subject's name before them (`Subject:LASI`). At least six of
+    them, and 30 % of the protocol's landmarks, must be known. Of protocols that know equally many
+    labels, the one counts whose labels are all there.
 
     Parameters
     ----------
@@ -244,7 +245,7 @@ def protocol_table(text: str, source: str, base: ProtocolTable | None = None) ->
 
     Parameters
     ----------
-    text : TOML
+    text : as `data/protocols.toml`, whose first lines describe it
     source : name of the file, for errors
     base : table to add to; None begins with an empty one
 
@@ -291,6 +292,20 @@ def _protocol(
     before: Mapping[str, Protocol],
     source: str,
 ) -> Protocol:
+    """Read a protocol of a TOML table.
+
+    Parameters
+    ----------
+    name : of the protocol
+    raw : its table: title, source, sides, also, endings and labels
+    landmarks : words and kind, by `segment.key`
+    before : protocols that `also` may name
+    source : name of the file, for errors
+
+    Raises
+    ------
+    BadData : unknown protocols or landmarks, or sides that are not right and left
+    """
     where = f"{source}: protocol '{name}'"
     sides = raw.get("sides", SIDES)
     if not isinstance(sides, Mapping) or sorted(sides.values()) != ["left", "right"]:
@@ -331,7 +346,23 @@ def _labels(
     where: str,
     sides: Mapping[str, str] = SIDES,
 ) -> dict[str, Site]:
-    """Labels with their sides, and what they lie on."""
+    """Read labels with their sides, and what they lie on.
+
+    Parameters
+    ----------
+    raw : landmark by label, with `#` for the side's letter
+    landmarks : words and kind, by `segment.key`
+    where : file and table, for errors
+    sides : side by letter
+
+    Returns
+    -------
+    what each label lies on
+
+    Raises
+    ------
+    BadData : an unknown landmark, or a label that is there twice
+    """
     result: dict[str, Site] = {}
     for label, value in raw.items():
         if not (key := value):

@@ -60,6 +60,7 @@ def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
     )
 
     def settle(problem: PoseProblem, frame: int, start: Array) -> tuple[float, Array]:
+        """Solve one frame from a pose (coordinates,): its cost and its pose."""
         solved.values[frame] = start
         solve_chunk(
             tree.arrays,

@@ -200,6 +200,7 @@ def find_balls(surface: Surface, diameter: float = 0.009) -> tuple[Ball, ...]:
 
 
 def _is_ball(ball: Ball, radius: float) -> bool:
+    """Return whether a sphere is a marker of this radius [m]: in size, round, seen enough."""
     sized = abs(ball.radius - radius) <= TOLERANCE * radius
     return sized and ball.covered >= COVERED and ball.residual < ROUND * radius
 
@@ -207,10 +208,17 @@ def _is_ball(ball: Ball, radius: float) -> bool:
 def _voted(part: Surface, radius: float) -> list[Ball]:
     """Find balls grown together with other things, by votes of the normals.
 
+    The normal at a face is the sum of the area vectors of the patch around, so that a scan's noise
+    hardly turns it. It votes for the center one radius inward.
+
     Parameters
     ----------
     part : of a surface
     radius : of the markers [m]
+
+    Returns
+    -------
+    balls in the order of their votes
     """
     corners = part.vertices[part.faces]
     crossed = 0.5 * face_crosses(part.vertices, part.faces)

@@ -142,6 +142,7 @@ def register_surface(
     ours = Shape(source)
 
     def fitted(shape: Shape, begun: Similarity | None = None) -> RoughFit:
+        """Fit a shape to the target, from the best rough fit where no start is specified."""
         begun = begun or _few_fits(shape, goal, options)[0].similarity
         return _Fitting(shape, goal, options, options.points).iterated(begun, options.iterations)
 
