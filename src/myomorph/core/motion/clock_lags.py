@@ -106,7 +106,7 @@ def main_frequency(time: Array, other_time: Array, other: Array) -> float:
     ----------
     time : (frames,) of the reference [s]
     other_time : (samples,) [s]
-    other : (samples, signals), each scaled to a standard deviation of 1
+    other : (samples, signals), which count alike whatever their size
 
     Returns
     -------

@@ -158,7 +158,7 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
 
     Raises
     ------
-    BadData where no run of six frames is free of gaps
+    BadData : no run of six frames is free of gaps
 
     Examples
     --------

@@ -103,7 +103,7 @@ def natural_spline(time: Array, values: Array, degree: int = 5) -> Spline:
 
     Raises
     ------
-    BadData where there are too few frames, values are not finite, or times do not increase
+    BadData : there are too few frames, values are not finite, or times do not increase
     """
     if len(time) <= degree:
         raise BadData(

@@ -23,7 +23,7 @@ SeriesKind = TypeVar("SeriesKind", bound=Series)
 
 
 def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
-    """Keep the frames with start <= time <= end [s], half a frame of rounding allowed.
+    """Keep the frames with start <= time <= end [s], a hundredth of a frame of rounding allowed.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
 
     Raises
     ------
-    BadData where no frame is left, saying what times exist
+    BadData : no frame is left, saying what times exist
 
     Examples
     --------
