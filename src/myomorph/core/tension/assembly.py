@@ -308,11 +308,11 @@ def _coupling(T, L, c, slopes, C):
 
 
 @kernel
-def fold(T, L, coordinates, slopes, entries, forces, anyway, torques, values, right, left):
+def fold(T, L, coordinates, slopes, entries, forces, anyway, torques, values, required, b):
     """Fill A and b of every frame.
 
         A[r, i] = sum over links of C entry force_i
-    b = tau + C^T tau_dependent - what acts anyway
+        b = tau + C^T tau_dependent - what acts anyway
 
     Parameters
     ----------
@@ -322,24 +322,24 @@ def fold(T, L, coordinates, slopes, entries, forces, anyway, torques, values, ri
     entries : (frames, entries) generalized forces of unit forces
     forces : (frames, variables) force of a unit of each variable
     anyway : (frames, leading variables) forces that act whatever the variables are
-    torques : (frames, coordinates) of inverse dynamics
+    torques : (frames, coordinates) of inverse dynamics, less those of springs of joints [N m or N]
     values : (frames, entries of A) filled
-    right : (frames, rows) filled with all that has to be balanced
-    left : (frames, rows) filled with the same without what acts anyway
+    required : (frames, rows) filled with the torques that all forces together have to balance
+    b : (frames, rows) filled with the same less what acts anyway: the right side of A x = b
     """
     C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
     for frame in range(coordinates.shape[0]):
         _coupling(T, L, coordinates[frame], slopes[frame], C)
         for j in range(L.row.shape[0]):
             if L.row[j] >= 0:
-                right[frame, L.row[j]] = torques[frame, j]
+                required[frame, L.row[j]] = torques[frame, j]
         for number in range(L.driven.shape[0]):
             dependent = torques[frame, L.driven[number]]
             for j in range(L.row.shape[0]):
                 if L.row[j] >= 0 and C[number, j] != 0.0:
-                    right[frame, L.row[j]] += C[number, j] * dependent
-        for index in range(right.shape[1]):
-            left[frame, index] = right[frame, index]
+                    required[frame, L.row[j]] += C[number, j] * dependent
+        for index in range(required.shape[1]):
+            b[frame, index] = required[frame, index]
         for index in range(values.shape[1]):
             values[frame, index] = 0.0
         for index in range(L.variable.shape[0]):
@@ -350,4 +350,4 @@ def fold(T, L, coordinates, slopes, entries, forces, anyway, torques, values, ri
                 slope = C[L.dependent[index], L.follows[index]]
             values[frame, L.target[index]] += entry * forces[frame, variable] * slope
             if variable < anyway.shape[1]:
-                left[frame, L.row[L.follows[index]]] -= entry * anyway[frame, variable] * slope
+                b[frame, L.row[L.follows[index]]] -= entry * anyway[frame, variable] * slope

@@ -124,7 +124,7 @@ def _step(S, targets, penalty, s, ds, constant, linear):
 
 
 @inner
-def _pull(S, A, y, s):
+def _multiply_transposed(S, A, y, s):
     """Fill s with A^T y."""
     for i in range(s.shape[0]):
         s[i] = 0.0
@@ -188,7 +188,7 @@ def _newton(S, A, b, targets, penalty, relative, max_steps, cold, x, y, by_varia
         slack[j] = relative * max(slack[j], 1.0)
         floor[j] = 10.0 * slack[j]
         scale = max(scale, 1.0 + abs(b[j]))
-    _pull(S, A, y, s)
+    _multiply_transposed(S, A, y, s)
     iteration = 0
     checked = False
     before = 0.0
@@ -224,7 +224,7 @@ def _newton(S, A, b, targets, penalty, relative, max_steps, cold, x, y, by_varia
             # errors in it.
             checked = True
             before = left
-            _pull(S, A, y, s)
+            _multiply_transposed(S, A, y, s)
             continue
         checked = False
         iteration += 1
@@ -238,7 +238,7 @@ def _newton(S, A, b, targets, penalty, relative, max_steps, cold, x, y, by_varia
         for j in range(n):
             constant += (b[j] - slack[j] * y[j]) * z[j]
             linear += slack[j] * z[j] * z[j]
-        _pull(S, A, z, ds)
+        _multiply_transposed(S, A, z, ds)
         t = _step(S, targets, penalty, s, ds, constant, linear)
         for j in range(n):
             y[j] += t * z[j]
