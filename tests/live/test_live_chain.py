@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from live_walk import WALK, played, recorded_walk
-from numba.core.dispatcher import Dispatcher
 
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
@@ -16,6 +15,7 @@ from myomorph.core.model.series import ForcePlate, Markers, Motion, Trial, Wrenc
 from myomorph.core.motion.ik import inverse_kinematics
 from myomorph.core.motion.sync import cut
 from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kernels import Kernel
 from myomorph.core.tension.solve import solve_tension
 from myomorph.lab.study.inputs.reading import open_model
 from myomorph.live.chain import HELD, NO_FORCE, SETTLING, SOLVED, LiveChain
@@ -256,9 +256,9 @@ def test_nothing_is_compiled_while_frames_come(walk: tuple[Model, Markers, Wrenc
 def kernel_forms() -> dict[str, int]:
     """How many forms each kernel has been compiled for, or loaded from the cache in."""
     return {
-        f"{module}.{name}": len(kernel.signatures)
+        f"{module}.{name}": len(kernel.dispatcher.signatures)
         for module, loaded in list(sys.modules.items())
         if module.startswith("myomorph")
         for name, kernel in vars(loaded).items()
-        if isinstance(kernel, Dispatcher)
+        if isinstance(kernel, Kernel)
     }
