@@ -31,7 +31,7 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
 
     Returns
     -------
-    (samples, channels) in the file's units, over times [s]
+    values (samples, channels) in the file's units, over times (samples,) [s]
 
     Raises
     ------

@@ -40,7 +40,17 @@ SHAPES = (
 
 @dataclass(frozen=True)
 class _Mark:
-    """One event of a table: a site touches, or leaves."""
+    """One event of a table: a site touches, or leaves.
+
+    Attributes
+    ----------
+    row : number of its line
+    time : on the motion's clock [s]
+    site : its name
+    touches : whether it touches, or leaves
+    surface : that it touches
+    confidence : 0 to 1
+    """
 
     row: int
     time: float

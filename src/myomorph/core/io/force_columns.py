@@ -47,11 +47,16 @@ USUAL = (
 
 @dataclass(frozen=True)
 class ForceColumns:
-    """The columns of one force."""
+    """The columns of one force.
 
-    name: str  # what the columns of the force itself begin with, without what names the axis
-    # force, point, torque: columns along x, y and z; () for a part that the table lacks, "" for an
-    # axis that it lacks
+    Attributes
+    ----------
+    name : what the columns of the force itself begin with, without what names the axis
+    force, point, torque : columns along x, y and z; () for a part that the table lacks, "" for an
+        axis that it lacks
+    """
+
+    name: str
     force: tuple[str, ...]
     point: tuple[str, ...] = ()
     torque: tuple[str, ...] = ()

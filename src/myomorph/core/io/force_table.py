@@ -41,14 +41,19 @@ LOADED = 20.0  # Force from which on a point is one [N].
 
 @dataclass(frozen=True)
 class ForceLayout:
-    """How a table of forces is laid out, where the user states it."""
+    """Layout of a table of forces, where the user states it.
 
-    # of its columns in order, as `time`, `Fx1`, `COPx1`; "-" for one to leave out; () as its
-    # heading has them
+    Attributes
+    ----------
+    names : of its columns in order, as `time`, `Fx1`, `COPx1`; "-" for one to leave out; () to take
+        its heading's
+    rate : of its rows, where it has no times [Hz]; 0 to take its heading's
+    origins : points that the moments of forces without a center of pressure are about, in the
+        table's order and along its axes [m]; () for the origin
+    """
+
     names: tuple[str, ...] = ()
-    rate: float = 0.0  # of its rows, where it has no times [Hz]; 0 as its heading has it
-    # points that the moments of forces without a center of pressure are about, in the table's order
-    # and along its axes [m]; () for the origin
+    rate: float = 0.0
     origins: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:

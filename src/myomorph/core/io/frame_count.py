@@ -25,11 +25,18 @@ SHARE = 0.1
 
 @dataclass(frozen=True)
 class FrameCount:
-    """Length and rate that a recording states."""
+    """Length and rate that a recording states.
 
-    frames: int | None = None  # None where its first bytes do not tell
-    rate: float | None = None  # frames a second [Hz], None where they do not show it
-    start: float | None = None  # time of the first frame [s], None where they do not show it
+    Attributes
+    ----------
+    frames : their count, None where the first bytes do not show it
+    rate : frames per second [Hz], None where the first bytes do not show it
+    start : time of the first frame [s], None where the first bytes do not show it
+    """
+
+    frames: int | None = None
+    rate: float | None = None
+    start: float | None = None
 
     def within(self, time: tuple[float, float] | None) -> int | None:
         """Count the frames of a part of the recording.

@@ -38,16 +38,22 @@ HINT = "expected an HDF5 file with a dataset 'tracks' of (frames, animals, point
 
 @dataclass(frozen=True)
 class KeypointNames:
-    """Names, bodies, unit and rate of a recording's points, as a file of names states them."""
+    """Names, bodies, unit and rate of a recording's points, as a file of names states them.
 
-    # of the points, in the order of the recording; () where not specified
+    Attributes
+    ----------
+    names : of the points, in the order of the recording; () where not specified
+    bodies : body of a model that a point belongs to, by point
+    offsets : position of a point on that body (3,) [m], by point
+    unit : of the positions [m], None where not specified
+    rate : frames per second [Hz], None where not specified
+    """
+
     names: tuple[str, ...] = ()
-    # point to the body of a model it belongs to
     bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
-    # point to where it lies on that body (3,) [m]
     offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=lambda: FrozenMap({}))
-    unit: float | None = None  # of the positions [m], None where not specified
-    rate: float | None = None  # frames per second [Hz], None where not specified
+    unit: float | None = None
+    rate: float | None = None
 
 
 def read_keypoints(

@@ -173,12 +173,27 @@ def read_body_landmarks(path: str | os.PathLike[str]) -> dict[str, dict[str, Arr
 
 @dataclass(frozen=True)
 class _Line:
+    """One line of a table.
+
+    Attributes
+    ----------
+    number : of the line in the file, counted from 1
+    cells : by column
+    """
+
     number: int
     cells: Mapping[str, str]
 
 
 class _Table:
-    """Lines of a table whose header is known, and the errors in them."""
+    """Lines of a table whose header is known, and the errors in them.
+
+    Parameters
+    ----------
+    path : of the file
+    lines : below the header
+    factors : unit of each column [m]
+    """
 
     def __init__(self, path: Path, lines: Sequence[_Line], factors: Mapping[str, float]):
         self.path = path

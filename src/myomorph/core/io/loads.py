@@ -27,19 +27,26 @@ PARTS = ("force_v", "force_p", "torque_")
 
 @dataclass(frozen=True)
 class LoadEntry:
-    """One force of an external loads file, before its numbers are read."""
+    """One force of an external loads file, before its numbers are read.
+
+    Attributes
+    ----------
+    name : of the load
+    body : the body it acts on
+    force_body, point_body : bodies in whose frames its force (with its torque) and its point are
+        expressed
+    force, point, torque : what the names of the three columns begin with, "" where there are none
+    data : path of the table that holds the columns
+    """
 
     name: str
-    body: str  # the body it acts on
-    # force_body, point_body: the bodies whose frames its force (and torque) and its point are given
-    # in
+    body: str
     force_body: str
     point_body: str
-    # force, point, torque: what the names of the three columns begin with, "" where there are none
     force: str
     point: str
     torque: str
-    data: Path  # the table that holds the columns
+    data: Path
 
 
 def read_load_entries(

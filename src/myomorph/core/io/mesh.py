@@ -338,7 +338,14 @@ def _strips(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
 
 
 class _Arrays:
-    """Reads the `DataArray` elements of one VTP document."""
+    """Reader of the `DataArray` elements of one VTP document.
+
+    Parameters
+    ----------
+    document : outermost element
+    appended : bytes behind the mark of the appended data
+    raw : whether these are bytes, not base64
+    """
 
     def __init__(self, document: etree._Element, appended: bytes, raw: bool):
         self.order = ">" if document.get("byte_order") == "BigEndian" else "<"

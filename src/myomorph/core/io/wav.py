@@ -29,7 +29,15 @@ _KINDS = {(_INTEGER, 8), (_INTEGER, 16), (_INTEGER, 24), (_INTEGER, 32), (_FLOAT
 
 @dataclass(frozen=True)
 class _Format:
-    """Format of the samples, by the chunk `fmt `."""
+    """Format of the samples, by the chunk `fmt `.
+
+    Attributes
+    ----------
+    kind : code of the format, 1 for integers and 3 for reals
+    channels : their count
+    rate : samples per second [Hz]
+    bits : of each sample
+    """
 
     kind: int
     channels: int

@@ -33,19 +33,30 @@ MAX_DIMENSIONS = 7
 
 @read_only
 class RawC3d:
-    """Parameters and samples of a C3D file, scaled, in the file's units."""
+    """Parameters and samples of a C3D file, scaled, in the file's units.
 
-    # group to parameter to value: texts, or numbers of the file's shape (first index fastest)
+    Attributes
+    ----------
+    groups : group to parameter to value: texts, or numbers of the file's shape (first index
+        fastest)
+    first_frame : number of the first frame, counted from 1
+    point_rate, analog_rate : samples per second [Hz]
+    points : (frames, points, 3), NaN where the file calls them invalid
+    residuals : (frames, points), negative where invalid
+    analog : (samples, channels), offset and scale applied
+    events : (label, time [s]) of the header's own list
+    remarks : what was repaired or left out, one line each
+    """
+
     groups: Mapping[str, Mapping[str, Value]]
-    first_frame: int  # number of the first frame, counted from 1
-    # point_rate, analog_rate: samples per second [Hz]
+    first_frame: int
     point_rate: float
     analog_rate: float
-    points: Array  # (frames, points, 3), NaN where the file calls them invalid
-    residuals: Array  # (frames, points), negative where invalid
-    analog: Array  # (samples, channels), offset and scale applied
-    events: tuple[tuple[str, float], ...] = ()  # (label, time [s]) of the header's own list
-    remarks: tuple[str, ...] = ()  # what had to be mended or left out
+    points: Array
+    residuals: Array
+    analog: Array
+    events: tuple[tuple[str, float], ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def texts(self, group: str, name: str) -> tuple[str, ...]:
         """Read the texts of a parameter and its continuations (`LABELS`, `LABELS2`, ...).
@@ -87,11 +98,15 @@ class RawC3d:
             yield value
 
     def shape(self, group: str, name: str) -> tuple[int, ...]:
-        """Return the shape of a parameter's value, () if it is absent or holds texts.
+        """Return the shape of a parameter's value.
 
         Parameters
         ----------
         group, name : of the parameter, in capital letters
+
+        Returns
+        -------
+        counts along each dimension, () if the parameter is absent or holds texts
         """
         value = self.groups.get(group, {}).get(name)
         return () if value is None or isinstance(value, tuple) else np.shape(value)
@@ -162,7 +177,12 @@ def claimed_frames(head: bytes) -> tuple[int, float]:
 
 @dataclass(frozen=True)
 class _Order:
-    """How a processor writes numbers."""
+    """Form in which a processor writes numbers.
+
+    Attributes
+    ----------
+    processor : code in the parameter section: `PC`, `DEC` or `SGI`
+    """
 
     processor: int
 
@@ -185,6 +205,20 @@ class _Order:
 
 @dataclass(frozen=True)
 class _Header:
+    """Numbers of the first block.
+
+    Attributes
+    ----------
+    points : count in each frame
+    analog_per_frame : analog samples of all channels in each frame
+    first, last : numbers of frames, counted from 1
+    scale : of integer coordinates [file's unit of length]; negative where they are reals
+    data_block : number of the samples' first block, counted from 1
+    samples_per_frame : analog samples of each channel in each frame
+    rate : of frames [Hz]
+    events : (label, time [s])
+    """
+
     points: int
     analog_per_frame: int
     first: int

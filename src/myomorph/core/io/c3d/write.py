@@ -35,7 +35,14 @@ KINDS: dict[int, tuple[Sequence[str], Sequence[str]]] = {
 
 @read_only
 class Channel:
-    """One analog channel: its name, unit and samples."""
+    """One analog channel.
+
+    Attributes
+    ----------
+    name : in the file
+    unit : text in the file
+    values : (samples,) in that unit
+    """
 
     name: str
     unit: str

@@ -50,7 +50,13 @@ IDENTITY = linear(1.0)
 class MjcfNames:
     """Unique names of everything in a compiled model.
 
-    What the file leaves unnamed gets a name. The first body is "ground".
+    What the file leaves unnamed gets a name.
+
+    Attributes
+    ----------
+    model : name of the model, "" if none
+    bodies : one name for each; the first is "ground"
+    joints, sites, geoms, tendons, actuators, equalities : one name for each
     """
 
     def __init__(self, compiled: Any):

@@ -32,7 +32,16 @@ TEXTURE_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefro
 
 @dataclass
 class _Survey:
-    """Files that the texts of a model name, collected while walking through its includes."""
+    """Files that the texts of a model name, collected while walking through its includes.
+
+    Attributes
+    ----------
+    main : the model's file
+    tree : top folder of its files
+    folders : settings of the compiler, by attribute
+    assets : (tag, name of the file as the text has it, folder of that text)
+    seen : texts that were read
+    """
 
     main: Path
     tree: Path
@@ -46,6 +55,10 @@ def silent_mujoco() -> Iterator[None]:
     """Silence MuJoCo within the block.
 
     It prints its warnings and writes them into a file in the user's folder.
+
+    Yields
+    ------
+    nothing
     """
     mujoco.set_mju_user_warning(lambda text: None)
     level = logging.root.manager.disable

@@ -21,10 +21,16 @@ from myomorph.core.model.model import Coupler, Model
 
 @read_only
 class Branch:
-    """A distance between two sites in a cam."""
+    """A distance between two sites in a cam.
 
-    weight: float  # of the distance in the sum
-    # body_1, body_2: that the sites are on, at place_1, place_2: (3,) in those bodies [m]
+    Attributes
+    ----------
+    weight : of the distance in the sum
+    body_1, body_2 : that the sites are on
+    place_1, place_2 : (3,) positions of the sites in those bodies [m]
+    """
+
+    weight: float
     body_1: str
     place_1: Array
     body_2: str
@@ -36,11 +42,17 @@ class Cam:
     """A sum of weighted distances that stays constant.
 
     Positive distances are one tendon, negative ones another.
+
+    Attributes
+    ----------
+    follower : coordinate that the cam holds
+    offset : of the sum, over its value in the default pose [m]
+    branches : at least one of each sign
     """
 
-    follower: str  # coordinate that the cam holds
-    offset: float  # of the sum, over its value in the default pose [m]
-    branches: tuple[Branch, ...]  # at least one of each sign
+    follower: str
+    offset: float
+    branches: tuple[Branch, ...]
 
 
 def curve_text(follower: str, model: Model, joints: set[str]) -> str:
@@ -85,6 +97,10 @@ def coupler_of_text(name: str, follower: str, text: str) -> Coupler:
     name : of the coupler
     follower : dependent coordinate
     text : as `curve_text` writes it
+
+    Returns
+    -------
+    the coupler, its function in pieces
 
     Raises
     ------

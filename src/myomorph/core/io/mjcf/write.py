@@ -39,12 +39,20 @@ MARKERS = "markers"  # Name of the tuple of sites that are markers.
 
 @dataclass(frozen=True, eq=False)
 class MjcfDocument:
-    """A document that MuJoCo reads."""
+    """A document that MuJoCo reads.
 
-    root: etree._Element  # its outermost element
-    meshes: dict[str, str]  # files written into `folder` for it, by `Mesh.file`
-    folder: str  # name of the folder beside it
-    warnings: tuple[str, ...]  # what was left out, one line each
+    Attributes
+    ----------
+    root : its outermost element
+    meshes : files written into `folder` for it, by `Mesh.file`
+    folder : name of the folder beside it
+    warnings : what was left out, one line each
+    """
+
+    root: etree._Element
+    meshes: dict[str, str]
+    folder: str
+    warnings: tuple[str, ...]
 
 
 def mjcf_document(
@@ -518,11 +526,15 @@ def put(parent: etree._Element, tag: str, **attributes: str) -> etree._Element:
 
 
 def pose(frame: Transform) -> dict[str, str]:
-    """Write a pose as attributes: position [m] and quaternion w, x, y, z.
+    """Write a pose as attributes.
 
     Parameters
     ----------
     frame : in the parent's frame
+
+    Returns
+    -------
+    position [m] and quaternion w, x, y, z, as texts
     """
     return {"pos": text(frame.translation), "quat": text(quaternion_from_rotation(frame.rotation))}
 

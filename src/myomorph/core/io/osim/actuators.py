@@ -242,7 +242,7 @@ def write_controls(table: Table, path: str | os.PathLike[str], name: str = "Cont
 
     Parameters
     ----------
-    table : controls (rows, columns) over times [s]; the names of its columns are the actuators'
+    table : controls (rows, columns) over times (rows,) [s], one column per actuator, by its name
     path : of the new file, replaced where it exists
     name : of the set of controls
 

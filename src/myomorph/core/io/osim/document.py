@@ -47,14 +47,22 @@ INFINITE = {
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """What all parts of one file share."""
+    """Facts and warnings that all parts of one file share.
+
+    Attributes
+    ----------
+    path : of the file
+    version : five or six digits, 40000 for OpenSim 4.0
+    root : element that holds the object
+    defaults : by class, the element of the file's defaults section
+    warnings : filled while reading, one line each
+    """
 
     path: Path
-    version: int  # five or six digits, 40000 for OpenSim 4.0
+    version: int
     root: etree._Element
-    # by class, the element of the file's defaults section
     defaults: dict[str, etree._Element] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)  # filled while reading, one line each
+    warnings: list[str] = field(default_factory=list)
 
     def warn(self, line: str) -> None:
         """Add a warning, once.
@@ -69,11 +77,18 @@ class Document:
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One object of the file: its properties, else those of the defaults section."""
+    """One object of the file: its properties, else those of the defaults section.
+
+    Attributes
+    ----------
+    element : of the object
+    document : that it is part of
+    path : component path as OpenSim 4 would write it ("/jointset/hip_r")
+    """
 
     element: etree._Element
     document: Document
-    path: str = ""  # component path as OpenSim 4 would write it ("/jointset/hip_r")
+    path: str = ""
 
     @property
     def kind(self) -> str:
@@ -108,11 +123,15 @@ class Node:
         return next((result for tag in tags if (result := default.find(tag)) is not None), None)
 
     def child(self, *tags: str) -> Node | None:
-        """Find the first child of one of the tags as a node, None where there is none.
+        """Find the first child of one of the tags as a node.
 
         Parameters
         ----------
         tags : in order of preference
+
+        Returns
+        -------
+        the child, or the defaults section's; None where neither has one
         """
         element = self.find(*tags)
         return None if element is None else self.node(element)
@@ -136,11 +155,15 @@ class Node:
         )
 
     def node(self, element: etree._Element) -> Node:
-        """Wrap a child element as a node, with its component path.
+        """Wrap a child element as a node.
 
         Parameters
         ----------
         element : inside this one
+
+        Returns
+        -------
+        the node, with its component path
         """
         name = element.get("name", "")
         return Node(element, self.document, f"{self.path}/{name}" if name else self.path)

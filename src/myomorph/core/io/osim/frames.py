@@ -19,7 +19,12 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 
 class Frames:
-    """All frames of a file by their component path, placed in bodies when they are asked for."""
+    """All frames of a file by their component path, placed in bodies when they are asked for.
+
+    Parameters
+    ----------
+    model : node of the model
+    """
 
     def __init__(self, model: Node):
         self._document = model.document

@@ -47,7 +47,13 @@ End = tuple[str, Transform, str]
 
 @dataclass(frozen=True, eq=False)
 class ReadJoint:
-    """A joint as the file has it, with its coordinates, before the tree is known."""
+    """A joint as the file has it, before the tree is known.
+
+    Attributes
+    ----------
+    joint : from its parent to its child
+    coordinates : that it owns
+    """
 
     joint: Joint
     coordinates: tuple[Coordinate, ...]

@@ -77,6 +77,10 @@ def kept_force(node: Node) -> Kept:
     Parameters
     ----------
     node : the force
+
+    Returns
+    -------
+    the part, with the effect of leaving out its class
     """
     acting = EFFECTS.get(node.kind, "its force is left out")
     return keep(node, "ForceSet", acting if node.is_applied else "switched off in the file")

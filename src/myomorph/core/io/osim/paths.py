@@ -29,7 +29,14 @@ SLACK: Mapping[str, str] = FrozenMap(
 
 
 class PathReader:
-    """Reads paths of points and wraps, once what they may refer to is known."""
+    """Reader of paths of points and wraps, once what they may refer to is known.
+
+    Parameters
+    ----------
+    frames : of the model
+    coordinates : names of its coordinates
+    wraps : the model's wrap object that each name in a path means
+    """
 
     def __init__(self, frames: Frames, coordinates: tuple[str, ...], wraps: dict[str, str]):
         self._frames = frames

@@ -41,7 +41,13 @@ Named = TypeVar("Named", Muscle, Actuator, Joint, Marker)  # page: typing takes 
 
 @dataclass(frozen=True)
 class Forces:
-    """What a ForceSet holds."""
+    """Contents of a ForceSet.
+
+    Attributes
+    ----------
+    muscles, actuators, ligaments : in the file's order
+    kept : other forces, which are only stored
+    """
 
     muscles: tuple[Muscle, ...]
     actuators: tuple[Actuator, ...]
@@ -243,7 +249,15 @@ def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:
 
 @dataclass
 class Tree:
-    """Bodies in tree order, the joint of each, coordinates in the file's order, cut loops."""
+    """Bodies and joints ordered from the ground outwards.
+
+    Attributes
+    ----------
+    bodies : in tree order
+    joints : one for each body, which leads to it
+    coordinates : in the file's order
+    loops : ends of joints that were cut
+    """
 
     bodies: list[Body]
     joints: list[Joint]

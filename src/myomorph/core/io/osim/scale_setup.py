@@ -53,13 +53,24 @@ PLACER = (
 
 @read_only
 class ScalerSetup:
-    """Measurements and factors by which bodies are scaled."""
+    """Measurements and factors by which bodies are scaled.
 
-    order: tuple[str, ...]  # "measurements" and "manualScale", as they are carried out
-    measurements: tuple[Measurement, ...]  # those that are switched on
-    factors: Mapping[str, Array]  # (3,) by body, given by hand
+    Attributes
+    ----------
+    order : "measurements" and "manualScale", as they are carried out
+    measurements : those that are switched on
+    factors : (3,) by body, given by hand
+    markers : file of the static trial, None for none
+    time_range : frames of `markers` that are averaged [s]
+    preserve_mass_distribution : whether the shares of bodies in the mass stay
+    output_model, output_factors : files to write, None for none
+    """
+
+    order: tuple[str, ...]
+    measurements: tuple[Measurement, ...]
+    factors: Mapping[str, Array]
     markers: Path | None
-    time_range: tuple[float, float]  # frames of `markers` that are averaged [s]
+    time_range: tuple[float, float]
     preserve_mass_distribution: bool
     output_model: Path | None
     output_factors: Path | None
@@ -67,28 +78,46 @@ class ScalerSetup:
 
 @dataclass(frozen=True)
 class PlacerSetup:
-    """Settings of moving markers to their positions in a static trial."""
+    """Settings of moving markers to their positions in a static trial.
+
+    Attributes
+    ----------
+    tasks : weights of markers and coordinates
+    markers : file of the static trial, None for none
+    coordinates : table that gives coordinate tasks their values, None for none
+    time_range : frames of `markers` that are averaged [s]
+    output_model, output_motion, output_markers : files to write, None for none
+    most_movement : of a marker in the static frames [m]; inf for no limit
+    """
 
     tasks: IkTasks
     markers: Path | None
-    coordinates: Path | None  # table that gives coordinate tasks their values
+    coordinates: Path | None
     time_range: tuple[float, float]
     output_model: Path | None
     output_motion: Path | None
     output_markers: Path | None
-    most_movement: float = np.inf  # of a marker in the static frames [m]; inf for no limit
+    most_movement: float = np.inf
 
 
 @dataclass(frozen=True)
 class ScaleSetup:
-    """Settings of a ScaleTool; paths are absolute or relative to the setup file's folder."""
+    """Settings of a ScaleTool; paths are absolute or relative to the setup file's folder.
+
+    Attributes
+    ----------
+    name : of the tool
+    model, marker_set : files of the generic model, and of markers that replace or join its own
+    mass : of the person [kg], None where the scaling gives it
+    scaler, placer : None where switched off
+    facts : height, age and notes, as texts
+    warnings : parts that are left out, one line each
+    """
 
     name: str
-    # model, marker_set: the generic model, and markers that replace or join its own
     model: Path | None
     marker_set: Path | None
-    mass: float | None  # of the person [kg], None where the scaling gives it
-    # scaler, placer: None where switched off
+    mass: float | None
     scaler: ScalerSetup | None
     placer: PlacerSetup | None
     facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))

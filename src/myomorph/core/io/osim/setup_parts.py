@@ -55,18 +55,31 @@ def with_included(node: Node) -> Node:
 
 @dataclass(frozen=True)
 class CoordinateAim:
-    """A coordinate that inverse kinematics pulls towards a value."""
+    """A coordinate that inverse kinematics pulls towards a value.
+
+    Attributes
+    ----------
+    coordinate : its name
+    weight : of the squared difference
+    source : of the value: the model's default, `value`, or a table of coordinates
+    value : [rad or m], of source "value"
+    """
 
     coordinate: str
-    weight: float  # of the squared difference
-    # where the value comes from: the model's default, `value`, or a table of coordinates
+    weight: float
     source: Literal["default", "value", "table"] = "default"
-    value: float = 0.0  # [rad or m], of source "value"
+    value: float = 0.0
 
 
 @dataclass(frozen=True)
 class IkTasks:
-    """Weights of markers and of coordinates; only markers with a weight are tracked."""
+    """Weights of markers and of coordinates; only markers with a weight are tracked.
+
+    Attributes
+    ----------
+    marker_weights : of squared distances, by marker
+    coordinates : that are pulled towards values
+    """
 
     marker_weights: Mapping[str, float]
     coordinates: tuple[CoordinateAim, ...] = ()

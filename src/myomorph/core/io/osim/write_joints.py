@@ -25,7 +25,13 @@ from myomorph.core.model.spatial import Transform
 
 @dataclass
 class Plan:
-    """The joints to write and the massless bodies that they need between."""
+    """The joints to write, and the massless bodies that they need between.
+
+    Attributes
+    ----------
+    joints : of OpenSim's classes, in tree order
+    bodies : links of chains, without mass
+    """
 
     joints: list[Joint] = field(default_factory=list)
     bodies: list[Body] = field(default_factory=list)

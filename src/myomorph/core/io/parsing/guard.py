@@ -27,7 +27,10 @@ LONGEST = 300  # Characters of a message.
 class Outcome:
     """How a guarded run ended.
 
-    `message` is the last line that it wrote, or the error that stopped it.
+    Attributes
+    ----------
+    status : "done", "failed", or "hung" where its time was over
+    message : last line that it wrote, or the error that stopped it
     """
 
     status: Literal["done", "failed", "hung"]

@@ -28,6 +28,14 @@ def readable(path: Path) -> Iterator[None]:
     Parameters
     ----------
     path : of the file, for the message
+
+    Yields
+    ------
+    nothing
+
+    Raises
+    ------
+    BadFile : an `OSError` occurs in the block
     """
     try:
         yield

@@ -20,11 +20,18 @@ AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9a-fA-F]+);)")
 
 @dataclass(frozen=True, eq=False)
 class XmlFile:
-    """A parsed document."""
+    """A parsed document.
 
-    root: etree._Element  # the outermost element
-    path: Path  # where it was read from
-    warnings: tuple[str, ...] = ()  # what the parser had to overlook, one line each
+    Attributes
+    ----------
+    root : the outermost element
+    path : of the file
+    warnings : what the parser had to overlook, one line each
+    """
+
+    root: etree._Element
+    path: Path
+    warnings: tuple[str, ...] = ()
 
 
 def read_xml(path: str | os.PathLike[str]) -> XmlFile:
@@ -79,6 +86,7 @@ def _tidied(content: bytes) -> bytes:
 
 
 def _content(path: Path) -> bytes:
+    """Read the bytes of a file; `BadFile` where it is absent, too large or empty."""
     try:
         size = path.stat().st_size
         if size > LARGEST:
@@ -98,6 +106,7 @@ def _content(path: Path) -> bytes:
 
 
 def _beside(path: Path) -> str:
+    """List the files of the same ending in a file's folder, as a hint."""
     folder = path.parent
     if not folder.is_dir():
         return f"the folder '{folder}' does not exist"
@@ -108,6 +117,7 @@ def _beside(path: Path) -> str:
 
 
 def _parse(content: bytes) -> etree._Element:
+    """Parse a document without entities, network, comments and processing instructions."""
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -121,5 +131,6 @@ def _parse(content: bytes) -> etree._Element:
 
 
 def _said(error: etree.XMLSyntaxError) -> str:
+    """Return the parser's message with the line it is about."""
     line, _ = error.position
     return f"line {line}: {str(error.msg).split(', line ')[0]}"
