@@ -119,7 +119,7 @@ class SynergyWeights:
 
 @read_only
 class EmgCalibration:
-    """What makes activations of envelopes.
+    """Parameters that turn envelopes into activations.
 
         a(t) = gain * shaped(envelope(t - delay)) + offset
 
