@@ -114,8 +114,8 @@ def _known(name: str) -> tuple[str, str, str, str] | None:
 
     Returns
     -------
-    what tells its force from others, "force", "point" or "torque", its axis, and what its name
-    begins with; None where the name is not known
+    key of its force, "force", "point" or "torque", its axis, and what its name begins with; None
+    where the name is not known
     """
     plain = UNIT.sub("", name)
     small = plain.lower()

@@ -85,7 +85,7 @@ def channel_format(path: str | os.PathLike[str]) -> Format | None:
 
 
 def is_part(path: Path) -> bool:
-    """Return whether a file is read along with another recording: a format's `part` says so.
+    """Return whether a file is read along with another recording, by a format's `part`.
 
     Parameters
     ----------

@@ -233,7 +233,7 @@ def _read_all(path: str) -> None:
                 if isinstance(holder, h5py.Dataset) and holder.nbytes <= MAX_BYTES:
                     holder[...]
     except (OSError, RuntimeError, TypeError, ValueError, KeyError, AttributeError, MemoryError):
-        # The reader tells what it is that it cannot read.
+        # The reader reports what it cannot read.
         return
 
 
@@ -253,7 +253,7 @@ def _own_facts(file: Any, tracks: Any) -> KeypointNames:
 
 
 def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
-    """Read the file of names beside a recording.
+    """Read the file of names in the recording's folder.
 
     Parameters
     ----------

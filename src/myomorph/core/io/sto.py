@@ -39,7 +39,7 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
 
     Knows OpenSim's header (`nRows`, `nColumns`, `inDegrees`, `DataType`) and SIMM's (`datacolumns`,
     `datarows`), tabs, spaces or commas between cells, blank cells (NaN), names that occur twice,
-    and row counts that do not hold. What had to be mended is in `Table.warnings`.
+    and row counts that do not hold. What had to be repaired is in `Table.warnings`.
 
     Source: Seth et al. 2018, OpenSim's storage files.
 

@@ -197,8 +197,8 @@ def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[str
 
     Returns
     -------
-    the descriptions, or the labels where these are longer, differ, or have no description each that
-    is its own
+    the descriptions; or the labels, where these do not repeat, are longer, or descriptions are
+    missing or repeat
     """
     if (
         len(set(labels)) == len(labels)

@@ -155,7 +155,7 @@ def _sensor(
         raise BadFile(path, f"sensor '{name}' has none of {', '.join(SIGNALS)}", HINT)
     frames = min(len(values) for values in signals.values())
     if "Time" in parts and len(parts["Time"]) >= frames:
-        # Microseconds since 1970: told from the first of all sensors, for a float's sake.
+        # Microseconds since 1970: counted from the first of all sensors, for a float's sake.
         time = np.asarray(
             1e-6 * (np.asarray(parts["Time"], dtype=np.int64)[:frames] - start), dtype=np.float64
         )

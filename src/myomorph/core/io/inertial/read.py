@@ -1,4 +1,4 @@
-"""Files of inertial sensors, told apart by their names and heads: orientations, or raw signals."""
+"""Files of inertial sensors, recognized by names and heads: orientations, or raw signals."""
 
 from __future__ import annotations
 

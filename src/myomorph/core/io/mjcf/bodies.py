@@ -48,9 +48,7 @@ IDENTITY = linear(1.0)
 
 
 class MjcfNames:
-    """Unique names of everything in a compiled model.
-
-    What the file leaves unnamed gets a name.
+    """Unique names of everything in a compiled model, made up where the file has none.
 
     Attributes
     ----------

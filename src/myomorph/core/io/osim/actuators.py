@@ -118,7 +118,7 @@ def placed_actuator(
 
     Returns
     -------
-    the actuator with its points [m] and directions (3,) in bodies, or in ground where it says so
+    the actuator with its points [m] and directions (3,) in bodies, those that are global in ground
 
     Raises
     ------

@@ -182,7 +182,7 @@ def path_of(node: Node, tag: str) -> Path | None:
 def resolved(node: Node, name: str) -> Path:
     """Resolve a path that a setup file names against the file's folder.
 
-    Of a path on somebody's Windows drive, only the name counts elsewhere.
+    Of a path on a Windows drive, only the name counts on other systems.
 
     Parameters
     ----------
