@@ -252,6 +252,16 @@ def _problem(
     size: float,
     distances: Distances,
 ) -> SharedProblem:
+    """Set up the problem of the chosen frames.
+
+    Parameters
+    ----------
+    model : as given
+    bare : its skeleton
+    names, weights : of the markers, and (markers,)
+    frames : of each recording, the numbers of those chosen
+    size : overall size
+    """
     lengths = lengths_of(model, options.symmetric)
     tree = compile_tree(bare)
     sets = []
@@ -303,6 +313,12 @@ def _calibration(
     distances: Distances,
     path_lengths: Callable[[Model], ArrayLike] | None,
 ) -> Calibration:
+    """Build the result of a search: the stretched model, intervals, zeros and notes.
+
+    Parameters
+    ----------
+    chosen : of each recording, the chosen frames and where their angles began
+    """
     x = search.found.point.x
     n = len(problem.lengths)
     factors = factors_of(problem.lengths, x[:n])

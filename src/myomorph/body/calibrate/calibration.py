@@ -107,7 +107,16 @@ class CalibrationOptions:
 
 @dataclass(frozen=True)
 class Distances:
-    """What the options say of distances, on a body of some size [m]."""
+    """Distances that the options state, on a body of some size.
+
+    Attributes
+    ----------
+    marker, fixed : how far a marker and one on a landmark usually lie from the model's [m]
+    noise : of a marker along one axis [m]; 0 takes it from the residual
+    unit : `length_unit` of the body
+    slide : how far all markers of a segment slide as one [m]
+    turn : how far they rotate as one [rad]
+    """
 
     marker: float
     fixed: float
@@ -225,7 +234,7 @@ class ZeroAngle:
 
     @property
     def source(self) -> str:
-        """What fixes the zero most; of equal ones the first of `SOURCES`."""
+        """The source that fixes the zero most; of equal ones the first of `SOURCES`."""
         return max(SOURCES, key=lambda source: self.shares[source])
 
     @property

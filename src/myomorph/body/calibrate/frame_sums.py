@@ -85,7 +85,12 @@ def _pose_of(
 
 
 def _seen_weight(problem: SharedProblem, group: FrameSet) -> Array:
-    """(frames,) sum of the weights of the markers that are seen."""
+    """Sum the weights of the markers that are seen.
+
+    Returns
+    -------
+    (frames,)
+    """
     seen: Array = np.where(
         np.isfinite(group.observed).all(axis=2), problem.pose.markers.weight, 0.0
     ).sum(axis=1)

@@ -1,4 +1,4 @@
-"""The search for lengths and marker positions: stages of noise, all unknowns at once or in turn."""
+"""The search for lengths and marker positions: stages of noise, unknowns at once or in turn."""
 
 from __future__ import annotations
 

@@ -83,7 +83,14 @@ def calibration_unknowns(problem: SharedProblem, free: Bools) -> Unknowns:
 
 @dataclass(frozen=True, eq=False)
 class MarkersAt:
-    """Distances of markers on the model of a point, every frame at its best angles."""
+    """Distances of markers on the model of a point, every frame at its best angles.
+
+    Attributes
+    ----------
+    problem : with the recordings
+    variance : of a marker along one axis [m^2]
+    point : with every frame settled
+    """
 
     problem: SharedProblem
     variance: float
@@ -120,6 +127,7 @@ class MarkerResiduals:
     problem : with the recordings
     variance : of a marker along one axis [m^2]
     begin : the point whose angles the frames begin with
+    name, blocks, prior : of these residuals; they are no prior
     """
 
     problem: SharedProblem
@@ -138,7 +146,14 @@ class MarkerResiduals:
 
 @dataclass(frozen=True, eq=False)
 class PostureAt:
-    """The mean posture at a point, in standard deviations."""
+    """The mean posture at a point, in standard deviations.
+
+    Attributes
+    ----------
+    problem : with the recordings
+    posture : what is known of the mean
+    point : with every frame settled
+    """
 
     problem: SharedProblem
     posture: MeanPosture
@@ -167,7 +182,16 @@ class PostureAt:
 
 @dataclass(frozen=True, eq=False)
 class PostureResiduals:
-    """The symmetry of the mean posture, which is likely beforehand, as residuals."""
+    """The symmetry of the mean posture, which is likely beforehand, as residuals.
+
+    Attributes
+    ----------
+    problem : with the recordings
+    posture : what is known of the mean
+    variance : of a marker along one axis [m^2]
+    begin : the point whose angles the frames begin with
+    name, blocks, prior : of these residuals; they are a prior
+    """
 
     problem: SharedProblem
     posture: MeanPosture

@@ -1,4 +1,4 @@
-"""What fixes the zero of every angle of a calibrated model, and how well.
+"""Sources that fix the zero of every angle of a calibrated model, and its interval.
 
 Turn a body's markers about its joint, and the angle by as much back: no marker error changes,
 unless the next joint's center or axis goes along. What is left open so is decided by a standing

@@ -29,7 +29,7 @@ NINETY = 1.645  # Standard deviations of a 90 % interval
 
 @read_only
 class Determined:
-    """What the data say of the standard parameters.
+    """Standard parameters as far as the data determine them.
 
     Attributes
     ----------

@@ -631,6 +631,16 @@ def _fold(
 
 
 def _check_base(rows: Array, base: BaseParameters) -> None:
+    """Refuse base parameters that do not give the rows of a motion.
+
+    Parameters
+    ----------
+    rows : (6, 10 bodies) regressor of one frame
+
+    Raises
+    ------
+    BadData : other coordinates rest than the base parameters assume
+    """
     difference = np.abs(rows - rows[:, base.columns] @ base.combination).max()
     if difference > 1e-6 * np.abs(rows).max():
         raise BadData(

@@ -74,7 +74,7 @@ class MassPointOptions:
 
 @dataclass(frozen=True)
 class Optimality:
-    """How well the conditions of the optimum hold (Karush, Kuhn, Tucker).
+    """Residuals of the conditions of the optimum (Karush, Kuhn, Tucker).
 
     They are those of masses rho and misses y.
 

@@ -1,4 +1,4 @@
-"""What noise of the motion does to identified masses.
+"""Noise of the motion, and what it does to identified masses.
 
 The regressor is made of coordinates that were measured too.
 
@@ -36,7 +36,7 @@ STILL = 1e-6
 
 @read_only
 class MotionNoise:
-    """What noise of the motion adds to squares of rows [A, b] of base parameters.
+    """Squares that noise of the motion adds to rows [A, b] of base parameters.
 
     Attributes
     ----------

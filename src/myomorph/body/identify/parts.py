@@ -55,7 +55,7 @@ class TissueColumns:
 
 @read_only
 class Parts:
-    """What parts of recordings say of the base parameters, moments and forces apart.
+    """Equations of the base parameters by parts of recordings, moments and forces apart.
 
     Attributes
     ----------

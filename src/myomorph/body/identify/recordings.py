@@ -52,7 +52,7 @@ MIN_ROTATION = 0.1
 
 @dataclass(frozen=True)
 class RecordingOptions:
-    """How motion and forces are brought together.
+    """Options that bring motion and forces together.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How much more the markers move than the body's mass.
+"""Soft tissue: how much more the markers move than the body's mass.
 
 It is found together with masses, and taken where that predicts unseen parts better.
 """

@@ -1,4 +1,4 @@
-"""How identified masses predict what they were not fitted to, and the prior that predicts it best.
+"""Misfit of identified masses on what they were not fitted to, and the prior with the least.
 
 The figure to believe is nested: the strength of the prior and the noise are chosen without the part
 that is predicted, so that the choice takes nothing from it.
@@ -158,7 +158,7 @@ class Paper:
 
 
 class ChosenPrior(NamedTuple):
-    """How far the data may move masses, by the misfit on parts that were held out.
+    """Strength of the prior on masses, by the misfit on parts that were held out.
 
     Attributes
     ----------

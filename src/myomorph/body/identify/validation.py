@@ -1,4 +1,4 @@
-"""How far to trust inertial parameters.
+"""Checks of inertial parameters.
 
 Motions held out of the fit, and whether every link can be a body.
 """
@@ -288,6 +288,14 @@ def _near(points: MassPoints) -> Inside:
 
 
 def _link(name: str, row: Array, P: Array, inside: bool | None) -> LinkConsistency:
+    """Check one link's parameters.
+
+    Parameters
+    ----------
+    row : (10,) in the order of [D] eq. 3.4
+    P : (4, 4) pseudo-inertia
+    inside : whether its mass center is inside the body; None where nothing shows it
+    """
     mass = float(row[0])
     eigenvalues = np.linalg.eigvalsh(P)
     faults = []

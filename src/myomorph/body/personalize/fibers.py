@@ -83,7 +83,7 @@ class Lookup:
 
 @read_only
 class MuscleShapes:
-    """What personalization leaves as it is of a model's muscles.
+    """Properties of a model's muscles that personalization leaves as they are.
 
     Attributes
     ----------
@@ -384,7 +384,7 @@ def follow_elastic(
 
 @read_only
 class MuscleSizes:
-    """What personalization changes.
+    """Properties of a model's muscles that personalization changes.
 
     Attributes
     ----------
@@ -521,6 +521,13 @@ def _rigid(
 def _elastic(
     shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array, speeds: Array, a: Array, step: float
 ) -> Followed:
+    """Follow muscles on elastic tendons by `follow_elastic`; rigid ones stay 0.
+
+    Parameters
+    ----------
+    lengths, speeds, a : (windows, frames, muscles) [m], [m/s], activation
+    step : between frames [s]
+    """
     lookups = (shapes.active, shapes.passive, shapes.velocity, shapes.tendon)
     tables = tuple((lookup.start, lookup.step, lookup.values, lookup.slopes) for lookup in lookups)
     rows = np.column_stack([lookup.row for lookup in lookups])

@@ -319,7 +319,7 @@ def fit(
 
 @read_only
 class Checked:
-    """How well muscles explain recordings.
+    """Quality with which muscles explain recordings.
 
     Attributes
     ----------

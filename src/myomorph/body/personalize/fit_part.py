@@ -29,7 +29,7 @@ MORE = 1e-3  # Of activation, for the slopes of what an activation gives
 
 @read_only
 class Noise:
-    """How far off torques and activations are.
+    """Errors of torques and activations.
 
     Attributes
     ----------

@@ -312,7 +312,13 @@ def _of_map(model: Model, mapped: GenericMap) -> tuple[MuscleEstimate, ...]:
 def _estimates(
     prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]
 ) -> tuple[MuscleEstimate, ...]:
-    """All parameters with their intervals."""
+    """List all parameters with their intervals.
+
+    Parameters
+    ----------
+    p : (parameters,) that were chosen
+    kept : groups that keep their generic values
+    """
     sizes = prior.sizes(p)
     result = list[MuscleEstimate]()
     before = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)

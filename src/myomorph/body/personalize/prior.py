@@ -1,4 +1,4 @@
-"""What is known of a person's muscles before any recording.
+"""Prior knowledge of a person's muscles, before any recording.
 
 Parameters, their spread and bounds, and groups. Of every muscle the logarithm of the optimal fiber
 length and the shift of the normalized fiber length at the mean pose of the recordings are
@@ -48,7 +48,7 @@ OUTSIDE = 0.05  # Standard deviation of how far a muscle passes them, or the ran
 
 @dataclass(frozen=True)
 class PriorOptions:
-    """What is known of a person before the recordings; spreads are standard deviations.
+    """Prior knowledge of a person; spreads are standard deviations.
 
     Attributes
     ----------

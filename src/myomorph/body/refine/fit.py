@@ -275,7 +275,7 @@ def refine(
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """What is refined in the end.
+    """The parts that are refined in the end.
 
     Attributes
     ----------
@@ -331,6 +331,7 @@ def _refinement(
     choice: _Choice,
     path_lengths: Callable[[Model], Array] | None,
 ) -> Refinement:
+    """Build the result: model, motions, intervals and notes."""
     at = solution.at
     lengths = problem.columns()[0]
     spread = covariance(solution.problem, at)

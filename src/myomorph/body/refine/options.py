@@ -10,7 +10,7 @@ from myomorph.core.model.errors import BadData
 
 @dataclass(frozen=True)
 class RefineOptions:
-    """How much each part of the problem is believed.
+    """Options of `refine`: how much each part of the problem is believed.
 
     Attributes
     ----------

@@ -257,7 +257,7 @@ class Unknowns:
 
 @read_only
 class Problem:
-    """What stays the same while it is solved.
+    """The problem, as far as it stays the same while it is solved.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
-"""What refining takes of a recording, and what it gives.
+"""Inputs and results of refining: body, motion and masses.
 
-Body, motion and masses, compared with the model before.
+They are compared with the model before.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""How inertial sensors sit on a body, and inverse kinematics with them."""
+"""Mounting of inertial sensors on a body, and inverse kinematics with them."""

@@ -1,5 +1,6 @@
-"""Where a search for the mounting of sensors begins: the calibration pose, or the motion of the
-markers.
+"""Where a search for the mounting of sensors begins.
+
+The calibration pose, or the motion of the markers.
 """
 
 from __future__ import annotations
@@ -37,9 +38,14 @@ MIN_LIKENESS = 0.5  # Correlation of speeds of rotation below which two clocks a
 
 @read_only
 class CalibrationPose:
-    """Sensors while the body stands in a known pose: rotations (sensors, 3, 3) to the model's
-    ground, headings as recorded; time on the recording's clock, or that of its first frame where
-    the pose was recorded apart [s].
+    """Sensors while the body stands in a known pose.
+
+    Attributes
+    ----------
+    rotations : (sensors, 3, 3) to the model's ground, headings as recorded
+    coordinates : (coordinates,) of the body [rad or m]
+    time : on the recording's clock, or that of its first frame where the pose was recorded apart
+        [s]
     """
 
     rotations: Array
@@ -48,9 +54,14 @@ class CalibrationPose:
 
 
 class Guess(NamedTuple):
-    """Where the search begins: rotations (sensors, 3, 3) to bodies, headings by which each sensor's
-    earth is turned [rad], and the second best heading's cost relative to the best's, infinite where
-    none were tried.
+    """Where the search begins.
+
+    Attributes
+    ----------
+    rotations : (sensors, 3, 3) to bodies
+    headings : (sensors,) by which each sensor's earth is rotated [rad]
+    ambiguity : the second best heading's cost relative to the best's, infinite where none were
+        tried
     """
 
     rotations: Array
@@ -59,8 +70,15 @@ class Guess(NamedTuple):
 
 
 def mean_rotation(rotations: Array) -> Array:
-    """(..., 3, 3) mean of rotations (frames, ..., 3, 3) by the polar decomposition of their sum;
-    NaN are left out.
+    """Compute mean rotations by the polar decomposition of their sum.
+
+    Parameters
+    ----------
+    rotations : (frames, ..., 3, 3); NaN are left out
+
+    Returns
+    -------
+    (..., 3, 3)
     """
     U, _, V = np.linalg.svd(np.nansum(rotations, axis=0))
     U[..., :, 2] *= np.linalg.det(U @ V)[..., None]
@@ -70,7 +88,23 @@ def mean_rotation(rotations: Array) -> Array:
 def calibration_pose(
     model: Model, sensors: InertialSensors, coordinates: Array, start: float
 ) -> CalibrationPose:
-    """The pose of a recording of which all frames count."""
+    """Average a recording of the calibration pose, of which all frames count.
+
+    Parameters
+    ----------
+    model : whose ground it is
+    sensors : recording with orientations
+    coordinates : (coordinates,) of the body in the pose [rad or m]
+    start : time of the pose on the recording's clock [s]
+
+    Returns
+    -------
+    mean rotations of the sensors
+
+    Raises
+    ------
+    BadData : a sensor recorded nothing
+    """
     rotations = rotations_at(sensors, sensors.time, model)
     seen = np.asarray(np.isfinite(rotations).all((2, 3)))
     silent = [name for index, name in enumerate(sensors.names) if not seen[:, index].any()]
@@ -83,8 +117,20 @@ def calibration_pose(
 
 
 def from_pose(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, headings: Array) -> Guess:
-    """Mountings with which the sensors report the pose, each earth turned by its heading
-    (sensors,).
+    """Find mountings with which the sensors report the pose.
+
+        R_mounting = R_body^T R_up(heading) R_sensor
+
+    Parameters
+    ----------
+    tree : of the model
+    bodies : that each sensor is on
+    pose : calibration pose
+    headings : (sensors,) by which each earth is rotated [rad]
+
+    Returns
+    -------
+    mountings and headings
     """
     poses = forward_kinematics(tree, pose.coordinates[None])
     turned = rotation_from_vector(headings[:, None] * tree.model.up) @ pose.rotations
@@ -95,8 +141,25 @@ def from_pose(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, headin
 def named_headings(
     model: Model, names: tuple[str, ...], pose: CalibrationPose, axes: Mapping[str, str]
 ) -> Array | None:
-    """(sensors,) headings by which the named axis of a sensor points along the model's x in the
-    pose [rad]. One axis gives the heading of all sensors, several each that of its own.
+    """Find headings by which the named axis of a sensor points along the model's x in the pose.
+
+    One axis gives the heading of all sensors, several each that of its own.
+
+    Parameters
+    ----------
+    model : says what is up
+    names : of the sensors
+    pose : calibration pose
+    axes : sensor to its axis that points forward, as "x" or "-z"
+
+    Returns
+    -------
+    (sensors,) [rad]; None where no axis is named
+
+    Raises
+    ------
+    UnknownName : a sensor or an axis is unknown
+    BadData : an axis stands upright in the pose, or several but not all sensors have one
     """
     if not axes:
         return None
@@ -129,8 +192,20 @@ def named_headings(
 def by_trying(
     tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, cost: Callable[[Guess], float]
 ) -> Guess:
-    """The heading, the same of all sensors, of least `cost` [squares of the noise]; of a pose any
-    is as good.
+    """Find the heading, the same of all sensors, of least cost.
+
+    A pose alone says nothing of it.
+
+    Parameters
+    ----------
+    tree : of the model
+    bodies : that each sensor is on
+    pose : calibration pose
+    cost : of a guess, in squares of the noise
+
+    Returns
+    -------
+    the best heading, and how much worse the best of the others is
     """
 
     def at(angle: float) -> tuple[float, float]:
@@ -152,9 +227,20 @@ def by_trying(
 
 
 def turned_from_others(time: Array, earth: Array, up: Array) -> Array:
-    """(sensors,) angle between the level axis about which a sensor turns most and that of all
-    [rad], 0 where it turns about no one axis; of rotations (frames, sensors, 3, 3). Legs that swing
-    turn about the body's lateral axis.
+    """Compute how far each sensor's level axis of rotation is from that of all.
+
+    It is the level axis about which it rotates most. Legs that swing rotate about the body's
+    lateral axis.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    earth : (frames, sensors, 3, 3) rotations to ground, NaN where unknown
+    up : (3,) unit vector
+
+    Returns
+    -------
+    (sensors,) angle [rad], 0 where a sensor rotates about no one axis
     """
     steps = (
         vector_from_rotation(earth[1:] @ np.swapaxes(earth[:-1], 2, 3))
@@ -172,9 +258,21 @@ def turned_from_others(time: Array, earth: Array, up: Array) -> Array:
 
 
 def from_motion(bodies: Array, earth: Array, up: Array, anywhere: bool) -> tuple[Guess, bool]:
-    """Mountings and headings with which sensors follow bodies whose motion is known; both (frames,
-    sensors, 3, 3) to ground, NaN where unknown. All have one heading, or each its own: `anywhere`,
-    or where they follow much better then, as sensors without magnetometer do. Returns which.
+    """Find mountings and headings with which sensors follow bodies whose motion is known.
+
+    All have one heading, or each its own: where `anywhere`, or where they follow much better then,
+    as sensors without magnetometer do.
+
+    Parameters
+    ----------
+    bodies : (frames, sensors, 3, 3) rotations of the sensors' bodies to ground, NaN where unknown
+    earth : (frames, sensors, 3, 3) rotations of the sensors to their ground, NaN where unknown
+    up : (3,) unit vector
+    anywhere : whether each sensor has a heading of its own
+
+    Returns
+    -------
+    mountings and headings, and whether each has its own
     """
     count = bodies.shape[1]
     known = np.asarray(np.isfinite(bodies).all((2, 3)) & np.isfinite(earth).all((2, 3)))
@@ -208,8 +306,17 @@ def from_motion(bodies: Array, earth: Array, up: Array, anywhere: bool) -> tuple
 
 
 def speeds_of(time: Array, rotations: Array, at: Array) -> Array:
-    """(times, items) speeds of rotation [rad/s] of (frames, items, 3, 3); mountings and headings do
-    not change them.
+    """Compute speeds of rotation, which mountings and headings do not change.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    rotations : (frames, items, 3, 3)
+    at : (times,) [s]
+
+    Returns
+    -------
+    (times, items) [rad/s], NaN outside the recording
     """
     steps = (
         vector_from_rotation(rotations[1:] @ np.swapaxes(rotations[:-1], 2, 3))
@@ -223,8 +330,18 @@ def speeds_of(time: Array, rotations: Array, at: Array) -> Array:
 def clock_delay(
     bodies: Array, sensors: Callable[[Array], Array], at: Array, search: float
 ) -> tuple[float, float]:
-    """Delay of the sensors' clock [s] at which speeds of rotation, of bodies (times, sensors) at
-    even times and of sensors at any, are most alike, and their correlation there.
+    """Find the delay of the sensors' clock at which speeds of rotation are most alike.
+
+    Parameters
+    ----------
+    bodies : (times, sensors) speeds of the bodies [rad/s]
+    sensors : speeds (times, sensors) at any times [rad/s]
+    at : (times,) even, at `RATE` [s]
+    search : largest delay that is tried [s]
+
+    Returns
+    -------
+    delay [s], and the correlation there
     """
     lags = np.arange(-int(search * RATE), int(search * RATE) + 1) / RATE
     likeness = np.array([alike(bodies, sensors(at + lag)) for lag in lags])
@@ -233,7 +350,16 @@ def clock_delay(
 
 
 def alike(first: Array, second: Array) -> float:
-    """Correlation of two tables (times, columns), all columns together; NaN are left out."""
+    """Compute the correlation of two tables, all columns together.
+
+    Parameters
+    ----------
+    first, second : (times, columns); NaN are left out
+
+    Returns
+    -------
+    correlation; NaN with fewer than 20 known numbers
+    """
     known = np.isfinite(first) & np.isfinite(second)
     if known.sum() < 20:
         return np.nan

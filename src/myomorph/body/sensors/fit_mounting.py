@@ -70,8 +70,15 @@ CLOCK_ERROR = 0.05  # Standard deviation of the delay about the one that speeds 
 
 
 class Chosen(NamedTuple):
-    """Frames that take part: their markers, those that count with weights, and the share of a frame
-    each counts.
+    """Frames that take part.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    markers : in these frames
+    marker_names : of those that count
+    marker_weights : (names,)
+    share : of a frame that each counts
     """
 
     time: Array
@@ -83,8 +90,17 @@ class Chosen(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MountingFit:
-    """What is known while mountings are looked for; options without tasks of sensors, the
-    calibration pose if any.
+    """The setting in which mountings are looked for.
+
+    Attributes
+    ----------
+    tree : of the model
+    sensors : recording with orientations
+    bodies : that each sensor is on
+    chosen : frames that take part
+    options : without tasks of sensors
+    sizes : noise of sensors and markers
+    pose : calibration pose, if there is one
     """
 
     tree: Tree
@@ -96,7 +112,7 @@ class MountingFit:
     pose: CalibrationPose | None
 
     def at(self, guess: Guess, delay: float) -> SensorMounting:
-        """A guess as a mounting of which everything is open."""
+        """Build a mounting from a guess, of which everything is open."""
         time = self.chosen.time
         knots = np.linspace(time[0], time[-1], 1 + round((time[-1] - time[0]) / KNOTS))
         count = len(self.bodies) * (3 + len(knots))
@@ -112,8 +128,18 @@ class MountingFit:
         )
 
     def poses(self, mounting: SensorMounting, starts: Array | None) -> tuple[Array, Array, Array]:
-        """Coordinates of the frames, what the sensors report of the bodies, and the cost of each
-        frame.
+        """Solve for the poses of the frames with a mounting.
+
+        Parameters
+        ----------
+        mounting : of the sensors
+        starts : (frames, coordinates) where each frame begins [rad or m]; None for the defaults,
+            one frame after the other
+
+        Returns
+        -------
+        (frames, coordinates) [rad or m], (frames, sensors, 3, 3) rotations of the bodies by the
+            sensors, and (frames,) cost
         """
         chosen = self.chosen
         model = self.tree.model
@@ -132,9 +158,17 @@ class MountingFit:
         return np.where(np.isfinite(solved.values), solved.values, first), reported, solved.cost
 
     def fitted(self, start: SensorMounting, azimuth: bool, anywhere: bool) -> MountingEstimate:
-        """The mounting after Gauss-Newton steps, with its estimate. `azimuth`: the heading of all
-        mountings is open, as that of a pose is; `anywhere`: headings begin anywhere, as those of
-        sensors without magnetometer do.
+        """Fit the mounting by Gauss-Newton steps.
+
+        Parameters
+        ----------
+        start : where the search begins
+        azimuth : the heading of all mountings is open, as that of a pose is
+        anywhere : headings begin anywhere, as those of sensors without magnetometer do
+
+        Returns
+        -------
+        the mounting, with its estimate
         """
         unknowns = self._unknowns(start)
         residuals: list[Residuals] = [
@@ -148,7 +182,7 @@ class MountingFit:
         return self._estimated(start, minimize(problem, fit=self._open(), method=method))
 
     def by_pose(self, start: SensorMounting) -> MountingEstimate:
-        """A mounting that is taken from the pose as it is, with what that leaves open."""
+        """Take a mounting from the pose as it is, with what that leaves open."""
         assert self.pose is not None
         problem = Problem(
             self._unknowns(start),
@@ -162,7 +196,7 @@ class MountingFit:
         )
 
     def _estimated(self, start: SensorMounting, solution: Solution) -> MountingEstimate:
-        """The mounting of a solution, and its estimate."""
+        """Build the mounting of a solution, and its estimate."""
         estimate = estimate_of(solution)
         # The clock, which is last, is left out.
         covariance = estimate.posterior.covariance[:-1, :-1]
@@ -172,11 +206,14 @@ class MountingFit:
         return MountingEstimate(replace(mounting, factor=np.asarray(factor)), estimate)
 
     def _open(self) -> tuple[str, ...]:
-        """Blocks that are searched for: without markers there is no clock to compare with."""
+        """Name the blocks that are searched for.
+
+        Without markers there is no clock to compare with.
+        """
         return (MOUNTINGS, HEADINGS, CLOCK) if self.chosen.marker_names else (MOUNTINGS, HEADINGS)
 
     def _unknowns(self, start: SensorMounting) -> Unknowns:
-        """Rotations from the mountings of a start, headings at knots, the sensors' clock."""
+        """List rotations from a start's mountings, headings at knots, and the clock's delay."""
         mountings = [
             Unknown(
                 name=f"{sensor} mounting {axis}",
@@ -214,8 +251,10 @@ class MountingFit:
         )
 
     def _heading_prior(self, start: SensorMounting, azimuth: bool, anywhere: bool) -> LinearPrior:
-        """What is known of headings before: how they differ, what they have in common at the first
-        knot, and how far they drift from knot to knot.
+        """State what is known of headings before.
+
+        How they differ, what they have in common at the first knot, and how far they drift from
+        knot to knot (a random walk).
         """
         count = len(self.bodies)
         knots = len(start.knots)
@@ -240,13 +279,17 @@ class MountingFit:
     def frame_equations(
         self, mounting: SensorMounting, values: Array, reported: Array
     ) -> NormalEquations:
-        """Equations of all unknowns, the pose of each frame eliminated.
+        """Build the equations of all unknowns, the pose of each frame eliminated.
 
         Parameters
         ----------
         mounting : at the point
         values : (frames, coordinates) best poses there [rad or m]
         reported : (frames, sensors, 3, 3) rotations of the bodies by the sensors
+
+        Returns
+        -------
+        (unknowns, unknowns) and (unknowns,), in units of the noise
         """
         chosen = self.chosen
         sizes = self.sizes
@@ -313,9 +356,16 @@ class MountingFit:
         joints: Array,
         parts: list[tuple[list[tuple[Array, Array]], Array]],
     ) -> None:
-        """Means of joint angles about knots at which the body does the same: headings that drift
-        would part them. `parts` has by knot, of each frame, its coordinates and how they follow
-        what is unknown, and the mean verticals.
+        """Add that mean joint angles about knots at which the body does the same are alike.
+
+        Headings that drift would part them.
+
+        Parameters
+        ----------
+        H, g : (unknowns, unknowns), (unknowns,), changed in place
+        joints : (variables,) which free coordinates are angles of joints
+        parts : by knot, of each frame, its coordinates and how they follow what is unknown; and
+            (sensors, 3) the mean verticals
         """
         angles = [np.mean([own[joints] for own, _ in frames], axis=0) for frames, _ in parts]
         slopes = np.array(
@@ -331,8 +381,16 @@ class MountingFit:
             g += weight * X.T @ (angles[i] - angles[j])
 
     def pose_equations(self, mounting: SensorMounting, pose: Array) -> tuple[Ints, Eliminated]:
-        """The calibration pose as one more frame: which coordinates move with what is unknown, and
-        its equations without them. `pose` (coordinates,) [rad or m].
+        """Treat the calibration pose as one more frame.
+
+        Parameters
+        ----------
+        mounting : at the point
+        pose : (coordinates,) of the body there [rad or m]
+
+        Returns
+        -------
+        coordinates that move with what is unknown, and the equations without them
         """
         assert self.pose is not None
         problem = pose_problem(self.tree, (), np.empty(0), self.options)
@@ -365,7 +423,20 @@ class MountingFit:
     def _sensor_columns(
         self, index: int, reported: Array, share: Array, clock: Array, width: int
     ) -> Array:
-        """(3, unknowns) how the rotation vector of a sensor grows with what is unknown."""
+        """Compute how the rotation vector of a sensor's error grows with what is unknown.
+
+        Parameters
+        ----------
+        index : of the sensor
+        reported : (3, 3) rotation of its body by the sensor
+        share : (knots,) of each knot's heading
+        clock : (3,) rotation vector per second of delay [rad/s]
+        width : number of unknowns
+
+        Returns
+        -------
+        (3, unknowns)
+        """
         count = len(self.bodies)
         columns = np.zeros((3, width))
         columns[:, 3 * index : 3 * index + 3] = reported
@@ -377,17 +448,26 @@ class MountingFit:
         return columns
 
     def _width(self, mounting: SensorMounting) -> int:
-        """Number of unknowns."""
+        """Count the unknowns."""
         return len(self.bodies) * (3 + len(mounting.knots)) + 1
 
     def _slopes(self, values: Array, problem: PoseProblem) -> tuple[Array, Array]:
+        """Compute rotations of the sensors' bodies, and their slopes; see `body_slopes`."""
         bodies = np.array([self.tree.body_number(body) for body in self.bodies], np.int64)
         return body_slopes(self.tree, problem, values, bodies)
 
 
 def _noise(errors: Array, coordinates: int) -> float:
-    """Standard deviation of the errors (frames, sensors, 3) that poses of so many coordinates left
-    [rad].
+    """Estimate the standard deviation of errors that poses left.
+
+    Parameters
+    ----------
+    errors : (frames, sensors, 3) rotation vectors [rad], NaN where unknown
+    coordinates : number of free coordinates of a pose
+
+    Returns
+    -------
+    [rad]
     """
     numbers = int(np.isfinite(errors).sum())
     # Poses explain as many numbers as they have coordinates, of those that are joints between
@@ -398,14 +478,20 @@ def _noise(errors: Array, coordinates: int) -> float:
 
 
 class MountingEstimate(NamedTuple):
-    """A mounting, and the estimate that it is of."""
+    """A mounting, and the estimate that it is of.
+
+    Attributes
+    ----------
+    mounting : with the factor of its covariance
+    estimate : unknowns with their posterior
+    """
 
     mounting: SensorMounting
     estimate: Estimate
 
 
 def mounting_of(start: SensorMounting, values: Values) -> SensorMounting:
-    """The mounting at values of the unknowns that are counted from a start."""
+    """Apply values of the unknowns, which are counted from a start."""
     turns = rotation_from_vector(values[MOUNTINGS].reshape(-1, 3))
     return replace(
         start,
@@ -417,7 +503,16 @@ def mounting_of(start: SensorMounting, values: Values) -> SensorMounting:
 
 @dataclass(frozen=True, eq=False)
 class FramesAt:
-    """Sensors and markers of the recording at a mounting, every frame at its best pose."""
+    """Sensors and markers of the recording at a mounting, every frame at its best pose.
+
+    Attributes
+    ----------
+    fit : setting of the search
+    mounting : at the point
+    values : (frames, coordinates) best poses [rad or m]
+    reported : (frames, sensors, 3, 3) rotations of the bodies by the sensors
+    costs : (frames,) in squares of the noise
+    """
 
     fit: MountingFit
     mounting: SensorMounting
@@ -437,13 +532,23 @@ class FramesAt:
         return 3 * int(np.isfinite(self.reported).all(axis=(2, 3)).sum()) + markers
 
     def normal(self) -> NormalEquations:
-        """Poses eliminated, with noise and weights by the residuals here."""
+        """Return the equations with poses eliminated.
+
+        Noise and weights are by the residuals here.
+        """
         return self.fit.frame_equations(self.mounting, self.values, self.reported)
 
 
 @dataclass(frozen=True, eq=False)
 class FrameResiduals:
-    """A recording as residuals of the sensors' mountings, headings and clock."""
+    """A recording as residuals of the sensors' mountings, headings and clock.
+
+    Attributes
+    ----------
+    fit : setting of the search
+    start : mounting that unknowns are counted from
+    name, blocks, prior : of these residuals; they are no prior
+    """
 
     fit: MountingFit
     start: SensorMounting
@@ -452,7 +557,7 @@ class FrameResiduals:
     prior: bool = field(default=False, init=False)
 
     def at(self, values: Values, before: FramesAt | None) -> FramesAt:
-        """Poses begin with those of the mounting before."""
+        """Solve for poses from those of the mounting before."""
         mounting = mounting_of(self.start, values)
         poses, reported, costs = self.fit.poses(mounting, None if before is None else before.values)
         return FramesAt(
@@ -462,7 +567,15 @@ class FrameResiduals:
 
 @read_only
 class PoseAt:
-    """The calibration pose at a mounting: its coordinates, and how they follow the mounting."""
+    """The calibration pose at a mounting: its coordinates, and how they follow the mounting.
+
+    Attributes
+    ----------
+    values : of the unknowns
+    pose : (coordinates,) [rad or m]
+    free : coordinates that move with the unknowns
+    eliminated : equations without the pose
+    """
 
     values: Values
     pose: Array
@@ -480,11 +593,21 @@ class PoseAt:
         return len(self.free)
 
     def normal(self) -> NormalEquations:
-        """The pose eliminated."""
+        """Return the equations with the pose eliminated."""
         return self.eliminated.equations
 
     def followed(self, tree: Tree, values: Values) -> Array:
-        """(coordinates,) the pose after a step to other values."""
+        """Move the pose along with a step to other values.
+
+        Parameters
+        ----------
+        tree : of the model
+        values : of the unknowns
+
+        Returns
+        -------
+        (coordinates,) [rad or m]
+        """
         turns = rotation_from_vector(values[MOUNTINGS].reshape(-1, 3))
         before = rotation_from_vector(self.values[MOUNTINGS].reshape(-1, 3))
         turned_by = vector_from_rotation(turns @ np.swapaxes(before, 1, 2)).ravel()
@@ -498,7 +621,15 @@ class PoseAt:
 
 @dataclass(frozen=True, eq=False)
 class PoseResiduals:
-    """The calibration pose as residuals of mountings and headings."""
+    """The calibration pose as residuals of mountings and headings.
+
+    Attributes
+    ----------
+    fit : setting of the search
+    start : mounting that unknowns are counted from
+    pose : as specified
+    name, blocks, prior : of these residuals; they are no prior
+    """
 
     fit: MountingFit
     start: SensorMounting
@@ -508,7 +639,7 @@ class PoseResiduals:
     prior: bool = field(default=False, init=False)
 
     def at(self, values: Values, before: PoseAt | None) -> PoseAt:
-        """The pose begins as specified, and follows each step."""
+        """Begin with the pose as specified, and follow each step."""
         mounting = mounting_of(self.start, values)
         pose = np.array(self.pose.coordinates)
         if before is not None:
@@ -518,7 +649,17 @@ class PoseResiduals:
 
 
 def _knot_shares(knots: Array, time: Array) -> Array:
-    """(times, knots) weights of a linear interpolation, held at the ends."""
+    """Compute weights of a linear interpolation, held at the ends.
+
+    Parameters
+    ----------
+    knots : (knots,) [s]
+    time : (times,) [s]
+
+    Returns
+    -------
+    (times, knots)
+    """
     return np.column_stack(
         [np.interp(time, knots, column) for column in np.eye(len(knots))]
     ).reshape(len(time), -1)

@@ -66,10 +66,16 @@ BRIDGE = 1e-6  # Weight of the root's place in frames in which no marker shows i
 
 @dataclass(frozen=True, eq=False)
 class SensorRecording:
-    """Sensors of a trial, and what is known of them: bodies of those not named like theirs, "" for
-    one left out; the calibration pose where it was recorded apart, and its start and end, in its
-    own recording or in the trial [s]; each one's axis that points forward in it; whether the clock
-    is that of the markers.
+    """Sensors of a trial, and what is known of them.
+
+    Attributes
+    ----------
+    sensors : recording
+    bodies : of sensors that are not named like theirs, "" for one left out
+    pose : the calibration pose where it was recorded apart
+    pose_time : its start and end, in its own recording or in the trial [s]
+    headings : each sensor's axis that points forward in the pose
+    same_clock : whether the clock is that of the markers
     """
 
     sensors: InertialSensors
@@ -89,10 +95,30 @@ def sensor_kinematics(
     sizes: SensorOptions | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> SensorFit:
-    """Coordinates that sensors and markers (None where sensors are all there is) agree on best,
-    each weighted by its noise. Where each sensor is mounted, its heading and the delay of its clock
-    are found first (`fit_mounting`), from the markers' motion or from a calibration pose and the
-    recording itself.
+    """Find coordinates that sensors and markers agree on best, each weighted by its noise.
+
+    Where each sensor is mounted, its heading and the delay of its clock are found first
+    (`fit_mounting`), from the markers' motion or from a calibration pose and the recording itself.
+
+    Parameters
+    ----------
+    model : calibrated to the body
+    recording : sensors, and what is known of them
+    markers : None where sensors are all there is
+    marked : inverse kinematics of the markers alone; None without markers
+    options : of inverse kinematics
+    sizes : noise of sensors and markers, and how the mounting is found
+    progress : called with the number of frames just done
+
+    Returns
+    -------
+    motion, with the mounting and what of it is questioned
+
+    Raises
+    ------
+    BadData : nothing says how the sensors are mounted, a heading is not known, or there is no time
+        in common with the markers
+    UnknownName : a sensor, an axis or a frame of the model is unknown
     """
     options = options or InverseKinematicsOptions()
     sizes = sizes or SensorOptions()
@@ -150,8 +176,15 @@ def _lost(
     known: np.ndarray,
     options: InverseKinematicsOptions,
 ) -> tuple[LikelyAngles | None, tuple[str, ...]]:
-    """Likely angles of joints whose sensor is lost, and what is said of these and of joints without
-    any sensor.
+    """Find likely angles of joints whose sensor is lost.
+
+    Parameters
+    ----------
+    known : (frames, sensors) whether a sensor reported
+
+    Returns
+    -------
+    likely angles, and lines on these and on joints without any sensor
     """
     tree = compile_tree(model)
     problem = pose_problem(tree, (), np.empty(0), options)
@@ -181,7 +214,7 @@ def _lost(
 
 
 def _bridges(model: Model, marked: KinematicsFit) -> tuple[tuple[CoordinateTask, ...], Motion]:
-    """Pulls of the root's place towards where markers show it before and after a gap."""
+    """Pull the root's position towards where markers show it before and after a gap."""
     seen = marked.seen
     motion = marked.motion
     names = [
@@ -196,7 +229,18 @@ def _bridges(model: Model, marked: KinematicsFit) -> tuple[tuple[CoordinateTask,
 
 @dataclass(frozen=True, eq=False)
 class _Finder:
-    """How the mounting of the sensors of one recording is found."""
+    """The search for the mounting of the sensors of one recording.
+
+    Attributes
+    ----------
+    model : calibrated to the body
+    recording : sensors, and what is known of them
+    bodies : that each sensor is on
+    markers : of the trial
+    marked : inverse kinematics of the markers alone; None without markers
+    options : of inverse kinematics
+    sizes : noise of sensors and markers, and how the mounting is found
+    """
 
     model: Model
     recording: SensorRecording
@@ -207,7 +251,12 @@ class _Finder:
     sizes: SensorOptions
 
     def mounting(self, anywhere: bool) -> SensorMounting:
-        """By the way that the options and the recording name."""
+        """Find the mounting the way that the options and the recording name.
+
+        Raises
+        ------
+        BadData : nothing says how the sensors are mounted, or a heading is not known
+        """
         tree = compile_tree(self.model)
         sensors = self.recording.sensors
         kind = self.sizes.imu_mounting
@@ -267,8 +316,9 @@ class _Finder:
         return replace(found, notes=(*notes, *_of_mounting(found, by_pose)))
 
     def _apart(self) -> tuple[str, ...]:
-        """A warning of sensors of legs that rotate about another axis than the others; none without
-        human legs.
+        """Warn of sensors of legs that rotate about another axis than the others.
+
+        None without human legs.
         """
         segments = segments_if_human(self.model)
         legs = [
@@ -318,8 +368,9 @@ class _Finder:
         )
 
     def _pose(self) -> first_guess.CalibrationPose | None:
-        """The calibration pose: recorded apart, at the time stated, or at the start where the body
-        stands still.
+        """Read the calibration pose.
+
+        It is recorded apart, at the time stated, or at the start where the body stands still.
         """
         recording = self.recording
         rest = compile_tree(self.model).defaults
@@ -347,7 +398,7 @@ class _Finder:
         )
 
     def _delay(self) -> tuple[float, tuple[str, ...]]:
-        """Delay of the sensors' clock against the markers', by speeds of rotation."""
+        """Find the delay of the sensors' clock against the markers', by speeds of rotation [s]."""
         if self.marked is None or self.recording.same_clock:
             return 0.0, ()
         seen = self.marked.seen
@@ -379,7 +430,12 @@ class _Finder:
         return delay, (note,) if abs(delay) > 1.0 / first_guess.RATE else ()
 
     def _bodies(self) -> Array:
-        """(frames, sensors, 3, 3) rotations of the sensors' bodies by the markers."""
+        """Compute rotations of the sensors' bodies by the markers.
+
+        Returns
+        -------
+        (frames, sensors, 3, 3)
+        """
         assert self.marked is not None
         tree = compile_tree(self.model)
         values = np.where(
@@ -400,7 +456,12 @@ class _Finder:
         )
 
     def _chosen(self, delay: float) -> fit_mounting.Chosen:
-        """Frames, spread over the time that sensors and markers share."""
+        """Choose frames, spread over the time that sensors and markers share.
+
+        Raises
+        ------
+        BadData : they share no time
+        """
         sensors = self.recording.sensors
         time = self.markers.time
         usable = (time + delay >= sensors.time[0]) & (time + delay <= sensors.time[-1])
@@ -431,9 +492,7 @@ class _Finder:
         )
 
     def _cost(self, fit: fit_mounting.MountingFit, guess: first_guess.Guess, delay: float) -> float:
-        """Mean over some frames of the squared angles between sensors and bodies, in squares of the
-        noise.
-        """
+        """Compute the mean cost of some frames with a guess, in squares of the noise."""
         markers = fit.chosen.markers.frames(slice(None, None, 5))
         thin = replace(fit, chosen=fit.chosen._replace(time=markers.time, markers=markers))
         _, _, cost = thin.poses(
@@ -455,7 +514,7 @@ def _of_heading(guess: first_guess.Guess) -> tuple[str, ...]:
 
 
 def _of_mounting(found: SensorMounting, by_pose: first_guess.Guess | None) -> Iterator[str]:
-    """Sensors that the recording turns from the calibration pose, and headings that drift."""
+    """Report sensors that are not mounted as the calibration pose says, and drifting headings."""
     if by_pose is not None:
         angles = np.linalg.norm(
             vector_from_rotation(found.rotations @ np.swapaxes(by_pose.rotations, 1, 2)), axis=1

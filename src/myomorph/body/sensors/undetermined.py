@@ -29,9 +29,16 @@ MIN_FRAMES = 10
 
 @read_only
 class LikelyAngles:
-    """Coordinates in frames in which their sensor is lost, as the others were seen to go with them
-    before or after: values (frames, columns) [rad], where the sensor is there what it shows;
-    standard deviation of what the others leave open [rad]; the frames in which a sensor is lost.
+    """Coordinates in frames in which their sensor is lost.
+
+    They are as the others were seen to go with them before or after.
+
+    Attributes
+    ----------
+    columns : (columns,) coordinates
+    values : (frames, columns), where the sensor is there what it shows [rad]
+    spread : (columns,) standard deviation of what the others leave open [rad]
+    lost : (frames,) whether a sensor is lost
     """
 
     columns: Ints
@@ -41,8 +48,14 @@ class LikelyAngles:
 
 
 class Seen(NamedTuple):
-    """Angles of joints (frames, coordinates), which sensors reported (frames, sensors), on which
-    bodies, and free joints.
+    """Poses, and which sensors reported.
+
+    Attributes
+    ----------
+    values : (frames, coordinates) [rad or m]
+    known : (frames, sensors) whether a sensor reported
+    bodies : (sensors,) numbers of their bodies in the tree
+    joints : (variables,) which free coordinates are angles of joints
     """
 
     values: Array
@@ -52,7 +65,17 @@ class Seen(NamedTuple):
 
 
 def joint_angles(tree: Tree, free: Ints) -> np.ndarray:
-    """(variables,) which free coordinates are angles of joints, not of the root."""
+    """Tell which free coordinates are angles of joints, not of the root.
+
+    Parameters
+    ----------
+    tree : of the model
+    free : (variables,) coordinates
+
+    Returns
+    -------
+    (variables,)
+    """
     floating = floating_coordinates(tree.model)
     coordinates = tree.model.coordinates
     return np.array(
@@ -66,8 +89,20 @@ def joint_angles(tree: Tree, free: Ints) -> np.ndarray:
 def body_slopes(
     tree: Tree, problem: PoseProblem, values: Array, bodies: Ints, bounded: bool = True
 ) -> tuple[Array, Array]:
-    """Rotations of bodies (frames, bodies, 3, 3), and slopes (..., 3, variables), 0 at bounds if
-    `bounded`.
+    """Compute rotations of bodies, and their slopes in the free coordinates.
+
+    Parameters
+    ----------
+    tree : of the model
+    problem : with the free coordinates
+    values : (frames, coordinates) [rad or m]
+    bodies : (bodies,) numbers in the tree
+    bounded : whether slopes are 0 at bounds
+
+    Returns
+    -------
+    (frames, bodies, 3, 3) rotations to ground, and (frames, bodies, 3, variables) rotation vectors
+        [rad per rad or m]
     """
     poses, held = nudged_poses(tree, problem, values)
     rotations = poses.rotations[:, bodies].reshape(len(values), len(problem.free) + 1, -1, 3, 3)
@@ -80,8 +115,21 @@ def body_slopes(
 def undetermined(
     tree: Tree, problem: PoseProblem, seen: Seen, known: np.ndarray, frame: int
 ) -> np.ndarray:
-    """(variables,) which free coordinates the sensors that report (sensors,) do not determine at a
-    frame.
+    """Find free coordinates that the reporting sensors do not determine at a frame.
+
+    They are those of whose usual variance the sensors explain less than `DETERMINED`.
+
+    Parameters
+    ----------
+    tree : of the model
+    problem : with the free coordinates
+    seen : poses
+    known : (sensors,) which report
+    frame : number
+
+    Returns
+    -------
+    (variables,)
     """
     _, slopes = body_slopes(
         tree, problem, seen.values[frame : frame + 1], seen.bodies, bounded=False
@@ -92,8 +140,20 @@ def undetermined(
 
 
 def likely_angles(tree: Tree, problem: PoseProblem, seen: Seen, time: Array) -> LikelyAngles | None:
-    """Coordinates of lost sensors by regression on those that the others determine, and their
-    rates. None where no sensor is lost, or it was not there for long enough to learn from.
+    """Estimate coordinates of lost sensors by regression on those that the others determine.
+
+    On these and their rates.
+
+    Parameters
+    ----------
+    tree : of the model
+    problem : with the free coordinates
+    seen : poses, and which sensors reported
+    time : (frames,) [s]
+
+    Returns
+    -------
+    None where no sensor is lost, or it was not there for long enough to learn from
     """
     whole = np.asarray(seen.known.all(axis=1))
     ever = np.asarray(seen.known.any(axis=0))

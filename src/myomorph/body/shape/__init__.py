@@ -1,5 +1,5 @@
-"""The shape of a body and the mass inside it: skins, envelopes, grids of mass points and the maps
-that weigh them.
+"""The shape of a body and the mass inside it.
 
-It knows no motion and no forces.
+Skins, envelopes, grids of mass points and the maps that weigh them. It knows no motion and no
+forces.
 """

@@ -44,7 +44,14 @@ QUARTER_SLACK = np.radians(15.0)
 
 @dataclass(frozen=True)
 class LengthMatch:
-    """Distance of two joint centers of a region in both models [m]."""
+    """Distance of two joint centers of a region in both models.
+
+    Attributes
+    ----------
+    region : that both bound
+    centers : their keys
+    lower, higher : distances in the two models [m]
+    """
 
     region: Region
     centers: tuple[str, str]
@@ -53,7 +60,12 @@ class LengthMatch:
 
 
 def first_frame(pose: Motion | None, model: Model) -> Motion:
-    """The first frame of a pose, by default the model's default pose; raises `BadData`."""
+    """Return the first frame of a pose, by default the model's default pose.
+
+    Raises
+    ------
+    BadData : the pose has no first frame of finite coordinates
+    """
     if pose is None:
         return DEFAULT_POSE
     if len(pose) == 0 or not np.isfinite(pose.values[0]).all():
@@ -62,8 +74,19 @@ def first_frame(pose: Motion | None, model: Model) -> Motion:
 
 
 def between_grounds(lower: Standing, higher: Standing, shared: Sequence[str]) -> Array:
-    """(3, 3) axes of the lower model's ground in the higher's: gravity on gravity, headings to a
-    quarter turn.
+    """Find the rotation between the grounds of two models.
+
+    Gravity lies on gravity; headings that differ by nearly a quarter turn are taken to differ by
+    one.
+
+    Parameters
+    ----------
+    lower, higher : in their poses
+    shared : keys of joint centers that both have
+
+    Returns
+    -------
+    (3, 3) axes of the lower model's ground in the higher's
     """
     both = lower, higher
     ups = [_upright(standing.model.up) for standing in both]
@@ -88,7 +111,16 @@ def between_grounds(lower: Standing, higher: Standing, shared: Sequence[str]) ->
 
 
 def _upright(up: Array) -> Array:
-    """(3, 3) columns x, y, z of a frame whose y axis points up."""
+    """Build a frame whose y axis points up.
+
+    Parameters
+    ----------
+    up : (3,) unit vector
+
+    Returns
+    -------
+    (3, 3) columns x, y, z
+    """
     forward = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[1]
     forward = forward - (forward @ up) * up
     forward /= np.linalg.norm(forward)
@@ -97,8 +129,14 @@ def _upright(up: Array) -> Array:
 
 @read_only
 class Cue:
-    """A point on a hinge's axis beside its center: on the higher model's inner body, and where it
-    should be.
+    """A point on a hinge's axis beside its center.
+
+    Attributes
+    ----------
+    name : key of the center and " axis"
+    body : the higher model's inner body
+    location : (3,) on that body [m]
+    target : (3,) where it should be in ground [m]
     """
 
     name: str
@@ -110,8 +148,19 @@ class Cue:
 def hinge_cues(
     lower: Standing, higher: Standing, shared: Sequence[str], rotation: Array
 ) -> list[Cue]:
-    """Points that turn thighs and upper arms about their length, where both models have a hinge
-    below.
+    """Place points that rotate thighs and upper arms about their length.
+
+    There is one where both models have a hinge below.
+
+    Parameters
+    ----------
+    lower, higher : in their poses
+    shared : keys of joint centers that both have
+    rotation : (3, 3) from the lower model's ground axes to the higher's
+
+    Returns
+    -------
+    one for each knee and elbow whose axes are within 60 degrees
     """
     result = []
     for key in shared:
@@ -141,9 +190,10 @@ def hinge_cues(
 def _started(
     coordinate: Coordinate, joint: Joint | None, regions: Mapping[str, Region]
 ) -> Coordinate:
-    """A coordinate as the search for the pose starts with it: limbs a little bent, where no joint
-    is singular. The ranges of limbs do not hold in the search: straight knees of two models differ
-    by a degree.
+    """Choose how the search for the pose starts with a coordinate.
+
+    Limbs are a little bent, where no joint is singular. The ranges of limbs do not hold in the
+    search: straight knees of two models differ by a degree.
     """
     if joint is None or coordinate.locked:
         return coordinate
@@ -169,9 +219,13 @@ def _started(
 
 
 class CenterFit:
-    """Factors and a pose of the higher model that bring its joint centers to those of the lower.
-    `pairs` (region, center, center) whose distances the factors of the region set; `free`: regions
-    with factors of their own: one, or three where three centers or more bound the region.
+    """Factors and a pose of the higher model that bring its joint centers to the lower's.
+
+    Attributes
+    ----------
+    pairs : (region, center, center) whose distances the factors of the region set
+    free : regions with factors of their own: one, or three where three centers or more bound the
+        region
     """
 
     def __init__(
@@ -210,8 +264,16 @@ class CenterFit:
             )
 
     def solve(self, rounds: int, tolerance: float) -> tuple[dict[str, Array], Motion]:
-        """Scale and pose in turn until no center moves further than `tolerance` against the lower
-        model's [m].
+        """Scale and pose in turn until no center moves further than the tolerance.
+
+        Parameters
+        ----------
+        rounds : at most so many
+        tolerance : change of a center's distance from the lower model's [m]
+
+        Returns
+        -------
+        (3,) factors of every body, and the pose
         """
         pose = DEFAULT_POSE
         logs = np.zeros(sum(self.free.values()))
@@ -234,7 +296,16 @@ class CenterFit:
         return Standing(model, pose, self._regions).places
 
     def factors(self, logs: Array) -> dict[str, Array]:
-        """(3,) factors of every body from the log factors (unknowns,) of the free regions."""
+        """Compute factors of every body from those of the free regions.
+
+        Parameters
+        ----------
+        logs : (unknowns,) log factors of the free regions
+
+        Returns
+        -------
+        (3,) by body
+        """
         of_region: dict[Region, Array] = {}
         start = 0
         for region, count in self.free.items():
@@ -254,7 +325,16 @@ class CenterFit:
         )
 
     def _scale_segments(self, logs: Array, pose: Motion) -> Array:
-        """Factors with which the distances within regions become the lower model's, in a pose."""
+        """Find factors with which distances within regions become the lower model's, in a pose.
+
+        Parameters
+        ----------
+        logs : (unknowns,) to begin with
+
+        Returns
+        -------
+        (unknowns,) log factors of the free regions
+        """
         wanted = {
             pair: float(np.linalg.norm(self._targets[pair[1]] - self._targets[pair[2]]))
             for pair in self.pairs
@@ -281,7 +361,8 @@ class CenterFit:
         )
 
     def _pose(self, model: Model) -> Motion:
-        """The pose in which the joint centers lie nearest to the lower model's.
+        """Find the pose in which the joint centers lie nearest to the lower model's.
+
         The angles of a shoulder or hip have poles and two branches, so a limb that stays off is
         tried from other angles; the next rounds start from those that were found.
         """
@@ -301,15 +382,16 @@ class CenterFit:
         return best
 
     def _starts(self, defaults: Mapping[str, float]) -> tuple[Coordinate, ...]:
-        """The coordinates that the search starts with, some of them from other values."""
+        """Return the coordinates that the search starts with, some of them from other values."""
         return tuple(
             replace(coordinate, default=defaults.get(coordinate.name, coordinate.default))
             for coordinate in self._started
         )
 
     def _ball(self, model: Model, region: Region) -> dict[str, tuple[float, float]]:
-        """The two or three rotations by which a thigh or an upper arm turns, if they are as few,
-        and their ranges.
+        """Return the two or three rotations of a thigh or an upper arm, with their ranges.
+
+        Empty where there are more or fewer.
         """
         if region.name not in ("thigh", "upper_arm"):
             return {}
@@ -330,12 +412,12 @@ class CenterFit:
         return moved if 2 <= len(moved) <= 3 else {}
 
     def _off(self, model: Model, pose: Motion, keys: Sequence[str]) -> float:
-        """Largest distance of some centers from the lower model's [m]."""
+        """Compute the largest distance of some centers from the lower model's [m]."""
         places = self._places(model, pose)
         return max(float(np.linalg.norm(places[key] - self._targets[key])) for key in keys)
 
     def _posed(self, model: Model, coordinates: tuple[Coordinate, ...]) -> Motion:
-        """Inverse kinematics of the joint centers from the defaults of coordinates."""
+        """Run inverse kinematics of the joint centers from the defaults of coordinates."""
         centers = centers_of(model, self._regions)
         virtual = [
             Marker(key, centers[key].joint.child, centers[key].location) for key in self._targets
@@ -364,8 +446,17 @@ class CenterFit:
     def shifts(
         self, higher: Model, factors: Mapping[str, Array], pose: Motion
     ) -> tuple[dict[str, float], Model]:
-        """How far each joint is moved in its inner body so that its center coincides, and the model
-        before scaling.
+        """Move each joint in its inner body so that its center coincides.
+
+        Parameters
+        ----------
+        higher : the model before scaling
+        factors : body to (3,)
+        pose : that was found
+
+        Returns
+        -------
+        distance that each center is moved [m], and the model before scaling with its joints moved
         """
         model = higher
         distances = {}
@@ -385,7 +476,16 @@ class CenterFit:
         return distances, model
 
     def lengths(self, places: Mapping[str, Array]) -> tuple[LengthMatch, ...]:
-        """Distances of all pairs, of the lower model and of centers at `places`."""
+        """List distances of all pairs.
+
+        Parameters
+        ----------
+        places : key of the center to (3,) in ground [m]
+
+        Returns
+        -------
+        distances in the lower model and at these positions
+        """
         return tuple(
             LengthMatch(
                 region=region,
@@ -398,8 +498,12 @@ class CenterFit:
 
 
 def _moved(joint: Joint, center: Center, by: Array, factors: Mapping[str, Array]) -> Joint:
-    """A joint of the model before scaling, moved in its inner body so that after scaling it has
-    moved by a vector.
+    """Move a joint of the model before scaling, so that after scaling it has moved by a vector.
+
+    Parameters
+    ----------
+    by : (3,) in the inner body, after scaling [m]
+    factors : body to (3,)
     """
     if joint.child != center.joint.child:
         return joint

@@ -1,5 +1,6 @@
-"""Mass points where there is no skin: a solid around every body of the model, from what the model
-says of it.
+"""Mass points where there is no skin.
+
+A solid around every body of the model, from what the model says of it.
 """
 
 from __future__ import annotations
@@ -42,21 +43,37 @@ MIN_POINTS = 40
 
 
 class EnvelopePoints(NamedTuple):
-    """Points inside the envelopes of a model's bodies."""
+    """Points inside the envelopes of a model's bodies.
 
-    points: Array  # (points, 3) in ground [m]
-    link: np.ndarray  # (points,) body of each, by its place in the model
-    masses: Array  # (points,) so that each body weighs what the model says [kg]
-    words: str  # what the envelopes are
+    Attributes
+    ----------
+    points : (points, 3) in ground [m]
+    link : (points,) body of each, by its place in the model
+    masses : (points,) so that each body weighs what the model says [kg]
+    words : what the envelopes are
+    """
+
+    points: Array
+    link: np.ndarray
+    masses: Array
+    words: str
 
 
 class Solid(NamedTuple):
-    """The envelope of a body in its frame: an ellipsoid, or a closed surface."""
+    """The envelope of a body in its frame: an ellipsoid, or a closed surface.
 
-    kind: str  # in words
-    center: Array  # (3,) [m]
-    axes: Array  # (3, 3) columns are the half axes of an ellipsoid [m]
-    surface: Surface | None = None  # instead of the ellipsoid
+    Attributes
+    ----------
+    kind : in words
+    center : (3,) [m]
+    axes : (3, 3) columns are the half axes of an ellipsoid [m]
+    surface : instead of the ellipsoid
+    """
+
+    kind: str
+    center: Array
+    axes: Array
+    surface: Surface | None = None
 
     @property
     def volume(self) -> float:
@@ -77,13 +94,28 @@ def envelope_points(
     spacing: float = SPACING,
     surfaces: Mapping[str, Surface] | None = None,
 ) -> EnvelopePoints:
-    """Points on a regular grid inside a solid around every body that has mass, in the first frame
-    of a motion. A body of mass m, mass center c and central second moments S fills the ellipsoid of
-    half axes sqrt(5 s_k / m) along the eigenvectors of S, which has exactly these. Where that would
-    be no soft tissue (its density is not `PLAUSIBLE`: inertias that were only guessed), it fills
-    the convex hull of its meshes, and where it has none, an ellipsoid along its bones, each of
-    density `TISSUE`. `surfaces`: meshes by the name the model gives them, as `read_surfaces` finds
-    them.
+    """Fill a solid around every body that has mass with points of a regular grid.
+
+    A body of mass m, mass center c and central second moments S fills the ellipsoid of half axes
+    sqrt(5 s_k / m) along the eigenvectors of S, which has exactly these. Where that would be no
+    soft tissue (its density is not `PLAUSIBLE`: inertias that were only guessed), it fills the
+    convex hull of its meshes, and where it has none, an ellipsoid along its bones, each of density
+    `TISSUE`.
+
+    Parameters
+    ----------
+    model : with masses
+    pose : its first frame counts
+    spacing : of the grid [m]; finer in bodies with few points
+    surfaces : meshes by the name the model gives them, as `read_surfaces` finds them
+
+    Returns
+    -------
+    points in ground [m] with their bodies and masses [kg]
+
+    Raises
+    ------
+    BadData : the spacing is not above 0 or has too many points, or no body has mass
     """
     if not spacing > 0.0:
         raise BadData(f"a spacing of {spacing:g} m: expected above 0")
@@ -128,7 +160,24 @@ def own_points(
     spacing: float = SPACING,
     surfaces: Mapping[str, Surface] | None = None,
 ) -> MassPoints:
-    """Points of `envelope_points`, each of the link it fills, of a total mass [kg]."""
+    """Build mass points of `envelope_points`, each of the link it fills.
+
+    Parameters
+    ----------
+    model : with masses
+    pose : its first frame counts
+    mass : of all points [kg]
+    spacing : of the grid [m]
+    surfaces : meshes by the name the model gives them
+
+    Returns
+    -------
+    points, each with a share of 1 in its link
+
+    Raises
+    ------
+    BadData : as in `envelope_points`
+    """
     links = links_of(model, pose)
     points, owners, masses, words = envelope_points(model, pose, spacing, surfaces)
     entries = (np.ones(len(owners)), (np.arange(len(owners)), owners))
@@ -146,6 +195,13 @@ def own_points(
 def _solid(
     body: Body, i: int, moments: Array, links: Links, surfaces: Mapping[str, Surface]
 ) -> Solid:
+    """Choose the solid of a body: by its inertia, its meshes or its bones.
+
+    Parameters
+    ----------
+    i : number of the body
+    moments : (4, 4) its pseudo-inertia
+    """
     semi_axes = _of_inertia(body.mass, moments)
     if semi_axes is not None:
         return semi_axes
@@ -155,6 +211,17 @@ def _solid(
 
 
 def _of_inertia(mass: float, moments: Array) -> Solid | None:
+    """Build the ellipsoid of uniform density with a body's mass, center and inertia.
+
+    Parameters
+    ----------
+    mass : of the body [kg]
+    moments : (4, 4) its pseudo-inertia
+
+    Returns
+    -------
+    None where no body has these moments or the density is not `PLAUSIBLE`
+    """
     center = moments[:3, 3] / mass
     spread, axes = np.linalg.eigh(moments[:3, :3] / mass - np.outer(center, center))
     if not spread[0] > 0.0:
@@ -167,8 +234,14 @@ def _of_inertia(mass: float, moments: Array) -> Solid | None:
 
 
 def _of_hull(mass: float, corners: Array) -> Solid | None:
-    """The convex hull of points under soft tissue of even thickness; without it and smaller where
-    it is too large.
+    """Build the convex hull of points under soft tissue of even thickness.
+
+    Without soft tissue and smaller where it is too large.
+
+    Parameters
+    ----------
+    mass : of the body [kg]
+    corners : (points, 3) in the body [m]
     """
     try:
         hull = scipy.spatial.ConvexHull(corners)
@@ -189,8 +262,18 @@ def _of_hull(mass: float, corners: Array) -> Solid | None:
 
 
 def _thickness(hull: scipy.spatial.ConvexHull, wanted: float) -> float:
-    """Thickness t of soft tissue over a convex body whose volume becomes V + A t + M t^2 + 4/3 pi
-    t^3 (Steiner) [m]. M is pi times the mean width; the width is averaged over the three axes.
+    """Compute the thickness t of soft tissue over a convex body of a wanted volume.
+
+    The volume becomes V + A t + M t^2 + 4/3 pi t^3 (Steiner). M is pi times the mean width; the
+    width is averaged over the three axes.
+
+    Parameters
+    ----------
+    wanted : volume [m^3]
+
+    Returns
+    -------
+    t [m]
     """
     width = float(np.ptp(hull.points, axis=0).mean())
     roots = np.roots([4.0 / 3.0 * np.pi, np.pi * width, hull.area, hull.volume - wanted])
@@ -203,6 +286,7 @@ _DIRECTIONS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 
 def _along_bones(body: Body, i: int, links: Links) -> Solid:
+    """Build an ellipsoid along a body's longest bone, with its mass at density `TISSUE`."""
     bones = links.bones[links.bone_links == i]
     along = (bones[:, 1] - bones[:, 0])[
         np.argmax(np.linalg.norm(bones[:, 1] - bones[:, 0], axis=1))
@@ -219,7 +303,17 @@ def _along_bones(body: Body, i: int, links: Links) -> Solid:
 
 
 def _grid(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array:
-    """Grid points in ground inside a solid; the grid is finer in bodies with few points."""
+    """Fill a solid with grid points; the grid is finer in bodies with few points.
+
+    Parameters
+    ----------
+    rotation, origin : (3, 3), (3,) of the body in ground [m]
+    spacing : at most [m]
+
+    Returns
+    -------
+    (points, 3) in ground [m]
+    """
     spacing = min(spacing, (solid.volume / (2 * MIN_POINTS)) ** (1.0 / 3.0))
     if solid.surface is not None:
         placed = Surface(solid.surface.vertices @ rotation.T + origin, solid.surface.faces)

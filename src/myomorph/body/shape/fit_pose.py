@@ -57,16 +57,25 @@ _MIDDLE = (
 
 @read_only
 class PoseFit:
-    """A model's pose in a skin, both in the model's ground."""
+    """A model's pose in a skin, both in the model's ground.
 
-    motion: Motion  # one frame
-    skin: Skin  # moved to where the model is
-    rotation: Array  # (3, 3) [m] by which it was moved
-    translation: Array  # (3,) [m] by which it was moved
-    # of the virtual markers: joint centers ("right hip") and the model's own markers
+    Attributes
+    ----------
+    motion : one frame
+    skin : moved to where the model is
+    rotation, translation : (3, 3), (3,) by which it was moved [m]
+    names : of the virtual markers: joint centers ("right hip") and the model's own markers
+    errors : (markers,) distances of model and skin's virtual markers [m]
+    notes : what looks wrong, one line each
+    """
+
+    motion: Motion
+    skin: Skin
+    rotation: Array
+    translation: Array
     names: tuple[str, ...]
-    errors: Array  # (markers,) distances of model and skin's virtual markers [m]
-    notes: tuple[str, ...] = ()  # what looks wrong, one line each
+    errors: Array
+    notes: tuple[str, ...] = ()
 
     @property
     def rms(self) -> float:
@@ -77,12 +86,29 @@ class PoseFit:
 def pose_model_to_skin(
     model: Model, body: Shape | Skin, landmarks: Mapping[str, Array] | None = None
 ) -> PoseFit:
-    """The coordinates in which a model's joint centers and markers are where a body has them.
+    """Find the pose in which a model's joint centers and markers are where a body has them.
+
     The skin is first moved to the model's default pose (Kabsch 1976, over the points of the trunk),
-    whatever its axes are, then inverse kinematics runs over virtual markers. A skin without
-    landmarks is taken to be in the model's default pose and ground already, which is checked.
-    `model`: scaled to the body; `landmarks`: of a user's skin, (3,) by the name of a model marker
-    or a joint center ("right knee", "neck") [m]; in the place of a shape's own.
+    whatever its axes are, then inverse kinematics runs over virtual markers ([D] 3.3). A skin
+    without landmarks is taken to be in the model's default pose and ground already, which is
+    checked.
+
+    Parameters
+    ----------
+    model : scaled to the body
+    body : a shape with joint centers and landmarks, or a user's skin
+    landmarks : (3,) on a user's skin by the name of a model marker or a joint center ("right knee",
+        "neck") [m]; in the place of a shape's own
+
+    Returns
+    -------
+    one frame, and the skin where the model is
+
+    Raises
+    ------
+    BadData : model and body share fewer than three points, or these lie on one line; or the skin is
+        not where the model stands
+    UnknownName : a landmark is no marker or joint center of the model
     """
     skin = body.skin if isinstance(body, Shape) else body
     if landmarks is None and isinstance(body, Skin):
@@ -140,7 +166,8 @@ def pose_model_to_skin(
 
 
 def _centers(model: Model) -> dict[str, Center]:
-    """Joint centers of a human model by name, none of others.
+    """Find the joint centers of a human model by name, none of others.
+
     Where nothing moves in the spine, the frame of the joint may be anywhere.
     """
     try:
@@ -161,8 +188,16 @@ def _paired(
     body: Shape | Skin,
     landmarks: Mapping[str, Array] | None,
 ) -> tuple[dict[str, tuple[Array, Marker]], list[str]]:
-    """Points of the body by name, each with a virtual marker, and names of joint centers that the
-    model lacks.
+    """Pair points of the body with virtual markers.
+
+    Returns
+    -------
+    name to (3,) point and marker, and names of joint centers that the model lacks
+
+    Raises
+    ------
+    UnknownName : a landmark is no marker or joint center of the model
+    BadData : a landmark is no point
     """
     own = {marker.name: marker for marker in model.markers}
     at_centers = {
@@ -193,8 +228,22 @@ def _paired(
 
 
 def _aligned(points: Array, targets: Array, names: list[str]) -> tuple[Array, Array]:
-    """Rotation and translation that bring points (n, 3) nearest to targets (n, 3), by those of the
-    trunk if enough.
+    """Find the rotation and translation that bring points nearest to targets.
+
+    By those of the trunk if there are enough (Kabsch 1976).
+
+    Parameters
+    ----------
+    points, targets : (n, 3) [m]
+    names : (n,)
+
+    Returns
+    -------
+    (3, 3) and (3,) [m]
+
+    Raises
+    ------
+    BadData : the points lie on one line
     """
     trunk = [
         i
@@ -219,7 +268,12 @@ def _aligned(points: Array, targets: Array, names: list[str]) -> tuple[Array, Ar
 
 
 def _default_pose(model: Model, skin: Skin) -> PoseFit:
-    """The model's default pose, once the skin is seen to be around it."""
+    """Take the model's default pose, once the skin is seen to be around it.
+
+    Raises
+    ------
+    BadData : less than `SHARE_INSIDE` of the mass centers are inside the skin
+    """
     tree = compile_tree(model)
     values = tree.coordinates_of(DEFAULT_POSE)
     pose = Motion(np.zeros(1), model.coordinate_names, values[:1])
@@ -249,8 +303,11 @@ def _default_pose(model: Model, skin: Skin) -> PoseFit:
 
 
 def landmark_of_marker(marker: str) -> str:
-    """Name of the landmark that a marker's name tells, "" where it has none: "right ASIS" for
-    `R.ASIS`.
+    """Find the landmark that a marker's name means: "right ASIS" for `R.ASIS`.
+
+    Returns
+    -------
+    name of the landmark, "" where there is none
     """
     name = marker.strip().lower()
     for landmark, pattern in _MIDDLE:

@@ -1,8 +1,8 @@
-"""Sums over mass points by link and by pair of links, in threads: products with matrices too large
-to form.
+"""Sums over mass points by link and by pair of links, in threads.
 
-The matrix is G (10 links, points), whose column j holds w_ij m(x_j) for every link i, with the ten
-monomials m(x) = 1, x, y, z, xx, yy, zz, yz, zx, xy. Weights come as the rows of a CSR matrix.
+They are products with matrices too large to form. The matrix is G (10 links, points), whose column
+j holds w_ij m(x_j) for every link i, with the ten monomials m(x) = 1, x, y, z, xx, yy, zz, yz, zx,
+xy. Weights come as the rows of a CSR matrix.
 """
 
 from __future__ import annotations
@@ -50,8 +50,15 @@ def _monomials(x, j):
 
 @kernel
 def pull(x, first, links, weights, c, start, stop, out):
-    """out_j = sum_i w_ij c_i . m(x_j), that is G^T c, for points start ... stop - 1; c is (links,
-    10).
+    """Fill out_j = sum_i w_ij c_i . m(x_j), that is G^T c.
+
+    Parameters
+    ----------
+    x : (points, 3) [m]
+    first, links, weights : rows of the weights, as CSR
+    c : (links, 10)
+    start, stop : points start ... stop - 1 are filled
+    out : (points,)
     """
     for j in range(start, stop):
         m = _monomials(x, j)
@@ -75,8 +82,15 @@ def pull(x, first, links, weights, c, start, stop, out):
 
 @kernel
 def push(x, first, links, weights, masses, start, stop, out):
-    """out_i += sum_j w_ij masses_j m(x_j), that is G masses, over points start ... stop - 1; out is
-    (links, 10).
+    """Add to out_i the sum_j w_ij masses_j m(x_j), that is G masses.
+
+    Parameters
+    ----------
+    x : (points, 3) [m]
+    first, links, weights : rows of the weights, as CSR
+    masses : (points,)
+    start, stop : points start ... stop - 1 are summed
+    out : (links, 10)
     """
     for j in range(start, stop):
         if masses[j] == 0.0:
@@ -99,9 +113,20 @@ def push(x, first, links, weights, masses, start, stop, out):
 
 @kernel(fastmath={"reassoc", "contract"})
 def push_pairs(x, first, links, weights, factors, start, stop, out):
-    """out[i (i + 1) / 2 + k] += sum_j factor_j w_ij w_kj (35 products at x_j), k <= i: all blocks
-    of G F G^T. Points are taken eight at a time: neighbors on a grid share their links, and a sum
-    of eight is written as fast as one. The last of the 36 columns is there for the processor.
+    """Add all blocks of G F G^T, of links k <= i, as sums of 35 products.
+
+        out[i (i + 1) / 2 + k] += sum_j factor_j w_ij w_kj (products at x_j)
+
+    Points are taken eight at a time: neighbors on a grid share their links, and a sum of eight is
+    written as fast as one. The last of the 36 columns is there for the processor.
+
+    Parameters
+    ----------
+    x : (points, 3) [m]
+    first, links, weights : rows of the weights, as CSR
+    factors : (points,) the diagonal of F
+    start, stop : points start ... stop - 1 are summed
+    out : (pairs of links, 36)
     """
     most = 0
     for entry in range(first[start], first[stop]):
@@ -171,8 +196,17 @@ def push_pairs(x, first, links, weights, factors, start, stop, out):
 
 @kernel
 def respond(reference, freedom, floor, s, ds, t, start, stop, out):
-    """The masses rho_j = max(floor_j, reference_j + freedom_j (s_j + t ds_j)) as sums over points.
-    out[0] += sum (rho_j - reference_j) ds_j, and out[1] += its derivative by t.
+    """Add what the dual's line search needs of the masses at a step t.
+
+    The masses are rho_j = max(floor_j, reference_j + freedom_j (s_j + t ds_j)).
+
+    Parameters
+    ----------
+    reference, freedom, floor : (points,) [kg], [kg^2], [kg]
+    s, ds : (points,)
+    t : step
+    start, stop : points start ... stop - 1 are summed
+    out : (2,) sum of (rho_j - reference_j) ds_j, and its derivative by t
     """
     slope = 0.0
     curvature = 0.0
@@ -189,22 +223,29 @@ def respond(reference, freedom, floor, s, ds, t, start, stop, out):
 
 @read_only
 class PointSums:
-    """Products with G (10 links, points): column j holds w_ij m(x_j) for every link i, m the ten
-    monomials. Points are counted from their mean, so that powers of four keep their digits wherever
-    the ground's origin is.
+    """Products with G (10 links, points), see the head of this file.
+
+    Points are counted from their mean, so that powers of four keep their digits wherever the
+    ground's origin is.
+
+    Attributes
+    ----------
+    x : (points, 3) from the mean of all [m]
+    first, columns, weights : rows of the weights, as CSR
+    links : how many
+    shift : (10, 10) moments about the ground's origin are `shift @` moments about the mean
     """
 
-    x: Array  # (points, 3) from the mean of all [m]
-    # first, columns, weights: rows of the weights, as CSR
+    x: Array
     first: np.ndarray
     columns: np.ndarray
     weights: Array
-    links: int  # how many
-    shift: Array  # (10, 10) moments about the ground's origin are `shift @` moments about the mean
+    links: int
+    shift: Array
 
     @staticmethod
     def of(points: MassPoints) -> PointSums:
-        """The sums over these points."""
+        """Set up the sums over these points."""
         mean = points.points.mean(axis=0)
         W = points.weights
         if not W.has_canonical_format:
@@ -220,7 +261,16 @@ class PointSums:
         )
 
     def pull(self, c: Array) -> Array:
-        """(points,) G^T c of c (10 links,)."""
+        """Compute G^T c.
+
+        Parameters
+        ----------
+        c : (10 links,)
+
+        Returns
+        -------
+        (points,)
+        """
         by_link = np.ascontiguousarray(c.reshape(self.links, 10))
         out = np.empty(len(self.x))
         over_frames(
@@ -233,12 +283,30 @@ class PointSums:
         return out
 
     def push(self, masses: Array) -> Array:
-        """(10 links,) G masses of masses (points,)."""
+        """Compute G masses.
+
+        Parameters
+        ----------
+        masses : (points,)
+
+        Returns
+        -------
+        (10 links,) moments about the mean of all points
+        """
         add = partial(push, self.x, self.first, self.columns, self.weights, masses)
         return self._summed(add, self.links, 10).ravel()
 
     def pairs(self, factors: Array) -> Array:
-        """(pairs of links, 36) sums that make G diag(factors) G^T; `matrix` puts them in place."""
+        """Compute the sums that make G diag(factors) G^T; `matrix` puts them in place.
+
+        Parameters
+        ----------
+        factors : (points,)
+
+        Returns
+        -------
+        (pairs of links, 36)
+        """
         shape = self.links * (self.links + 1) // 2, PRODUCTS + 1
         if not factors.any():
             return np.zeros(shape)
@@ -247,7 +315,16 @@ class PointSums:
         )
 
     def matrix(self, pairs: Array) -> Array:
-        """(10 links, 10 links) G F G^T from the sums of `pairs`."""
+        """Build G F G^T from the sums of `pairs`.
+
+        Parameters
+        ----------
+        pairs : (pairs of links, 36)
+
+        Returns
+        -------
+        (10 links, 10 links)
+        """
         i, j = np.tril_indices(self.links)
         blocks = np.empty((self.links, self.links, 10, 10))
         blocks[i, j] = blocks[j, i] = pairs[:, PRODUCT_OF]
@@ -256,14 +333,25 @@ class PointSums:
     def respond(
         self, reference: Array, freedom: Array, floor: Array, s: Array, ds: Array, t: float
     ) -> tuple[float, float]:
-        """Sum of (rho_j - reference_j) ds_j at step t of the masses (`respond`), and its derivative
-        by t.
+        """Compute the sum of (rho_j - reference_j) ds_j at a step, and its derivative by it.
+
+        See `respond` for the masses.
+
+        Parameters
+        ----------
+        reference, freedom, floor : (points,) [kg], [kg^2], [kg]
+        s, ds : (points,)
+        t : step
+
+        Returns
+        -------
+        slope and curvature
         """
         slope, curvature = self._summed(partial(respond, reference, freedom, floor, s, ds, t), 2)
         return float(slope), float(curvature)
 
     def _summed(self, add: Callable[[int, int, Array], None], *shape: int) -> Array:
-        """What `add` adds to arrays of this shape from one point to another, over all points."""
+        """Sum over all points what `add` adds to an array of this shape, part by part."""
         parts = np.zeros((-(-len(self.x) // self._chunk), *shape))
         over_frames(
             lambda start, stop: add(start, stop, parts[start // self._chunk]),
@@ -279,7 +367,16 @@ class PointSums:
 
 
 def _shift(mean: Array) -> Array:
-    """(10, 10) monomials at x + mean from those at x."""
+    """Build the matrix from monomials at x to those at x + mean.
+
+    Parameters
+    ----------
+    mean : (3,) [m]
+
+    Returns
+    -------
+    (10, 10)
+    """
     T = np.eye(10)
     pairs = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
     T[1:4, 0] = mean

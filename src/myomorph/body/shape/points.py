@@ -1,5 +1,6 @@
-"""Mass points on a grid inside a body, what each weighs before anything is measured, and the links
-they belong to.
+"""Mass points on a grid inside a body.
+
+What each weighs before anything is measured, and the links they belong to.
 """
 
 from __future__ import annotations
@@ -92,8 +93,9 @@ class MassPoints:
 
     @cached_property
     def places(self) -> Array:
-        """(links, 10, 10) parameters of a link from the moments 1, x, y, z, xx, yy, zz, yz, zx, xy
-        of its points.
+        """(links, 10, 10) from moments of a link's points to its parameters.
+
+        The moments are 1, x, y, z, xx, yy, zz, yz, zx, xy.
         """
         return np.stack(
             [
@@ -103,22 +105,45 @@ class MassPoints:
         )
 
     def parameters(self, masses: Array) -> Array:
-        """(links, 10) inertial parameters of the links, W rho of eq. 3.5, for point masses
-        (points,) [kg].
+        """Compute the inertial parameters of the links, phi = W rho of [D] eq. 3.5.
+
+        Parameters
+        ----------
+        masses : (points,) rho [kg]
+
+        Returns
+        -------
+        (links, 10) in the order of [D] eq. 3.4
         """
         moments = self.weights.T @ (point_moments(self.points) * np.asarray(masses)[:, None])
         return np.einsum("lij,lj->li", self.places, moments)
 
 
 def point_moments(points: Array) -> Array:
-    """(points, 10) the products 1, x, y, z, xx, yy, zz, yz, zx, xy of each point's coordinates."""
+    """Compute the products 1, x, y, z, xx, yy, zz, yz, zx, xy of coordinates.
+
+    Parameters
+    ----------
+    points : (points, 3) [m]
+
+    Returns
+    -------
+    (points, 10)
+    """
     x, y, z = np.asarray(points).T
     return np.stack([np.ones_like(x), x, y, z, x * x, y * y, z * z, y * z, z * x, x * y], axis=1)
 
 
 def _from_moments(rotation: Array, origin: Array) -> Array:
-    """(10, 10): unit mass at x in ground gives the link's parameters `result @ point_moments(x)`,
-    eq. 3.9.
+    """Build the matrix from moments of a unit mass in ground to a link's parameters, eq. 3.9.
+
+    Parameters
+    ----------
+    rotation, origin : (3, 3), (3,) of the link in ground [m]
+
+    Returns
+    -------
+    (10, 10): a unit mass at x gives `result @ point_moments(x)`
     """
     # Coordinates in the link are r = R^T (x - p); as polynomials in x each r_a is `linear[a] . (1,
     # x, y, z)`.
@@ -150,10 +175,20 @@ def _from_moments(rotation: Array, origin: Array) -> Array:
 
 
 def links_of(model: Model, pose: Motion) -> Links:
-    """The model's bodies in the first frame of a motion, with bones from joint center to joint
-    center. A link's bones go from its own joint to the joints of its children, and from its joint
-    through its mass center as far again beyond it, which is where a trunk holds a head that is no
-    link of its own.
+    """Place a model's bodies in the first frame of a motion, with bones between joint centers.
+
+    A link's bones go from its own joint to the joints of its children, and from its joint through
+    its mass center as far again beyond it, which is where a trunk holds a head that is no link of
+    its own.
+
+    Parameters
+    ----------
+    model : whose bodies are the links
+    pose : its first frame counts
+
+    Returns
+    -------
+    frames, mass centers and bones in ground [m]
     """
     frames = frames_in_ground(model, pose)
     rotations = frames[:, :3, :3]
@@ -182,10 +217,24 @@ def links_of(model: Model, pose: Motion) -> Links:
 
 
 def fill(skin: Skin, spacing: float = SPACING) -> Array:
-    """Points (points, 3) of the grid `spacing` (i + 1/2, j + 1/2, k + 1/2) that are inside the skin
-    [m]. The grid hangs on the origin of the skin's frame, so that a skin moved by a whole number of
-    spacings has the same points, moved. Blocks of 4 x 4 x 4 points that no face passes are inside
-    or outside as a whole.
+    """Fill a skin with the points of a grid.
+
+    They are those of `spacing` (i + 1/2, j + 1/2, k + 1/2) that are inside. The grid hangs on the
+    origin of the skin's frame, so that a skin moved by a whole number of spacings has the same
+    points, moved. Blocks of 4 x 4 x 4 points that no face passes are inside or outside as a whole.
+
+    Parameters
+    ----------
+    skin : a body's surface [m]
+    spacing : of the grid [m]
+
+    Returns
+    -------
+    (points, 3) in the skin's frame [m]
+
+    Raises
+    ------
+    BadData : the spacing is not above 0, or the grid has too many points, or none
     """
     if not spacing > 0.0:
         raise BadData(f"a spacing of {spacing:g} m: expected above 0")
@@ -222,7 +271,18 @@ def fill(skin: Skin, spacing: float = SPACING) -> Array:
 
 
 def _passed(corners: Array, faces: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-    """(blocks) whether the box around a face reaches into a block; corners in grid steps."""
+    """Find blocks into which the box around a face reaches.
+
+    Parameters
+    ----------
+    corners : (vertices, 3) in grid steps
+    faces : (faces, 3)
+    blocks : (3,) number of blocks along each axis
+
+    Returns
+    -------
+    (blocks) of three axes
+    """
     index = np.floor((corners + 0.5) / BLOCK).astype(np.int64)[faces]
     spans = np.unique(np.concatenate([index.min(axis=1), index.max(axis=1) + 1], axis=1), axis=0)
     passed = np.zeros(blocks, np.bool_)
@@ -234,10 +294,24 @@ def _passed(corners: Array, faces: np.ndarray, blocks: np.ndarray) -> np.ndarray
 def reference_masses(
     points: Array, mass: float, regions: Sequence[str] | np.ndarray | None = None
 ) -> Array:
-    """Masses (points,) that points on a regular grid have before anything is measured, rho_ref
-    [kg]. M / N of [D], or in proportion to the density of each point's region, scaled to the whole
-    mass. `mass`: of the whole body [kg]; `regions` (points,) name of the region of each point, one
-    of `DENSITIES`.
+    """Compute masses of points on a regular grid before anything is measured, rho_ref.
+
+    M / N of [D], or in proportion to the density of each point's region, scaled to the whole mass.
+
+    Parameters
+    ----------
+    points : (points, 3)
+    mass : of the whole body [kg]
+    regions : (points,) name of the region of each point, one of `DENSITIES`
+
+    Returns
+    -------
+    (points,) [kg]
+
+    Raises
+    ------
+    BadData : the mass is not above 0
+    UnknownName : a region has no density
     """
     if not mass > 0.0:
         raise BadData(f"a mass of {mass:g} kg: expected above 0")
@@ -254,7 +328,17 @@ def reference_masses(
 
 
 def frames_in_ground(model: Model, pose: Motion) -> Array:
-    """(bodies, 4, 4) poses of the bodies' frames in the first frame of a motion."""
+    """Compute poses of the bodies' frames in the first frame of a motion.
+
+    Parameters
+    ----------
+    model : whose bodies they are
+    pose : its first frame counts
+
+    Returns
+    -------
+    (bodies, 4, 4) [m]
+    """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
     frames = np.tile(np.eye(4), (len(model.bodies), 1, 1))

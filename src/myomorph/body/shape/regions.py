@@ -1,5 +1,6 @@
-"""What two models of a human body have in common: regions, joint centers between them, and masses
-given to regions.
+"""Parts that two models of a human body have in common.
+
+Regions, joint centers between them, and masses given to regions.
 """
 
 from __future__ import annotations
@@ -54,7 +55,13 @@ HINGES = ("knee", "elbow")
 
 
 class Region(NamedTuple):
-    """A part of the body that several models share: the pelvis, one of `PARENT`, and its side."""
+    """A part of the body that several models share: the pelvis, or one of `PARENT`.
+
+    Attributes
+    ----------
+    name : of the part
+    side : "left" or "right"; "" in the middle
+    """
 
     name: str
     side: str = ""
@@ -73,15 +80,23 @@ class Region(NamedTuple):
 
 @read_only
 class Center:
-    """A joint center: a point of the first body of a region, and the joint that makes it."""
+    """A joint center: a point of the first body of a region, and the joint that makes it.
 
-    name: str  # of the joint, "hip"
+    Attributes
+    ----------
+    name : of the joint, "hip"
+    side : "left", "right" or ""
+    inner, outer : the regions that meet there
+    joint : that makes it
+    location : (3,) in the body `joint.child` [m]
+    """
+
+    name: str
     side: str
-    # inner, outer: the regions that meet there
     inner: Region
     outer: Region
     joint: Joint
-    location: Array  # (3,) in the body `joint.child` [m]
+    location: Array
 
     @property
     def key(self) -> str:
@@ -90,10 +105,23 @@ class Center:
 
 
 def regions_of(model: Model, stated: Mapping[str, Segment] | None = None) -> dict[str, Region]:
-    """The region of every body, from the segments that the bodies' names tell.
+    """Assign bodies to regions, by the segments that the bodies' names mean.
+
     The pelvis is what cannot move against the body that carries the thighs; the rest of the trunk,
-    spine, ribs and shoulder girdle together, is the torso. `stated`: segments that go before the
-    names.
+    spine, ribs and shoulder girdle together, is the torso.
+
+    Parameters
+    ----------
+    model : of a human body
+    stated : segments that go before the names
+
+    Returns
+    -------
+    region of every body
+
+    Raises
+    ------
+    BadData : no body is called a thigh, or names mean no segments
     """
     segments = segments_of(model, stated)
     parents = {joint.child: joint.parent for joint in model.joints}
@@ -148,9 +176,14 @@ def _part_of_foot(body: str) -> str:
 
 
 def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]:
-    """The joint centers between regions, by key; of several joints, that which carries the most
-    bodies. A center is the origin of the joint's frame in the outer body, or the mean anchor of its
-    hinges.
+    """Find the joint centers between regions.
+
+    A center is the origin of the joint's frame in the outer body, or the mean anchor of its hinges.
+    Of several joints, it is that which carries the most bodies.
+
+    Returns
+    -------
+    centers by key
     """
     result: dict[str, Center] = {}
     for joint in model.joints:
@@ -175,13 +208,20 @@ def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]
 
 
 def _below(model: Model, body: str) -> tuple[str, ...]:
-    """A body and all that hang on it."""
+    """Return a body and all that hang on it."""
     return tuple(compress(model.body_names, compile_tree(model).hanging(body)[1:]))
 
 
 @read_only
 class Standing:
-    """A model in the first frame of a motion, its bodies by region."""
+    """A model in the first frame of a motion, its bodies by region.
+
+    Attributes
+    ----------
+    model : whose bodies they are
+    pose : its first frame counts
+    regions : of every body
+    """
 
     model: Model
     pose: Motion
@@ -208,15 +248,44 @@ class Standing:
         }
 
     def in_ground(self, body: str, point: Array) -> Array:
-        """(3,) a point of a body in ground [m]."""
+        """Place a point of a body in ground.
+
+        Parameters
+        ----------
+        body : name
+        point : (3,) in the body [m]
+
+        Returns
+        -------
+        (3,) [m]
+        """
         return self.frames[body][:3, :3] @ point + self.frames[body][:3, 3]
 
     def in_body(self, body: str, place: Array) -> Array:
-        """(3,) a place in ground as a point of a body [m]."""
+        """Express a position in ground as a point of a body.
+
+        Parameters
+        ----------
+        body : name
+        place : (3,) in ground [m]
+
+        Returns
+        -------
+        (3,) [m]
+        """
         return self.frames[body][:3, :3].T @ (place - self.frames[body][:3, 3])
 
     def hinge_axis(self, key: str) -> Array | None:
-        """(3,) first moving axis of the joint of a center in ground; None where none moves."""
+        """Find the first moving axis of the joint of a center.
+
+        Parameters
+        ----------
+        key : of the center
+
+        Returns
+        -------
+        (3,) in ground; None where none moves
+        """
         joint = self.centers[key].joint
         axis = next(
             (each for each in joint.axes if each.kind == "rotation" and each.function.arity), None
@@ -226,20 +295,38 @@ class Standing:
         return self.frames[joint.parent][:3, :3] @ joint.parent_frame.rotation @ axis.vector
 
     def pseudo_inertias(self) -> Array:
-        """(bodies, 4, 4) of every body about the ground's origin, in ground."""
+        """Compute pseudo-inertias of all bodies about the ground's origin.
+
+        Returns
+        -------
+        (bodies, 4, 4) in ground
+        """
         frames = np.array(list(self.frames.values()))
         return frames @ pseudo_inertias(inertial_parameters(self.model)) @ np.swapaxes(frames, 1, 2)
 
 
 def spread(inertia: Array, target: Array) -> Array:
-    """(bodies, 4, 4) pseudo-inertias whose sum is `target`, by a change of those given that is as
-    even as possible. All masses grow by the same factor and all mass centers move by the same
-    vector, which gives the sum its mass and its mass center. With second moments P of the sum and Q
-    of the target about the mass center, both in the basis V that makes P = V V^T and Q = V L V^T
-    with L diagonal: where L < 1 the bodies are drawn together by the linear map that turns P into V
-    min(L, 1) V^T and moves mass the least (Olkin and Pukelsheim 1982); where L > 1 each body gets
-    its share by mass of V max(L - 1, 0) V^T, without moving. Every body stays physically possible.
-    `inertia` (bodies, 4, 4) in ground, their sum of positive mass; `target` (4, 4) in ground.
+    """Change pseudo-inertias as evenly as possible so that their sum is a target.
+
+    All masses grow by the same factor and all mass centers move by the same vector, which gives the
+    sum its mass and its mass center. With second moments P of the sum and Q of the target about the
+    mass center, both in the basis V that makes P = V V^T and Q = V L V^T with L diagonal: where L <
+    1 the bodies are drawn together by the linear map that turns P into V min(L, 1) V^T and moves
+    mass the least (Olkin and Pukelsheim 1982); where L > 1 each body gets its share by mass of V
+    max(L - 1, 0) V^T, without moving. Every body stays physically possible.
+
+    Parameters
+    ----------
+    inertia : (bodies, 4, 4) in ground, their sum of positive mass
+    target : (4, 4) in ground
+
+    Returns
+    -------
+    (bodies, 4, 4)
+
+    Raises
+    ------
+    BadData : sum or target are of no body
     """
     total = inertia.sum(axis=0)
     P = _moments(total)
@@ -257,13 +344,31 @@ def spread(inertia: Array, target: Array) -> Array:
 
 
 def spread_mass(inertia: Array, target: Array) -> Array:
-    """The same with only the mass and the mass center of the target, moments about them as they
-    grow with mass.
+    """Change pseudo-inertias so that only mass and mass center of the sum are the target's.
+
+    Moments about them are as they grow with mass.
+
+    Parameters
+    ----------
+    inertia : (bodies, 4, 4) in ground, their sum of positive mass
+    target : (4, 4) in ground
+
+    Returns
+    -------
+    (bodies, 4, 4)
     """
     return _moved(inertia, inertia.sum(axis=0), target, np.eye(3))
 
 
 def _moved(inertia: Array, total: Array, target: Array, linear: Array) -> Array:
+    """Scale all masses, and move them so that mass and mass center are the target's.
+
+    Parameters
+    ----------
+    inertia : (bodies, 4, 4)
+    total, target : (4, 4) sum of them, and what it should be
+    linear : (3, 3) map about the mass center of the sum
+    """
     growth = target[3, 3] / total[3, 3]
     A = np.eye(4)
     A[:3, :3] = linear
@@ -272,7 +377,20 @@ def _moved(inertia: Array, total: Array, target: Array, linear: Array) -> Array:
 
 
 def _moments(pseudo: Array) -> Array:
-    """Second moments about the mass center per mass [m^2]."""
+    """Compute second moments about the mass center per mass.
+
+    Parameters
+    ----------
+    pseudo : (4, 4)
+
+    Returns
+    -------
+    (3, 3) [m^2]
+
+    Raises
+    ------
+    BadData : the mass or a principal second moment is not above 0
+    """
     mass = pseudo[3, 3]
     if not mass > 0.0:
         raise BadData(f"its mass is {mass:.4g} kg")
@@ -288,6 +406,6 @@ def _moments(pseudo: Array) -> Array:
 
 
 def _root(matrix: Array) -> Array:
-    """Square root of a positive semidefinite matrix."""
+    """Compute the square root of a positive semidefinite matrix."""
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T

@@ -1,5 +1,6 @@
-"""The shape of a person from height and chest circumference: a skin with joint centers and
-landmarks.
+"""The shape of a person from height and chest circumference.
+
+A skin with joint centers and landmarks.
 """
 
 from __future__ import annotations
@@ -54,20 +55,30 @@ _LEGS = ("upperleg", "lowerleg", "foot", "toe")
 
 @read_only
 class Shape:
-    """A person's skin, and where the skeleton is in it."""
+    """A person's skin, and where the skeleton is in it.
 
-    skin: Skin  # x forward, y up from the floor, z right [m]
-    # joint centers by name, (3,) [m]: "right hip", "left elbow", "lumbar", "neck", "head top", ...
+    Attributes
+    ----------
+    skin : x forward, y up from the floor, z right [m]
+    centers : joint centers by name, (3,) [m]: "right hip", "left elbow", "lumbar", "neck", "head
+        top", ...
+    landmarks : anatomical points on the skin by name, (3,) [m]: "right ASIS", "C7", "left heel",
+        ...
+    segments : of the body, the columns of `skinning`
+    skinning : (vertices, segments) share of each segment in each vertex of the skin
+    measured : what was requested, by name: "height" [m], "chest" [m], "mass" [kg]
+    reached : the same of the skin, and its "volume" [m^3]
+    notes : what was taken for granted or missed, one line each
+    """
+
+    skin: Skin
     centers: Mapping[str, Array]
-    # anatomical points on the skin by name, (3,) [m]: "right ASIS", "C7", "left heel", ...
     landmarks: Mapping[str, Array]
-    segments: tuple[Segment, ...]  # of the body, the columns of `skinning`
-    # (vertices, segments) share of each segment in each vertex of the skin
+    segments: tuple[Segment, ...]
     skinning: scipy.sparse.csr_array
-    # what was asked for, by name: "height" [m], "chest" [m], "mass" [kg]
     measured: Mapping[str, float]
-    reached: Mapping[str, float]  # the same of the skin, and its "volume" [m^3]
-    notes: tuple[str, ...] = ()  # what was taken for granted or missed, one line each
+    reached: Mapping[str, float]
+    notes: tuple[str, ...] = ()
 
 
 def body_shape(
@@ -77,13 +88,29 @@ def body_shape(
     sex: Literal["female", "male"] | None = None,
     age: float | None = None,
 ) -> Shape:
-    """The most ordinary body that has these measurements, with arms and legs apart.
-    Traits of the statistical body are those that minimise the misfit of height (in 0.1 mm), chest
+    """Find the most ordinary body that has these measurements, with arms and legs apart.
+
+    Traits of the statistical body are those that minimize the misfit of height (in 0.1 mm), chest
     (in 0.5 mm) and mass (in 0.05 kg), plus the squares of the traits' distances from the average in
     `SPREAD`. The chest circumference is that of a tape, the convex hull of the trunk's section at
-    the height of the nipples; the mass is the skin's volume times `DENSITY`. `height`, `chest` [m];
-    `mass`: of the body, if known [kg]; `sex`: half female and half male where it is not given;
-    `age` [years]; 25 where it is not given.
+    the height of the nipples; the mass is the skin's volume times `DENSITY`.
+
+    Parameters
+    ----------
+    height : standing [m]
+    chest : circumference at nipple height [m]
+    mass : of the body, if known [kg]
+    sex : half female and half male where it is not given
+    age : [years]; 25 where it is not given
+
+    Returns
+    -------
+    skin, joint centers and landmarks [m]
+
+    Raises
+    ------
+    BadData : a measurement is implausible, the age is out of range, or the package anny is missing
+        or another
     """
     _check(height, chest, mass, sex)
     age = AGE if age is None else age
@@ -130,7 +157,18 @@ def _likely_traits(
     measured: Mapping[str, float],
     trunk: np.ndarray,
 ) -> dict[str, float]:
-    """The traits nearest to the average that reach the measurements, by name."""
+    """Find the traits nearest to the average that reach the measurements.
+
+    Parameters
+    ----------
+    gender : 0 male, 1 female
+    measured : by name [m], [kg]
+    trunk : (edges, 2) to measure the chest around
+
+    Returns
+    -------
+    traits by name
+    """
     names = (*FREE, *LOCAL)
     average = np.array([0.5] * len(FREE) + [0.0] * len(LOCAL))
     spread = SPREAD * np.array([1.0] * len(FREE) + [2.0] * len(LOCAL))
@@ -160,7 +198,7 @@ def _likely_traits(
 
 
 def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -> list[str]:
-    """A line for each measurement that the shape misses by more than one would see."""
+    """Write a line for each measurement that the shape misses by more than one would see."""
     lines = []
     for name, value in measured.items():
         unit, factor, most = ("kg", 1.0, 0.5) if name == "mass" else ("mm", 1e3, 2.0)
@@ -175,7 +213,18 @@ def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -
 def measurements(
     body: StatisticalBody, vertices: Array, trunk: np.ndarray | None = None
 ) -> dict[str, float]:
-    """Height [m], chest [m], volume [m^3] and mass [kg] of a standing body's vertices."""
+    """Measure a standing body.
+
+    Parameters
+    ----------
+    body : with faces
+    vertices : (vertices, 3) [m]
+    trunk : (edges, 2) to measure the chest around; by default found anew
+
+    Returns
+    -------
+    "height" [m], "chest" [m], "volume" [m^3] and "mass" [kg]
+    """
     trunk = _trunk(body) if trunk is None else trunk
     volume = signed_volume(vertices, body.faces)
     used = vertices[body.faces, 1]
@@ -188,8 +237,21 @@ def measurements(
 
 
 def circumference(vertices: Array, edges: np.ndarray, level: float) -> float:
-    """Length of a tape around a surface of edges (edges, 2) at a height y [m]: the convex hull of
-    its section.
+    """Compute the length of a tape around a surface: the convex hull of its section.
+
+    Parameters
+    ----------
+    vertices : (vertices, 3) [m]
+    edges : (edges, 2)
+    level : height y [m]
+
+    Returns
+    -------
+    length [m]
+
+    Raises
+    ------
+    BadData : fewer than three edges cross that height
     """
     above = vertices[:, 1] > level
     cut = edges[above[edges[:, 0]] != above[edges[:, 1]]]
@@ -227,7 +289,12 @@ def _check(height: float, chest: float, mass: float | None, sex: str | None) -> 
 
 
 def _share(body: StatisticalBody, starts: tuple[str, ...], side: str = "") -> Array:
-    """(vertices,) share of the bones whose names start so."""
+    """Sum the shares of the bones whose names start so.
+
+    Returns
+    -------
+    (vertices,)
+    """
     columns = [
         i for i, bone in enumerate(body.bones) if bone.startswith(starts) and bone.endswith(side)
     ]
@@ -235,7 +302,12 @@ def _share(body: StatisticalBody, starts: tuple[str, ...], side: str = "") -> Ar
 
 
 def _trunk(body: StatisticalBody) -> np.ndarray:
-    """(edges, 2) of faces outside the arms; one edge for the two faces beside it."""
+    """Collect edges of faces outside the arms, one for the two faces beside it.
+
+    Returns
+    -------
+    (edges, 2)
+    """
     arms = _share(body, _ARMS) > 0.5
     faces = body.faces[~arms[body.faces].any(axis=1)]
     edges = edges_of(faces)
@@ -243,7 +315,17 @@ def _trunk(body: StatisticalBody) -> np.ndarray:
 
 
 def _legs_apart(body: StatisticalBody, vertices: Array, heads: Array) -> tuple[Array, Array]:
-    """Legs turned outward about the hips, the skin by linear blending."""
+    """Rotate legs outward about the hips, the skin by linear blending.
+
+    Parameters
+    ----------
+    vertices : (vertices, 3) [m]
+    heads : (bones, 3) where bones begin [m]
+
+    Returns
+    -------
+    both after it
+    """
     vertices = vertices.copy()
     heads = heads.copy()
     for side, sign in (("R", 1.0), ("L", -1.0)):
@@ -263,7 +345,12 @@ def _legs_apart(body: StatisticalBody, vertices: Array, heads: Array) -> tuple[A
 
 
 def _by_segment(body: StatisticalBody) -> tuple[tuple[Segment, ...], scipy.sparse.csr_array]:
-    """The segments, and the share of each in each vertex."""
+    """Sum the shares of bones by segment.
+
+    Returns
+    -------
+    segments, and (vertices, segments) the share of each in each vertex
+    """
     owner = [segment_of_bone(bone) for bone in body.bones]
     segments = tuple(dict.fromkeys(owner))
     columns = [segments.index(segment) for segment in owner]
@@ -272,6 +359,17 @@ def _by_segment(body: StatisticalBody) -> tuple[tuple[Segment, ...], scipy.spars
 
 
 def _centers(body: StatisticalBody, vertices: Array, heads: Array) -> dict[str, Array]:
+    """Collect joint centers by name, with the middle of the pelvis and the top of the head.
+
+    Parameters
+    ----------
+    vertices : (vertices, 3) [m]
+    heads : (bones, 3) where bones begin [m]
+
+    Returns
+    -------
+    name to (3,) [m]
+    """
     place = dict(zip(body.bones, heads, strict=True))
     centers = {"lumbar": place["spine03"], "neck": place["neck01"]}
     for side, letter in _SIDES.items():
@@ -288,11 +386,21 @@ def _centers(body: StatisticalBody, vertices: Array, heads: Array) -> dict[str, 
 def landmark_vertices(
     vertices: Array, faces: np.ndarray, places: Mapping[str, Array]
 ) -> dict[str, int]:
-    """Vertex of each landmark of a standing body, x forward, y up, z right.
+    """Find the vertex of each landmark of a standing body, x forward, y up, z right.
+
     Landmarks are where a ray from a joint center, along an axis of the body or of a joint, leaves
     the skin; the pelvis's stand to the hip joint centers as Bell, Pedersen and Brand 1990 found:
-    14, 19 and 30 % of the distance of the ASIS medial, behind and below them. `places` (3,) where
-    each bone of the rig begins [m].
+    14, 19 and 30 % of the distance of the ASIS medial, behind and below them.
+
+    Parameters
+    ----------
+    vertices : (vertices, 3) [m]
+    faces : (faces, 3) of the body alone
+    places : (3,) where each bone of the rig begins [m]
+
+    Returns
+    -------
+    name of the landmark to number of the vertex
     """
     used = np.unique(faces)
 
@@ -341,7 +449,17 @@ def landmark_vertices(
 
 
 def _exit(vertices: Array, faces: np.ndarray, start: Array, direction: Array) -> Array:
-    """Where a ray from inside first leaves a surface; its start where it meets nothing."""
+    """Find where a ray from inside first leaves a surface; its start where it meets nothing.
+
+    Parameters
+    ----------
+    vertices, faces : (vertices, 3) [m], (faces, 3)
+    start, direction : (3,) [m], unit vector
+
+    Returns
+    -------
+    (3,) [m]
+    """
     igl = from_extra("morph", "igl", "libigl")
 
     hits = igl.ray_mesh_intersect(

@@ -30,15 +30,23 @@ COARSE = 60  # Samples along the longest side of the box in which a skin is look
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """A body's surface, fit to say what is inside."""
+    """A body's surface, fit to say what is inside.
 
-    surface: Surface  # consistently oriented, outward, holes filled where they could be [m]
-    watertight: bool  # whether every edge has a face on both sides, after repair
-    crossing: bool = False  # whether it passes through itself, or its pieces through each other
-    # axis of the surface that points from feet to head or back, "x", "y", "z"; "" where the shape
-    # does not show it
+    Attributes
+    ----------
+    surface : consistently oriented, outward, holes filled where they could be [m]
+    watertight : whether every edge has a face on both sides, after repair
+    crossing : whether it passes through itself, or its pieces through each other
+    up : axis of the surface that points from feet to head or back, "x", "y", "z"; "" where the
+        shape does not show it
+    notes : what was repaired or left out, one line each
+    """
+
+    surface: Surface
+    watertight: bool
+    crossing: bool = False
     up: str = ""
-    notes: tuple[str, ...] = ()  # what was repaired or left out, one line each
+    notes: tuple[str, ...] = ()
 
     @property
     def volume(self) -> float:
@@ -46,7 +54,17 @@ class Skin:
         return signed_volume(self.surface.vertices, self.surface.faces)
 
     def moved(self, rotation: Array, translation: Array) -> Skin:
-        """The same skin at R x + t."""
+        """Move the skin to R x + t.
+
+        Parameters
+        ----------
+        rotation : (3, 3) R
+        translation : (3,) t [m]
+
+        Returns
+        -------
+        the moved skin, whose `up` is not known
+        """
         surface = Surface(
             self.surface.vertices @ np.asarray(rotation).T + translation, self.surface.faces
         )
@@ -54,12 +72,25 @@ class Skin:
 
 
 def check_skin(surface: Surface, height: float | None = None) -> Skin:
-    """A skin that can be filled with points, with notes on what had to be done to it.
+    """Repair a skin so that it can be filled with points, and note what had to be done.
+
     Faces without area go; open pieces beside the body (clothes, helper geometry) and pieces inside
     it (eyes, teeth) go; faces are turned to one side and outward; every hole is closed by a fan
     around the middle of its border. A surface that passes through itself is kept: it shows by
-    winding numbers of 2 and more on a coarse grid, and `inside` counts such places once. `height`:
-    of the body, if known [m]; its unit is then certain.
+    winding numbers of 2 and more on a coarse grid, and `inside` counts such places once.
+
+    Parameters
+    ----------
+    surface : triangles [m]
+    height : of the body, if known [m]; its unit is then certain
+
+    Returns
+    -------
+    the repaired skin, with notes
+
+    Raises
+    ------
+    BadData : the skin has no faces, encloses no volume, or is not in meters
     """
     vertices = np.array(surface.vertices)
     faces = np.array(surface.faces)
@@ -97,15 +128,39 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
 
 
 def inside(skin: Skin, points: Array) -> np.ndarray:
-    """(points,) whether each of the points (points, 3) [m] is inside the skin.
+    """Tell which points are inside a skin.
+
     By generalized winding numbers above one half (Barill et al. 2018, libigl), which open and
     self-crossing surfaces have too.
+
+    Parameters
+    ----------
+    skin : a body's surface
+    points : (points, 3) in the skin's frame [m]
+
+    Returns
+    -------
+    (points,)
     """
     return winding_numbers(skin, points) > 0.5
 
 
 def winding_numbers(skin: Skin, points: Array) -> Array:
-    """(points,) how often the skin goes around each of the points (points, 3) [m]."""
+    """Count how often a skin goes around each point.
+
+    Parameters
+    ----------
+    skin : a body's surface
+    points : (points, 3) in the skin's frame [m]
+
+    Returns
+    -------
+    (points,)
+
+    Raises
+    ------
+    MissingPackage : libigl is not installed
+    """
     # Imported here because only bodies with a skin need it.
     igl = from_extra("morph", "igl", "libigl")
 
@@ -121,7 +176,12 @@ def winding_numbers(skin: Skin, points: Array) -> Array:
 
 
 def check_height(height: float) -> None:
-    """Raise `BadData` where the height of a person is not in meters."""
+    """Refuse a height of a person that is not in meters.
+
+    Raises
+    ------
+    BadData : the height is not 0.3 to 2.6
+    """
     if 0.3 <= height <= 2.6:
         return
     for unit, factor in UNITS:
@@ -134,6 +194,17 @@ def check_height(height: float) -> None:
 
 
 def _check_units(vertices: Array, faces: np.ndarray, height: float | None) -> None:
+    """Refuse a skin that is not in meters.
+
+    Parameters
+    ----------
+    vertices, faces : (vertices, 3), (faces, 3)
+    height : of the body, if known [m]
+
+    Raises
+    ------
+    BadData : there are no faces, no extent, or the size is of other units
+    """
     if not len(faces):
         raise BadData("the skin has no faces")
     if height is not None:
@@ -169,7 +240,14 @@ def _check_units(vertices: Array, faces: np.ndarray, height: float | None) -> No
 
 
 def _one_body(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarray:
-    """Faces of the body alone, every piece of it oriented outward."""
+    """Choose the faces of the body alone, every piece of it oriented outward.
+
+    Parameters
+    ----------
+    vertices : (vertices, 3) [m]
+    faces : (faces, 3)
+    notes : lines are added to it
+    """
     all_pieces = pieces_of(len(vertices), faces)
     pieces = [turned_outward(vertices, piece) for piece in all_pieces]
     turned = sum(not np.array_equal(*both) for both in zip(all_pieces, pieces, strict=True))
@@ -205,7 +283,12 @@ def _one_body(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarra
 
 
 def _closed(vertices: Array, faces: np.ndarray, notes: list[str]) -> tuple[Array, np.ndarray]:
-    """Every loop of the border closed by a fan around its middle."""
+    """Close every loop of the border by a fan around its middle.
+
+    Returns
+    -------
+    vertices with the middles added, and faces
+    """
     border = border_of(faces)
     if not len(border):
         return vertices, faces
@@ -242,7 +325,7 @@ def _closed(vertices: Array, faces: np.ndarray, notes: list[str]) -> tuple[Array
 
 
 def _doubled(skin: Skin) -> float:
-    """Share of the samples inside that the skin encloses more than once."""
+    """Compute the share of the samples inside that the skin encloses more than once."""
     low = skin.surface.vertices.min(axis=0)
     high = skin.surface.vertices.max(axis=0)
     step = float((high - low).max()) / COARSE
@@ -253,8 +336,17 @@ def _doubled(skin: Skin) -> float:
 
 
 def _up(vertices: Array) -> str:
-    """Axis along which the body is longest, that across which it is symmetric set aside; "" if none
-    is.
+    """Find the axis along which the body is longest.
+
+    That across which it is symmetric is set aside.
+
+    Parameters
+    ----------
+    vertices : (vertices, 3) [m]
+
+    Returns
+    -------
+    "x", "y" or "z"; "" if there is none
     """
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     few = vertices[:: max(1, len(vertices) // 3000)] - middle

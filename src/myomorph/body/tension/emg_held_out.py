@@ -1,6 +1,7 @@
-"""EMG channels left out in turn: what the others do to the activation of their muscles, and the
-weight that follows; channels whose names are exchanged: each follows what the other's muscles have
-to do, and not its own.
+"""EMG channels left out in turn, and channels whose names are exchanged.
+
+What the others do to the activation of a left-out channel's muscles sets the weight of EMG. Of
+exchanged channels each follows what the other's muscles have to do, and not its own.
 """
 
 from __future__ import annotations
@@ -40,8 +41,13 @@ SHORTEST = 30  # Frames that are needed
 
 
 class Swap(NamedTuple):
-    """Two channels (their columns) and the mean correlation of both with their own muscles and with
-    the other's.
+    """Two channels that look exchanged.
+
+    Attributes
+    ----------
+    first, second : their columns
+    own : mean correlation of both with their own muscles
+    other : the same with the other's
     """
 
     first: int
@@ -51,12 +57,21 @@ class Swap(NamedTuple):
 
 
 def swapped_channels(envelopes: Array, activations: Array) -> tuple[Swap, ...]:
-    """Pairs of channels that look exchanged, the clearest first; no channel is in two pairs.
+    """Find pairs of channels that look exchanged, the clearest first.
+
     Both channels must follow the other's muscles better than their own. Muscles that work at the
     same time (gastrocnemius and soleus, vasti and gluteus medius in walking) cannot be
-    distinguished so. `envelopes` (frames, channels) at the delay of EMG, NaN where unknown;
-    `activations` (frames, channels) means of each channel's muscles, found without EMG from joint
-    torques.
+    distinguished so.
+
+    Parameters
+    ----------
+    envelopes : (frames, channels) at the delay of EMG, NaN where unknown
+    activations : (frames, channels) means of each channel's muscles, found without EMG from joint
+        torques
+
+    Returns
+    -------
+    pairs; no channel is in two
     """
     use = np.isfinite(envelopes).all(axis=1) & np.isfinite(activations).all(axis=1)
     count = envelopes.shape[1]
@@ -85,7 +100,7 @@ def swapped_channels(envelopes: Array, activations: Array) -> tuple[Swap, ...]:
 
 
 def swap_lines(names: tuple[str, ...], swaps: tuple[Swap, ...]) -> tuple[str, ...]:
-    """One line for each pair."""
+    """Write one line for each pair."""
     return tuple(
         f"EMG channels '{names[swap.first]}' and '{names[swap.second]}' look exchanged: each"
         " follows the other's muscles (correlation with what joint torques ask of them"
@@ -108,9 +123,14 @@ HELD_FRAMES = 150  # About how many frames of all trials together channels are l
 
 @dataclass(frozen=True, eq=False)
 class EmgTrial:
-    """What calibration takes of one trial: a motion with velocities, its torques, and envelopes on
-    their clock. Where forces of contacts are unknown, `torques` are those without them, and
-    `contacts` tells where they act.
+    """Inputs of the calibration of EMG from one trial.
+
+    Attributes
+    ----------
+    motion : with velocities
+    torques : at its times [N m or N]; where forces of contacts are unknown, those without them
+    emg : envelopes on their clock
+    contacts : where unknown contact forces act; None where all are measured
     """
 
     motion: Motion
@@ -121,22 +141,31 @@ class EmgTrial:
 
 @dataclass(eq=False)
 class HeldOut:
-    """Channels left out in turn: what the EMG of the others does to the activation of the muscles
-    under them. Delay, shape and errors of torques are those of all channels; gains and synergies
-    are found anew.
+    """Channels left out in turn: what the EMG of the others does to the muscles under them.
+
+    Delay, shape and errors of torques are those of all channels; gains and synergies are found
+    anew.
+
+    Attributes
+    ----------
+    model : of the body
+    channels : to muscles of the model
+    options : of EMG
+    settings : options and actuators of `solve_tension`
+    tracking : the regression over all trials
+    calibration : of all channels
+    peaks, maxima : (channels,) as of `gain_prior`
+    few : some frames of each trial: a motion with velocities, its torques
     """
 
     model: Model
     channels: ChannelMap
     options: EmgOptions
-    # options and actuators of `solve_tension`
     settings: tuple[TensionOptions | None, Sequence[Actuator] | None]
     tracking: TorqueTracking
-    calibration: EmgCalibration  # of all channels
-    # peaks, maxima: as of `gain_prior`
+    calibration: EmgCalibration
     peaks: Array
     maxima: Array
-    # some frames of each trial: a motion with velocities, its torques
     few: Sequence[tuple[Motion, Series]]
 
     def __post_init__(self) -> None:
@@ -146,7 +175,7 @@ class HeldOut:
         ]
 
     def swapped(self) -> tuple[Swap, ...]:
-        """Pairs of channels that look exchanged."""
+        """Find pairs of channels that look exchanged."""
         muscles = {name: self.channels[name] for name in self.calibration.channels}
         return swapped_channels(
             np.vstack([self._measured(index) for index in range(len(self.few))]),
@@ -159,14 +188,21 @@ class HeldOut:
         )
 
     def _measured(self, index: int) -> Array:
-        """Envelopes (frames, channels) of a trial at the delay found."""
+        """Return envelopes (frames, channels) of a trial at the delay found."""
         return shifted(
             self.tracking.frames[index].emg, self.few[index][0].time, self.calibration.delays
         )
 
     def chosen(self, emg_calibration: EmgCalibration) -> EmgCalibration:
-        """A calibration with the firmest weight at which channels come out as well as without EMG,
-        0 for no such.
+        """Choose the firmest weight at which channels come out as well as without EMG.
+
+        Parameters
+        ----------
+        emg_calibration : of all channels
+
+        Returns
+        -------
+        the calibration with the weight, 0 where channels disagree
         """
         names = emg_calibration.channels
         if len(names) < 2:
@@ -191,7 +227,7 @@ class HeldOut:
         )
 
     def _with_twins(self) -> list[tuple[int, list[int]]]:
-        """Channels that have others whose muscles act alike, and these channels with them."""
+        """Find channels that have others whose muscles act alike, and these channels with them."""
         tells = self.tracking.tells
         shares = tells / np.maximum(tells.sum(axis=0), 1.0)
         same = shares.T @ action_cosines(self.tracking.frames) @ shares >= SAME
@@ -202,8 +238,16 @@ class HeldOut:
         return [(c, out) for c, out in result if len(out) > 1]
 
     def _without(self, c: int, out: Sequence[int]) -> Array:
-        """Correlations (1 + weights,) of a channel without EMG, and with EMG but for some channels
-        at each weight.
+        """Correlate a left-out channel with the activation of its muscles.
+
+        Parameters
+        ----------
+        c : number of the channel
+        out : channels that are left out
+
+        Returns
+        -------
+        (1 + weights,) without EMG, and with that of the other channels at each weight
         """
         names = self.calibration.channels
         rest = np.setdiff1d(np.arange(len(names)), out)
@@ -234,7 +278,12 @@ class HeldOut:
         return np.array([_correlation(outcome, envelope) for outcome in result])
 
     def _calibrated(self, rest: np.ndarray) -> EmgCalibration:
-        """Gains and synergies of some channels alone."""
+        """Find gains and synergies of some channels alone.
+
+        Parameters
+        ----------
+        rest : (channels left,) their numbers
+        """
         names = tuple(self.calibration.channels[number] for number in rest)
         frames = [
             replace(frame, emg=Emg(frame.emg.time, names, frame.emg.values[:, rest]))
@@ -263,6 +312,12 @@ class HeldOut:
         return calibration_of(tracking, fit, names, self.model.muscle_names, delays, shapes)
 
     def _warnings(self, held: Array) -> tuple[str, ...]:
+        """Warn of channels whose muscles the others mislead.
+
+        Parameters
+        ----------
+        held : (channels, 2) correlation without EMG and with that of the others
+        """
         fallen = [
             f"{name} ({before:.2f} to {after:.2f})"
             for name, (before, after) in zip(self.calibration.channels, held, strict=True)
@@ -276,7 +331,7 @@ class HeldOut:
 
 
 def held_out_line(emg_calibration: EmgCalibration) -> tuple[str, ...]:
-    """What EMG gains in channels that were left out, as one line; () where none was."""
+    """Report what EMG gains in channels that were left out, as one line; () where none was."""
     held = emg_calibration.held_out[np.isfinite(emg_calibration.held_out).all(axis=1)]
     if not len(held):
         return ()
@@ -294,6 +349,7 @@ def held_out_line(emg_calibration: EmgCalibration) -> tuple[str, ...]:
 
 
 def _correlation(one: Array, other: Array) -> float:
+    """Correlate two courses (frames,), NaN left out."""
     use = np.isfinite(one) & np.isfinite(other)
     if use.sum() < 10 or np.std(other[use]) == 0.0:
         return float("nan")
