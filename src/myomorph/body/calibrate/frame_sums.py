@@ -71,7 +71,15 @@ def settle(
 def _pose_of(
     problem: SharedProblem, x: Array, group: FrameSet, variance: float, tree: Tree
 ) -> PoseProblem:
-    """Inverse kinematics of one recording on the model of x; known coordinates are tasks."""
+    """Set up inverse kinematics of one recording on the model of x; known coordinates are tasks.
+
+    Parameters
+    ----------
+    x : (unknowns,)
+    group : frames of the recording
+    variance : of a marker along one axis [m^2]
+    tree : of the model that x makes
+    """
     seen = _seen_weight(problem, group)
     # Markers count as a mean, and tasks beside it.
     weight = group.known * variance / max(float(np.median(seen)) if len(seen) else 1.0, 1e-12)

@@ -138,7 +138,17 @@ class MarkerResiduals:
     prior: bool = field(default=False, init=False)
 
     def at(self, values: Values, before: MarkersAt | None = None) -> MarkersAt:
-        """Every frame settled from the angles of the point before."""
+        """Settle every frame from the angles of the point before.
+
+        Parameters
+        ----------
+        values : of the unknowns
+        before : point before; None begins with `begin`
+
+        Returns
+        -------
+        markers at these values
+        """
         begin = self.begin if before is None else before.point
         point = posed(self.problem, values, begin, self.variance)
         return MarkersAt(problem=self.problem, variance=self.variance, point=point)
@@ -202,14 +212,36 @@ class PostureResiduals:
     prior: bool = field(default=True, init=False)
 
     def at(self, values: Values, before: PostureAt | None = None) -> PostureAt:
-        """At the angles of the markers' residuals."""
+        """Compute the mean posture at the angles of the markers' residuals.
+
+        Parameters
+        ----------
+        values : of the unknowns
+        before : point before; None begins with `begin`
+
+        Returns
+        -------
+        the posture at these values
+        """
         begin = self.begin if before is None else before.point
         point = posed(self.problem, values, begin, self.variance)
         return PostureAt(problem=self.problem, posture=self.posture, point=point)
 
 
 def posed(problem: SharedProblem, values: Values, begin: Point, variance: float) -> Point:
-    """All frames at their best angles for some values, found once for all residuals there."""
+    """Settle all frames for some values, once for all residuals there.
+
+    Parameters
+    ----------
+    problem : with the recordings
+    values : of the unknowns
+    begin : the point whose angles the frames begin with
+    variance : of a marker along one axis [m^2]
+
+    Returns
+    -------
+    every frame at its best angles
+    """
     x = np.concatenate([values[name] for name in BLOCKS])
     if np.array_equal(x, begin.x):
         return begin

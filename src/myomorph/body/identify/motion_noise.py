@@ -193,6 +193,15 @@ def noise_of(motion: Motion, sd: float, cutoff: float, random: np.random.Generat
 def plus(motion: Motion, noise: Motion) -> Motion:
     """Add noise to a motion and its derivatives.
 
+    Parameters
+    ----------
+    motion : (frames, coordinates), with derivatives
+    noise : at the same times and of the same coordinates
+
+    Returns
+    -------
+    their sum
+
     Raises
     ------
     BadData : the motion has no derivatives

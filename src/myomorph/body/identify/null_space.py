@@ -159,6 +159,11 @@ def numerical_null_space(
 def held_values(model: Model, held: Mapping[str, float] | None) -> dict[str, float]:
     """Return coordinates that do not move, with their values; by default the locked ones.
 
+    Parameters
+    ----------
+    model : with the coordinates
+    held : name to value [rad or m]; None for the locked ones at their defaults
+
     Returns
     -------
     name to value [rad or m]

@@ -231,6 +231,12 @@ def check_excited(
 ) -> None:
     """Refuse recordings that are too short or in which the body does not move.
 
+    Parameters
+    ----------
+    model : scaled to the body
+    recordings : all together
+    options : shortest duration [s]; see `RecordingOptions`
+
     Raises
     ------
     BadData : all recordings together are too short, or no body rotates by `MIN_ROTATION` against

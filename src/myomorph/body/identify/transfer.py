@@ -320,6 +320,11 @@ def _with_masses(
 def common_region(region: Region, common: set[Region]) -> Region:
     """Return the region itself, or the nearest it hangs on that both models have.
 
+    Parameters
+    ----------
+    region : of one model
+    common : regions of both
+
     Raises
     ------
     BadData : there is none

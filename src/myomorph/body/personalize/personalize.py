@@ -253,13 +253,12 @@ def personalize(
 def _cannot_reach(
     model: Model, shapes: MuscleShapes, windows: Sequence[Windows]
 ) -> tuple[np.ndarray, list[str]]:
-    """Find muscles that are off, or whose path leaves their range.
-
-    They keep their lengths where the path is too short or too long in half of the frames.
+    """Find muscles that are off, and report those whose path leaves their range.
 
     Returns
     -------
-    (muscles,) whether the muscle keeps its lengths, and one line for each that cannot reach
+    (muscles,) whether the muscle is off and so keeps its lengths, and one line for each that cannot
+        reach in some frames
     """
     fixed = np.array([not muscle.enabled for muscle in model.muscles], bool)
     notes = []

@@ -65,6 +65,15 @@ def cost(problem: Problem, at: Unknowns) -> float:
     """Sum squares of all residuals and priors, in standard deviations.
 
     The objective of `refine`, with bounds of coordinates as soft limits.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    at : point
+
+    Returns
+    -------
+    the sum
     """
     tree = problem.arrays(at)
     locations = problem.placed(at.factors, at.shifts)
@@ -177,7 +186,19 @@ def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Arra
 
 
 def with_trust(problem: Problem, at: Unknowns) -> Problem:
-    """Weigh frames by the residuals at a point, see `UNEXPLAINED`."""
+    """Weigh frames by the residuals at a point.
+
+    The weight is 1 up to `UNEXPLAINED` times the usual residual, and falls with its square beyond.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    at : point, at which motions alone were refined
+
+    Returns
+    -------
+    the problem with the weights of its frames
+    """
     tree = problem.arrays(at)
     locations = problem.placed(at.factors, at.shifts)
     trials = []
@@ -191,7 +212,17 @@ def with_trust(problem: Problem, at: Unknowns) -> Problem:
 
 
 def linearize(problem: Problem, at: Unknowns) -> Equations:
-    """Build the normal equations at a point."""
+    """Build the normal equations at a point.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    at : point
+
+    Returns
+    -------
+    bands of each trial's coefficients, cross terms and shared unknowns
+    """
     tree = problem.arrays(at)
     locations = problem.placed(at.factors, at.shifts)
     p = problem.count

@@ -51,7 +51,17 @@ link does not count.
 def kept_note(
     tried: Sequence[tuple[str, Sequence[Prediction]]], options: RefineOptions
 ) -> Iterator[str]:
-    """Report that parts of the given model were kept, and how much worse refined ones predict."""
+    """Report that parts of the given model were kept, and how much worse refined ones predict.
+
+    Parameters
+    ----------
+    tried : what was refined but not taken, with its predictions; empty where the first was taken
+    options : of what was refined in the end
+
+    Yields
+    ------
+    one line, or none
+    """
     if not tried:
         return
     kept = "lengths and marker positions" if options.masses else "body and masses"
@@ -142,7 +152,17 @@ def _numbers(prediction: Prediction) -> str:
 
 
 def far_from_given(problem: Problem, at: Unknowns) -> Iterator[str]:
-    """Report links that got a mass that is hard to believe, as one line."""
+    """Report links that got a mass that is hard to believe, as one line.
+
+    Parameters
+    ----------
+    problem : with the masses before
+    at : optimum
+
+    Yields
+    ------
+    one line, or none
+    """
     before = inertial_parameters(problem.model)[:, 0]
     after = at.parameters[:, 0]
     counts = before > MIN_MASS_SHARE * before.sum()

@@ -66,7 +66,13 @@ def settle(
 
 
 def motions_alone(problem: Problem, progress: Callable[[], None] = lambda: None) -> Unknowns:
-    """Find the optimum of the motions on the body as given."""
+    """Find the optimum of the motions on the body as given.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    progress : called once a step
+    """
     still = replace(problem, body=False, masses=False)
     return solve(still, still.begin(), progress).at
 
@@ -74,7 +80,18 @@ def motions_alone(problem: Problem, progress: Callable[[], None] = lambda: None)
 def solve(
     problem: Problem, start: Unknowns, progress: Callable[[], None] = lambda: None
 ) -> Solution:
-    """Search by Levenberg-Marquardt from a start."""
+    """Search by Levenberg-Marquardt from a start.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    start : point
+    progress : called once a step
+
+    Returns
+    -------
+    the optimum, or where steps ended
+    """
     at = start
     damping = 1e-6
     costs = [cost(problem, at)]
@@ -259,7 +276,19 @@ def rms(vectors: Array) -> float:
 def predictions_of(
     model: Model, recorded: Sequence[Opened], options: RefineOptions, progress: Callable[[], None]
 ) -> tuple[Prediction, ...]:
-    """Predict every trial by the others, or the halves of a single one by each other."""
+    """Predict every trial by the others, or the halves of a single one by each other.
+
+    Parameters
+    ----------
+    model : as given
+    recorded : trials on it
+    options : what is refined
+    progress : called once a step
+
+    Returns
+    -------
+    one for each trial, or for both halves
+    """
     if len(recorded) > 1:
         held_out = [
             (on.trial.name, [other for other in recorded if other is not on], on) for on in recorded

@@ -501,7 +501,18 @@ def moved(problem: Problem, at: Unknowns, motions: tuple[Array, ...], shared: Ar
 
 
 def motion_of(problem: Problem, at: Unknowns, number: int) -> Motion:
-    """Evaluate a trial's motion with the derivatives that belong to it."""
+    """Evaluate a trial's motion with the derivatives that belong to it.
+
+    Parameters
+    ----------
+    problem : with the trials
+    at : point
+    number : of the trial
+
+    Returns
+    -------
+    (frames, coordinates) values, velocities and accelerations of the mass
+    """
     trial = problem.trials[number]
     rates = problem.rates(trial, at.motions[number])
     tree = problem.arrays(at)

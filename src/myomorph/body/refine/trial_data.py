@@ -65,7 +65,22 @@ class Opened:
 
 
 def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
-    """Run inverse kinematics of a trial on a model, and find the frames that can be used."""
+    """Run inverse kinematics of a trial on a model, and find the frames that can be used.
+
+    Parameters
+    ----------
+    model : with masses
+    trial : as recorded
+    options : with the cutoff of the forces
+
+    Returns
+    -------
+    the trial on the markers' clock
+
+    Raises
+    ------
+    BadData : as in `recordings.usable`
+    """
     fit = inverse_kinematics(model, trial.markers, trial.tracking)
     used = usable(
         model,
@@ -79,7 +94,18 @@ def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
 
 
 def problem_of(model: Model, recorded: Sequence[Opened], options: RefineOptions) -> Problem:
-    """Set up the problem of some trials on a model."""
+    """Set up the problem of some trials on a model.
+
+    Parameters
+    ----------
+    model : at the subject's mass
+    recorded : trials on it
+    options : what is refined, and how much each part is believed
+
+    Returns
+    -------
+    the problem, its masses those that `identify` finds in the same frames
+    """
     names: tuple[str, ...] = ()
     weights: dict[str, float] = {}
     for taken in recorded:
@@ -149,6 +175,14 @@ def thinned(problem: Problem) -> Problem:
     """Keep as many frames as the knots need.
 
     Skin stays alike for longer, and forces are filtered.
+
+    Parameters
+    ----------
+    problem : with all frames
+
+    Returns
+    -------
+    the problem with `FRAMES_A_KNOT` frames a knot, at most
     """
     rate = FRAMES_A_KNOT * KNOTS * problem.options.cutoff
     trials = []

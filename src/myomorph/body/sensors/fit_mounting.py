@@ -112,7 +112,17 @@ class MountingFit:
     pose: CalibrationPose | None
 
     def at(self, guess: Guess, delay: float) -> SensorMounting:
-        """Build a mounting from a guess, of which everything is open."""
+        """Build a mounting from a guess, of which everything is open.
+
+        Parameters
+        ----------
+        guess : rotations and headings
+        delay : of the sensors' clock [s]
+
+        Returns
+        -------
+        the mounting, its headings the same at all knots
+        """
         time = self.chosen.time
         knots = np.linspace(time[0], time[-1], 1 + round((time[-1] - time[0]) / KNOTS))
         count = len(self.bodies) * (3 + len(knots))
@@ -182,7 +192,16 @@ class MountingFit:
         return self._estimated(start, minimize(problem, fit=self._open(), method=method))
 
     def by_pose(self, start: SensorMounting) -> MountingEstimate:
-        """Take a mounting from the pose as it is, with what that leaves open."""
+        """Take a mounting from the pose as it is, with what that leaves open.
+
+        Parameters
+        ----------
+        start : mounting by the pose
+
+        Returns
+        -------
+        the mounting, with its estimate
+        """
         assert self.pose is not None
         problem = Problem(
             self._unknowns(start),
@@ -491,7 +510,17 @@ class MountingEstimate(NamedTuple):
 
 
 def mounting_of(start: SensorMounting, values: Values) -> SensorMounting:
-    """Apply values of the unknowns, which are counted from a start."""
+    """Apply values of the unknowns, which are counted from a start.
+
+    Parameters
+    ----------
+    start : mounting
+    values : rotation vectors [rad], headings [rad] and delay [s]
+
+    Returns
+    -------
+    the mounting there
+    """
     turns = rotation_from_vector(values[MOUNTINGS].reshape(-1, 3))
     return replace(
         start,

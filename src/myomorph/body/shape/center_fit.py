@@ -62,6 +62,15 @@ class LengthMatch:
 def first_frame(pose: Motion | None, model: Model) -> Motion:
     """Return the first frame of a pose, by default the model's default pose.
 
+    Parameters
+    ----------
+    pose : (frames, coordinates) [rad or m]; None for the default pose
+    model : for the message
+
+    Returns
+    -------
+    one frame
+
     Raises
     ------
     BadData : the pose has no first frame of finite coordinates

@@ -181,6 +181,11 @@ def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]
     A center is the origin of the joint's frame in the outer body, or the mean anchor of its hinges.
     Of several joints, it is that which carries the most bodies.
 
+    Parameters
+    ----------
+    model : of a human body
+    regions : of every body
+
     Returns
     -------
     centers by key

@@ -178,6 +178,10 @@ def winding_numbers(skin: Skin, points: Array) -> Array:
 def check_height(height: float) -> None:
     """Refuse a height of a person that is not in meters.
 
+    Parameters
+    ----------
+    height : [m]
+
     Raises
     ------
     BadData : the height is not 0.3 to 2.6

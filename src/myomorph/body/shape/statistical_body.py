@@ -100,6 +100,14 @@ class StatisticalBody:
 def age_shares(age: float) -> dict[str, float]:
     """Compute shares of the ages that there are shapes for.
 
+    Parameters
+    ----------
+    age : [years]
+
+    Returns
+    -------
+    name of the age to its share; they sum to 1
+
     Raises
     ------
     BadData : the age is out of range
@@ -115,7 +123,15 @@ def age_shares(age: float) -> dict[str, float]:
 
 
 def statistical_body(age: float) -> StatisticalBody:
-    """Read the parametric body around an age [years].
+    """Read the parametric body around an age.
+
+    Parameters
+    ----------
+    age : [years]
+
+    Returns
+    -------
+    the body, with the shapes that this age needs
 
     Raises
     ------

@@ -71,8 +71,10 @@ class EmgRecording:
 
     Attributes
     ----------
+    emg : envelopes of the channels
     muscles : channel to the muscles it was measured on
     maxima : envelope of channels in maximum voluntary contractions
+    options : how EMG takes part
     calibration : delays and gains from elsewhere, as of all trials of a subject; None finds them on
         this recording
     """
@@ -86,11 +88,13 @@ class EmgRecording:
 
 @dataclass(frozen=True, eq=False)
 class EmgTargets:
-    """What EMG shows of a recording.
+    """Activations that EMG shows in a recording.
 
     Attributes
     ----------
     target : None where no channel is of a muscle, or channels disagree
+    calibration : delays and gains; None where no channel is of a muscle
+    notes : on channels that take no part, one line each
     """
 
     target: EmgTarget | None
@@ -98,7 +102,7 @@ class EmgTargets:
     notes: tuple[str, ...] = ()
 
     def conflicts(self, model: Model, tension: Tension) -> tuple[EmgConflict, ...]:
-        """Stretches in which EMG and torques contradict each other."""
+        """Find stretches in which EMG and torques contradict each other."""
         return () if self.target is None else emg_conflicts(model, tension, self.target)
 
 
@@ -143,7 +147,10 @@ class TensionTask:
 
     Attributes
     ----------
-    torques : of those external forces alone that are known exactly
+    model : of the body
+    motion : coordinates over time
+    torques : of those external forces alone that are known exactly [N m or N]
+    options : settings
     actuators : beside the model's own
     setting : contacts, where their forces are asked for
     emg : what EMG shows, where it takes part
@@ -239,21 +246,49 @@ class TensionTask:
         return notes
 
     def reactions(self, tension: Tension, frame: str) -> Table:
-        """Find the loads of all joints, in the axes of a frame (see `joint_reactions`)."""
+        """Find the loads of all joints.
+
+        Parameters
+        ----------
+        tension : of this problem
+        frame : whose axes they are in, see `joint_reactions`
+
+        Returns
+        -------
+        forces [N] and moments [N m] over time
+        """
         inputs = (self.model, self.motion, tension, self.wrenches)
         return joint_reactions(*inputs, frame=frame, actuators=self.actuators).table(
             joint_labels(self.model)
         )
 
     def joint_contacts(self, tension: Tension, points: JointPoints) -> JointContactForces:
-        """Find forces at contact points of joints."""
+        """Find forces at contact points of joints.
+
+        Parameters
+        ----------
+        tension : of this problem
+        points : where surfaces touch
+
+        Returns
+        -------
+        forces over time [N]
+        """
         inputs = (self.model, self.motion, tension, self.wrenches)
         return joint_contact_forces(*inputs, points.points, actuators=self.actuators)
 
     def contact_groups(self, tension: Tension) -> Table:
-        """Force of every contact, its sites together, on the body in ground [N].
+        """Sum the forces of every contact over its sites, on the body in ground [N].
 
         Columns are `<group>_fx`, `_fy`, `_fz`, `_f`.
+
+        Parameters
+        ----------
+        tension : with contacts
+
+        Returns
+        -------
+        one row for each frame
         """
         assert tension.contacts is not None
         sites = tension.contacts.sites
@@ -269,7 +304,16 @@ class TensionTask:
         return Table(tension.time, names, values.reshape(len(values), -1), facts=facts)
 
     def loads(self, tension: Tension) -> tuple[Wrenches, Series]:
-        """Join measured forces with estimated ones, and find the torques that they leave."""
+        """Join measured forces with estimated ones, and find the torques that they leave.
+
+        Parameters
+        ----------
+        tension : with contacts
+
+        Returns
+        -------
+        all external forces, and the torques under them [N m or N]
+        """
         assert self.setting is not None
         assert tension.contacts is not None
         loads = all_loads(self.setting.exact, tension.contacts)
@@ -340,7 +384,17 @@ def tension_task(  # page: what a recording has, most of it optional
 
 
 def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
-    """Targets of activations, with delay and gains of this recording (see `calibrate_emg`)."""
+    """Make targets of activations, with delay and gains of this recording (`calibrate_emg`).
+
+    Parameters
+    ----------
+    recorded : EMG
+    inputs : the tension problem without EMG
+
+    Returns
+    -------
+    targets, and notes on channels that take no part
+    """
     muscles = recorded.muscles
     options = recorded.options
     if not muscles:
@@ -402,6 +456,10 @@ def added_reserves(
     model : of the body
     options : settings
     objects : names of their bodies
+
+    Returns
+    -------
+    one for each coordinate, as `default_reserves`
     """
     reserves = default_reserves(model, options.reserve, options.residual)
     return tuple(
@@ -422,6 +480,10 @@ def contact_warnings(
     solution : the problem with contacts, and its result
     frames : numbers of the instants
     advance : called with the number of instants just done
+
+    Returns
+    -------
+    intervals of the contact forces [N], and infeasible frames
     """
     options = CertificateOptions(
         near=CertificateOptions.near if len(solution.tension.muscles) <= LARGE else 0.0
