@@ -71,7 +71,7 @@ def settle(
 def _pose_of(
     problem: SharedProblem, x: Array, group: FrameSet, variance: float, tree: Tree
 ) -> PoseProblem:
-    """Set up inverse kinematics of one recording on the model of x; known coordinates are tasks.
+    """Set up inverse kinematics of a recording on the model of x; known coordinates are tasks.
 
     Parameters
     ----------
@@ -135,6 +135,16 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
 
     with sums over all frames (Schur complement). The overall size, last among the unknowns, moves
     no marker: its row and column are 0.
+
+    Parameters
+    ----------
+    problem : of all frames
+    at : point at which frames are settled
+
+    Returns
+    -------
+    (unknowns, unknowns) and (unknowns,), angles eliminated and at fixed angles, with errors of the
+        markers [m]
     """
     shared = len(at.x) - 1
     stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
@@ -241,9 +251,20 @@ def _set_sums(
 def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance: float) -> Point:
     """Try every frame from the angles of other frames too, and keep the best.
 
-    A frame may rest in a wrong valley (an arm turned half round), where it would draw the
-    markers along; frames that do not know the way out from there start beyond it. The whole body
-    keeps its own place.
+    A frame may rest in a wrong valley (an arm turned half round), where it would draw the markers
+    along; frames that do not know the way out from there start beyond it. The whole body keeps its
+    own position.
+
+    Parameters
+    ----------
+    problem : of all frames
+    at : point at which frames are settled
+    root : coordinates of the whole body, which stay those of each frame
+    variance : of a marker along one axis [m^2]
+
+    Returns
+    -------
+    the same unknowns, every frame at the best angles found
     """
     every = np.concatenate(at.angles)
     if len(every) < 2:

@@ -388,7 +388,8 @@ def _refuse_tared(name: str, needed: Array, measured: Array, weight: float) -> N
 
     Raises
     ------
-    BadData : on average half of the weight or more is missing
+    BadData : on average half of the weight or more is missing, and it varies by no more than
+        `MISSING_WEIGHT` of the weight
     """
     lacking = needed - measured
     if lacking.mean() < 0.5 * weight or lacking.std() > MISSING_WEIGHT * weight:

@@ -282,7 +282,7 @@ def follow_elastic(
     sizes : (4, muscles) optimal fiber length [m], slack length [m], maximum isometric force [N],
         passive strain factor
     shapes : (4, muscles) sine of the pennation, damping, maximum speed, shortest normalized length
-    slower, rigid : (muscles,) ; rigid ones are left out
+    slower, rigid : (muscles,); rigid ones are left out
     lengths, speeds, activations : (windows, frames, muscles) [m], [m/s]
     step : between frames [s]; infinite where every frame is held still
     found : (6, windows, frames, muscles) force [N], normalized length, slopes of the force in lo,

@@ -182,7 +182,7 @@ def thinned(problem: Problem) -> Problem:
 
     Returns
     -------
-    the problem with `FRAMES_A_KNOT` frames a knot, at most
+    the problem with every n-th frame, at least about `FRAMES_A_KNOT` a knot
     """
     rate = FRAMES_A_KNOT * KNOTS * problem.options.cutoff
     trials = []

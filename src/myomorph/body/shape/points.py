@@ -135,7 +135,9 @@ def point_moments(points: Array) -> Array:
 
 
 def _from_moments(rotation: Array, origin: Array) -> Array:
-    """Build the matrix from moments of a unit mass in ground to a link's parameters, eq. 3.9.
+    """Build the matrix from moments of a unit mass in ground to a link's parameters.
+
+    [D] eq. 3.9, as a matrix on the moments of a point.
 
     Parameters
     ----------
