@@ -113,7 +113,7 @@ def _functions(tree: Path, folder: Path) -> dict[str, float]:
 def _command(command: str, tree: Path, folder: Path) -> float:
     """Processor seconds of a command; where it fails its last lines are raised."""
     with tempfile.TemporaryDirectory(dir=folder) as out:
-        program = [sys.executable, "-m", "myomorph.lab.cli", *command.replace("OUT", out).split()]
+        program = [sys.executable, "-m", "myomorph", *command.replace("OUT", out).split()]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         walk = data_folder() / "rajagopal-walk-emg"
         done = subprocess.run(

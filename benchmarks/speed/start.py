@@ -89,7 +89,7 @@ def run(before: str = "") -> list[dict[str, object]]:
         seconds(["-m", "compileall", "-q", str(Path(myomorph.__file__).parent)], environment)
         imports = [seconds(["-c", "import myomorph"], environment) for _ in range(RUNS)]
         rows.append({"what": "python -c 'import myomorph'", "seconds": statistics.median(imports)})
-        command = ["-m", "myomorph.lab.cli"]
+        command = ["-m", "myomorph"]
         helps = [seconds([*command, "--help"], environment) for _ in range(RUNS)]
         rows.append({"what": "myomorph --help", "seconds": statistics.median(helps)})
         model = _trial_files(Path(folder)).model

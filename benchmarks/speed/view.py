@@ -53,7 +53,7 @@ def run() -> list[Row]:
         command = [
             sys.executable,
             "-m",
-            "myomorph.lab.cli",
+            "myomorph",
             "demo",
             "--study",
             "jump",
@@ -77,7 +77,7 @@ def started(result: Path, browser: Browser | None) -> list[Row]:
     waits: dict[str, list[float]] = {}
     for _ in range(ROUNDS):
         began = time.perf_counter()
-        command = [sys.executable, "-m", "myomorph.lab.cli", "view", str(result), "--no-browser"]
+        command = [sys.executable, "-m", "myomorph", "view", str(result), "--no-browser"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             address = re.findall(r"http://\S+", process.stdout.readline())[0]
