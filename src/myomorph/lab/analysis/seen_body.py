@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.crossings import crossings
 from myomorph.core.motion.protocols import Site
+from myomorph.core.motion.smoothing import smooth_both_ways
 from myomorph.core.motion.sync import cut
 from myomorph.lab.analysis.worded_sites import worded_sites
 
@@ -159,9 +159,7 @@ class SeenBody:
         cutoff = CUTOFF / self.pendulum
         if len(values) <= MIN_FRAMES or not cutoff < 0.45 * self.rate:
             return values
-        sections = scipy.signal.butter(2, cutoff, fs=self.rate, output="sos")
-        smoothed: Array = scipy.signal.sosfiltfilt(sections, values, axis=0, padlen=MIN_FRAMES - 1)
-        return smoothed
+        return smooth_both_ways(values, self.rate, cutoff, padding=MIN_FRAMES - 1)
 
     @cached_property
     def forward(self) -> Array:

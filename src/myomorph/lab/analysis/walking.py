@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import scipy
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
@@ -17,6 +16,7 @@ from myomorph.core.model.segments import feet_of
 from myomorph.core.model.series import Event, Motion, Series, Wrenches
 from myomorph.core.model.sides import split_side
 from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.motion.smoothing import smooth_both_ways
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.analysis.center_of_mass import centroid
@@ -25,6 +25,7 @@ from myomorph.lab.analysis.strides import Strides, find_strides
 
 # Of the filter of the center of mass [Hz]; for a smaller body higher, as its strides are shorter
 CUTOFF = 8.0
+PADDING = 9  # Frames by which the filter's input is extended at either end
 # A runner's force falls below this share of the weight between contacts; a walker's stays above 0.6
 FLIGHT = 0.3
 # Share of the weight at which the slope of the force is taken, along which it goes on to nothing
@@ -40,9 +41,7 @@ def vertical_force(model: Model, motion: Motion) -> Array:
     height = centroid(model, motion).values @ np.asarray(model.up)
     rate = 1.0 / float(np.median(np.diff(motion.time)))
     if rate > 2.0 * CUTOFF:
-        height = scipy.signal.sosfiltfilt(
-            scipy.signal.butter(2, CUTOFF, fs=rate, output="sos"), height
-        )
+        height = smooth_both_ways(height, rate, CUTOFF, padding=PADDING)
     return 1.0 + np.gradient(np.gradient(height, motion.time), motion.time) / g
 
 
