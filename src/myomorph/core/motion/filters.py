@@ -185,8 +185,9 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
             natural_spline(time, part) if cutoff is None else _lowpass_spline(time, part, cutoff)
         )
         values[run] = part if cutoff is None else spline(time)
-        velocities[run] = spline.derivative(1)(time)
-        accelerations[run] = spline.derivative(2)(time)
+        velocity = spline.derivative()
+        velocities[run] = velocity(time)
+        accelerations[run] = velocity.derivative()(time)
     return replace(motion, values=values, velocities=velocities, accelerations=accelerations)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
+from myomorph.core.motion.banded import solve_banded
 from myomorph.core.rigid.kernels import kernel
 
 # Orders of the derivatives that vanish at both ends, by degree
@@ -119,32 +120,52 @@ def natural_spline(time: Array, values: Array, degree: int = 5) -> Spline:
     if not np.all(np.diff(time) > 0.0):
         raise BadData("a spline needs times that increase")
     knots = np.concatenate([[time[0]] * degree, time, [time[-1]] * degree])
-    orders = NATURAL_ORDERS[degree]
-    before = len(orders)
-    count = len(time) + 2 * before
+    rows = _conditions(knots, degree, time)
+    ends = len(NATURAL_ORDERS[degree])
+    coefficients = np.zeros((len(rows), values[0].size))
+    coefficients[ends : ends + len(time)] = values.reshape(len(time), -1)
+    solve_banded(rows, coefficients, degree)
+    return Spline(
+        knots=knots, coefficients=coefficients.reshape(-1, *values.shape[1:]), degree=degree
+    )
 
-    # Rows of a banded matrix, each about its diagonal, with room for what pivoting fills in.
+
+def _conditions(knots: Array, degree: int, time: Array) -> Array:
+    """State what a natural spline fulfills, as rows of a banded matrix.
+
+    First the derivatives that vanish at the start, then the values at all times, then the
+    derivatives that vanish at the end.
+
+    Parameters
+    ----------
+    knots : (coefficients + degree + 1,)
+    degree : of the polynomials
+    time : (frames,)
+
+    Returns
+    -------
+    (coefficients, 3 degree + 1), each row about its diagonal, as `solve_banded` takes them
+    """
+    orders = NATURAL_ORDERS[degree]
+    count = len(time) + 2 * len(orders)
     rows = np.zeros((count, 3 * degree + 1))
+
     first = _first_basis(knots, degree, time)
-    numbers = before + np.arange(len(time))
-    columns = first[:, None] - numbers[:, None] + degree + np.arange(degree + 1)
+    numbers = len(orders) + np.arange(len(time))[:, None]
+    columns = first[:, None] - numbers + degree + np.arange(degree + 1)
+    # At the ends a B-spline that is 0 there may lie outside the band.
     inside = (columns >= 0) & (columns < rows.shape[1])
     basis = _basis(knots, degree, time, first)
-    rows[np.broadcast_to(numbers[:, None], columns.shape)[inside], columns[inside]] = basis[inside]
+    rows[np.broadcast_to(numbers, columns.shape)[inside], columns[inside]] = basis[inside]
+
     for number, order in enumerate(orders):
         left = _end_derivative(knots, degree, order)
         rows[number, degree - number : degree - number + len(left)] = left
         # At the other end the knots are reversed, and so are the coefficients.
         right = _end_derivative(-knots[::-1], degree, order)[::-1]
-        last = count - 1 - number
-        rows[last, degree + number - len(right) + 1 : degree + number + 1] = right
-
-    right_sides = np.zeros((count, values[0].size))
-    right_sides[before : before + len(time)] = values.reshape(len(time), -1)
-    solve_banded(rows, right_sides, degree)
-    return Spline(
-        knots=knots, coefficients=right_sides.reshape(count, *values.shape[1:]), degree=degree
-    )
+        last = degree + number
+        rows[count - 1 - number, last - len(right) + 1 : last + 1] = right
+    return rows
 
 
 def _first_basis(knots: Array, degree: int, at: Array) -> np.ndarray:
@@ -184,12 +205,13 @@ def _basis(knots: Array, degree: int, at: Array, first: np.ndarray) -> Array:
     """
     basis = np.zeros((degree + 1, len(at)))
     basis[0] = 1.0
-    here = first + degree
+    # The knots about each point, the last at or before it in row degree - 1
+    near = knots[first + np.arange(1, 2 * degree + 1)[:, None]]
     for k in range(1, degree + 1):
         carried = np.zeros(len(at))
         for j in range(k):
-            after = knots[here + j + 1]
-            before = knots[here + j + 1 - k]
+            after = near[degree + j]
+            before = near[degree + j - k]
             share = basis[j] / (after - before)
             basis[j] = carried + (after - at) * share
             carried = (at - before) * share
@@ -230,53 +252,11 @@ def sum_basis(basis, first, coefficients, values):
     values : (points, curves) filled
     """
     for point in range(basis.shape[0]):
-        for curve in range(values.shape[1]):
-            values[point, curve] = 0.0
+        # Rows as arrays of their own, which the compiler makes fast.
+        sums = values[point]
+        sums[:] = 0.0
         for j in range(basis.shape[1]):
             weight = basis[point, j]
-            for curve in range(values.shape[1]):
-                values[point, curve] += weight * coefficients[first[point] + j, curve]
-
-
-@kernel
-def solve_banded(rows, right, reach):
-    """Solve A x = b for many right sides, in place, by Gaussian elimination with row exchanges.
-
-    Parameters
-    ----------
-    rows : (n, 3 reach + 1) A[i, i - reach + j] at [i, j], zero in the last `reach` columns;
-        overwritten
-    right : (n, sides) b, which becomes x
-    reach : of the band to either side of the diagonal
-    """
-    n = len(rows)
-    for i in range(n):
-        below = min(i + reach, n - 1)
-        best = i
-        for p in range(i + 1, below + 1):
-            if abs(rows[p, i - p + reach]) > abs(rows[best, i - best + reach]):
-                best = p
-        end = min(i + 2 * reach, n - 1)
-        if best != i:
-            for c in range(i, end + 1):
-                kept = rows[i, c - i + reach]
-                rows[i, c - i + reach] = rows[best, c - best + reach]
-                rows[best, c - best + reach] = kept
-            for side in range(right.shape[1]):
-                kept = right[i, side]
-                right[i, side] = right[best, side]
-                right[best, side] = kept
-        for p in range(i + 1, below + 1):
-            factor = rows[p, i - p + reach] / rows[i, reach]
-            if factor != 0.0:
-                for c in range(i, end + 1):
-                    rows[p, c - p + reach] -= factor * rows[i, c - i + reach]
-                for side in range(right.shape[1]):
-                    right[p, side] -= factor * right[i, side]
-    for i in range(n - 1, -1, -1):
-        end = min(i + 2 * reach, n - 1)
-        for side in range(right.shape[1]):
-            value = right[i, side]
-            for c in range(i + 1, end + 1):
-                value -= rows[i, c - i + reach] * right[c, side]
-            right[i, side] = value / rows[i, reach]
+            summands = coefficients[first[point] + j]
+            for curve in range(len(sums)):
+                sums[curve] += weight * summands[curve]
