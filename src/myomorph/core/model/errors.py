@@ -6,6 +6,7 @@ import difflib
 import importlib
 import re
 from collections.abc import Collection, Iterable
+from functools import cache
 from importlib.util import find_spec
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -102,11 +103,18 @@ def check_name(kind: str, name: str, existing: Collection[str], where: str = "th
 
 def check_choices(options: object) -> None:
     """Raise `BadData` where a field of a dataclass has none of the values of its `Literal`."""
-    for name, kind in get_type_hints(type(options)).items():
+    for name, choices in _choices(type(options)).items():
         value = getattr(options, name)
-        if get_origin(kind) is Literal and value not in get_args(kind):
-            listed = ", ".join(f"'{choice}'" for choice in get_args(kind))
+        if value not in choices:
+            listed = ", ".join(f"'{choice}'" for choice in choices)
             raise BadData(f"unknown {name.replace('_', ' ')} '{value}': there are {listed}")
+
+
+@cache
+def _choices(kind: type) -> dict[str, tuple[Any, ...]]:
+    """Values that each field of a dataclass with a `Literal` may have, by name."""
+    hints = get_type_hints(kind)
+    return {name: get_args(hint) for name, hint in hints.items() if get_origin(hint) is Literal}
 
 
 def from_extra(extra: str, module: str, package: str = "") -> Any:
