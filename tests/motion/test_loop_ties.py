@@ -16,22 +16,23 @@ from myomorph.core.rigid.tree import compile_tree
 
 MODEL = four_bar()
 TREE = compile_tree(MODEL)
-TIES = ties_of(TREE)
 CLOSED = four_bar_angles(np.array([1.0]))[0]
 FREE = np.full(3, np.inf)
 NAMES = MODEL.marker_names
-PROBLEM = pose_problem(TREE, NAMES, np.ones(len(NAMES)), InverseKinematicsOptions())
+PROBLEM = pose_problem(TREE, NAMES, np.ones(len(NAMES)), InverseKinematicsOptions())._replace(
+    ties=ties_of(TREE)
+)
 
 
 @kernel
-def at_closed(ties, T, K, c, gradient):
+def at_closed(T, K, c, gradient):
     """Held variables, given ones, multipliers, derivatives of the gaps and what is added to the
     Hessian at c.
     """
     n = c.shape[0]
     work = new_work(T, n)
-    closing = new_closing(ties, n, n)
-    closed = close(ties, T, K, c, work, closing)
+    closing = new_closing(K.ties, n, n)
+    closed = close(T, K, c, work, closing)
     for i in range(n):
         work.g[i] = gradient[i]
         for j in range(n):
@@ -40,22 +41,22 @@ def at_closed(ties, T, K, c, gradient):
         # The axes move in proportion to their coordinates.
         for d in range(3):
             work.curvature[k, d] = 0.0
-    multipliers(T, ties, K, c, work, closing)
+    multipliers(T, K, c, work, closing)
     return closed, work.held, closing.dependent, closing.push, closing.G, work.H
 
 
 @kernel
-def slopes_at(ties, T, K, c):
+def slopes_at(T, K, c):
     """Derivatives of the gaps at c."""
     work = new_work(T, c.shape[0])
-    closing = new_closing(ties, c.shape[0], c.shape[0])
-    ties_at(ties, T, c, work, closing)
+    closing = new_closing(K.ties, c.shape[0], c.shape[0])
+    ties_at(T, K, c, work, closing)
     return closing.G
 
 
 def solved(gradient=(0.0, 0.0, 0.0), lower=-FREE, upper=FREE):
     K = PROBLEM._replace(lower=np.array(lower), upper=np.array(upper))
-    closed, *found = at_closed(TIES, TREE.arrays, K, CLOSED.copy(), np.array(gradient))
+    closed, *found = at_closed(TREE.arrays, K, CLOSED.copy(), np.array(gradient))
     assert closed
     return found
 
@@ -84,8 +85,8 @@ def test_the_curvature_is_that_of_the_gaps():
     expected = np.empty((3, 3))
     for j in range(3):
         d = step * np.eye(3)[j]
-        ahead = slopes_at(TIES, TREE.arrays, PROBLEM, (CLOSED + d))
-        behind = slopes_at(TIES, TREE.arrays, PROBLEM, (CLOSED - d))
+        ahead = slopes_at(TREE.arrays, PROBLEM, (CLOSED + d))
+        behind = slopes_at(TREE.arrays, PROBLEM, (CLOSED - d))
         expected[j] = push @ (ahead - behind) / (2.0 * step)
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(added, expected, atol=1e-8)

@@ -354,7 +354,6 @@ def test_without_bounds_a_motion_in_chunks_has_no_turns_and_its_torques_are_thos
     assert np.abs(np.diff(motion.values, axis=0)).max() < 0.5 * np.pi
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("myomorph.core.motion.newton.CHUNK", len(time))
-        patch.setattr(ik.solve_poses, "__defaults__", (True, None, len(time)))
         whole = inverse_kinematics(model, markers).motion
     torques = [inverse_dynamics(model, differentiate(one, 6.0)).values for one in (motion, whole)]
     np.testing.assert_allclose(torques[0], torques[1], atol=1e-3 * np.abs(torques[1]).max())

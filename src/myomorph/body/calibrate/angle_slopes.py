@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from myomorph.body.calibrate.shared_problem import Point, SharedProblem
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.motion.frame_blocks import TIED
 from myomorph.core.motion.pose_problem import PoseProblem
-from myomorph.core.motion.stretch import TIED, slopes_of_frame, with_travel
+from myomorph.core.motion.stretch import slopes_of_frame, with_travel
 from myomorph.core.rigid.kinematics import forward_kinematics
 
 SEEN = 1e-9  # A coordinate whose curvature is less than this share of the largest moves no marker

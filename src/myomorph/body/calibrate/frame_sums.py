@@ -9,10 +9,16 @@ import numpy as np
 
 from myomorph.body.calibrate.shared_problem import FrameSet, Point, Reduced, SharedProblem
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.motion.newton import solve_poses
+from myomorph.core.motion.frame_blocks import (
+    FRAMES_AT_ONCE,
+    BlockSums,
+    StretchedProblem,
+    frame_blocks,
+)
+from myomorph.core.motion.newton import Settings, solve_poses
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.starts import closed_defaults
-from myomorph.core.motion.stretch import FRAMES_AT_ONCE, Stretch, frame_blocks, with_travel
+from myomorph.core.motion.stretch import Stretch, with_travel
 from myomorph.core.motion.tasks.loops import ties_of
 from myomorph.core.motion.tasks.markers import MarkerArrays
 from myomorph.core.rigid.frames import over_frames
@@ -50,9 +56,10 @@ def settle(
     converged = 0
     for group, start in zip(problem.sets, angles, strict=True):
         pose = _pose_of(problem, x, group, variance, tree)
-        solved = solve_poses(
-            tree, pose, start, (problem.posture_weight, SETTLED, most), chained=False, chunk=16
+        settings = Settings(
+            posture_weight=problem.posture_weight, tolerance=SETTLED, max_steps=most, chained=False
         )
+        solved = solve_poses(tree, pose, start, settings)
         poses.append(pose)
         solutions.append(solved.values)
         costs.append(solved.cost * _seen_weight(problem, group))
@@ -209,27 +216,21 @@ def _set_sums(
     taken_g = np.zeros((slots, shared))
     angles_free = np.zeros(slots, np.int64)
     errors = np.empty(pose.markers.observed.shape[:2])
+    stretched = StretchedProblem(
+        pose=pose,
+        stretch=stretch,
+        tied=tied,
+        tied_stretch=tied_stretch,
+        posture_weight=problem.posture_weight,
+    )
 
     def add(first: int, last: int) -> None:
         slot = first // block
         for start in range(first, last, FRAMES_AT_ONCE):
             stop = min(start + FRAMES_AT_ONCE, last)
             eliminated = np.empty((len(problem.pose.free) * (stop - start), shared + 1))
-            frame_blocks(
-                tree.arrays,
-                pose,
-                stretch,
-                tied,
-                tied_stretch,
-                start,
-                stop,
-                problem.posture_weight,
-                angles,
-                fixed_H[slot],
-                fixed_g[slot],
-                eliminated,
-                errors,
-            )
+            sums = BlockSums(H=fixed_H[slot], g=fixed_g[slot], eliminated=eliminated, errors=errors)
+            frame_blocks(tree.arrays, stretched, (start, stop), angles, sums)
             E = eliminated[:, :-1]
             e = eliminated[:, -1]
             taken_H[slot] += E.T @ E

@@ -164,7 +164,8 @@ class MountingFit:
             self.tree, chosen.marker_names, chosen.marker_weights, options, chosen.markers
         )
         first = np.tile(self.tree.defaults, (len(chosen.time), 1)) if starts is None else starts
-        solved = solve_poses(self.tree, problem, first, options.settings, chained=starts is None)
+        settings = options.settings._replace(chained=starts is None)
+        solved = solve_poses(self.tree, problem, first, settings)
         return np.where(np.isfinite(solved.values), solved.values, first), reported, solved.cost
 
     def fitted(self, start: SensorMounting, azimuth: bool, anywhere: bool) -> MountingEstimate:

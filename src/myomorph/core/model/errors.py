@@ -103,7 +103,8 @@ def check_name(kind: str, name: str, existing: Collection[str], where: str = "th
 
 def check_choices(options: object) -> None:
     """Raise `BadData` where a field of a dataclass has none of the values of its `Literal`."""
-    for name, choices in _choices(type(options)).items():
+    kind: Any = type(options)
+    for name, choices in _choices(kind).items():
         value = getattr(options, name)
         if value not in choices:
             listed = ", ".join(f"'{choice}'" for choice in choices)

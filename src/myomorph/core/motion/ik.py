@@ -62,7 +62,11 @@ class InverseKinematicsOptions:
     @property
     def settings(self) -> Settings:
         """What the Newton loop takes of them."""
-        return self.posture_weight, self.tolerance, self.iterations
+        return Settings(
+            posture_weight=self.posture_weight,
+            tolerance=self.tolerance,
+            max_steps=self.iterations,
+        )
 
 
 @read_only
@@ -266,7 +270,8 @@ def poses_near(
     starts = np.array(motion.values)
     blank = ~(np.isfinite(starts).all(axis=1) & frames_shown(problem))
     starts[blank] = tree.defaults
-    values = solve_poses(tree, problem, starts, options.settings, chained=False).values
+    settings = options.settings._replace(chained=False)
+    values = solve_poses(tree, problem, starts, settings).values
     values[blank] = np.nan
     return Motion(markers.time, model.coordinate_names, values)
 

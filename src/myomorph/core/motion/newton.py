@@ -21,14 +21,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.motion.pose_problem import PoseProblem, gradient_and_hessian, mean_curvature
 from myomorph.core.motion.tasks.coordinates import CoordinateTask
-from myomorph.core.motion.tasks.loops import close, eliminate, hold_variables, new_closing, ties_at
+from myomorph.core.motion.tasks.loops import (
+    close,
+    eliminate,
+    find_late,
+    hold_variables,
+    new_closing,
+    ties_at,
+)
 from myomorph.core.motion.tasks.markers import MarkerTask
 from myomorph.core.motion.tasks.orientations import OrientationTask
 from myomorph.core.motion.tasks.task import (
@@ -46,12 +53,65 @@ from myomorph.core.rigid.tree import Tree
 
 # Frames between the poses that are tracked first; a gap of so many frames ends at one of them
 SCOUT = 16
+INDEPENDENT = 16  # Frames that a thread solves in turn where none waits for another
+
+MAX_DAMPING = 1e6  # Beyond it no step lowers the cost
+FIRST_DAMPING = 1e-4  # The least above 0
+ROUNDING = 1e-13  # Share of the cost below which a fall is rounding
 
 
-Settings: TypeAlias = tuple[float, float, int]
-"""Weight of the posture relative to the mean curvature; tolerance, the largest last step in units
-of the coordinates; the most steps of a frame.
-"""
+class Settings(NamedTuple):
+    """How frames are solved.
+
+    Attributes
+    ----------
+    posture_weight : of the posture, relative to the mean curvature
+    tolerance : largest last step, in units of the coordinates
+    max_steps : of a frame
+    chained : whether a frame begins where those before it lead
+    """
+
+    posture_weight: float
+    tolerance: float
+    max_steps: int
+    chained: bool = True
+
+
+class PoseRoom(NamedTuple):
+    """What the kernel fills.
+
+    Attributes
+    ----------
+    values : (frames, coordinates) starts, then poses [rad or m]
+    cost : (frames,) [m^2]
+    converged : (frames,)
+    iterations : (frames,) steps
+    """
+
+    values: Array
+    cost: Array
+    converged: np.ndarray
+    iterations: Ints
+
+    @staticmethod
+    def of(starts: Array) -> PoseRoom:
+        """Make room for frames with their starts.
+
+        Parameters
+        ----------
+        starts : (frames, coordinates) copied [rad or m]
+
+        Returns
+        -------
+        the arrays, those of results undefined
+        """
+        frames = len(starts)
+        return PoseRoom(
+            values=np.array(starts, order="C"),
+            cost=np.empty(frames),
+            converged=np.empty(frames, np.bool_),
+            iterations=np.empty(frames, np.int64),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +162,7 @@ def solve_poses(
     problem: PoseProblem,
     starts: Array,
     settings: Settings,
-    chained: bool = True,
     progress: Callable[[int], None] | None = None,
-    chunk: int = CHUNK,
 ) -> SolvedPoses:
     """Minimise the cost of every frame.
 
@@ -131,41 +189,25 @@ def solve_poses(
     tree : of the model
     problem : what is minimised; its arrays of errors are filled
     starts : (frames, coordinates) [rad or m]
-    settings : posture weight, tolerance and most steps
-    chained : whether a frame begins where those before it lead
+    settings : posture weight, tolerance, most steps, and whether frames are chained
     progress : called with the number of frames just done
-    chunk : frames that a thread solves in turn
 
     Returns
     -------
     poses, (frames, ...), with their cost and convergence
     """
-    frames = len(starts)
-    values = np.array(starts, order="C")
-    cost = np.empty(frames)
-    converged = np.empty(frames, np.bool_)
-    iterations = np.empty(frames, np.int64)
+    room = PoseRoom.of(starts)
 
     def part(first: int, last: int) -> None:
-        solve_chunk(
-            tree.arrays,
-            problem,
-            first,
-            last,
-            *settings,
-            chained,
-            values,
-            cost,
-            converged,
-            iterations,
-        )
+        solve_chunk(tree.arrays, problem, (first, last), settings, room)
 
-    over_frames(part, frames, progress, chunk)
+    chunk = CHUNK if settings.chained else INDEPENDENT
+    over_frames(part, len(starts), progress, chunk)
     return SolvedPoses(
-        values=values,
-        cost=cost,
-        converged=converged,
-        iterations=iterations,
+        values=room.values,
+        cost=room.cost,
+        converged=room.converged,
+        iterations=room.iterations,
         errors={
             TASKS[type(part)]: part.errors for part in problem.tasks if hasattr(part, "errors")
         },
@@ -196,25 +238,19 @@ def fill_shown(P, result):
 
 
 @kernel
-def solve_chunk(
-    T,
-    P,
-    first,
-    last,
-    posture_weight,
-    tolerance,
-    max_steps,
-    chained,
-    values,
-    cost,
-    converged,
-    iterations,
-):
-    """Solve the frames from `first` up to `last` in turn, for `solve_poses`.
+def solve_chunk(T, P, frames, settings, room):
+    """Solve frames in turn, for `solve_poses`.
 
-    Their rows of `values` (frames, coordinates) hold their starts and then their poses; `cost`,
-    `converged` and `iterations` (frames,) are filled.
+    Parameters
+    ----------
+    T : arrays of the tree
+    P : `PoseProblem`
+    frames : the first, and the one behind the last
+    settings : `Settings`
+    room : `PoseRoom`; of these frames, starts become poses, and all else is filled
     """
+    first, last = frames
+    values = room.values
     n = values.shape[1]
     work = new_work(T, n)
     closing = new_closing(P.ties, n, P.free.shape[0])
@@ -222,40 +258,62 @@ def solve_chunk(
     run = 0
     unseen = 0
     for frame in range(first, last):
-        c = values[frame]
-        if chained and not shown(P.tasks, frame):
+        room.converged[frame] = False
+        room.iterations[frame] = 0
+        if settings.chained and not shown(P.tasks, frame):
             run = 0
             unseen = unseen + 1
-            converged[frame] = False
-            iterations[frame] = 0
-            cost[frame] = 0.0
+            room.cost[frame] = 0.0
             for j in range(n):
-                c[j] = np.nan
+                values[frame, j] = np.nan
             continue
-        if chained and run >= 2:
-            # Straight on from the last two frames: the start is nearer, the step count smaller.
-            for j in range(n):
-                c[j] = 2.0 * before[j] - values[frame - 2, j]
-        elif chained and frame > first and not (unseen >= SCOUT and resume(P, frame, last, values)):
-            for j in range(n):
-                c[j] = before[j]
+        if settings.chained and frame > first:
+            resumed = unseen >= SCOUT and resume(P, frame, last, values)
+            if not resumed:
+                _continue(values, frame, before, run)
         run = run + 1
         unseen = 0
-        closed = begin(T, P, frame, c, work, closing)
-        if not closed and chained and frame > first:
-            for j in range(n):
-                c[j] = before[j]
-            closed = begin(T, P, frame, c, work, closing)
-        converged[frame] = False
-        iterations[frame] = 0
-        cost[frame] = np.inf
+        closed = _begin(T, P, frame, values[frame], work, closing)
+        if not closed and settings.chained and frame > first:
+            _copy(before, values[frame])
+            closed = _begin(T, P, frame, values[frame], work, closing)
+        room.cost[frame] = np.inf
         if closed:
-            converged[frame], iterations[frame], cost[frame] = descend(
-                T, P, frame, posture_weight, tolerance, max_steps, c, work, closing
+            room.converged[frame], room.iterations[frame], room.cost[frame] = _descend(
+                T, P, frame, settings, values[frame], work, closing
             )
-        keep_residuals(P.tasks, c, frame, work)
-        for j in range(n):
-            before[j] = c[j]
+        keep_residuals(P.tasks, values[frame], frame, work)
+        _copy(values[frame], before)
+
+
+@bare
+def _copy(source, target):
+    """Copy an array (n,).
+
+    Entry by entry: an assignment of a slice would bring in the compilation of its error's text.
+    """
+    for j in range(source.shape[0]):
+        target[j] = source[j]
+
+
+@bare
+def _continue(values, frame, before, run):
+    """Start a frame on the straight line through the last two, or from the last one.
+
+    On the line the start is nearer, and the step count smaller.
+
+    Parameters
+    ----------
+    values : (frames, coordinates) the frame's row is filled
+    frame : number of it
+    before : (coordinates,) the last pose
+    run : how many frames without a gap are behind
+    """
+    if run >= 2:
+        for j in range(values.shape[1]):
+            values[frame, j] = 2.0 * before[j] - values[frame - 2, j]
+    else:
+        _copy(before, values[frame])
 
 
 @bare
@@ -267,14 +325,12 @@ def resume(P, frame, last, values):
     scout = -(-frame // SCOUT) * SCOUT
     if scout >= last or not shown(P.tasks, scout):
         return False
-    # Entry by entry: an assignment of a slice would bring in the compilation of its error's text.
-    for j in range(values.shape[1]):
-        values[frame, j] = values[scout, j]
+    _copy(values[scout], values[frame])
     return True
 
 
 @bare
-def begin(T, P, frame, c, work, closing):
+def _begin(T, P, frame, c, work, closing):
     """Put c inside its bounds, what is not solved for at its value, and close the loops.
 
     Returns whether they are closed.
@@ -286,47 +342,35 @@ def begin(T, P, frame, c, work, closing):
             i += 1
         else:
             c[j] = P.fixed[frame, j]
-    return close(P.ties, T, P, c, work, closing)
+    return close(T, P, c, work, closing)
 
 
 @bare
-def descend(T, P, frame, posture_weight, tolerance, max_steps, c, work, closing):
+def _descend(T, P, frame, settings, c, work, closing):
     """Take damped Newton steps from c in place.
 
     Poses and gaps in `work` and `closing` are those of c, as `close` has left them, before and
     afterwards. Returns whether c has converged (see `solve_poses`), the number of steps, and the
     cost of all tasks and the posture.
     """
-    F = P.free
     trial = work.trial
     damping = 0.0
     cost = gradient_and_hessian(T, P, frame, c, work)
-    stiffness = posture_weight * mean_curvature(P, work)
+    stiffness = settings.posture_weight * mean_curvature(P, work)
     cost += posture_cost(P, c, stiffness)
-    for count in range(1, max_steps + 1):
-        for i in range(F.shape[0]):
-            square = P.unit[F[i]] ** 2
-            work.g[F[i]] += stiffness / square * (c[F[i]] - P.posture[F[i]])
-            work.H[F[i], F[i]] += stiffness / square
-        hold_variables(T, P.ties, P, c, work, closing)
+    for count in range(1, settings.max_steps + 1):
+        _add_posture(P, c, stiffness, work)
+        hold_variables(T, P, c, work, closing)
         accepted = False
         reached = cost
-        while not accepted and damping < 1e6:
+        while not accepted and damping < MAX_DAMPING:
             size = newton_step(P, work, closing, c, damping)
             if size < 0.0:
-                damping = max(damping * 10.0, 1e-4)
+                damping = max(damping * 10.0, FIRST_DAMPING)
                 continue
-            for j in range(c.shape[0]):
-                trial[j] = c[j]
-            for i in range(F.shape[0]):
-                trial[F[i]] += work.step[i]
-            closed = close(P.ties, T, P, trial, work, closing)
-            # An undamped Newton step of size s leaves an error of the order of s^2.
-            if closed and (
-                size <= tolerance or (damping == 0.0 and size * size <= 0.01 * tolerance)
-            ):
-                for j in range(c.shape[0]):
-                    c[j] = trial[j]
+            closed = _try_step(T, P, c, work, closing)
+            if closed and _is_last(size, damping, settings.tolerance):
+                _copy(trial, c)
                 return True, count, cost
             reached = np.inf
             if closed:
@@ -337,18 +381,45 @@ def descend(T, P, frame, posture_weight, tolerance, max_steps, c, work, closing)
                 accepted = True
                 damping = damping * 0.1 if damping > 1e-6 else 0.0
             else:
-                damping = max(damping * 10.0, 1e-4)
-                ties_at(P.ties, T, c, work, closing)
+                damping = max(damping * 10.0, FIRST_DAMPING)
+                ties_at(T, P, c, work, closing)
         if not accepted:
             return False, count, cost
-        for j in range(c.shape[0]):
-            c[j] = trial[j]
-        flat = cost - reached <= 1e-13 * cost
+        _copy(trial, c)
+        flat = cost - reached <= ROUNDING * cost
         cost = gradient_and_hessian(T, P, frame, c, work)
         cost += posture_cost(P, c, stiffness)
         if flat:
             return True, count, cost
-    return False, max_steps, cost
+    return False, settings.max_steps, cost
+
+
+@bare
+def _add_posture(P, c, stiffness, work):
+    """Add half of `posture_cost` to gradient and Hessian."""
+    F = P.free
+    for i in range(F.shape[0]):
+        square = P.unit[F[i]] ** 2
+        work.g[F[i]] += stiffness / square * (c[F[i]] - P.posture[F[i]])
+        work.H[F[i], F[i]] += stiffness / square
+
+
+@bare
+def _try_step(T, P, c, work, closing):
+    """Step from c to `work.trial` and close the loops there; returns whether they are closed."""
+    _copy(c, work.trial)
+    for i in range(P.free.shape[0]):
+        work.trial[P.free[i]] += work.step[i]
+    return close(T, P, work.trial, work, closing)
+
+
+@bare
+def _is_last(size, damping, tolerance):
+    """Return whether a step of a size, in units, leaves an error below the tolerance.
+
+    An undamped Newton step of size s leaves an error of the order of s^2.
+    """
+    return size <= tolerance or (damping == 0.0 and size * size <= 0.01 * tolerance)
 
 
 @bare
@@ -408,77 +479,104 @@ def reduced_system(P, work, closing, c, damping):
     variable; the identity without loops) and the step s of the others, L = B^T (H + damping D) B
     and the row behind it is -B^T (g + (H + damping D) s).
     """
+    if closing is None:
+        return _open_system(P, work, damping)
+    find_late(P, c, 0.0, work.late)
+    closing.rank[0] = eliminate(P.free, closing, work.stopped, work.late)
+    size = 0
+    for i in range(P.free.shape[0]):
+        if not work.stopped[i] and not closing.dependent[i]:
+            work.solved[size] = i
+            size += 1
+    _known_step(P, work, closing, size)
+    _project_columns(P, work, closing, size, damping)
+    _project_rows(P, work, closing, size)
+    return size
+
+
+@bare
+def _open_system(P, work, damping):
+    """Write `reduced_system` of a model without loops; returns its size."""
     F = P.free
     H = work.H
-    g = work.g
-    D = work.D
     L = work.L
-    step = work.step
-    n = P.free.shape[0]
-    held = work.stopped
     index = work.solved
     size = 0
-    if closing is None:
-        for i in range(n):
-            if not held[i]:
-                index[size] = i
-                size += 1
-        for a in range(size):
-            i = F[index[a]]
-            for b in range(a + 1):
-                L[a, b] = H[i, F[index[b]]]
-            L[a, a] += damping * D[i]
-            right = -g[i]
-            for j in range(n):
-                if held[j] and step[j] != 0.0:
-                    right -= H[i, F[j]] * step[j]
-            L[size, a] = right
-    else:
-        A = closing.A
-        taken = closing.taken
-        Z = closing.Z
-        late = work.late
-        for i in range(n):
-            late[i] = c[F[i]] <= P.lower[i] or c[F[i]] >= P.upper[i]
-        rank = eliminate(F, closing, held, late)
-        closing.rank[0] = rank
-        for i in range(n):
-            if not held[i] and not closing.dependent[i]:
-                index[size] = i
-                size += 1
-        # What is known of the step: bounded variables go to their bounds, dependent ones close the
-        # gap for them.
-        for row in range(rank):
-            total = A[row, n]
-            for i in range(n):
-                if held[i]:
-                    total -= A[row, i] * step[i]
-            step[taken[row]] = total
-        for a in range(size):
-            step[index[a]] = 0.0
-        for i in range(n):
-            for a in range(size):
-                j = index[a]
-                total = H[F[i], F[j]] + (damping * D[F[i]] if i == j else 0.0)
-                for row in range(rank):
-                    d = taken[row]
-                    total -= (H[F[i], F[d]] + (damping * D[F[i]] if i == d else 0.0)) * A[row, j]
-                Z[i, a] = total
-        for a in range(size):
-            i = index[a]
-            for b in range(a + 1):
-                total = Z[i, b]
-                for row in range(rank):
-                    total -= A[row, i] * Z[taken[row], b]
-                L[a, b] = total
-            right = -g[F[i]]
-            for row in range(rank):
-                right += A[row, i] * g[F[taken[row]]]
-            for j in range(n):
-                if step[j] != 0.0:
-                    right -= Z[j, a] * step[j]
-            L[size, a] = right
+    for i in range(F.shape[0]):
+        if not work.stopped[i]:
+            index[size] = i
+            size += 1
+    for a in range(size):
+        i = F[index[a]]
+        for b in range(a + 1):
+            L[a, b] = H[i, F[index[b]]]
+        L[a, a] += damping * work.D[i]
+        right = -work.g[i]
+        for j in range(F.shape[0]):
+            if work.stopped[j] and work.step[j] != 0.0:
+                right -= H[i, F[j]] * work.step[j]
+        L[size, a] = right
     return size
+
+
+@bare
+def _known_step(P, work, closing, size):
+    """Fill the part s of the step that is known before the system is solved.
+
+    Bounded variables go to their bounds, dependent ones close the gap for them, those that are
+    solved for are 0.
+    """
+    A = closing.A
+    n = P.free.shape[0]
+    for row in range(closing.rank[0]):
+        total = A[row, n]
+        for i in range(n):
+            if work.stopped[i]:
+                total -= A[row, i] * work.step[i]
+        work.step[closing.taken[row]] = total
+    for a in range(size):
+        work.step[work.solved[a]] = 0.0
+
+
+@bare
+def _project_columns(P, work, closing, size, damping):
+    """Fill Z = (H + damping D) B; a column of B is 1 at its variable and -A at dependent ones."""
+    F = P.free
+    H = work.H
+    D = work.D
+    for i in range(F.shape[0]):
+        for a in range(size):
+            j = work.solved[a]
+            total = H[F[i], F[j]] + (damping * D[F[i]] if i == j else 0.0)
+            for row in range(closing.rank[0]):
+                d = closing.taken[row]
+                entry = H[F[i], F[d]] + (damping * D[F[i]] if i == d else 0.0)
+                total -= entry * closing.A[row, j]
+            closing.Z[i, a] = total
+
+
+@bare
+def _project_rows(P, work, closing, size):
+    """Fill L = B^T Z, lower triangle, and the row -B^T g - Z^T s behind it."""
+    F = P.free
+    A = closing.A
+    Z = closing.Z
+    taken = closing.taken
+    rank = closing.rank[0]
+    for a in range(size):
+        i = work.solved[a]
+        for b in range(a + 1):
+            total = Z[i, b]
+            for row in range(rank):
+                total -= A[row, i] * Z[taken[row], b]
+            work.L[a, b] = total
+        right = -work.g[F[i]]
+        for row in range(rank):
+            right += A[row, i] * work.g[F[taken[row]]]
+        for j in range(F.shape[0]):
+            if work.step[j] != 0.0:
+                right -= Z[j, a] * work.step[j]
+        work.L[size, a] = right
 
 
 @bare

@@ -31,6 +31,7 @@ from myomorph.core.motion.tasks.task import (
     Z_EY,
     Z_EZ,
     ZZ,
+    HalfCost,
     X,
     Y,
     Z,
@@ -39,9 +40,9 @@ from myomorph.core.motion.tasks.task import (
     add_tasks,
 )
 from myomorph.core.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate_at, fold_dependents
-from myomorph.core.rigid.kernels import bare
+from myomorph.core.rigid.kernels import bare, in_place
 from myomorph.core.rigid.tree import ROTATION
-from myomorph.core.rigid.vectors import cross, minus, vector
+from myomorph.core.rigid.vectors import cross, dot, minus, plus, vector
 
 
 class PoseProblem(NamedTuple):
@@ -147,105 +148,142 @@ def gradient_and_hessian(T, P, frame, c, work):
     Poses in `work` are those of c. g and H go to `work.g` and `work.H`, the diagonal of the
     Gauss-Newton part to `work.D`. Returns the cost.
     """
-    H = work.H
-    g = work.g
-    D = work.D
-    direct = work.direct
-    fields = work.fields
-    points = work.points
-    for i in range(c.shape[0]):
-        g[i] = D[i] = direct[i] = 0.0
-        for j in range(c.shape[0]):
-            H[i, j] = 0.0
-    for b in range(points.shape[0]):
-        for i in range(points.shape[1]):
-            points[b, i] = 0.0
-    work.has_rows[0] = False
-    # Points relative to one of the body keep the squares small wherever the laboratory's origin is.
-    for i in range(3):
-        work.origin[i] = work.p[-1, i]
+    half = HalfCost(H=work.H, g=work.g, D=work.D)
+    _reset(work, half)
     cost = add_tasks(P.tasks, c, frame, work)
     has_rows = work.has_rows[0]
     axis_fields(T, c, work)
     for b in range(T.parent.shape[0] - 1, 0, -1):
-        S = points[b]
-        if S[WEIGHT] > 0.0 or has_rows:
+        if work.points[b, WEIGHT] > 0.0 or has_rows:
             for axis in range(T.axis_start[b + 1] - 1, T.axis_start[b] - 1, -1):
-                w0 = fields[axis, 0]
-                w1 = fields[axis, 1]
-                w2 = fields[axis, 2]
-                v0 = fields[axis, 3]
-                v1 = fields[axis, 4]
-                v2 = fields[axis, 5]
-                F0 = S[WEIGHT] * v0 + w1 * S[Z] - w2 * S[Y]
-                F1 = S[WEIGHT] * v1 + w2 * S[X] - w0 * S[Z]
-                F2 = S[WEIGHT] * v2 + w0 * S[Y] - w1 * S[X]
-                N0 = S[Y] * v2 - S[Z] * v1 + (S[YY] + S[ZZ]) * w0 - S[XY] * w1 - S[XZ] * w2
-                N1 = S[Z] * v0 - S[X] * v2 - S[XY] * w0 + (S[XX] + S[ZZ]) * w1 - S[YZ] * w2
-                N2 = S[X] * v1 - S[Y] * v0 - S[XZ] * w0 - S[YZ] * w1 + (S[XX] + S[YY]) * w2
-                trace = S[X_EX] + S[Y_EY] + S[Z_EZ]
-                Q0 = (
-                    v1 * S[EZ]
-                    - v2 * S[EY]
-                    + S[X_EX] * w0
-                    + S[X_EY] * w1
-                    + S[X_EZ] * w2
-                    - trace * w0
-                )
-                Q1 = (
-                    v2 * S[EX]
-                    - v0 * S[EZ]
-                    + S[Y_EX] * w0
-                    + S[Y_EY] * w1
-                    + S[Y_EZ] * w2
-                    - trace * w1
-                )
-                Q2 = (
-                    v0 * S[EY]
-                    - v1 * S[EX]
-                    + S[Z_EX] * w0
-                    + S[Z_EY] * w1
-                    + S[Z_EZ] * w2
-                    - trace * w2
-                )
-                slope_along_axis = v0 * S[EX] + v1 * S[EY] + v2 * S[EZ]
-                slope_along_axis += (
-                    w0 * (S[Y_EZ] - S[Z_EY]) + w1 * (S[Z_EX] - S[X_EZ]) + w2 * (S[X_EY] - S[Y_EX])
-                )
-                if has_rows:
-                    rows = work.rows[b]
-                    field = fields[axis]
-                    N0 += row_product(rows[0], field)
-                    N1 += row_product(rows[1], field)
-                    N2 += row_product(rows[2], field)
-                    F0 += row_product(rows[3], field)
-                    F1 += row_product(rows[4], field)
-                    F2 += row_product(rows[5], field)
-                    slope_along_axis += row_product(work.row_gradient[b], field)
-                add_gradient(T, work, H, g, axis, slope_along_axis)
-                a = axis
-                h = b
-                while h > 0:
-                    while a >= T.axis_start[h]:
-                        plain = fields[a, 3] * F0 + fields[a, 4] * F1 + fields[a, 5] * F2
-                        plain += fields[a, 0] * N0 + fields[a, 1] * N1 + fields[a, 2] * N2
-                        curved = fields[a, 0] * Q0 + fields[a, 1] * Q1 + fields[a, 2] * Q2
-                        add_pair(T, work, H, D, axis, a, plain, curved)
-                        a -= 1
-                    h = T.parent[h]
-                    a = T.axis_start[h + 1] - 1
-            for i in range(S.shape[0]):
-                points[T.parent[b], i] += S[i]
+                _add_axis(T, work, half, b, axis)
+            for i in range(work.points.shape[1]):
+                work.points[T.parent[b], i] += work.points[b, i]
         if has_rows:
             gather_rows(work.rows, work.row_gradient, b, T.parent[b])
     for i in range(c.shape[0]):
         for j in range(i):
-            H[j, i] = H[i, j]
-    fold_dependents(T, c, H, g, D)
+            half.H[j, i] = half.H[i, j]
+    fold_dependents(T, c, half.H, half.g, half.D)
     for j in P.free:
-        H[j, j] += direct[j]
-        D[j] += direct[j]
+        half.H[j, j] += work.direct[j]
+        half.D[j] += work.direct[j]
     return cost
+
+
+@bare
+def _reset(work, half):
+    """Set what tasks add to to 0.
+
+    Points relative to one of the body keep the squares small wherever the laboratory's origin is.
+    """
+    for i in range(half.g.shape[0]):
+        half.g[i] = half.D[i] = work.direct[i] = 0.0
+        for j in range(half.g.shape[0]):
+            half.H[i, j] = 0.0
+    for b in range(work.points.shape[0]):
+        for i in range(work.points.shape[1]):
+            work.points[b, i] = 0.0
+    work.has_rows[0] = False
+    for i in range(3):
+        work.origin[i] = work.p[-1, i]
+
+
+@in_place
+def _add_axis(T, work, half, b, axis):
+    """Add the slope along an axis of body b, and the curvature with each axis it hangs from.
+
+    H_ik = v_i . F + w_i . N + w_i . Q
+    """
+    S = work.points[b]
+    field = work.fields[axis]
+    w = (field[0], field[1], field[2])
+    v = (field[3], field[4], field[5])
+    F = _force(S, w, v)
+    N = _moment(S, w, v)
+    Q = _remainder(S, w, v)
+    slope = _slope(S, w, v)
+    if work.has_rows[0]:
+        rows = work.rows[b]
+        N = plus(N, _products(rows, 0, field))
+        F = plus(F, _products(rows, 3, field))
+        slope += row_product(work.row_gradient[b], field)
+    add_gradient(T, work, half, axis, slope)
+    nearer = axis
+    h = b
+    while h > 0:
+        while nearer >= T.axis_start[h]:
+            w_i = vector(work.fields, nearer)
+            v_i = (work.fields[nearer, 3], work.fields[nearer, 4], work.fields[nearer, 5])
+            plain = dot(v_i, F) + dot(w_i, N)
+            add_pair(T, work, half, (axis, nearer), (plain, dot(w_i, Q)))
+            nearer -= 1
+        h = T.parent[h]
+        nearer = T.axis_start[h + 1] - 1
+
+
+@bare
+def _force(S, w, v):
+    """F = v sum a + w * sum a x, from the sums S (POINT_SUMS,) of a body."""
+    return (
+        S[WEIGHT] * v[0] + w[1] * S[Z] - w[2] * S[Y],
+        S[WEIGHT] * v[1] + w[2] * S[X] - w[0] * S[Z],
+        S[WEIGHT] * v[2] + w[0] * S[Y] - w[1] * S[X],
+    )
+
+
+@bare
+def _moment(S, w, v):
+    """N = (sum a x) * v + (tr(A) 1 - A) w with A = sum a x x^T."""
+    return (
+        S[Y] * v[2] - S[Z] * v[1] + (S[YY] + S[ZZ]) * w[0] - S[XY] * w[1] - S[XZ] * w[2],
+        S[Z] * v[0] - S[X] * v[2] - S[XY] * w[0] + (S[XX] + S[ZZ]) * w[1] - S[YZ] * w[2],
+        S[X] * v[1] - S[Y] * v[0] - S[XZ] * w[0] - S[YZ] * w[1] + (S[XX] + S[YY]) * w[2],
+    )
+
+
+@bare
+def _remainder(S, w, v):
+    """Q = v * sum e + (B - tr(B) 1) w with B = sum x e^T."""
+    trace = S[X_EX] + S[Y_EY] + S[Z_EZ]
+    return (
+        v[1] * S[EZ]
+        - v[2] * S[EY]
+        + S[X_EX] * w[0]
+        + S[X_EY] * w[1]
+        + S[X_EZ] * w[2]
+        - trace * w[0],
+        v[2] * S[EX]
+        - v[0] * S[EZ]
+        + S[Y_EX] * w[0]
+        + S[Y_EY] * w[1]
+        + S[Y_EZ] * w[2]
+        - trace * w[1],
+        v[0] * S[EY]
+        - v[1] * S[EX]
+        + S[Z_EX] * w[0]
+        + S[Z_EY] * w[1]
+        + S[Z_EZ] * w[2]
+        - trace * w[2],
+    )
+
+
+@bare
+def _slope(S, w, v):
+    """Slope along an axis, s = v . sum e + w . sum x * e."""
+    translation = v[0] * S[EX] + v[1] * S[EY] + v[2] * S[EZ]
+    moment = (S[Y_EZ] - S[Z_EY], S[Z_EX] - S[X_EZ], S[X_EY] - S[Y_EX])
+    return translation + dot(w, moment)
+
+
+@bare
+def _products(rows, first, field):
+    """Scalar products of three rows of slopes (6, 6) with the velocity field of an axis (6,)."""
+    return (
+        row_product(rows[first], field),
+        row_product(rows[first + 1], field),
+        row_product(rows[first + 2], field),
+    )
 
 
 @bare

@@ -6,13 +6,15 @@ whole body and both branches of ball joints are tried.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import product
-from operator import itemgetter
+from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.motion.newton import SCOUT, Settings, SolvedPoses, frames_shown, solve_chunk
+from myomorph.core.motion.newton import SCOUT, PoseRoom, Settings, frames_shown, solve_chunk
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.turns import nearest_turn, other_branch
 from myomorph.core.rigid.kinematics import forward_kinematics
@@ -23,6 +25,7 @@ from myomorph.core.rigid.tree import Tree
 SCOUT_TOLERANCE = 1e-3
 # Headings of the whole body, the best by themselves, from which the whole pose is solved
 HEADINGS_TRIED = 4
+MIN_GAIN = 0.999  # Of the cost, for another pose to be taken
 AT_BOUND = 1e-9  # A coordinate that is nearer to its bound lies at it [rad]
 SAME_ROTATION = 1e-6  # Entries of rotation matrices that differ by less are those of one rotation
 
@@ -45,64 +48,104 @@ def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
     -------
     (poses, coordinates) [rad or m]; where a frame is not shown, the pose before it
     """
-    rest = closed_defaults(tree)
-    root = root_coordinates(tree)
-    turning = _turning(tree, problem, root)
-    whole_body = _only(problem, root)
-    shown = frames_shown(problem)
-    posture_weight, _, max_steps = settings
-    frames = len(shown)
-    solved = SolvedPoses(
-        values=np.empty((frames, len(rest))),
-        cost=np.empty(frames),
-        converged=np.empty(frames, np.bool_),
-        iterations=np.empty(frames, np.int64),
-    )
-
-    def settle(problem: PoseProblem, frame: int, start: Array) -> tuple[float, Array]:
-        """Solve one frame from a pose (coordinates,): its cost and its pose."""
-        solved.values[frame] = start
-        solve_chunk(
-            tree.arrays,
-            problem,
-            frame,
-            frame + 1,
-            posture_weight,
-            SCOUT_TOLERANCE,
-            max_steps,
-            True,
-            solved.values,
-            solved.cost,
-            solved.converged,
-            solved.iterations,
-        )
-        return float(solved.cost[frame]), solved.values[frame].copy()
-
-    poses = np.empty((-(-frames // SCOUT), len(rest)))
-    pose = rest.copy()
+    search = _ScoutSearch(tree, problem, settings)
+    poses = np.empty((-(-len(search.shown) // SCOUT), len(search.rest)))
+    pose = search.rest.copy()
     usual = 0.0
-    for frame in range(0, frames, SCOUT):
-        if shown[frame]:
-            cost, pose = settle(problem, frame, pose)
-            if usual == 0.0 or cost > 4.0 * usual:
-                turned = sorted(
-                    (settle(whole_body, frame, start) for start in _headings(rest, turning)),
-                    key=itemgetter(0),
-                )
-                others = [settle(problem, frame, start) for _, start in turned[:HEADINGS_TRIED]]
-                best, other = min(others, key=itemgetter(0))
-                if best < 0.999 * cost:
-                    cost = best
-                    pose = nearest_turns(tree, turning, other, rest if usual == 0.0 else pose)
-                for joint in _at_bounds(tree, problem, pose):
-                    others = [settle(problem, frame, start) for start in _within(tree, joint, pose)]
-                    best, other = min(others, key=itemgetter(0))
-                    if best < 0.999 * cost:
-                        cost = best
-                        pose = other
-            usual = cost if usual == 0.0 else 0.8 * usual + 0.2 * cost
-        poses[frame // SCOUT] = pose
+    for number, frame in enumerate(range(0, len(search.shown), SCOUT)):
+        if search.shown[frame]:
+            solved = search.solved(problem, frame, pose)
+            if usual == 0.0 or solved.cost > 4.0 * usual:
+                near = search.rest if usual == 0.0 else solved.values
+                solved = search.turned(frame, solved, near)
+                solved = search.off_bounds(frame, solved)
+            pose = solved.values
+            usual = solved.cost if usual == 0.0 else 0.8 * usual + 0.2 * solved.cost
+        poses[number] = pose
     return poses
+
+
+class _Solved(NamedTuple):
+    """A frame that was solved from one start.
+
+    Attributes
+    ----------
+    cost : of all tasks and the posture [m^2]
+    values : (coordinates,) its pose [rad or m]
+    """
+
+    cost: float
+    values: Array
+
+
+class _ScoutSearch:
+    """Tries frames from several starts.
+
+    Attributes
+    ----------
+    shown : (frames,) whether any task has a measurement
+    rest : (coordinates,) default pose with its loops closed [rad or m]
+    """
+
+    def __init__(self, tree: Tree, problem: PoseProblem, settings: Settings):
+        self._tree = tree
+        self._problem = problem
+        self._settings = settings._replace(tolerance=SCOUT_TOLERANCE, chained=True)
+        root = root_coordinates(tree)
+        self._turning = _turning(tree, problem, root)
+        self._whole_body = _only(problem, root)
+        self.shown = frames_shown(problem)
+        self.rest = closed_defaults(tree)
+        self._room = PoseRoom.of(np.empty((len(self.shown), len(self.rest))))
+
+    def solved(self, problem: PoseProblem, frame: int, start: Array) -> _Solved:
+        """Solve one frame from a pose.
+
+        Parameters
+        ----------
+        problem : of all frames
+        frame : number of it
+        start : (coordinates,) [rad or m]
+        """
+        self._room.values[frame] = start
+        span = (frame, frame + 1)
+        solve_chunk(self._tree.arrays, problem, span, self._settings, self._room)
+        return _Solved(cost=float(self._room.cost[frame]), values=self._room.values[frame].copy())
+
+    def _best(self, frame: int, starts: Iterable[Array]) -> _Solved:
+        """Solve a frame from several poses (coordinates,), and keep the pose of the least cost."""
+        return min(
+            (self.solved(self._problem, frame, start) for start in starts), key=attrgetter("cost")
+        )
+
+    def turned(self, frame: int, solved: _Solved, near: Array) -> _Solved:
+        """Solve a frame from several headings of the whole body, too.
+
+        Parameters
+        ----------
+        frame : number of it
+        solved : kept where no heading is better
+        near : (coordinates,) whose full turns are taken [rad or m]
+        """
+        headings = sorted(
+            (
+                self.solved(self._whole_body, frame, start)
+                for start in _headings(self.rest, self._turning)
+            ),
+            key=attrgetter("cost"),
+        )
+        best = self._best(frame, [heading.values for heading in headings[:HEADINGS_TRIED]])
+        if not best.cost < MIN_GAIN * solved.cost:
+            return solved
+        return best._replace(values=nearest_turns(self._tree, self._turning, best.values, near))
+
+    def off_bounds(self, frame: int, solved: _Solved) -> _Solved:
+        """Solve a frame with each joint that lies at a bound inside its range, too."""
+        for joint in _at_bounds(self._tree, self._problem, solved.values):
+            best = self._best(frame, _within(self._tree, joint, solved.values))
+            if best.cost < MIN_GAIN * solved.cost:
+                solved = best
+        return solved
 
 
 def closed_defaults(tree: Tree) -> Array:

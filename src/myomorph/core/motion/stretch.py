@@ -1,13 +1,11 @@
-"""Derivatives of marker positions in the lengths of bodies, and normal equations over all frames.
+"""Derivatives of marker positions in the lengths of bodies.
 
 For fixed angles the position of a marker is linear in the factors of the bodies between it and the
 ground and in its location on its body:
 
     x = sum over the chain of R (factor * offset) + R_b (factor * location + shift),
 
-so that the derivatives below are exact. The angles of a frame appear in no other frame: they are
-eliminated frame by frame (Schur complement), and what is left is a problem of the shared unknowns
-alone.
+so that the derivatives below are exact. `frame_blocks` makes normal equations of them.
 """
 
 from __future__ import annotations
@@ -23,17 +21,12 @@ from myomorph.core.model.model import GROUND, Axis, Model
 from myomorph.core.model.scale import scale, slides_freely
 from myomorph.core.motion.lengths import Length
 from myomorph.core.motion.tasks.loops import Ties
-from myomorph.core.motion.tasks.markers import MarkerArrays, seen_weight
+from myomorph.core.motion.tasks.markers import MarkerArrays
 from myomorph.core.rigid.coordinates import Ints, evaluate_at, gather_dependents
-from myomorph.core.rigid.kernels import bare, in_place, kernel
+from myomorph.core.rigid.kernels import bare, in_place, inner, kernel
 from myomorph.core.rigid.kinematics import body_poses, pose_room
 from myomorph.core.rigid.tree import ROTATION, compile_tree
 from myomorph.core.rigid.vectors import about, along, cross, matrix, minus, product, turned, vector
-
-FRAMES_AT_ONCE = 64  # Frames whose eliminated angles are held in memory together
-# Weight of a loop's gap beside a marker's: its angles follow the lengths to one part in about a
-# million
-TIED = 1e6
 
 
 class Stretch(NamedTuple):
@@ -194,8 +187,48 @@ def tied_markers(ties: Ties | None) -> MarkerArrays:
     )
 
 
+class SlopeRoom(NamedTuple):
+    """What `marker_slopes` fills of one frame.
+
+    Attributes
+    ----------
+    R, p, w, o, dphi : poses of bodies and axes, as `body_poses` fills them
+    origins : (bodies, 3, lengths) derivatives of the bodies' origins [m]
+    places : (markers, 3) positions in ground [m]
+    by_length : (3 markers, lengths) their derivatives [m]
+    by_coordinate : (3 markers, coordinates) their derivatives [m/rad or 1]
+    """
+
+    R: Array
+    p: Array
+    w: Array
+    o: Array
+    dphi: Array
+    origins: Array
+    places: Array
+    by_length: Array
+    by_coordinate: Array
+
+
+@inner
+def slope_room(T, markers, lengths, coordinates):
+    """Make room for a number of markers, of lengths and of coordinates."""
+    R, p, w, o, dphi = pose_room(T)
+    return SlopeRoom(
+        R=R,
+        p=p,
+        w=w,
+        o=o,
+        dphi=dphi,
+        origins=np.empty((T.parent.shape[0], 3, lengths)),
+        places=np.empty((markers, 3)),
+        by_length=np.empty((3 * markers, lengths)),
+        by_coordinate=np.empty((3 * markers, coordinates)),
+    )
+
+
 @bare
-def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coordinate):
+def marker_slopes(T, markers, stretch, c, room):
     """Fill the markers' positions in one frame and their derivatives in lengths and coordinates.
 
     Derivatives in independent coordinates include their dependent ones.
@@ -203,311 +236,130 @@ def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coo
     Parameters
     ----------
     T : arrays of the tree
-    K : arrays of the markers
-    S : `Stretch`
+    markers : `MarkerArrays`
+    stretch : `Stretch`
     c : (coordinates,) consistent [rad or m]
-    R, p, w, o, dphi : scratch as in `body_poses`; R (bodies, 3, 3) and p (bodies, 3) [m] are the
-        poses
-    grown : (bodies, 3, lengths) filled with the derivatives of the bodies' origins [m]
-    places : (markers, 3) filled with positions in ground [m]
-    by_length : (3 markers, lengths) filled with their derivatives [m]
-    by_coordinate : (3 markers, coordinates) filled with their derivatives [m/rad or 1]
+    room : `SlopeRoom`, filled
     """
-    body_poses(T, c, R, p, w, o, dphi)
-    lengths = grown.shape[2]
-    grown[0] = 0.0
+    body_poses(T, c, room.R, room.p, room.w, room.o, room.dphi)
+    for i in range(3):
+        for j in range(room.origins.shape[2]):
+            room.origins[0, i, j] = 0.0
     for b in range(1, T.parent.shape[0]):
-        h = T.parent[b]
-        r = matrix(R, h)
-        for i in range(3):
-            for j in range(lengths):
-                grown[b, i, j] = grown[h, i, j]
-        for axis in range(T.axis_start[b], T.axis_start[b + 1]):
-            add_offset(S.column, S.pre[axis], h, b, r, grown[b])
-            r = product(r, matrix(T.pre_R, axis))
-            i = T.axis_coordinate[axis, 0]
-            j = T.axis_coordinate[axis, 1]
-            q = evaluate_at(T.functions, T.axis_function[axis], i, j, c)[0]
-            if T.axis_kind[axis] == ROTATION:
-                r = product(r, about(vector(T.axis_vector, axis), q))
-            else:
-                for t in range(3):
-                    column = S.column[h, t]
-                    if column >= 0:
-                        for i in range(3):
-                            grown[b, i, column] += w[axis, i] * q * S.travel[axis, t]
-        add_offset(S.column, S.post[b], h, b, r, grown[b])
-    by_coordinate[:] = 0.0
-    for m in range(K.body.shape[0]):
-        b = K.body[m]
-        x = along(vector(p, b), 1.0, turned(matrix(R, b), vector(K.location, m)))
-        for i in range(3):
-            places[m, i] = x[i]
-            for j in range(lengths):
-                by_length[3 * m + i, j] = grown[b, i, j]
-            for t in range(3):
-                if S.column[b, t] >= 0:
-                    by_length[3 * m + i, S.column[b, t]] += R[b, i, t] * S.location[m, t]
-        h = b
-        while h > 0:
-            for axis in range(T.axis_start[h], T.axis_start[h + 1]):
-                u = vector(w, axis)
-                moved = cross(u, minus(x, vector(o, axis))) if T.axis_kind[axis] == ROTATION else u
-                for t in range(2):
-                    j = T.axis_coordinate[axis, t]
-                    if j >= 0:
-                        for i in range(3):
-                            by_coordinate[3 * m + i, j] += dphi[axis, t] * moved[i]
-            h = T.parent[h]
-    gather_dependents(T, c, by_coordinate)
+        _stretch_origin(T, stretch, c, b, room)
+    for row in range(room.by_coordinate.shape[0]):
+        for j in range(room.by_coordinate.shape[1]):
+            room.by_coordinate[row, j] = 0.0
+    for m in range(markers.body.shape[0]):
+        _differentiate_marker(T, markers, stretch, m, room)
+    gather_dependents(T, c, room.by_coordinate)
+
+
+@in_place
+def _stretch_origin(T, stretch, c, b, room):
+    """Fill the derivatives of the origin of body b from those of its parent.
+
+    Along the joint r is the rotation to ground of what comes next.
+    """
+    parent = T.parent[b]
+    r = matrix(room.R, parent)
+    origin = room.origins[b]
+    for i in range(3):
+        for j in range(origin.shape[1]):
+            origin[i, j] = room.origins[parent, i, j]
+    for axis in range(T.axis_start[b], T.axis_start[b + 1]):
+        _add_offset(stretch.column, stretch.pre[axis], parent, b, r, origin)
+        r = product(r, matrix(T.pre_R, axis))
+        first = T.axis_coordinate[axis, 0]
+        second = T.axis_coordinate[axis, 1]
+        q = evaluate_at(T.functions, T.axis_function[axis], first, second, c)[0]
+        if T.axis_kind[axis] == ROTATION:
+            r = product(r, about(vector(T.axis_vector, axis), q))
+        else:
+            _add_travel(stretch, parent, axis, q, room.w, origin)
+    _add_offset(stretch.column, stretch.post[b], parent, b, r, origin)
 
 
 @bare
-def add_offset(column, slopes, h, b, r, grown):
+def _add_travel(stretch, parent, axis, q, w, origin):
+    """Add the derivatives of a sliding axis's motion in the factors of the parent.
+
+    Parameters
+    ----------
+    stretch : `Stretch`
+    parent, axis : their numbers
+    q : the motion [m]
+    w : (axes, 3) directions in ground
+    origin : (3, lengths) added to [m]
+    """
+    for t in range(3):
+        column = stretch.column[parent, t]
+        if column >= 0:
+            for i in range(3):
+                origin[i, column] += w[axis, i] * q * stretch.travel[axis, t]
+
+
+@bare
+def _add_offset(column, slopes, parent, b, r, origin):
     """Add the derivatives of an offset between parent and child in their factors.
 
     Parameters
     ----------
     column : (bodies, 3) of `Stretch`
     slopes : (3, 6) derivatives in the parent's frame [m]
-    h, b : numbers of parent and child
+    parent, b : numbers of parent and child
     r : rotation from the offset's frame to ground
-    grown : (3, lengths) added to [m]
+    origin : (3, lengths) added to [m]
     """
     for t in range(6):
-        at = column[h, t] if t < 3 else column[b, t - 3]
+        at = column[parent, t] if t < 3 else column[b, t - 3]
         if at >= 0:
             moved = turned(r, (slopes[0, t], slopes[1, t], slopes[2, t]))
             for i in range(3):
-                grown[i, at] += moved[i]
+                origin[i, at] += moved[i]
+
+
+@in_place
+def _differentiate_marker(T, markers, stretch, m, room):
+    """Fill position and derivatives of marker m; those in coordinates are added to zeros."""
+    b = markers.body[m]
+    x = along(vector(room.p, b), 1.0, turned(matrix(room.R, b), vector(markers.location, m)))
+    for i in range(3):
+        room.places[m, i] = x[i]
+        for j in range(room.by_length.shape[1]):
+            room.by_length[3 * m + i, j] = room.origins[b, i, j]
+        for t in range(3):
+            column = stretch.column[b, t]
+            if column >= 0:
+                room.by_length[3 * m + i, column] += room.R[b, i, t] * stretch.location[m, t]
+    h = b
+    while h > 0:
+        for axis in range(T.axis_start[h], T.axis_start[h + 1]):
+            u = vector(room.w, axis)
+            moved = cross(u, minus(x, vector(room.o, axis))) if T.axis_kind[axis] == ROTATION else u
+            _add_motion(T, axis, moved, m, room.dphi, room.by_coordinate)
+        h = T.parent[h]
+
+
+@bare
+def _add_motion(T, axis, moved, m, dphi, by_coordinate):
+    """Add how an axis, at whose rate 1 marker m has the velocity `moved`, follows coordinates."""
+    for t in range(2):
+        j = T.axis_coordinate[axis, t]
+        if j >= 0:
+            for i in range(3):
+                by_coordinate[3 * m + i, j] += dphi[axis, t] * moved[i]
 
 
 @kernel
-def frame_blocks(T, P, S, tied, tied_S, first, last, posture_weight, c, H, g, eliminated, errors):
-    """Sum over frames the normal equations of the shared unknowns, with the angles eliminated.
-
-    With A = J_q^T W J_q = L L^T of a frame, the reduced normal equations are H - E^T E and g - E^T
-    e, where [E e] = L^-1 J_q^T W [J_s r]. The shared unknowns s are the lengths and three shifts
-    for each marker. Loops, whose gap the angles close whatever the lengths, count as residuals of
-    weight `TIED` that are zero.
-
-    Parameters
-    ----------
-    T : arrays of the tree
-    P : the pose problem, markers first and coordinates second among its tasks
-    S : `Stretch` of the markers
-    tied, tied_S : points of the loops, in pairs, as markers, and their `Stretch`
-    first, last : frames [first, last)
-    posture_weight : weight of the posture relative to the mean curvature [-]
-    c : (frames, coordinates) consistent [rad or m]
-    H : (shared, shared) lower triangle, added to
-    g : (shared,) added to
-    eliminated : ((last - first) variables, shared + 1) filled with [E e], zero for coordinates at a
-        bound
-    errors : (frames, markers) filled [m], NaN where unseen
-    """
-    K = P.tasks[0]
-    tasks = P.tasks[1]
-    F = P.free
-    n = c.shape[1]
-    markers = K.body.shape[0]
-    size = F.shape[0]
-    shared = H.shape[0]
-    rows = 3 * markers
-    lengths = shared - 3 * markers
-    R, p, w, o, dphi = pose_room(T)
-    grown = np.empty((T.parent.shape[0], 3, lengths))
-    places = np.empty((markers, 3))
-    by_length = np.empty((rows, lengths))
-    by_coordinate = np.empty((rows, n))
-    A = np.empty((size, size))
-    Jq = np.empty((rows, size))
-    misfit = np.empty(rows)
-    ties = tied.body.shape[0]
-    tied_places = np.empty((ties, 3))
-    tied_length = np.empty((3 * ties, lengths))
-    tied_coordinate = np.empty((3 * ties, n))
-    for frame in range(first, last):
-        at = c[frame]
-        marker_slopes(T, K, S, at, R, p, w, o, dphi, grown, places, by_length, by_coordinate)
-        total = seen_weight(K, frame)
-        E = eliminated[(frame - first) * size : (frame - first + 1) * size]
-        E[:] = 0.0
-        A[:] = 0.0
-        add_markers(
-            K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors[frame]
-        )
-        curvature = 0.0
-        moved = 0
-        for a in range(size):
-            if A[a, a] > 0.0:
-                curvature += A[a, a] * P.unit[F[a]] ** 2
-                moved += 1
-            A[a, a] += total * tasks.weight[F[a]]
-            E[a, shared] += total * tasks.weight[F[a]] * (at[F[a]] - tasks.value[frame, F[a]])
-        stiffness = posture_weight * (curvature / moved if moved else 1.0)
-        if tied.body.shape[0] > 0:
-            marker_slopes(
-                T,
-                tied,
-                tied_S,
-                at,
-                R,
-                p,
-                w,
-                o,
-                dphi,
-                grown,
-                tied_places,
-                tied_length,
-                tied_coordinate,
-            )
-            add_ties(F, tied_length, tied_coordinate, A, E, H)
-        for a in range(size):
-            pull = stiffness / P.unit[F[a]] ** 2
-            A[a, a] += pull
-            E[a, shared] += pull * (at[F[a]] - P.posture[F[a]])
-            slack = 1e-9 * (1.0 + abs(at[F[a]]))
-            if at[F[a]] <= P.lower[a] + slack or at[F[a]] >= P.upper[a] - slack:
-                for index in range(size):
-                    A[max(a, index), min(a, index)] = 0.0
-                A[a, a] = 1.0
-                E[a] = 0.0
-        eliminate(A, E)
-
-
-@in_place
-def add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors):
-    """Add the markers seen in a frame to the sums of angles A, shared unknowns H, g and both E.
-
-    Parameters
-    ----------
-    K : arrays of the markers
-    F : (variables,) numbers of the free coordinates
-    frame : number of the frame
-    R : (bodies, 3, 3) rotations to ground
-    places : (markers, 3) positions on the model [m]
-    by_length : (3 markers, lengths) [m], overwritten: rows times the root of the marker's weight
-    by_coordinate : (3 markers, coordinates) [m/rad or 1]
-    misfit, Jq : (3 markers,) and (3 markers, variables) scratch
-    A : (variables, variables) lower triangle, added to
-    E : (variables, shared + 1) added to
-    H : (shared, shared) lower triangle, added to
-    g : (shared,) added to
-    errors : (markers,) filled [m], NaN where unseen
-    """
-    lengths = by_length.shape[1]
-    size = A.shape[0]
-    shared = E.shape[1] - 1
-    for m in range(places.shape[0]):
-        y = K.observed[frame, m]
-        seen = K.weight[m] > 0.0 and np.isfinite(y[0] + y[1] + y[2])
-        square = 0.0
-        root = np.sqrt(K.weight[m]) if seen else 0.0
-        for i in range(3):
-            e = places[m, i] - y[i]
-            square += e * e
-            misfit[3 * m + i] = root * e if seen else 0.0
-        errors[m] = np.sqrt(square)
-        for i in range(3 * m, 3 * m + 3):
-            for a in range(size):
-                Jq[i, a] = root * by_coordinate[i, F[a]]
-            for a in range(lengths):
-                by_length[i, a] *= root
-        if not seen:
-            continue
-        d = lengths + 3 * m
-        b = K.body[m]
-        for i in range(3):
-            row = 3 * m + i
-            for a in range(lengths):
-                slope = by_length[row, a]
-                g[a] += slope * misfit[row]
-                for column in range(a + 1):
-                    H[a, column] += slope * by_length[row, column]
-                for t in range(3):
-                    H[d + t, a] += slope * root * R[b, i, t]
-            for t in range(3):
-                g[d + t] += root * R[b, i, t] * misfit[row]
-            H[d + i, d + i] += K.weight[m]
-            for a in range(size):
-                slope = Jq[row, a]
-                if slope == 0.0:
-                    continue
-                for column in range(a + 1):
-                    A[a, column] += slope * Jq[row, column]
-                for column in range(lengths):
-                    E[a, column] += slope * by_length[row, column]
-                for t in range(3):
-                    E[a, d + t] += slope * root * R[b, i, t]
-                E[a, shared] += slope * misfit[row]
-
-
-@in_place
-def eliminate(A, E):
-    """Replace A by its Cholesky factor L (lower triangle) and E by L^-1 E.
-
-    Parameters
-    ----------
-    A : (variables, variables) lower triangle, positive definite
-    E : (variables, shared + 1)
-    """
-    for a in range(A.shape[0]):
-        for column in range(a + 1):
-            for j in range(column):
-                A[a, column] -= A[a, j] * A[column, j]
-            A[a, column] = (
-                A[a, column] / A[column, column] if column < a else np.sqrt(max(A[a, a], 1e-300))
-            )
-        for column in range(a):
-            factor = A[a, column]
-            if factor != 0.0:
-                for j in range(E.shape[1]):
-                    E[a, j] -= factor * E[column, j]
-        for j in range(E.shape[1]):
-            E[a, j] /= A[a, a]
-
-
-@in_place
-def add_ties(F, by_length, by_coordinate, A, E, H):
-    """Add the squares of the gaps between pairs of tied points, at the weight `TIED`.
-
-    Parameters
-    ----------
-    F : (variables,) numbers of the free coordinates
-    by_length : (3 points, lengths) derivatives of the points [m]
-    by_coordinate : (3 points, coordinates) derivatives of the points [m/rad or 1]
-    A : (variables, variables) lower triangle, added to
-    E : (variables, shared + 1) added to
-    H : (shared, shared) lower triangle, added to
-    """
-    lengths = by_length.shape[1]
-    for first in range(0, by_length.shape[0], 6):
-        for row in range(first, first + 3):
-            for a in range(lengths):
-                slope = TIED * (by_length[row + 3, a] - by_length[row, a])
-                for index in range(a + 1):
-                    H[a, index] += slope * (by_length[row + 3, index] - by_length[row, index])
-            for a in range(F.shape[0]):
-                slope = TIED * (by_coordinate[row + 3, F[a]] - by_coordinate[row, F[a]])
-                if slope != 0.0:
-                    for index in range(a + 1):
-                        A[a, index] += slope * (
-                            by_coordinate[row + 3, F[index]] - by_coordinate[row, F[index]]
-                        )
-                    for index in range(lengths):
-                        E[a, index] += slope * (by_length[row + 3, index] - by_length[row, index])
-
-
-@kernel
-def slopes_of_frame(T, K, S, c):
+def slopes_of_frame(T, markers, stretch, c):
     """Compute the positions of markers in one frame and their derivatives, as `marker_slopes`.
 
     Parameters
     ----------
     T : arrays of the tree
-    K : arrays of the markers
-    S : `Stretch`
+    markers : `MarkerArrays`
+    stretch : `Stretch`
     c : (coordinates,) consistent [rad or m]
 
     Returns
@@ -515,12 +367,6 @@ def slopes_of_frame(T, K, S, c):
     positions (markers, 3) [m], then derivatives (3 markers, lengths) [m] and (3 markers,
     coordinates) [m/rad or 1]
     """
-    R, p, w, o, dphi = pose_room(T)
-    markers = K.body.shape[0]
-    lengths = S.column.max() + 1
-    grown = np.empty((T.parent.shape[0], 3, lengths))
-    places = np.empty((markers, 3))
-    by_length = np.empty((3 * markers, lengths))
-    by_coordinate = np.empty((3 * markers, c.shape[0]))
-    marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coordinate)
-    return places, by_length, by_coordinate
+    room = slope_room(T, markers.body.shape[0], stretch.column.max() + 1, c.shape[0])
+    marker_slopes(T, markers, stretch, c, room)
+    return room.places, room.by_length, room.by_coordinate

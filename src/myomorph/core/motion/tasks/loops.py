@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.motion.tasks.task import add_gradient, add_pair
+from myomorph.core.motion.tasks.task import HalfCost, add_gradient, add_pair
 from myomorph.core.rigid.coordinates import Ints, couple, fold_dependents, gather_dependents
 from myomorph.core.rigid.kernels import bare, in_place, inner
 from myomorph.core.rigid.kinematics import body_poses
 from myomorph.core.rigid.tree import ROTATION, Tree
-from myomorph.core.rigid.vectors import cross, dot, matrix, minus, plus, turned, vector
+from myomorph.core.rigid.vectors import cross, dot, matrix, minus, plus, times, turned, vector
 
 CLOSED = 1e-12  # A loop is closed when no gap is larger [m]
 PIVOT = 1e-8
@@ -29,6 +29,8 @@ its own.
 """
 
 TO_CLOSE = 40  # Newton steps that may close the loops
+# A variable lies at a bound that is no farther than this share of 1 plus its size.
+AT_BOUND = 1e-12
 
 
 class Ties(NamedTuple):
@@ -110,94 +112,148 @@ def new_closing(ties, n, variables):
 
 
 @bare
-def ties_at(ties, T, c, work, closing):
+def ties_at(T, P, c, work, closing):
     """Poses at c, the gaps of all ties [m] and their derivatives. Returns the largest gap."""
     couple(T, c)
     body_poses(T, c, work.R, work.p, work.w, work.o, work.dphi)
-    if ties is None:
+    if closing is None:
         return 0.0
+    ties = P.ties
     for i in range(closing.G.shape[0]):
         for j in range(closing.G.shape[1]):
             closing.G[i, j] = 0.0
     largest = 0.0
     for i in range(ties.body_1.shape[0]):
-        b1 = ties.body_1[i]
-        b2 = ties.body_2[i]
-        x1 = plus(vector(work.p, b1), turned(matrix(work.R, b1), vector(ties.point_1, i)))
-        x2 = plus(vector(work.p, b2), turned(matrix(work.R, b2), vector(ties.point_2, i)))
+        x1 = _end(work, ties.body_1[i], ties.point_1, i)
+        x2 = _end(work, ties.body_2[i], ties.point_2, i)
         gap = minus(x2, x1)
         for d in range(3):
             closing.e[3 * i + d] = gap[d]
             largest = max(largest, abs(gap[d]))
+        b1 = ties.body_1[i]
+        b2 = ties.body_2[i]
         while b1 != b2:
             # A parent has the smaller number: the larger of both cannot be an ancestor of the
             # other.
-            b, sign, x = (b2, 1.0, x2) if b2 > b1 else (b1, -1.0, x1)
-            for axis in range(T.axis_start[b], T.axis_start[b + 1]):
-                u = vector(work.w, axis)
-                moved = (
-                    cross(u, minus(x, vector(work.o, axis))) if T.axis_kind[axis] == ROTATION else u
-                )
-                for s in range(2):
-                    j = T.axis_coordinate[axis, s]
-                    if j >= 0:
-                        for d in range(3):
-                            closing.G[3 * i + d, j] += sign * work.dphi[axis, s] * moved[d]
             if b2 > b1:
+                _add_slopes(T, work, closing.G, i, b2, x2, 1.0)
                 b2 = T.parent[b2]
             else:
+                _add_slopes(T, work, closing.G, i, b1, x1, -1.0)
                 b1 = T.parent[b1]
     gather_dependents(T, c, closing.G)
     return largest
 
 
 @bare
-def close(ties, T, P, c, work, closing):
+def _end(work, body, points, i):
+    """Position in ground of a tie's end: row i of `points` (ties, 3), in a body [m]."""
+    return plus(vector(work.p, body), turned(matrix(work.R, body), vector(points, i)))
+
+
+@bare
+def _add_slopes(T, work, G, tie, body, x, sign):
+    """Add how the axes of one body move a point.
+
+    Parameters
+    ----------
+    T : arrays of the tree
+    work : with the poses
+    G : (3 ties, coordinates) the rows of the tie are added to [m/rad or 1]
+    tie : number of it
+    body : number of the body
+    x : the point, in ground [m]
+    sign : 1, or -1 for what is subtracted
+    """
+    for axis in range(T.axis_start[body], T.axis_start[body + 1]):
+        moved = _moved(T, work, axis, x)
+        for s in range(2):
+            j = T.axis_coordinate[axis, s]
+            if j >= 0:
+                for d in range(3):
+                    G[3 * tie + d, j] += sign * work.dphi[axis, s] * moved[d]
+
+
+@bare
+def _moved(T, work, axis, x):
+    """Velocity of a point x in ground [m] as an axis moves at rate 1."""
+    u = vector(work.w, axis)
+    if T.axis_kind[axis] == ROTATION:
+        return cross(u, minus(x, vector(work.o, axis)))
+    return u
+
+
+@bare
+def close(T, P, c, work, closing):
     """Close the loops inside the bounds, by Newton steps of few variables from c in place.
 
     Returns whether they are closed.
     """
-    if ties is None:
+    if closing is None:
         couple(T, c)
         body_poses(T, c, work.R, work.p, work.w, work.o, work.dphi)
         return True
-    F = P.free
-    variables = P.free.shape[0]
-    before = closing.before
-    held = work.stopped
-    late = work.late
-    for i in range(variables):
-        held[i] = False
-    gap = ties_at(ties, T, c, work, closing)
-    share = 1.0
+    for i in range(P.free.shape[0]):
+        work.stopped[i] = False
+    gap = ties_at(T, P, c, work, closing)
     for _ in range(TO_CLOSE):
         if gap <= CLOSED:
             return True
-        for i in range(variables):
-            late[i] = c[F[i]] <= P.lower[i] or c[F[i]] >= P.upper[i]
-        rank = eliminate(F, closing, held, late)
+        find_late(P, c, 0.0, work.late)
+        rank = eliminate(P.free, closing, work.stopped, work.late)
         if rank == 0:
             return False
-        for j in range(c.shape[0]):
-            before[j] = c[j]
-        largest = 0.0
-        for row in range(rank):
-            largest = max(largest, abs(closing.A[row, variables]))
-        share = min(1.0, 0.5 / largest) if largest > 0.0 else 1.0
-        reached = gap
-        while share > 1e-3:
-            for row in range(rank):
-                i = closing.taken[row]
-                moved = before[F[i]] + share * closing.A[row, variables]
-                c[F[i]] = min(max(moved, P.lower[i]), P.upper[i])
-            reached = ties_at(ties, T, c, work, closing)
-            if reached < gap:
-                break
-            share *= 0.5
+        reached = _step_together(T, P, c, work, closing, gap, rank)
         if not reached < gap:
             return gap <= 1e3 * CLOSED
         gap = reached
     return gap <= CLOSED
+
+
+@bare
+def find_late(P, c, slack, late):
+    """Flag the variables at a bound: others are to close the loops.
+
+    Parameters
+    ----------
+    P : `PoseProblem`
+    c : (coordinates,) [rad or m]
+    slack : relative distance at which a variable still counts as at its bound
+    late : (free,) filled
+    """
+    F = P.free
+    for i in range(F.shape[0]):
+        room = slack * (1.0 + abs(c[F[i]]))
+        late[i] = c[F[i]] <= P.lower[i] + room or c[F[i]] >= P.upper[i] - room
+
+
+@bare
+def _step_together(T, P, c, work, closing, gap, rank):
+    """Move c along the step that would close the gaps, shortened until the largest one falls.
+
+    No variable moves by more than 0.5 at once, and none beyond its bounds. Returns the largest gap
+    that is reached [m].
+    """
+    F = P.free
+    A = closing.A
+    variables = F.shape[0]
+    for j in range(c.shape[0]):
+        closing.before[j] = c[j]
+    largest = 0.0
+    for row in range(rank):
+        largest = max(largest, abs(A[row, variables]))
+    share = min(1.0, 0.5 / largest) if largest > 0.0 else 1.0
+    reached = gap
+    while share > 1e-3:
+        for row in range(rank):
+            i = closing.taken[row]
+            moved = closing.before[F[i]] + share * A[row, variables]
+            c[F[i]] = min(max(moved, P.lower[i]), P.upper[i])
+        reached = ties_at(T, P, c, work, closing)
+        if reached < gap:
+            break
+        share *= 0.5
+    return reached
 
 
 @bare
@@ -209,72 +265,106 @@ def eliminate(F, closing, held, late):
     the rank.
     """
     A = closing.A
-    taken = closing.taken
-    dependent = closing.dependent
-    for i in range(F.shape[0]):
-        dependent[i] = False
     rows = A.shape[0]
-    variables = F.shape[0]
-    width = variables + 1 + rows
-    largest = 0.0
-    for r in range(rows):
-        for i in range(variables):
-            A[r, i] = closing.G[r, F[i]]
-            largest = max(largest, abs(A[r, i]))
-        A[r, variables] = -closing.e[r]
-        for s in range(rows):
-            A[r, variables + 1 + s] = 1.0 if r == s else 0.0
+    for i in range(F.shape[0]):
+        closing.dependent[i] = False
+    least = PIVOT * _write_equations(F, closing.G, closing.e, A)
     rank = 0
     for attempt in range(2):
         while rank < rows:
-            best = PIVOT * largest
-            row = -1
-            column = -1
-            for i in range(variables):
-                if not held[i] and late[i] == (attempt == 1) and not dependent[i]:
-                    for r in range(rank, rows):
-                        if abs(A[r, i]) > best:
-                            best = abs(A[r, i])
-                            row = r
-                            column = i
+            row, column = _find_pivot(closing, held, late, rank, attempt == 1, least)
             if row < 0:
                 break
-            for t in range(width):
+            for t in range(A.shape[1]):
                 A[rank, t], A[row, t] = A[row, t], A[rank, t]
-            pivot = 1.0 / A[rank, column]
-            for t in range(width):
-                A[rank, t] *= pivot
-            for r in range(rows):
-                factor = A[r, column]
-                if r != rank and factor != 0.0:
-                    for t in range(width):
-                        A[r, t] -= factor * A[rank, t]
-            taken[rank] = column
-            dependent[column] = True
+            _clear_column(A, rank, column)
+            closing.taken[rank] = column
+            closing.dependent[column] = True
             rank += 1
     return rank
 
 
 @bare
-def hold_variables(T, ties, P, c, work, closing):
+def _write_equations(F, G, e, A):
+    """Write G d = -e over the variables F, and the identity behind it, into A.
+
+    Returns the largest entry of G.
+    """
+    variables = F.shape[0]
+    largest = 0.0
+    for r in range(A.shape[0]):
+        for i in range(variables):
+            A[r, i] = G[r, F[i]]
+            largest = max(largest, abs(A[r, i]))
+        A[r, variables] = -e[r]
+        for s in range(A.shape[0]):
+            A[r, variables + 1 + s] = 1.0 if r == s else 0.0
+    return largest
+
+
+@bare
+def _find_pivot(closing, held, late, rank, of_late, least):
+    """Find the largest entry of the rows that are left, in a column that may be taken.
+
+    Parameters
+    ----------
+    closing : with the equations, of which the first `rank` are done
+    held, late : (free,) of `eliminate`
+    rank : number of rows that are done
+    of_late : whether late variables are taken, or the others
+    least : what is not larger is no pivot
+
+    Returns
+    -------
+    row and column, -1 where there is no pivot
+    """
+    A = closing.A
+    best = least
+    row = -1
+    column = -1
+    for i in range(closing.dependent.shape[0]):
+        if not held[i] and late[i] == of_late and not closing.dependent[i]:
+            for r in range(rank, A.shape[0]):
+                if abs(A[r, i]) > best:
+                    best = abs(A[r, i])
+                    row = r
+                    column = i
+    return row, column
+
+
+@bare
+def _clear_column(A, rank, column):
+    """Scale row `rank` of A to 1 in a column, and subtract it from the others to 0 there."""
+    pivot = 1.0 / A[rank, column]
+    for t in range(A.shape[1]):
+        A[rank, t] *= pivot
+    for r in range(A.shape[0]):
+        factor = A[r, column]
+        if r != rank and factor != 0.0:
+            for t in range(A.shape[1]):
+                A[r, t] -= factor * A[rank, t]
+
+
+@bare
+def hold_variables(T, P, c, work, closing):
     """Fill `work.held`: variables that lie at a bound and are pushed outwards.
 
     Loops add their curvature to work.H.
     """
-    if ties is None:
+    if closing is None:
         F = P.free
         g = work.g
         for i in range(F.shape[0]):
-            slack = 1e-12 * (1.0 + abs(c[F[i]]))
+            slack = AT_BOUND * (1.0 + abs(c[F[i]]))
             low = c[F[i]] <= P.lower[i] + slack
             high = c[F[i]] >= P.upper[i] - slack
             work.held[i] = (low and g[F[i]] > 0.0) or (high and g[F[i]] < 0.0)
     else:
-        multipliers(T, ties, P, c, work, closing)
+        multipliers(T, P, c, work, closing)
 
 
 @bare
-def multipliers(T, ties, P, c, work, closing):
+def multipliers(T, P, c, work, closing):
     """Find the multipliers of the ties at c, and add their curvature to work.H.
 
     Fills `work.held`: variables that a bound keeps from moving outwards.
@@ -286,8 +376,7 @@ def multipliers(T, ties, P, c, work, closing):
     late = work.late
     for i in range(variables):
         held[i] = False
-        slack = 1e-12 * (1.0 + abs(c[F[i]]))
-        late[i] = c[F[i]] <= P.lower[i] + slack or c[F[i]] >= P.upper[i] - slack
+    find_late(P, c, AT_BOUND, late)
     rank = eliminate(F, closing, held, late)
     for r in range(push.shape[0]):
         push[r] = 0.0
@@ -298,9 +387,9 @@ def multipliers(T, ties, P, c, work, closing):
             slope = work.g[F[i]]
             for r in range(push.shape[0]):
                 slope += push[r] * closing.G[r, F[i]]
-            low = c[F[i]] <= P.lower[i] + 1e-12 * (1.0 + abs(c[F[i]]))
+            low = c[F[i]] <= P.lower[i] + AT_BOUND * (1.0 + abs(c[F[i]]))
             held[i] = slope > 0.0 if low else slope < 0.0
-    tie_curvature(T, ties, c, work, closing)
+    tie_curvature(T, P.ties, c, work, closing)
     for i in F:
         for j in F:
             work.H[i, j] += closing.H[i, j]
@@ -309,63 +398,62 @@ def multipliers(T, ties, P, c, work, closing):
 @in_place
 def tie_curvature(T, ties, c, work, closing):
     """Second derivatives of push . gaps in the independent coordinates, into closing.H."""
-    H = closing.H
-    g = closing.g
-    D = closing.D
-    push = closing.push
+    half = HalfCost(H=closing.H, g=closing.g, D=closing.D)
     for i in range(c.shape[0]):
-        g[i] = D[i] = 0.0
+        half.g[i] = half.D[i] = 0.0
         for j in range(c.shape[0]):
-            H[i, j] = 0.0
+            half.H[i, j] = 0.0
     for i in range(ties.body_1.shape[0]):
-        f = (push[3 * i], push[3 * i + 1], push[3 * i + 2])
-        top_1 = ties.body_1[i]
-        top_2 = ties.body_2[i]
-        while top_1 != top_2:
-            if top_2 > top_1:
-                top_2 = T.parent[top_2]
-            else:
-                top_1 = T.parent[top_1]
-        for end in range(2):
-            b, sign = (ties.body_1[i], -1.0) if end == 0 else (ties.body_2[i], 1.0)
-            at = vector(ties.point_1, i) if end == 0 else vector(ties.point_2, i)
-            x = plus(vector(work.p, b), turned(matrix(work.R, b), at))
-            while b != top_1:
-                for axis in range(T.axis_start[b], T.axis_start[b + 1]):
-                    add_curvature(T, work, closing, axis, b, top_1, x, f, sign)
-                b = T.parent[b]
+        push = (closing.push[3 * i], closing.push[3 * i + 1], closing.push[3 * i + 2])
+        top = _common_body(T, ties.body_1[i], ties.body_2[i])
+        x1 = _end(work, ties.body_1[i], ties.point_1, i)
+        x2 = _end(work, ties.body_2[i], ties.point_2, i)
+        _add_chain(T, work, half, ties.body_1[i], top, x1, times(-1.0, push))
+        _add_chain(T, work, half, ties.body_2[i], top, x2, push)
     for i in range(c.shape[0]):
         for j in range(i):
-            H[j, i] = H[i, j]
-    fold_dependents(T, c, H, g, D)
+            half.H[j, i] = half.H[i, j]
+    fold_dependents(T, c, half.H, half.g, half.D)
 
 
-@in_place
-def add_curvature(T, work, closing, axis, b, top, x, f, sign):
-    """Add the curvature of an axis of body b with all axes between it and the body `top`.
+@bare
+def _common_body(T, first, second):
+    """Find the last body that two bodies both hang from; a parent has the smaller number."""
+    while first != second:
+        if second > first:
+            second = T.parent[second]
+        else:
+            first = T.parent[first]
+    return first
 
-    It is that of a force f at the point x.
+
+@bare
+def _add_chain(T, work, half, body, top, x, force):
+    """Add the curvature of all axes between a body and the body `top` it hangs from.
+
+    It is that of a force on the body at the point x [m] in ground.
     """
-    u = vector(work.w, axis)
-    moved = cross(u, minus(x, vector(work.o, axis))) if T.axis_kind[axis] == ROTATION else u
+    b = body
+    while b != top:
+        for axis in range(T.axis_start[b], T.axis_start[b + 1]):
+            _add_curvature(T, work, half, axis, b, top, x, force)
+        b = T.parent[b]
+
+
+@bare
+def _add_curvature(T, work, half, axis, b, top, x, force):
+    """Add the curvature of an axis of body b with all axes between it and the body `top`."""
+    moved = _moved(T, work, axis, x)
     # `gradient_and_hessian` has left the second derivatives of the axes' motions.
-    add_gradient(T, work, closing.H, closing.g, axis, sign * dot(f, moved))
-    turning = cross(moved, f)
+    add_gradient(T, work, half, axis, dot(force, moved))
+    turning = cross(moved, force)
     h = b
-    a = axis
+    nearer = axis
     while h != top:
-        while a >= T.axis_start[h]:
-            if T.axis_kind[a] == ROTATION:
-                add_pair(
-                    T,
-                    work,
-                    closing.H,
-                    closing.D,
-                    axis,
-                    a,
-                    0.0,
-                    sign * dot(vector(work.w, a), turning),
-                )
-            a -= 1
+        while nearer >= T.axis_start[h]:
+            if T.axis_kind[nearer] == ROTATION:
+                curved = dot(vector(work.w, nearer), turning)
+                add_pair(T, work, half, (axis, nearer), (0.0, curved))
+            nearer -= 1
         h = T.parent[h]
-        a = T.axis_start[h + 1] - 1
+        nearer = T.axis_start[h + 1] - 1

@@ -213,15 +213,32 @@ def add_row(work, body, slope, residual, weight):
     return weight * residual * residual
 
 
+class HalfCost(NamedTuple):
+    """Derivatives of half a cost by the coordinates.
+
+    Attributes
+    ----------
+    H : (coordinates, coordinates) Hessian, lower triangle
+    g : (coordinates,) gradient
+    D : (coordinates,) diagonal of the Gauss-Newton part of H
+    """
+
+    H: Array
+    g: Array
+    D: Array
+
+
 @bare
-def add_gradient(T, work, H, g, axis, slope_along_axis):
-    """Add the gradient through an axis to g, and the curvature of its function to H.
+def add_gradient(T, work, half, axis, slope_along_axis):
+    """Add the gradient through an axis to `half.g`, and the curvature of its function to `half.H`.
 
     An axis moves by a function phi of one coordinate i or of two, i and j. With the slope s of half
     the cost along phi, `slope_along_axis`,
 
         g_i += dphi/dc_i s,   H_ij += d^2 phi/(dc_i dc_j) s
     """
+    H = half.H
+    g = half.g
     i = T.axis_coordinate[axis, 0]
     j = T.axis_coordinate[axis, 1]
     g[i] += work.dphi[axis, 0] * slope_along_axis
@@ -233,27 +250,34 @@ def add_gradient(T, work, H, g, axis, slope_along_axis):
 
 
 @bare
-def add_pair(T, work, H, D, axis, a, plain, curved):
-    """Add to the lower triangle of H between the coordinates of an axis and of an earlier axis a.
+def add_pair(T, work, half, axes, second_derivative):
+    """Add to `half` between the coordinates of two axes, one nearer to the ground than the other.
 
-    `plain` and `curved` are the Gauss-Newton part and the rest of the second derivative along both
-    axes; a may be the axis itself.
+    Parameters
+    ----------
+    T : arrays of the tree
+    work : with the slopes of the axes' functions
+    half : its H and D are added to
+    axes : numbers of the farther and of the nearer axis, or twice that of one
+    second_derivative : of half the cost along both axes, its Gauss-Newton part and the rest
     """
+    farther, nearer = axes
+    plain, curved = second_derivative
     for s in range(2):
-        i = T.axis_coordinate[axis, s]
+        i = T.axis_coordinate[farther, s]
         if i < 0:
             break
         for t in range(2):
-            j = T.axis_coordinate[a, t]
+            j = T.axis_coordinate[nearer, t]
             # Two coordinates of one axis pair up both ways: the lower triangle takes one of them.
-            if j < 0 or (a == axis and i < j):
+            if j < 0 or (nearer == farther and i < j):
                 continue
-            share = work.dphi[axis, s] * work.dphi[a, t]
-            if i == j and a != axis:
+            share = work.dphi[farther, s] * work.dphi[nearer, t]
+            if i == j and nearer != farther:
                 share *= 2.0
-            H[max(i, j), min(i, j)] += share * (plain + curved)
+            half.H[max(i, j), min(i, j)] += share * (plain + curved)
             if i == j:
-                D[i] += share * plain
+                half.D[i] += share * plain
 
 
 @bare
