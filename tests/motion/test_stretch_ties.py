@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.core.motion.stretch import TIED, add_ties
+from myomorph.core.motion.frame_blocks import TIED, FrameEquations, add_ties
 
 
 def test_ties_add_the_products_of_the_slopes_of_their_gaps():
@@ -19,7 +19,8 @@ def test_ties_add_the_products_of_the_slopes_of_their_gaps():
     mixed = random.normal(size=(4, 4))
     lengths = random.normal(size=(4, 4))
     found = own.copy(), mixed.copy(), lengths.copy()
-    add_ties(free, by_length, by_coordinate, *found)
+    equations = FrameEquations(A=found[0], E=found[1], H=found[2], g=np.zeros(4))
+    add_ties(free, by_length, by_coordinate, equations)
     gaps = [table.reshape(3, 2, 3, -1) for table in (by_length, by_coordinate[:, free])]
     length_gap, coordinate_gap = gaps
     length = (length_gap[:, 1] - length_gap[:, 0]).reshape(9, -1)

@@ -138,7 +138,7 @@ def frame_blocks(T, problem, frames, c, sums):
         _add_coordinates(P, frame, at, equations)
         if problem.tied.body.shape[0] > 0:
             marker_slopes(T, problem.tied, problem.tied_stretch, at, tied_room)
-            _add_ties(P.free, tied_room, equations)
+            add_ties(P.free, tied_room.by_length, tied_room.by_coordinate, equations)
         _add_posture(P, at, stiffness, equations)
         _eliminate(A, equations.E)
 
@@ -256,20 +256,19 @@ def _add_posture(P, c, stiffness, equations):
 
 
 @in_place
-def _add_ties(F, room, equations):
+def add_ties(F, by_length, by_coordinate, equations):
     """Add the squares of the gaps between pairs of tied points, at the weight `TIED`.
 
     Parameters
     ----------
     F : (variables,) numbers of the free coordinates
-    room : `SlopeRoom` of the points, first and second in turn
+    by_length : (3 points, lengths) derivatives of the points, first and second in turn [m]
+    by_coordinate : (3 points, coordinates) derivatives of the points [m/rad or 1]
     equations : `FrameEquations`
     """
     A = equations.A
     E = equations.E
     H = equations.H
-    by_length = room.by_length
-    by_coordinate = room.by_coordinate
     for number in range(by_length.shape[0] // 2):
         row = 6 * (number // 3) + number % 3
         for a in range(by_length.shape[1]):
