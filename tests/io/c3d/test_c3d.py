@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from myomorph.core.io.c3d.emg import emg_channels
 from myomorph.core.io.c3d.raw import read_raw_c3d
-from myomorph.core.io.c3d.read import emg_channels, read_c3d
+from myomorph.core.io.c3d.read import read_c3d
 from myomorph.core.io.parsing.guard import run_guarded
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.series import Event

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from myomorph import __version__
-from myomorph.core.io.c3d.read import emg_channels
+from myomorph.core.io.c3d.emg import emg_channels
 from myomorph.core.io.formats import trial_format
 from myomorph.core.io.loads import read_external_loads
 from myomorph.core.model.errors import BadFile, MissingPackage, MyomorphError

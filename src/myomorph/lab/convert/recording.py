@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.core.io.c3d.read import emg_channels
+from myomorph.core.io.c3d.emg import emg_channels
 from myomorph.core.io.force_table import holds_forces, read_forces
 from myomorph.core.io.formats import trial_format
 from myomorph.core.io.sto import read_sto

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.core.io.c3d.read import emg_channels
+from myomorph.core.io.c3d.emg import emg_channels
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.errors import counted
 from myomorph.core.model.series import Markers, Series, Table, Trial

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.core.io.c3d.read import emg_channels
+from myomorph.core.io.c3d.emg import emg_channels
 from myomorph.core.model.errors import BadFile, MyomorphError
 from myomorph.core.model.known import Known
 from myomorph.core.model.movement import Movement

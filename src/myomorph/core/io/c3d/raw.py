@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from itertools import takewhile
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +27,15 @@ PC = 84
 DEC = 85
 SGI = 86
 EVENT_KEY = 12345
+MAX_EVENTS = 18
 MAX_DIMENSIONS = 7
+
+# Types of parameters.
+CHARACTERS = -1
+BYTES = 1
+INTEGERS = 2
+REALS = 4
+BYTES_OF_KIND = {CHARACTERS: 1, BYTES: 1, INTEGERS: 2, REALS: 4}
 
 
 @read_only
@@ -84,10 +91,12 @@ class RawC3d:
         -------
         (numbers,) with the first index fastest; empty if the parameter is absent or holds texts
         """
-        values = takewhile(lambda value: not isinstance(value, tuple), self._continued(group, name))
-        return np.concatenate(
-            [np.zeros(0), *(np.asarray(part, dtype=np.float64).ravel(order="F") for part in values)]
-        )
+        parts = [np.zeros(0)]
+        for value in self._continued(group, name):
+            if isinstance(value, tuple):
+                break
+            parts.append(np.asarray(value, dtype=np.float64).ravel(order="F"))
+        return np.concatenate(parts)
 
     def _continued(self, group: str, name: str) -> Iterator[Value]:
         """Yield the values of a parameter and its continuations, up to an absent one."""
@@ -162,17 +171,21 @@ def claimed_frames(head: bytes) -> tuple[int, float]:
         section, order = _section(head, [])
         header = _header(head, order)
         groups = _parameters(head, section, order, [])
-        nothing = np.zeros((0, 0, 3))
-        raw = RawC3d(
-            groups=groups,
-            first_frame=header.first,
-            point_rate=header.rate,
-            analog_rate=0.0,
-            points=nothing,
-            residuals=nothing[..., 0],
-            analog=np.zeros((0, 0)),
-        )
-        return _frames(raw, header, 0), _first(raw, "POINT", "RATE", header.rate)
+        about = _without_samples(header, groups)
+        return _claimed_frames(about, header, 0), _first(about, "POINT", "RATE", header.rate)
+
+
+def _without_samples(header: _Header, groups: Mapping[str, Mapping[str, Value]]) -> RawC3d:
+    """Make a file of no frames, whose parameters can be asked."""
+    return RawC3d(
+        groups=groups,
+        first_frame=header.first,
+        point_rate=header.rate,
+        analog_rate=0.0,
+        points=np.zeros((0, 0, 3)),
+        residuals=np.zeros((0, 0)),
+        analog=np.zeros((0, 0)),
+    )
 
 
 @dataclass(frozen=True)
@@ -242,24 +255,28 @@ def _section(data: bytes, remarks: list[str]) -> tuple[int, _Order]:
     -------
     index of the section's first byte, and the byte order (a PC's where none is named)
     """
-    start = (data[0] - 1) * BLOCK
-    for guess in (start, BLOCK):
-        if 0 < guess <= len(data) - 4 and data[guess + 3] in (PC, DEC, SGI):
-            if guess != start:
-                remarks.append(
-                    "the parameter section was looked for at its usual place: the header points"
-                    " elsewhere"
-                )
-            return guess, _Order(data[guess + 3])
+    stated = (data[0] - 1) * BLOCK
+    for start in (stated, BLOCK):
+        if not 0 < start <= len(data) - 4:
+            continue
+        processor = data[start + 3]
+        if processor not in (PC, DEC, SGI):
+            continue
+        if start != stated:
+            remarks.append(
+                "the parameter section was looked for at its usual place: the header points"
+                " elsewhere"
+            )
+        return start, _Order(processor)
     remarks.append("the parameter section names no processor: taken as PC")
-    return start, _Order(PC)
+    return stated, _Order(PC)
 
 
 def _header(data: bytes, order: _Order) -> _Header:
     """Read the first block: counts, numbers of frames, scale, rate [Hz] and its list of events."""
     words = order.ints(data[:BLOCK], signed=False)
     events: list[tuple[str, float]] = []
-    if words[149] == EVENT_KEY and words[150] <= 18:
+    if words[149] == EVENT_KEY and words[150] <= MAX_EVENTS:
         count = int(words[150])
         times = order.floats(data[304 : 304 + 4 * count])
         for index in range(count):
@@ -278,6 +295,52 @@ def _header(data: bytes, order: _Order) -> _Header:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Record:
+    """A linked record of the parameter section.
+
+    Attributes
+    ----------
+    group : number of the group that it belongs to; negative where it names a group
+    name : of the parameter or group, in capital letters
+    value_at : index of the byte that states the type of a parameter
+    """
+
+    group: int
+    name: str
+    value_at: int
+
+
+def _records(data: bytes, section: int, order: _Order, remarks: list[str]) -> Iterator[_Record]:
+    """Yield the records of the parameter section, up to a broken one.
+
+    Parameters
+    ----------
+    data : the file, or its first bytes
+    section : index of the parameter section's first byte
+    order : how numbers are written
+    remarks : gets a warning where a record is broken
+    """
+    at = section + 4
+    while 0 <= at < len(data) - 4:
+        length = abs(_signed(data[at]))
+        if length == 0:
+            return
+        group = _signed(data[at + 1])
+        name_end = at + 2 + length
+        name = data[at + 2 : name_end].decode("latin-1").strip(" \0").upper()
+        if group == 0 or name_end + 2 > len(data) or not name.isprintable():
+            remarks.append(
+                "the parameter section is broken: what follows the first broken record was left out"
+            )
+            return
+        yield _Record(group=group, name=name, value_at=name_end + 2)
+        step = int(order.ints(data[name_end : name_end + 2])[0])
+        if step <= 0:
+            return
+        at = name_end + step
+
+
 def _parameters(
     data: bytes, section: int, order: _Order, remarks: list[str]
 ) -> dict[str, dict[str, Value]]:
@@ -294,39 +357,25 @@ def _parameters(
     -------
     values by group and name, both in capital letters; of two with one name the first
     """
-    names: dict[int, str] = {}
-    records: list[tuple[int, str, Value]] = []
-    at = section + 4
-    while 0 <= at < len(data) - 4:
-        length = abs(_signed(data[at]))
-        group = _signed(data[at + 1])
-        if length == 0:
-            break
-        field = at + 2 + length
-        name = data[at + 2 : field].decode("latin-1").strip(" \0").upper()
-        if group == 0 or field + 2 > len(data) or not name.isprintable():
+    group_names: dict[int, str] = {}
+    parameters: list[tuple[_Record, Value]] = []
+    for record in _records(data, section, order, remarks):
+        if record.group < 0:
+            group_names[-record.group] = record.name
+            continue
+        value = _value(data, record.value_at, order)
+        if value is None:
             remarks.append(
-                "the parameter section is broken: what follows the first broken record was left out"
+                f"parameter '{record.name}' is broken or reaches past the end of the file: it was"
+                " left out"
             )
-            break
-        step = int(order.ints(data[field : field + 2])[0])
-        if group < 0:
-            names[-group] = name
-        else:
-            value = _value(data, field + 2, order)
-            if value is None:
-                remarks.append(
-                    f"parameter '{name}' is broken or reaches past the end of the file: it was"
-                    " left out"
-                )
-            else:
-                records.append((group, name, value))
-        if step <= 0:
-            break
-        at = field + step
+            continue
+        parameters.append((record, value))
+    # The record that names a group may stand behind its parameters.
     groups: dict[str, dict[str, Value]] = {}
-    for group, name, value in records:
-        groups.setdefault(names.get(group, f"GROUP {group}"), {}).setdefault(name, value)
+    for record, value in parameters:
+        group = group_names.get(record.group, f"GROUP {record.group}")
+        groups.setdefault(group, {}).setdefault(record.name, value)
     return groups
 
 
@@ -348,30 +397,68 @@ def _value(data: bytes, at: int, order: _Order) -> Value | None:
     texts, one per row of characters, or numbers of the file's shape with the first index fastest;
     None where the type is unknown or the file ends before the value
     """
-    if at + 2 > len(data) or data[at + 1] > MAX_DIMENSIONS:
+    if at + 2 > len(data):
         return None
     kind = _signed(data[at])
     rank = data[at + 1]
-    shape = tuple(data[at + 2 : at + 2 + rank])
-    start = at + 2 + rank
-    count = int(np.prod(shape, dtype=np.int64)) if rank else 1
-    size = count * {-1: 1, 1: 1, 2: 2, 4: 4}.get(kind, 0)
-    raw = data[start : start + size]
-    if len(raw) < size or len(shape) < rank or kind not in (-1, 1, 2, 4):
+    if rank > MAX_DIMENSIONS or kind not in BYTES_OF_KIND:
         return None
-    if kind == -1:
-        width = shape[0] if rank else 1
-        rows = count // width if width else 0
-        return tuple(raw[row * width : (row + 1) * width].decode("latin-1") for row in range(rows))
-    values: np.ndarray
-    if kind == 4:
-        values = order.floats(raw)
-    elif kind == 2:
-        values = order.ints(raw)
-    else:
-        values = np.frombuffer(raw, dtype=np.int8)
-    values = values.astype(np.float64)
-    return values.reshape(shape or (1,), order="F")
+    start = at + 2 + rank
+    shape = tuple(data[at + 2 : start])
+    count = int(np.prod(shape, dtype=np.int64))
+    size = count * BYTES_OF_KIND[kind]
+    raw = data[start : start + size]
+    if len(shape) < rank or len(raw) < size:
+        return None
+    if kind == CHARACTERS:
+        return _rows(raw, width=shape[0] if shape else 1)
+    return _numbers(raw, kind, order).reshape(shape or (1,), order="F")
+
+
+def _rows(raw: bytes, width: int) -> tuple[str, ...]:
+    """Cut characters into rows of a width; none where it is 0."""
+    if width == 0:
+        return ()
+    count = len(raw) // width
+    starts = range(0, count * width, width)
+    return tuple(raw[start : start + width].decode("latin-1") for start in starts)
+
+
+def _numbers(raw: bytes, kind: int, order: _Order) -> Array:
+    """Read the numbers of a parameter, flat; of bytes, of 16-bit integers or of reals."""
+    if kind == REALS:
+        return order.floats(raw)
+    if kind == INTEGERS:
+        return order.ints(raw).astype(np.float64)
+    return np.frombuffer(raw, dtype=np.int8).astype(np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _FrameLayout:
+    """Bytes of a frame: four numbers for each point, then the analog samples in order of time.
+
+    Attributes
+    ----------
+    points : count
+    channels : count of analog channels
+    samples_per_frame : of each channel
+    scale : of integer coordinates [file's unit of length]; negative where numbers are reals
+    """
+
+    points: int
+    channels: int
+    samples_per_frame: int
+    scale: float
+
+    @property
+    def real(self) -> bool:
+        return self.scale < 0
+
+    @property
+    def size(self) -> int:
+        """Count of bytes."""
+        width = 4 if self.real else 2
+        return (4 * self.points + self.channels * self.samples_per_frame) * width
 
 
 def _samples(
@@ -402,70 +489,106 @@ def _samples(
     ------
     BadFile : the file holds no samples, or no whole frame
     """
-    about = RawC3d(
-        groups=groups,
-        first_frame=header.first,
-        point_rate=0.0,
-        analog_rate=0.0,
-        points=np.zeros((0, 0, 3)),
-        residuals=np.zeros((0, 0)),
-        analog=np.zeros((0, 0)),
-    )
-    points = header.points
-    per_frame = header.samples_per_frame
-    channels = header.analog_per_frame // per_frame if per_frame else 0
-    scale = header.scale
-    if not np.isfinite(scale) or scale == 0.0:
-        scale = _first(about, "POINT", "SCALE", -1.0)
-        remarks.append("the header holds no point scale: the parameter POINT:SCALE was used")
-    real = scale < 0
-    width = 4 if real else 2
-    size = (4 * points + channels * per_frame) * width
+    about = _without_samples(header, groups)
+    layout = _frame_layout(about, header, remarks)
     block = header.data_block or int(_first(about, "POINT", "DATA_START", 0))
     start = (block - 1) * BLOCK
-    if size == 0 or start <= 0 or start >= len(data):
+    if layout.size == 0 or start <= 0 or start >= len(data):
         raise BadFile(
             path, "holds neither points nor analog samples", "the recording may have been cut off"
         )
-    held = (len(data) - start) // size
-    used = int(_first(about, "ANALOG", "USED", 0.0))
-    if used == header.analog_per_frame > channels:
-        # Some programs write the number of channels where that of samples in a frame belongs.
-        larger = (4 * points + used * per_frame) * width
-        if (len(data) - start) // larger >= _frames(about, header, held):
-            channels = used
-            size = larger
-            held = (len(data) - start) // size
-    claimed = _frames(about, header, held)
+    layout = _with_used_channels(layout, about, header, len(data) - start)
+    held = (len(data) - start) // layout.size
+    claimed = _claimed_frames(about, header, held)
     frames = min(claimed, held)
     if frames < claimed:
         remarks.append(f"the file ends early: it holds {frames} frames of {claimed}")
     if frames <= 0:
         raise BadFile(path, "holds no whole frame", "the recording may have been cut off")
-    raw = data[start : start + frames * size]
-    unsigned = any(text.upper().startswith("UNSIGNED") for text in about.texts("ANALOG", "FORMAT"))
-    table = (order.floats(raw) if real else order.ints(raw).astype(np.float64)).reshape(frames, -1)
-    coordinates = table[:, : 4 * points]
-    analog = table[:, 4 * points :]
-    if unsigned and not real:
-        analog = np.where(analog < 0.0, analog + 65536.0, analog)
-    places = coordinates.reshape(frames, points, 4)
-    residuals = _residuals(places[:, :, 3], abs(scale))
-    positions = np.where(
-        (residuals < 0)[:, :, None], np.nan, places[:, :, :3] * (1.0 if real else scale)
-    )
+
+    raw = data[start : start + frames * layout.size]
+    words = order.floats(raw) if layout.real else order.ints(raw).astype(np.float64)
+    table = words.reshape(frames, -1)
+    coordinate_words = table[:, : 4 * layout.points].reshape(frames, layout.points, 4)
+    analog_words = table[:, 4 * layout.points :]
+    samples = frames * layout.samples_per_frame
+    points, residuals = _positions(coordinate_words, layout)
     rate = header.rate if 0 < header.rate < 1e6 else _first(about, "POINT", "RATE", 0.0)
     return RawC3d(
         groups=groups,
         first_frame=header.first,
         point_rate=rate,
-        analog_rate=rate * per_frame,
-        points=positions,
+        analog_rate=rate * layout.samples_per_frame,
+        points=points,
         residuals=residuals,
-        analog=_scaled(about, analog.reshape(frames * per_frame, channels), unsigned, real),
+        analog=_scaled(about, analog_words.reshape(samples, layout.channels), layout.real),
         events=header.events,
         remarks=tuple(remarks),
     )
+
+
+def _frame_layout(about: RawC3d, header: _Header, remarks: list[str]) -> _FrameLayout:
+    """Find how a frame is stored, by the header.
+
+    Parameters
+    ----------
+    about : parameters are read
+    header : counts and scale
+    remarks : gets a warning where the header has no scale
+    """
+    per_frame = header.samples_per_frame
+    scale = header.scale
+    if not np.isfinite(scale) or scale == 0.0:
+        scale = _first(about, "POINT", "SCALE", -1.0)
+        remarks.append("the header holds no point scale: the parameter POINT:SCALE was used")
+    return _FrameLayout(
+        points=header.points,
+        channels=header.analog_per_frame // per_frame if per_frame else 0,
+        samples_per_frame=per_frame,
+        scale=scale,
+    )
+
+
+def _with_used_channels(
+    layout: _FrameLayout, about: RawC3d, header: _Header, held_bytes: int
+) -> _FrameLayout:
+    """Correct the count of channels where the header has it in the place of another number.
+
+    Some programs write the number of channels where that of samples in a frame belongs. It is
+    believed where the file then still holds all frames that it claims.
+
+    Parameters
+    ----------
+    layout : by the header
+    about : parameters are read
+    header : count of analog samples in a frame, as written
+    held_bytes : count of bytes from the first sample to the end of the file
+    """
+    used = int(_first(about, "ANALOG", "USED", 0.0))
+    if not used == header.analog_per_frame > layout.channels:
+        return layout
+    larger = replace(layout, channels=used)
+    claimed = _claimed_frames(about, header, held_bytes // layout.size)
+    return larger if held_bytes // larger.size >= claimed else layout
+
+
+def _positions(words: Array, layout: _FrameLayout) -> tuple[Array, Array]:
+    """Read positions and residuals of points.
+
+    Parameters
+    ----------
+    words : (frames, points, 4) as stored: x, y, z, and camera mask with residual
+    layout : of the frames
+
+    Returns
+    -------
+    positions (frames, points, 3) and residuals (frames, points) [file's unit of length]; NaN and
+    -1 where a point is invalid
+    """
+    residuals = _residuals(words[:, :, 3], abs(layout.scale))
+    factor = 1.0 if layout.real else layout.scale
+    invalid = (residuals < 0)[:, :, None]
+    return np.where(invalid, np.nan, words[:, :, :3] * factor), residuals
 
 
 def _first(raw: RawC3d, group: str, name: str, default: float) -> float:
@@ -474,26 +597,34 @@ def _first(raw: RawC3d, group: str, name: str, default: float) -> float:
     return float(values[0]) if len(values) and np.isfinite(values[0]) else default
 
 
-def _frames(raw: RawC3d, header: _Header, held: int) -> int:
+def _claimed_frames(about: RawC3d, header: _Header, held: int) -> int:
     """Return how many frames the file claims.
 
     The header has 16 bits for it, parameters of long files have more.
 
     Parameters
     ----------
-    raw : parameters are read
+    about : parameters are read
     header : numbers of the first and last frame
     held : frames that the bytes of the file would hold, where nothing else is stated
     """
-    begin = raw.numbers("TRIAL", "ACTUAL_START_FIELD")
-    end = raw.numbers("TRIAL", "ACTUAL_END_FIELD")
-    if len(begin) == 2 and len(end) == 2:
-        long = (end[0] % 65536 + 65536 * end[1]) - (begin[0] % 65536 + 65536 * begin[1]) + 1
-        if 0 < long < 2**31 and (header.last == 65535 or long == header.last - header.first + 1):
-            return int(long)
-    if header.last == 65535:
-        return int(_first(raw, "POINT", "LONG_FRAMES", 0.0)) or held
-    return header.last - header.first + 1
+    in_header = header.last - header.first + 1
+    header_full = header.last == 65535
+    first = about.numbers("TRIAL", "ACTUAL_START_FIELD")
+    last = about.numbers("TRIAL", "ACTUAL_END_FIELD")
+    if len(first) == 2 and len(last) == 2:
+        count = _long_number(last) - _long_number(first) + 1
+        if 0 < count < 2**31 and (header_full or count == in_header):
+            return int(count)
+    if header_full:
+        return int(_first(about, "POINT", "LONG_FRAMES", 0.0)) or held
+    return in_header
+
+
+def _long_number(halves: Array) -> float:
+    """Join a frame's number of two 16-bit halves, the lower one first; it may be signed."""
+    low, high = halves
+    return low % 65536 + 65536 * high
 
 
 def _residuals(words: Array, scale: float) -> Array:
@@ -513,33 +644,43 @@ def _residuals(words: Array, scale: float) -> Array:
     return np.where(whole < 0, -1.0, (whole & 0xFF) * scale)
 
 
-def _scaled(raw: RawC3d, analog: Array, unsigned: bool, real: bool) -> Array:
+def _scaled(about: RawC3d, words: Array, real: bool) -> Array:
     """Apply offset and scale to analog samples.
 
-    The value is (raw - offset) * scale * general scale.
+    The value is (word - offset) * scale * general scale.
 
     Parameters
     ----------
-    raw : parameters are read
-    analog : (samples, channels) as the file stores them
-    unsigned : whether integers are unsigned
+    about : parameters are read
+    words : (samples, channels) as stored, integers taken as signed
     real : whether samples are reals
 
     Returns
     -------
     (samples, channels) in the channels' units
     """
-    channels = analog.shape[1]
+    unsigned = any(text.upper().startswith("UNSIGNED") for text in about.texts("ANALOG", "FORMAT"))
+    if unsigned and not real:
+        words = np.where(words < 0.0, words + 65536.0, words)
+    channels = words.shape[1]
     scale = np.ones(channels)
+    stated_scale = about.numbers("ANALOG", "SCALE")[:channels]
+    scale[: len(stated_scale)] = stated_scale
     offset = np.zeros(channels)
-    stated = raw.numbers("ANALOG", "SCALE")[:channels]
-    scale[: len(stated)] = stated
-    stated = raw.numbers("ANALOG", "OFFSET")
-    stated = (stated if len(stated) else raw.numbers("ANALOG", "OFFSETS"))[:channels]
+    stated_offset = _offsets(about, unsigned, real)[:channels]
+    offset[: len(stated_offset)] = stated_offset
+    general_scale = _first(about, "ANALOG", "GEN_SCALE", 1.0)
+    return (words - offset) * (scale * general_scale)
+
+
+def _offsets(about: RawC3d, unsigned: bool, real: bool) -> Array:
+    """Read the offsets of analog channels, which signed parameters hold; empty where none are."""
+    stated = about.numbers("ANALOG", "OFFSET")
+    if not len(stated):
+        stated = about.numbers("ANALOG", "OFFSETS")
     if unsigned:
-        stated = np.where(stated < 0, stated + 65536, stated)
-    elif real:
+        return np.where(stated < 0, stated + 65536, stated)
+    if real:
         # The middle of an unsigned 16-bit converter, which a signed parameter cannot hold.
-        stated = np.where(stated == -32768, 32768, stated)
-    offset[: len(stated)] = stated
-    return (analog - offset) * (scale * _first(raw, "ANALOG", "GEN_SCALE", 1.0))
+        return np.where(stated == -32768, 32768, stated)
+    return stated
