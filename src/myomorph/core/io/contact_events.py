@@ -32,13 +32,86 @@ COLUMNS = (
     "first_frame",
     "last_frame",
 )
-MAX_SIGNS = 60  # Of a cell in a message.
+MAX_CHARACTERS = 60  # Of a cell in a message.
 SHAPES = (
     "columns site,start,stop or site,first_frame,last_frame or time,site,event or frame,site,event"
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """A row of the table.
+
+    Attributes
+    ----------
+    path : of the table, for messages
+    number : of its line, from 1
+    cells : text by column
+    rate : frames per second [Hz], used where the table counts frames
+    start : time of the camera's zero on the motion's clock [s]
+    """
+
+    path: Path
+    number: int
+    cells: Mapping[str, str]
+    rate: float
+    start: float
+
+    def bad(self, what: str, hint: str = "") -> BadFile:
+        """Make the error for this row."""
+        return BadFile(self.path, f"line {self.number}{what}", hint)
+
+    def value(self, column: str) -> float:
+        """Read a finite number, with a decimal comma too.
+
+        Raises
+        ------
+        BadFile : the cell holds another text
+        """
+        text = self.cells[column]
+        try:
+            value = float(text.replace(",", "."))
+        except ValueError:
+            raise self.bad(f": '{text[:MAX_CHARACTERS]}' is no number for {column}") from None
+        if not np.isfinite(value):
+            raise self.bad(f": {column} is {text[:MAX_CHARACTERS]}")
+        return value
+
+    def time(self, seconds: str, frames: str) -> float:
+        """Read a time on the motion's clock [s], from a column of seconds or else one of frames."""
+        if seconds in self.cells:
+            return self.start + self.value(seconds)
+        return self.start + self.value(frames) / self.rate
+
+    def site(self) -> str:
+        """Read the name of the site.
+
+        Raises
+        ------
+        BadFile : it is empty
+        """
+        if not self.cells["site"]:
+            raise self.bad(" names no site")
+        return self.cells["site"]
+
+    def surface(self) -> str:
+        """Read the name of the body that the site touches, by default the ground."""
+        return self.cells.get("surface") or GROUND
+
+    def confidence(self) -> float:
+        """Read how sure the contact is, by default 1.
+
+        Raises
+        ------
+        BadFile : it is not from 0 to 1
+        """
+        confidence = self.value("confidence") if self.cells.get("confidence") else 1.0
+        if not 0.0 <= confidence <= 1.0:
+            raise self.bad(f": confidence {confidence:g}", "expected 0 to 1")
+        return confidence
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Mark:
     """One event of a table: a site touches, or leaves.
 
@@ -58,6 +131,17 @@ class _Mark:
     touches: bool
     surface: str
     confidence: float
+
+    def until(self, stop: float) -> Touch:
+        """Make the contact that begins here and ends then [s]."""
+        return Touch(
+            site=self.site,
+            start=self.time,
+            stop=stop,
+            surface=self.surface,
+            confidence=self.confidence,
+            source=CAMERA,
+        )
 
 
 def read_events(
@@ -86,20 +170,25 @@ def read_events(
         or it counts frames and there is no rate
     """
     path = Path(path)
-    header, rows = _table(path)
-    if {"frame", "first_frame"} & set(header) and not (rate is not None and rate > 0.0):
+    table = _table(path)
+    rate_is_known = rate is not None and rate > 0.0
+    if not rate_is_known and not {"frame", "first_frame"}.isdisjoint(table.columns):
         raise BadFile(
             path, "counts frames, but the camera's rate is not known", "give the frames per second"
         )
-    if "event" in header:
-        marks = [_mark(path, number, row, rate, start) for number, row in rows]
-        touches, warnings = _paired(path, marks)
+    rows = [
+        _Row(path=path, number=number, cells=cells, rate=rate or 1.0, start=start)
+        for number, cells in table.rows
+    ]
+    if "event" in table.columns:
+        marks = [_mark(row) for row in rows]
+        intervals, warnings = _paired(path, marks)
         sites = [mark.site for mark in marks]
     else:
-        touches = [_span(path, number, row, rate, start) for number, row in rows]
-        warnings = _overlaps(path, touches)
-        sites = [touch.site for touch in touches]
-    return Contacts(tuple(dict.fromkeys(sites)), tuple(touches), tuple(warnings))
+        intervals = [_span(row) for row in rows]
+        warnings = _overlaps(path, intervals)
+        sites = [interval.site for interval in intervals]
+    return Contacts(tuple(dict.fromkeys(sites)), tuple(intervals), tuple(warnings))
 
 
 def write_events(contacts: Contacts, path: str | os.PathLike[str]) -> None:
@@ -128,16 +217,26 @@ def write_events(contacts: Contacts, path: str | os.PathLike[str]) -> None:
     write_csv(path, ("site", "start", "stop", "surface", "confidence", "source"), rows, 3)
 
 
-def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]]]:
+@dataclass(frozen=True, kw_only=True)
+class _ContactTable:
+    """Texts of a table.
+
+    Attributes
+    ----------
+    columns : names, in small letters
+    rows : line number from 1, and cells by column
+    """
+
+    columns: tuple[str, ...]
+    rows: list[tuple[int, dict[str, str]]]
+
+
+def _table(path: Path) -> _ContactTable:
     """Read a table and check its columns.
 
     Parameters
     ----------
     path : of the table
-
-    Returns
-    -------
-    names of the columns, and line number and cells by column of each row
 
     Raises
     ------
@@ -145,39 +244,46 @@ def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]
     """
     text = file_text(path, f"expected {SHAPES}")
     lines = [
-        (row, line)
-        for row, line in enumerate(text.splitlines(), 1)
+        (number, line)
+        for number, line in enumerate(text.splitlines(), 1)
         if line.strip() and not line.startswith("#")
     ]
     if not lines:
         raise BadFile(path, "holds no table of contacts", f"expected {SHAPES}")
-    header = tuple(
-        name.strip().lower()
-        for name in next(csv.reader([lines[0][1]], delimiter=_delimiter(lines[0][1])))
-    )
-    wanted = {"site", "event"} if "event" in header else {"site"}
-    times = (
-        [{"start", "stop"}, {"first_frame", "last_frame"}]
-        if "event" not in header
-        else [{"time"}, {"frame"}]
-    )
-    unknown = [name for name in header if name not in COLUMNS]
-    if unknown or not wanted <= set(header) or sum(time <= set(header) for time in times) != 1:
-        columns = ", ".join(name[:MAX_SIGNS] for name in header[: 2 * len(COLUMNS)])
+    _, first_line = lines[0]
+    delimiter = _delimiter(first_line)
+    columns = tuple(name.lower() for name in _cells(first_line, delimiter))
+    if not _is_known_table(columns):
+        names = ", ".join(name[:MAX_CHARACTERS] for name in columns[: 2 * len(COLUMNS)])
         raise BadFile(
-            path, f"has the columns {columns}", f"expected {SHAPES}, and surface, confidence"
+            path, f"has the columns {names}", f"expected {SHAPES}, and surface, confidence"
         )
     rows = []
     for number, line in lines[1:]:
-        cells = [
-            cell.strip() for cell in next(csv.reader([line], delimiter=_delimiter(lines[0][1])))
-        ]
-        if len(cells) != len(header):
+        cells = _cells(line, delimiter)
+        if len(cells) != len(columns):
             raise BadFile(
-                path, f"line {number} has {len(cells)} cells, the first line {len(header)}"
+                path, f"line {number} has {len(cells)} cells, the first line {len(columns)}"
             )
-        rows.append((number, dict(zip(header, cells, strict=True))))
-    return header, rows
+        rows.append((number, dict(zip(columns, cells, strict=True))))
+    return _ContactTable(columns=columns, rows=rows)
+
+
+def _is_known_table(columns: Sequence[str]) -> bool:
+    """Return whether all columns are known, with those of spans or of events in one unit."""
+    names = set(columns)
+    if not names <= set(COLUMNS) or "site" not in names:
+        return False
+    if "event" in names:
+        return len(names & {"time", "frame"}) == 1
+    in_seconds = {"start", "stop"} <= names
+    in_frames = {"first_frame", "last_frame"} <= names
+    return in_seconds != in_frames
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    """Split a line into cells without blanks around; quotes may hold the delimiter."""
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
 
 
 def _delimiter(line: str) -> str:
@@ -185,103 +291,49 @@ def _delimiter(line: str) -> str:
     return max(",;\t", key=line.count)
 
 
-def _number(path: Path, row: int, name: str, cells: Mapping[str, str]) -> float:
-    """Read a finite number from a cell, with a decimal comma too; `BadFile` for another text."""
-    try:
-        value = float(cells[name].replace(",", "."))
-    except ValueError:
-        raise BadFile(
-            path, f"line {row}: '{cells[name][:MAX_SIGNS]}' is no number for {name}"
-        ) from None
-    if not np.isfinite(value):
-        raise BadFile(path, f"line {row}: {name} is {cells[name][:MAX_SIGNS]}")
-    return value
-
-
-def _site(path: Path, row: int, cells: Mapping[str, str]) -> tuple[str, str, float]:
-    """Read a site's name, its surface (by default the ground) and its confidence (1).
-
-    Raises
-    ------
-    BadFile : there is no name, or the confidence is not from 0 to 1
-    """
-    if not cells["site"]:
-        raise BadFile(path, f"line {row} names no site")
-    confidence = _number(path, row, "confidence", cells) if cells.get("confidence") else 1.0
-    if not 0.0 <= confidence <= 1.0:
-        raise BadFile(path, f"line {row}: confidence {confidence:g}", "expected 0 to 1")
-    return cells["site"], cells.get("surface") or GROUND, confidence
-
-
-def _span(
-    path: Path, row: int, cells: Mapping[str, str], rate: float | None, start: float
-) -> Touch:
+def _span(row: _Row) -> Touch:
     """Read an interval from a row.
-
-    Parameters
-    ----------
-    path, row : for messages
-    cells : by column
-    rate : frames per second [Hz], used where the table counts frames
-    start : added to all times [s]
 
     Raises
     ------
     BadFile : it ends before it begins, or a cell is not as it should be
     """
-    site, surface, confidence = _site(path, row, cells)
-    names, scale = (
-        (("start", "stop"), 1.0)
-        if "start" in cells
-        else (("first_frame", "last_frame"), rate or 1.0)
-    )
-    begin_name, end_name = names
-    begin = start + _number(path, row, begin_name, cells) / scale
-    end = start + _number(path, row, end_name, cells) / scale
-    if begin > end:
-        raise BadFile(
-            path, f"line {row}: site '{site}' touches from {begin:g} to {end:g} s", "swap the two"
-        )
+    site = row.site()
+    confidence = row.confidence()
+    start = row.time("start", "first_frame")
+    stop = row.time("stop", "last_frame")
+    if start > stop:
+        raise row.bad(f": site '{site}' touches from {start:g} to {stop:g} s", "swap the two")
     return Touch(
         site=site,
-        start=begin,
-        stop=end,
-        surface=surface,
+        start=start,
+        stop=stop,
+        surface=row.surface(),
         confidence=confidence,
-        source=cells.get("source") or CAMERA,
+        source=row.cells.get("source") or CAMERA,
     )
 
 
-def _mark(
-    path: Path, row: int, cells: Mapping[str, str], rate: float | None, start: float
-) -> _Mark:
+def _mark(row: _Row) -> _Mark:
     """Read an event from a row.
-
-    Parameters
-    ----------
-    path, row : for messages
-    cells : by column
-    rate : frames per second [Hz], used where the table counts frames
-    start : added to all times [s]
 
     Raises
     ------
     BadFile : it is neither a touch nor a leave, or a cell is not as it should be
     """
-    site, surface, confidence = _site(path, row, cells)
-    word = cells["event"].lower()
+    site = row.site()
+    confidence = row.confidence()
+    event = row.cells["event"]
+    word = event.lower()
     if word not in (*TOUCH, *LEAVE):
-        raise BadFile(
-            path, f"line {row}: event '{cells['event'][:MAX_SIGNS]}'", "expected touch or leave"
-        )
-    name, scale = ("time", 1.0) if "time" in cells else ("frame", rate or 1.0)
+        raise row.bad(f": event '{event[:MAX_CHARACTERS]}'", "expected touch or leave")
     return _Mark(
-        row,
-        start + _number(path, row, name, cells) / scale,
-        site,
-        word in TOUCH,
-        surface,
-        confidence,
+        row=row.number,
+        time=row.time("time", "frame"),
+        site=site,
+        touches=word in TOUCH,
+        surface=row.surface(),
+        confidence=confidence,
     )
 
 
@@ -301,44 +353,41 @@ def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[str]]
     ------
     BadFile : touch and leave do not alternate at a site
     """
-    touches = []
+    intervals = []
     warnings = []
     last = max((mark.time for mark in marks), default=0.0)
-
-    def add(begun: _Mark, stop: float) -> None:
-        touches.append(
-            Touch(
-                site=begun.site,
-                start=begun.time,
-                stop=stop,
-                surface=begun.surface,
-                confidence=begun.confidence,
-                source=CAMERA,
-            )
-        )
-
     for site in dict.fromkeys(mark.site for mark in marks):
         begun: _Mark | None = None
-        for mark in sorted(
-            (other for other in marks if other.site == site),
-            key=lambda other: (other.time, other.touches),
-        ):
-            if mark.touches and begun is not None:
-                raise BadFile(
-                    path,
-                    f"line {mark.row}: '{site}' touches again, but never left since line"
-                    f" {begun.row}",
-                )
-            if not mark.touches and begun is None:
-                raise BadFile(path, f"line {mark.row}: '{site}' leaves, but did not touch before")
+        for mark in _in_order(marks, site):
+            _check_alternation(path, begun, mark)
             if begun is not None:
-                add(begun, mark.time)
+                intervals.append(begun.until(mark.time))
             begun = mark if mark.touches else None
-        if begun is not None:
-            add(begun, last)
-            text = f"'{site}' touches at {begun.time:g} s and never leaves: taken until {last:g} s"
-            warnings.append(f"{path.name}: {text}")
-    return touches, warnings
+        if begun is None:
+            continue
+        intervals.append(begun.until(last))
+        warnings.append(
+            f"{path.name}: '{site}' touches at {begun.time:g} s and never leaves: taken until"
+            f" {last:g} s"
+        )
+    return intervals, warnings
+
+
+def _in_order(marks: Iterable[_Mark], site: str) -> list[_Mark]:
+    """Sort the events of a site by time; of two at one time, the leave is first."""
+    of_site = [mark for mark in marks if mark.site == site]
+    return sorted(of_site, key=lambda mark: (mark.time, mark.touches))
+
+
+def _check_alternation(path: Path, begun: _Mark | None, mark: _Mark) -> None:
+    """Refuse a touch of a site that touches already, and a leave of one that does not."""
+    if mark.touches and begun is not None:
+        raise BadFile(
+            path,
+            f"line {mark.row}: '{mark.site}' touches again, but never left since line {begun.row}",
+        )
+    if not mark.touches and begun is None:
+        raise BadFile(path, f"line {mark.row}: '{mark.site}' leaves, but did not touch before")
 
 
 def _overlaps(path: Path, touches: Iterable[Touch]) -> list[str]:

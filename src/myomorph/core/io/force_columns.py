@@ -45,7 +45,7 @@ USUAL = (
 """Names that are known, for messages."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ForceColumns:
     """The columns of one force.
 
@@ -60,6 +60,24 @@ class ForceColumns:
     force: tuple[str, ...]
     point: tuple[str, ...] = ()
     torque: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Column:
+    """A column of a force, by its name.
+
+    Attributes
+    ----------
+    force : what tells its force from others
+    part : "force", "point" or "torque"
+    axis : "x", "y" or "z"
+    title : of the force, as the column's name has it
+    """
+
+    force: str
+    part: str
+    axis: str
+    title: str
 
 
 def force_columns(names: Sequence[str]) -> tuple[ForceColumns, ...]:
@@ -77,62 +95,61 @@ def force_columns(names: Sequence[str]) -> tuple[ForceColumns, ...]:
     -------
     columns of each force, in the order in which the forces first occur
     """
-    by_force: dict[str, dict[str, dict[str, str]]] = {}
+    parts_by_force: dict[str, dict[str, dict[str, str]]] = {}
     titles: dict[str, str] = {}
     for name in names:
-        known = _known(name)
-        if known is None:
+        column = _column(name)
+        if column is None:
             continue
-        key, part, axis, title = known
-        by_force.setdefault(key, {}).setdefault(part, {}).setdefault(axis, name)
-        if part == "force":
-            titles.setdefault(key, title)
+        parts = parts_by_force.setdefault(column.force, {})
+        parts.setdefault(column.part, {}).setdefault(column.axis, name)
+        if column.part == "force":
+            titles.setdefault(column.force, column.title)
     forces = []
-    for key, parts in by_force.items():
+    for key, parts in parts_by_force.items():
         force = parts.get("force", {})
         point = parts.get("point", {})
         torque = parts.get("torque", {})
-        if len(force) < 3 or (len(point) < 2 and not torque):
+        has_point = len(point) > 1
+        if len(force) < 3 or not (has_point or torque):
             continue
         forces.append(
             ForceColumns(
                 name=titles[key].strip("_. ") or f"force{key}",
-                force=tuple(force[axis] for axis in "xyz"),
-                point=tuple(point.get(axis, "") for axis in "xyz") if len(point) > 1 else (),
-                torque=tuple(torque.get(axis, "") for axis in "xyz") if torque else (),
+                force=_along_axes(force),
+                point=_along_axes(point) if has_point else (),
+                torque=_along_axes(torque) if torque else (),
             )
         )
     return tuple(forces)
 
 
-def _known(name: str) -> tuple[str, str, str, str] | None:
-    """Find what a column is by its name.
+def _along_axes(columns: Mapping[str, str]) -> tuple[str, ...]:
+    """Order columns by axis, "" for one that is missing."""
+    return tuple(columns.get(axis, "") for axis in "xyz")
 
-    Parameters
-    ----------
-    name : of the column, with its unit or without
 
-    Returns
-    -------
-    key of its force, "force", "point" or "torque", its axis, and what its name begins with; None
-    where the name is not known
-    """
+def _column(name: str) -> _Column | None:
+    """Find what a column is by its name, with its unit or without; None where it is not known."""
     plain = UNIT.sub("", name)
     small = plain.lower()
     match = OPENSIM.match(small)
     if match is not None:
-        part = PARTS[match["part"] or match["kind"]]
+        part = match["part"] or match["kind"]
         rest = match["before"] + match["after"]
-        cut = match.end("after")
     else:
         match = LABORATORY.match(small)
         if match is None:
             return None
-        part = PARTS[match["kind"]]
+        part = match["kind"]
         rest = match["before"] + match["after"] + match["end"]
-        cut = match.end("after")
-    title = plain[:cut] + (plain[match.end("axis") :] if match.end("axis") < len(plain) else "")
-    return WORDS.sub("", rest), part, match["axis"], title
+    behind_axis = plain[match.end("axis") :]
+    return _Column(
+        force=WORDS.sub("", rest),
+        part=PARTS[part],
+        axis=match["axis"],
+        title=plain[: match.end("after")] + behind_axis,
+    )
 
 
 def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wrenches:
@@ -158,28 +175,17 @@ def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wre
     """
     source = table.source or "the table"
     if bodies:
-        chosen = tuple(_with_prefix(table, prefix, source) for prefix in bodies)
         names = tuple(bodies)
+        chosen = tuple(_with_prefix(table, prefix, source) for prefix in bodies)
     else:
         chosen = force_columns(table.names)
         names = tuple(columns.name for columns in chosen)
     if not chosen:
-        some = quoted(table.names)
+        more = ", ..." if len(table.names) > 6 else ""
         raise BadData(
             f"{source}: no columns of a force with a center of pressure or moments are found among"
-            f" {some}{', ...' if len(table.names) > 6 else ''}; names that are known: {USUAL}"
+            f" {quoted(table.names)}{more}; names that are known: {USUAL}"
         )
-    notes = tuple(
-        f"force '{name}' has no center of pressure: its moment was taken to be about the ground's"
-        " origin"
-        for name, columns in zip(names, chosen, strict=True)
-        if not columns.point
-    ) + tuple(
-        f"force '{name}' has a center of pressure without {'xyz'[columns.point.index('')]}: taken"
-        " as 0"
-        for name, columns in zip(names, chosen, strict=True)
-        if "" in columns.point
-    )
     return Wrenches(
         time=table.time,
         names=names,
@@ -187,8 +193,24 @@ def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wre
         forces=np.stack([_vectors(table, columns.force) for columns in chosen], axis=1),
         points=np.stack([_vectors(table, columns.point) for columns in chosen], axis=1),
         torques=np.stack([_vectors(table, columns.torque) for columns in chosen], axis=1),
-        notes=notes,
+        notes=_notes(names, chosen),
     )
+
+
+def _notes(names: Sequence[str], forces: Sequence[ForceColumns]) -> tuple[str, ...]:
+    """List the forces that have no center of pressure, and those that have it in part."""
+    without = []
+    in_part = []
+    for name, columns in zip(names, forces, strict=True):
+        if not columns.point:
+            without.append(
+                f"force '{name}' has no center of pressure: its moment was taken to be about the"
+                " ground's origin"
+            )
+        elif "" in columns.point:
+            axis = "xyz"[columns.point.index("")]
+            in_part.append(f"force '{name}' has a center of pressure without {axis}: taken as 0")
+    return (*without, *in_part)
 
 
 def _vectors(table: Table, columns: tuple[str, ...]) -> Array:
@@ -205,9 +227,11 @@ def _vectors(table: Table, columns: tuple[str, ...]) -> Array:
     """
     values = np.zeros((len(table), 3))
     for axis, name in enumerate(columns):
-        if name:
-            unit = UNIT.search(name)
-            values[:, axis] = table[name] * UNITS.get(unit["unit"].lower() if unit else "", 1.0)
+        if not name:
+            continue
+        match = UNIT.search(name)
+        unit = match["unit"].lower() if match else ""
+        values[:, axis] = table[name] * UNITS.get(unit, 1.0)
     return values
 
 
@@ -234,150 +258,21 @@ def _with_prefix(table: Table, prefix: str, source: str) -> ForceColumns:
     ------
     UnknownName : no force, or more than one, begins so
     """
-    torque = prefix.replace("force", "torque")
+    torque_prefix = prefix.replace("force", "torque")
     force = _vector_columns(table, f"{prefix}v", f"{prefix}F", prefix)
     point = _vector_columns(table, f"{prefix}p", f"{prefix}P")
-    free = _vector_columns(table, torque, f"{prefix}m", f"{torque}m")
+    torque = _vector_columns(table, torque_prefix, f"{prefix}m", f"{torque_prefix}m")
     if force and point:
-        return ForceColumns(name=prefix, force=force, point=point, torque=free)
+        return ForceColumns(name=prefix, force=force, point=point, torque=torque)
     known = force_columns(table.names)
-    begin = [columns for columns in known if columns.name == prefix.strip("_. ")] or [
-        columns for columns in known if all(name.startswith(prefix) for name in columns.force)
-    ]
-    if len(begin) != 1:
-        raise UnknownName(
-            "force",
-            prefix,
-            existing=[columns.name for columns in known] or table.names,
-            where=source,
-        )
-    return begin[0]
+    found = [columns for columns in known if columns.name == prefix.strip("_. ")]
+    if not found:
+        found = [columns for columns in known if _all_begin_with(prefix, columns.force)]
+    if len(found) != 1:
+        existing = [columns.name for columns in known]
+        raise UnknownName("force", prefix, existing=existing or table.names, where=source)
+    return found[0]
 
 
-XYZ = "xyz"
-PUSH = 50.0  # Largest force of a plate that somebody stands on, at least [N].
-LOADED = 20.0  # Force from which on a point or a moment is looked at [N].
-LEVEL = 0.002  # A center of pressure stays on its plate: its height changes by less [m].
-UPRIGHT = 0.7
-ONE_WAY = 0.95
-"""Share of a plate's force along the vertical, and of its loaded samples in which that has one
-sign.
-"""
-NEAR = 10.0
-FAR = 20.0
-"""A center of pressure is nearer to the origin than the first [m]; numbers beyond the second are
-millimetres.
-"""
-TURNS = 0.05  # A moment about the vertical changes by more with the steps of a walk [N m].
-
-
-def guessed_names(values: Array) -> list[str] | None:
-    """Guess the names of all columns of a table of forces from its numbers.
-
-    The first column is time where it rises evenly. The rest are groups of a force and a center of
-    pressure (6 columns each), a force and a moment (6), or a force, a center of pressure and a
-    moment in one of both orders (9). One axis is vertical: the forces point along it, to one side
-    each, and centers of pressure do not move along it, which moments do.
-
-    Parameters
-    ----------
-    values : (rows, columns)
-
-    Returns
-    -------
-    as "time", "Fx1", "COPx1", "Mx1"; None where none of these readings is possible, or more than
-    one
-    """
-    steps = np.diff(values[:, 0])
-    even = (
-        len(steps) > 1
-        and np.isfinite(steps).all()
-        and (steps > 0.0).all()
-        and np.ptp(steps) < 0.1 * steps.mean()
-    )
-    time, rest = (["time"], values[:, 1:]) if even else ([], values)
-    readings = [names for names in (_read(rest, kinds) for kinds in KINDS) if names is not None]
-    return [*time, *readings[0]] if len(readings) == 1 else None
-
-
-KINDS = (("F", "COP"), ("F", "M"), ("F", "COP", "M"), ("F", "M", "COP"))
-
-
-def _read(values: Array, kinds: tuple[str, ...]) -> list[str] | None:
-    """Name columns that are read as groups of these kinds.
-
-    Parameters
-    ----------
-    values : (rows, columns) without the time
-    kinds : "F", "COP" and "M" in the order in which each group has them
-
-    Returns
-    -------
-    one name per column; None where the numbers do not allow this reading
-    """
-    width = 3 * len(kinds)
-    if not values.shape[1] or values.shape[1] % width:
-        return None
-    groups = values.reshape(len(values), -1, len(kinds), 3)
-    forces = groups[:, :, 0]
-    size = np.linalg.norm(forces, axis=2)
-    if not np.nanmax(size, initial=0.0) > PUSH:
-        return None
-    up = int(np.argmax(np.nansum(np.abs(forces), axis=(0, 1))))
-    looked = 0
-    for g in range(groups.shape[1]):
-        loaded = size[:, g] > LOADED
-        if any(_is_force(groups[:, g, part], up) for part in range(1, len(kinds))):
-            return None
-        if loaded.sum() < 3:
-            continue
-        if not _is_force(forces[:, g], up):
-            return None
-        looked += 1
-        for index, kind in enumerate(kinds[1:], 1):
-            part = groups[loaded, g, index]
-            if not (
-                _is_point(part, up) if kind == "COP" else _is_moment(part, size[loaded, g], up)
-            ):
-                return None
-    if not looked:
-        return None
-    return [
-        f"{kind}{axis}{g + 1}" for g in range(groups.shape[1]) for kind in kinds for axis in XYZ
-    ]
-
-
-def _is_force(part: Array, up: int) -> bool:
-    """Return whether vectors (samples, 3) [N] push along the vertical axis `up`, in one sense."""
-    size = np.linalg.norm(part, axis=1)
-    loaded = size > LOADED
-    if loaded.sum() < 3:
-        return False
-    along = part[loaded, up]
-    one_way = max(np.mean(along > 0.0), np.mean(along < 0.0)) > ONE_WAY
-    return bool(one_way and np.median(np.abs(along) / size[loaded]) > UPRIGHT)
-
-
-def _is_point(part: Array, up: int) -> bool:
-    """Return whether vectors (samples, 3) [m or mm] are near and at one height."""
-    scale = 1e-3 if np.nanmedian(np.linalg.norm(part, axis=1)) > FAR else 1.0
-    inside = np.nanmedian(np.linalg.norm(part, axis=1)) * scale < NEAR
-    return bool(
-        inside
-        and np.nanpercentile(part[:, up], 95) - np.nanpercentile(part[:, up], 5) < LEVEL / scale
-    )
-
-
-def _is_moment(part: Array, force: Array, up: int) -> bool:
-    """Return whether vectors are moments: changing about the vertical, with a short lever.
-
-    Parameters
-    ----------
-    part : (samples, 3) [N m or N mm]
-    force : (samples,) norm of the force [N]
-    up : index of the vertical axis
-    """
-    scale = 1e-3 if np.nanmedian(np.linalg.norm(part, axis=1) / force) > FAR else 1.0
-    lever = np.nanmedian(np.linalg.norm(part, axis=1) / force) * scale
-    about = part[np.isfinite(part[:, up]), up]
-    return bool(lever < NEAR and len(about) and np.ptp(about) * scale > TURNS)
+def _all_begin_with(prefix: str, names: Sequence[str]) -> bool:
+    return all(name.startswith(prefix) for name in names)

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.core.io.channels import TIMES
-from myomorph.core.io.force_columns import UNIT, UNITS, force_columns, guessed_names, table_wrenches
+from myomorph.core.io.force_columns import UNIT, UNITS, force_columns, table_wrenches
+from myomorph.core.io.guessed_force_columns import guessed_names
 from myomorph.core.io.parsing.text import file_text, number, number_or_nan, unique_names
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array
