@@ -13,12 +13,12 @@ from myomorph.core.model.errors import BadData, UnknownName, quoted
 from myomorph.core.model.series import Table, Wrenches
 
 OPENSIM = re.compile(
-    r"(?P<before>.*?)(?P<kind>force|torque|moment)(?P<after>.*?)_?(?P<part>[vpm]?)_?(?P<axis>[xyz])$"
+    r"(?P<before>.*?)(?P<kind>force|torque|moment)(?P<after>.*?)"
+    r"_?(?P<part>[vpm]?)_?(?P<axis>[xyz])$"
 )
 LABORATORY = re.compile(
-    r"(?P<before>.*?)(?P<kind>cop|grf|grm|[fmtp]|(?<![a-z])[ac])(?P<after>[_. ]?\d*)[_."
-    r" ]?(?P<axis>[xyz])"
-    r"(?P<end>[_. ]?\w*)$"
+    r"(?P<before>.*?)(?P<kind>cop|grf|grm|[fmtp]|(?<![a-z])[ac])(?P<after>[_. ]?\d*)"
+    r"[_. ]?(?P<axis>[xyz])(?P<end>[_. ]?\w*)$"
 )
 UNIT = re.compile(r"\s*[\[(](?P<unit>[\w.*·]+)[\])]$")
 WORDS = re.compile(r"ground|forces?|moments?|torques?|cop|grf|grm|[_. ]")

@@ -6,8 +6,9 @@ What was assumed is noted.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -33,14 +34,18 @@ UNITS_OF_CELLS = frozenset(
 PART_OF_PLATE = re.compile(
     r"[\s_:-]*(forces?|moments?|torques?|cop|center of pressure)$", re.IGNORECASE
 )
+FORCE_PLATE = re.compile(r"force[\s_]*(plate|platform)", re.IGNORECASE)
 RATE = re.compile(r"(rate|freq|hz)", re.IGNORECASE)
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
+IN_MS = re.compile(r"[^a-z]ms([^a-z]|$)")
+DELIMITERS = "\t;,"
 MIN_WIDTH = 4  # Columns of the smallest table of a force: three of force and a moment.
-# A center of pressure is nearer to the laboratory's origin, and a moment's lever is shorter [m].
-FAR = 20.0
-LOADED = 20.0  # Force from which on a point is one [N].
+MIN_NAMED_SHARE = 0.6  # Of the columns, in a line of names.
+MAX_METERS = 20.0  # From a center of pressure to the origin, and of a moment's lever.
+MIN_LOAD = 20.0  # Force from which on a point is one [N].
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ForceLayout:
     """Layout of a table of forces, where the user states it.
 
@@ -79,20 +84,20 @@ def force_layout(names: str = "", rate: float = 0.0, origins: str = "") -> Force
     ------
     BadData : an origin is not of three numbers, or the rate is negative or not finite
     """
-    points: list[tuple[float, float, float]] = []
-    for text in origins.split(";") if origins.strip() else []:
-        try:
-            x, y, z = map(float, text.split(","))
-        except ValueError:
-            raise BadData(
-                f"origin of moments '{text.strip()}': expected x,y,z in metres, forces between ';'"
-            ) from None
-        points.append((x, y, z))
-    return ForceLayout(
-        tuple(name.strip() for name in names.split(",")) if names.strip() else (),
-        rate,
-        tuple(points),
-    )
+    columns = [name.strip() for name in names.split(",")] if names.strip() else []
+    points = [_point(text) for text in origins.split(";")] if origins.strip() else []
+    return ForceLayout(names=tuple(columns), rate=rate, origins=tuple(points))
+
+
+def _point(text: str) -> tuple[float, float, float]:
+    """Read a point from a text "x,y,z"; `BadData` for another."""
+    try:
+        x, y, z = map(float, text.split(","))
+    except ValueError:
+        raise BadData(
+            f"origin of moments '{text.strip()}': expected x,y,z in metres, forces between ';'"
+        ) from None
+    return x, y, z
 
 
 def read_forces(
@@ -122,18 +127,21 @@ def read_forces(
     UnknownName : none or several forces begin with a name in `bodies`
     """
     layout = layout or ForceLayout()
-    table = None if layout.names or layout.rate else _usual(path)
-    usual = table is not None
-    table = table or laboratory_table(path, layout)
+    states_heading = layout.names or layout.rate
+    usual = None if states_heading else _usual(path)
+    table = usual or laboratory_table(path, layout)
     try:
         wrenches = table_wrenches(table, bodies)
     except BadData as error:
         if bodies:
             raise
         raise BadData(f"{error}; or {HINT}") from None
-    if not usual:
-        wrenches = _in_metres(replace(wrenches, notes=(*table.warnings, *wrenches.notes)), table)
-    return _about_origins(wrenches, layout.origins) if layout.origins else wrenches
+    if usual is None:
+        notes = (*table.warnings, *wrenches.notes)
+        wrenches = _in_meters(replace(wrenches, notes=notes), table)
+    if layout.origins:
+        wrenches = _about_origins(wrenches, layout.origins)
+    return wrenches
 
 
 def holds_forces(path: Path) -> bool:
@@ -191,61 +199,95 @@ def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
     """
     layout = layout or ForceLayout()
     lines = [line for line in file_text(path, HINT).splitlines() if line.strip(" \t,;")]
-    mark = next((delimiter for delimiter in "\t;," if lines and delimiter in lines[-1]), None)
-    start, values = _numbers(lines, mark, path)
-    heading = [_cells(line, mark) for line in lines[:start]]
+    delimiter = _delimiter(lines[-1]) if lines else None
+    start, values = _numbers(lines, delimiter, path)
+    heading = [_cells(line, delimiter) for line in lines[:start]]
     notes: list[str] = []
     if len(lines) > start + len(values):
         notes.append(f"lines below row {len(values)} are not of the same table: left out")
-    names = list(layout.names) or _names(heading, values.shape[1])
-    if layout.names and len(layout.names) != values.shape[1]:
-        raise BadFile(
-            path, f"has {values.shape[1]} columns, and {len(layout.names)} names were given", HINT
-        )
-    if not names:
-        names = guessed_names(values) or []
-        if not names:
-            raise BadFile(path, f"has no line of names over its {values.shape[1]} columns", HINT)
-        notes.append(
-            f"no names: {len(names)} columns were taken as {', '.join(names)} (--force-columns"
-            " states them)"
-        )
-    elif not layout.names:
-        notes.append(f"columns by its heading: {quoted(names)}")
+    names = _column_names(layout, heading, values, notes, path)
     time = _times(names, values, layout.rate or _rate(heading), notes, path)
-    left_out = (*TIMES, *FRAMES, *SUB_FRAMES)
-    kept = [
-        index
-        for index, name in enumerate(names)
-        if name not in ("", "-") and _plain(name) not in left_out
-    ]
-    titles = unique_names([names[index] for index in kept], "column", notes)
-    return Table(time, titles, values[:, kept], warnings=tuple(notes), source=str(path))
+    columns = [index for index, name in enumerate(names) if _is_quantity(name)]
+    titles = unique_names([names[index] for index in columns], "column", notes)
+    return Table(time, titles, values[:, columns], warnings=tuple(notes), source=str(path))
 
 
-def _cells(line: str, mark: str | None) -> list[str]:
-    """Split a line into cells without quotes and blanks around; no mark splits at white space."""
-    return [
-        cell.strip().strip('"').strip() for cell in (line.split(mark) if mark else line.split())
-    ]
+def _delimiter(line: str) -> str | None:
+    """Find what stands between the cells of a line, None for white space."""
+    for delimiter in DELIMITERS:
+        if delimiter in line:
+            return delimiter
+    return None
 
 
-def _row(line: str, mark: str | None) -> list[float] | None:
+def _is_quantity(name: str) -> bool:
+    """Return whether a column holds more than times or numbers of frames, and is to be read."""
+    return name not in ("", "-") and _plain(name) not in (*TIMES, *FRAMES, *SUB_FRAMES)
+
+
+def _column_names(
+    layout: ForceLayout,
+    heading: Sequence[Sequence[str]],
+    values: Array,
+    notes: list[str],
+    path: Path,
+) -> list[str]:
+    """Find the names of all columns: those of the layout, of the heading, or guessed.
+
+    Parameters
+    ----------
+    layout : its names count first
+    heading : cells of each line above the numbers
+    values : (rows, columns)
+    notes : gets a note about names that the layout does not state
+    path : of the file, for messages
+
+    Raises
+    ------
+    BadFile : the layout names other columns, or there are no names that are known or guessed
+    """
+    width = values.shape[1]
+    if layout.names:
+        if len(layout.names) != width:
+            raise BadFile(
+                path, f"has {width} columns, and {len(layout.names)} names were given", HINT
+            )
+        return list(layout.names)
+    names = _names(heading, width)
+    if names:
+        notes.append(f"columns by its heading: {quoted(names)}")
+        return names
+    names = guessed_names(values) or []
+    if not names:
+        raise BadFile(path, f"has no line of names over its {width} columns", HINT)
+    notes.append(
+        f"no names: {len(names)} columns were taken as {', '.join(names)} (--force-columns"
+        " states them)"
+    )
+    return names
+
+
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    """Split a line into cells without quotes and blanks around; None splits at white space."""
+    return [cell.strip().strip('"').strip() for cell in line.split(delimiter)]
+
+
+def _row(line: str, delimiter: str | None) -> list[float] | None:
     """Read the numbers of a line.
 
     Parameters
     ----------
     line : of the table
-    mark : between cells, None for white space; other marks than a comma allow decimal commas
+    delimiter : between cells, None for white space; others than a comma allow decimal commas
 
     Returns
     -------
     one number per cell, NaN for a blank one; None where a cell is no number or all are blank
     """
-    cells = _cells(line, mark)
+    cells = _cells(line, delimiter)
     while cells and not cells[-1]:
         cells.pop()
-    if mark != "," and "." not in line:
+    if delimiter != "," and "." not in line:
         cells = [cell.replace(",", ".") for cell in cells]
     try:
         row = [number(cell) for cell in cells]
@@ -254,13 +296,13 @@ def _row(line: str, mark: str | None) -> list[float] | None:
     return row if np.isfinite(row).any() else None
 
 
-def _numbers(lines: Sequence[str], mark: str | None, path: Path) -> tuple[int, Array]:
+def _numbers(lines: Sequence[str], delimiter: str | None, path: Path) -> tuple[int, Array]:
     """Find the rows of numbers, up to the first line that is no row of the table.
 
     Parameters
     ----------
     lines : of the file, without empty ones
-    mark : between cells, None for white space
+    delimiter : between cells, None for white space
     path : of the file, for messages
 
     Returns
@@ -272,19 +314,40 @@ def _numbers(lines: Sequence[str], mark: str | None, path: Path) -> tuple[int, A
     ------
     BadFile : no two rows of numbers follow each other
     """
-    for start in range(max(len(lines) - 1, 0)):
-        first = _row(lines[start], mark)
-        second = _row(lines[start + 1], mark)
-        if first is None or second is None or len(first) != len(second) or len(first) < MIN_WIDTH:
+    for start, (line, next_line) in enumerate(pairwise(lines)):
+        row = _row(line, delimiter)
+        next_row = _row(next_line, delimiter)
+        if row is None or next_row is None:
             continue
-        rows = []
-        for line in lines[start:]:
-            row = _row(line, mark)
-            if row is None or not 0 <= len(first) - len(row) < MIN_WIDTH - 1:
-                break
-            rows.append([*row, *[np.nan] * (len(first) - len(row))])
-        return start, np.array(rows)
+        width = len(row)
+        if len(next_row) == width >= MIN_WIDTH:
+            return start, _values(lines[start:], delimiter, width)
     raise BadFile(path, f"has no two rows of {MIN_WIDTH} or more numbers", HINT)
+
+
+def _values(lines: Iterable[str], delimiter: str | None, width: int) -> Array:
+    """Read rows of numbers, up to the first line that is none or misses too many cells.
+
+    Parameters
+    ----------
+    lines : the first is a row
+    delimiter : between cells, None for white space
+    width : count of columns
+
+    Returns
+    -------
+    (rows, columns), NaN where a cell is blank or missing
+    """
+    rows = []
+    for line in lines:
+        row = _row(line, delimiter)
+        if row is None:
+            break
+        missing = width - len(row)
+        if not 0 <= missing < MIN_WIDTH - 1:
+            break
+        rows.append([*row, *[np.nan] * missing])
+    return np.array(rows)
 
 
 def _names(heading: Sequence[Sequence[str]], width: int) -> list[str]:
@@ -308,27 +371,45 @@ def _names(heading: Sequence[Sequence[str]], width: int) -> list[str]:
         if words and all(cell.lower() in UNITS_OF_CELLS for cell in cells):
             units = cells
             continue
-        if len(words) < max(MIN_WIDTH, 0.6 * width):
+        if len(words) < max(MIN_WIDTH, MIN_NAMED_SHARE * width):
             return []
-        above = heading[at - 1] if at else ()
-        groups = (
-            _spread(above, width)
-            if sum(map(bool, above)) > 1 or (above and not above[0])
-            else [""] * width
-        )
+        plates = _plates(heading[at - 1] if at else (), width)
         return [
-            f"{_plate(group)}_{name}".strip("_")
-            + (f" [{unit}]" if unit and not UNIT.search(name) else "")
-            for group, name, unit in zip(groups, cells, units, strict=True)
+            _title(plate, name, unit)
+            for plate, name, unit in zip(plates, cells, units, strict=True)
         ]
     return []
 
 
+def _plates(cells: Sequence[str], width: int) -> list[str]:
+    """Find the name of each column's plate in the line above the names.
+
+    Parameters
+    ----------
+    cells : of that line, () where there is none
+    width : count of columns
+
+    Returns
+    -------
+    one name per column, "" where the line names no groups of columns
+    """
+    # A line with one cell that is its first is a title.
+    names_groups = sum(map(bool, cells)) > 1 or (cells and not cells[0])
+    if not names_groups:
+        return [""] * width
+    return [_plate(group) for group in _spread(cells, width)]
+
+
+def _title(plate: str, name: str, unit: str) -> str:
+    """Join the texts of a column to its name, the unit in brackets unless it stands there."""
+    title = f"{plate}_{name}".strip("_")
+    return f"{title} [{unit}]" if unit and not UNIT.search(name) else title
+
+
 def _plate(group: str) -> str:
     """Return a plate's name from a line of groups, without the quantity behind it."""
-    return re.sub(
-        r"force[\s_]*(plate|platform)", r"\1", PART_OF_PLATE.sub("", group), flags=re.IGNORECASE
-    ).strip()
+    plate = PART_OF_PLATE.sub("", group)
+    return FORCE_PLATE.sub(r"\1", plate).strip()
 
 
 def _spread(cells: Sequence[str], width: int) -> list[str]:
@@ -362,27 +443,22 @@ def _rate(heading: Sequence[Sequence[str]]) -> float:
     -------
     samples per second [Hz], 0 where the heading states none
     """
-    for cells in heading:
-        filled = [cell for cell in cells if cell]
-        numbers = [
-            float(element) for cell in filled for element in re.findall(r"\d+(?:\.\d+)?", cell)
-        ]
-        alone = len(filled) == 1 and np.isfinite(number_or_nan(filled[0]))
-        if len(numbers) == 1 and numbers[0] > 0.0 and (alone or RATE.search(" ".join(filled))):
-            return numbers[0]
+    for line in heading:
+        cells = [cell for cell in line if cell]
+        texts = [text for cell in cells for text in NUMBER.findall(cell)]
+        if len(texts) != 1:
+            continue
+        rate = float(texts[0])
+        alone = len(cells) == 1 and np.isfinite(number_or_nan(cells[0]))
+        if rate > 0.0 and (alone or RATE.search(" ".join(cells))):
+            return rate
     return 0.0
 
 
 def _plain(name: str) -> str:
     """Return a name in small letters without its unit and the characters around it."""
-    return (
-        UNIT.sub("", name)
-        .split("[")[0]
-        .strip("_ #.")
-        .lower()
-        .removesuffix("_s")
-        .removesuffix("_ms")
-    )
+    without_unit, _, _ = UNIT.sub("", name).partition("[")
+    return without_unit.strip("_ #.").lower().removesuffix("_s").removesuffix("_ms")
 
 
 def _times(names: Sequence[str], values: Array, rate: float, notes: list[str], path: Path) -> Array:
@@ -405,18 +481,11 @@ def _times(names: Sequence[str], values: Array, rate: float, notes: list[str], p
     BadFile : there is neither a column of times nor a rate, or times do not rise
     """
     plain = [_plain(name) for name in names]
-    column = next((index for index, name in enumerate(plain) if name in TIMES), None)
+    column = _index_of(TIMES, plain)
     if column is not None:
-        time: Array = values[:, column] * (
-            1e-3 if re.search(r"[^a-z]ms([^a-z]|$)", names[column].lower()) else 1.0
-        )
+        time: Array = values[:, column] * (1e-3 if IN_MS.search(names[column].lower()) else 1.0)
     elif rate > 0.0:
-        frame = next((index for index, name in enumerate(plain) if name in FRAMES), None)
-        sub = next((index for index, name in enumerate(plain) if name in SUB_FRAMES), None)
-        first = 0.0
-        if frame is not None:
-            each = 1.0 if sub is None else float(np.nanmax(values[:, sub])) + 1.0
-            first = (values[0, frame] - 1.0) * each + (0.0 if sub is None else values[0, sub])
+        first = _first_sample(plain, values)
         time = np.array([(first + index) / rate for index in range(len(values))])
         notes.append(f"no column of times: rows at {rate:g} Hz, the first at {time[0]:g} s")
     else:
@@ -432,7 +501,35 @@ def _times(names: Sequence[str], values: Array, rate: float, notes: list[str], p
     return time
 
 
-def _in_metres(wrenches: Wrenches, table: Table) -> Wrenches:
+def _index_of(known: Sequence[str], names: Sequence[str]) -> int | None:
+    """Find the first column that has one of the known names."""
+    for index, name in enumerate(names):
+        if name in known:
+            return index
+    return None
+
+
+def _first_sample(names: Sequence[str], values: Array) -> float:
+    """Find how many samples the first row is behind time 0, by columns of frames and sub frames.
+
+    Frames count from 1, sub frames from 0.
+
+    Parameters
+    ----------
+    names : plain, one per column
+    values : (rows, columns)
+    """
+    frame = _index_of(FRAMES, names)
+    if frame is None:
+        return 0.0
+    sub_frame = _index_of(SUB_FRAMES, names)
+    if sub_frame is None:
+        return values[0, frame] - 1.0
+    samples_per_frame = float(np.nanmax(values[:, sub_frame])) + 1.0
+    return (values[0, frame] - 1.0) * samples_per_frame + values[0, sub_frame]
+
+
+def _in_meters(wrenches: Wrenches, table: Table) -> Wrenches:
     """Convert points in mm and moments in N mm that name no unit, by their size.
 
     Parameters
@@ -447,22 +544,29 @@ def _in_metres(wrenches: Wrenches, table: Table) -> Wrenches:
     notes = list(wrenches.notes)
     points = wrenches.points.copy()
     torques = wrenches.torques.copy()
-    stated = {column.name: column for column in force_columns(table.names)}
+    columns = {force.name: force for force in force_columns(table.names)}
     for index, name in enumerate(wrenches.names):
-        unit = stated.get(name)
-        size = np.linalg.norm(wrenches.forces[:, index], axis=1)
-        loaded = np.isfinite(size) & (size > LOADED)
-        if unit is None or not loaded.any():
+        if name not in columns:
             continue
-        for columns, parts, over, words in (
-            (unit.point, points, np.ones(int(loaded.sum())), "points taken as mm"),
-            (unit.torque, torques, size[loaded], "moments taken as N mm"),
-        ):
-            far = np.nanmedian(np.linalg.norm(parts[loaded, index], axis=1) / over) > FAR
-            if far and not any(UNIT.search(column) for column in columns):
-                parts[:, index] *= 1e-3
-                notes.append(f"force '{name}': no unit, {words} by their size")
+        norms = np.linalg.norm(wrenches.forces[:, index], axis=1)
+        loaded = np.isfinite(norms) & (norms > MIN_LOAD)
+        if not loaded.any():
+            continue
+        distances = np.linalg.norm(points[loaded, index], axis=1)
+        if _in_millimeters(distances, columns[name].point):
+            points[:, index] *= 1e-3
+            notes.append(f"force '{name}': no unit, points taken as mm by their size")
+        levers = np.linalg.norm(torques[loaded, index], axis=1) / norms[loaded]
+        if _in_millimeters(levers, columns[name].torque):
+            torques[:, index] *= 1e-3
+            notes.append(f"force '{name}': no unit, moments taken as N mm by their size")
     return replace(wrenches, points=points, torques=torques, notes=tuple(notes))
+
+
+def _in_millimeters(lengths: Array, columns: Sequence[str]) -> bool:
+    """Return whether lengths (samples,) are too large for meters, and no column names a unit."""
+    far = bool(np.nanmedian(lengths) > MAX_METERS)
+    return far and not any(UNIT.search(column) for column in columns)
 
 
 def _about_origins(wrenches: Wrenches, origins: Sequence[tuple[float, float, float]]) -> Wrenches:
@@ -481,14 +585,16 @@ def _about_origins(wrenches: Wrenches, origins: Sequence[tuple[float, float, flo
     ------
     BadData : there are more or fewer origins than such forces
     """
-    bare = [index for index in range(len(wrenches.names)) if not wrenches.points[:, index].any()]
-    if len(bare) != len(origins):
+    without_center = [
+        index for index in range(len(wrenches.names)) if not wrenches.points[:, index].any()
+    ]
+    if len(without_center) != len(origins):
+        names = ", ".join(wrenches.names[index] for index in without_center) or "none"
         raise BadData(
-            f"{len(origins)} origins of moments for {len(bare)} forces without a center of pressure"
-            f" ({', '.join(wrenches.names[index] for index in bare) or 'none'}): give one each"
-            " (--force-origins 'x,y,z; x,y,z')"
+            f"{len(origins)} origins of moments for {len(without_center)} forces without a center"
+            f" of pressure ({names}): give one each (--force-origins 'x,y,z; x,y,z')"
         )
     points = wrenches.points.copy()
-    points[:, bare] = np.array(origins)
+    points[:, without_center] = np.array(origins)
     notes = tuple(note for note in wrenches.notes if "has no center of pressure" not in note)
     return replace(wrenches, points=points, notes=notes)
