@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,8 @@ SIGNALS = {
 }
 """Data sets by the names of either layout; in m/s^2, rad/s, microtesla, and quaternions w, x, y, z.
 """
-MAX_BYTES = 1 << 31
-MEMORY = 4.0
+MAX_BYTES = 1 << 31  # Of a signal.
+MEMORY = 4.0  # Of the child at most [GiB].
 
 
 def read_apdm(path: Path) -> InertialSensors:
@@ -72,63 +73,66 @@ def read_through(path: str | os.PathLike[str]) -> None:
 
 
 def _sensors(path: Path) -> list[InertialSensors]:
-    # Takes a moment to import, and few trials need it.
     """Read each sensor by itself; `BadFile` where the file is no HDF5."""
+    # Takes a moment to import, and few trials need it.
     import h5py
 
     try:
         with h5py.File(path, "r") as file:
-            return _new(file, path) if "Sensors" in file else _old(file, path)
+            if "Sensors" in file:
+                return _sensors_of_newer_layout(file, path)
+            return _sensors_of_older_layout(file, path)
     except OSError as error:
         raise BadFile(path, f"is no HDF5 file ({error})", HINT) from None
 
 
-def _new(file: Any, path: Path) -> list[InertialSensors]:
-    """Read the sensors of the newer layout: groups Sensors and Processed."""
+def _sensors_of_newer_layout(file: Any, path: Path) -> list[InertialSensors]:
+    """Read the sensors of the layout with groups Sensors and Processed."""
     sensors = []
     start = _start(file["Sensors"])
     for key, group in file["Sensors"].items():
         settings = group["Configuration"].attrs if "Configuration" in group else group.attrs
         name = _text(settings.get("Label 0", key)) or key
         processed = file.get(f"Processed/{key}", {})
-        sensors.append(
-            _sensor(name, {**dict(group.items()), **dict(processed.items())}, start, 0.0, path)
-        )
+        datasets = {**dict(group.items()), **dict(processed.items())}
+        sensors.append(_sensor(name, datasets, start, 0.0, path))
     return sensors
 
 
-def _old(file: Any, path: Path) -> list[InertialSensors]:
-    """Read the sensors of the older layout: one group per monitor."""
-    lists = (file.attrs.get(name, ()) for name in ("CaseIdList", "MonitorLabelList"))
-    labels = dict(zip(*(map(_text, texts) for texts in lists), strict=False))
+def _sensors_of_older_layout(file: Any, path: Path) -> list[InertialSensors]:
+    """Read the sensors of the layout with one group per monitor."""
+    cases = map(_text, file.attrs.get("CaseIdList", ()))
+    labels = map(_text, file.attrs.get("MonitorLabelList", ()))
+    label_of_case = dict(zip(cases, labels, strict=False))
     sensors = []
     start = _start(file)
     for key, group in file.items():
-        if "Calibrated" in group:
-            rate = float(np.ravel(group.attrs.get("SampleRate", np.nan))[0])
-            name = labels.get(key, "") or key
-            parts = {
-                **dict(group["Calibrated"].items()),
-                **({"Time": group["Time"]} if "Time" in group else {}),
-            }
-            sensors.append(_sensor(name, parts, start, rate, path))
+        if "Calibrated" not in group:
+            continue
+        rate = float(np.ravel(group.attrs.get("SampleRate", np.nan))[0])
+        name = label_of_case.get(key, "") or key
+        datasets = dict(group["Calibrated"].items())
+        if "Time" in group:
+            datasets["Time"] = group["Time"]
+        sensors.append(_sensor(name, datasets, start, rate, path))
     return sensors
 
 
 def _start(groups: Any) -> int:
     """Return the first time of any sensor [microseconds]."""
-    return min((int(group["Time"][0]) for group in groups.values() if "Time" in group), default=0)
+    first_times = [int(group["Time"][0]) for group in groups.values() if "Time" in group]
+    return min(first_times, default=0)
 
 
 def _sensor(
-    name: str, parts: dict[str, Any], start: int, rate: float, path: Path
+    name: str, datasets: Mapping[str, Any], start: int, rate: float, path: Path
 ) -> InertialSensors:
     """Read one sensor.
 
     Parameters
     ----------
     name : of the sensor
-    parts : data sets by title, (samples, 3 or 4) or the other way round
+    datasets : by title, (samples, 3 or 4) or the other way round
     start : time that counts as 0 [microseconds since 1970]
     rate : of the samples [Hz], used where there are no times
     path : of the file, for messages
@@ -139,26 +143,17 @@ def _sensor(
     """
     signals: dict[str, Array] = {}
     for kind, titles in SIGNALS.items():
-        dataset = next((parts[title] for title in titles if title in parts), None)
-        width = 4 if kind == "orientations" else 3
-        if dataset is None:
-            continue
-        if dataset.ndim != 2 or width not in dataset.shape or 8 * dataset.size > MAX_BYTES:
-            text = (
-                f"{dataset.name} has the shape {dataset.shape}, where (samples, {width}) is"
-                " expected"
-            )
-            raise BadFile(path, text, HINT)
-        values = np.asarray(dataset, dtype=np.float64)
-        signals[kind] = (values if values.shape[1] == width else values.T)[:, None]
+        dataset = next((datasets[title] for title in titles if title in datasets), None)
+        if dataset is not None:
+            width = 4 if kind == "orientations" else 3
+            signals[kind] = _signal(dataset, width, path)[:, None]
     if not signals:
         raise BadFile(path, f"sensor '{name}' has none of {', '.join(SIGNALS)}", HINT)
     frames = min(len(values) for values in signals.values())
-    if "Time" in parts and len(parts["Time"]) >= frames:
+    if "Time" in datasets and len(datasets["Time"]) >= frames:
         # Microseconds since 1970: counted from the first of all sensors, for a float's sake.
-        time = np.asarray(
-            1e-6 * (np.asarray(parts["Time"], dtype=np.int64)[:frames] - start), dtype=np.float64
-        )
+        microseconds = np.asarray(datasets["Time"], dtype=np.int64)[:frames] - start
+        time = np.asarray(1e-6 * microseconds, dtype=np.float64)
     elif rate > 0.0:
         time = np.arange(frames) / rate
     else:
@@ -167,8 +162,34 @@ def _sensor(
     return sensors_of_signals(time, (name,), cut, source=str(path))
 
 
+def _signal(dataset: Any, width: int, path: Path) -> Array:
+    """Read a signal, which may be stored either way round.
+
+    Parameters
+    ----------
+    dataset : (samples, width) or (width, samples)
+    width : numbers per sample
+    path : of the file, for messages
+
+    Returns
+    -------
+    (samples, width)
+
+    Raises
+    ------
+    BadFile : it has another shape or is too large
+    """
+    if dataset.ndim != 2 or width not in dataset.shape or 8 * dataset.size > MAX_BYTES:
+        raise BadFile(
+            path,
+            f"{dataset.name} has the shape {dataset.shape}, where (samples, {width}) is expected",
+            HINT,
+        )
+    values = np.asarray(dataset, dtype=np.float64)
+    return values if values.shape[1] == width else values.T
+
+
 def _text(value: Any) -> str:
     """Return a text without blanks and null characters at its ends."""
-    return (
-        value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
-    ).strip(" \0")
+    text = value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
+    return text.strip(" \0")

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from myomorph.core.io.c3d.read import read_c3d
-from myomorph.core.io.inertial.tables import sensors_of_channels
+from myomorph.core.io.inertial.channels import sensors_of_channels
 from myomorph.core.model.errors import BadData, BadFile, MyomorphError
 from myomorph.core.model.extension import Format
 from myomorph.core.model.inertial_sensors import InertialSensors, beside

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from myomorph.core.io.inertial.signals import sensors_of_signals
+from myomorph.core.io.inertial.channels import sensors_of_channels
 from myomorph.core.io.inertial.xsens import COLUMNS, HEAD_LINES, read_dot
 from myomorph.core.io.parsing.text import file_text, number
 from myomorph.core.io.sto import read_sto
@@ -23,6 +22,8 @@ HINT = (
 )
 TIME = re.compile(r"^(x\s*\[s\]|x\s*\(s\)|time.*)$", re.IGNORECASE)
 UNIT = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
+MIN_NORM = 0.5  # Of a quaternion.
+MAX_NORM_ERROR = 0.01
 # In the name of a channel.
 SENSOR_LIKE = re.compile(r"(acc|gyr|mag|quat|orientation)", re.IGNORECASE)
 
@@ -45,20 +46,22 @@ def read_orientations(path: Path) -> InertialSensors:
     BadFile : it is no table of quaternions
     """
     table = read_sto(path)
-    if table.facts.get("DataType", "").lower() != "quaternion" or len(table.names) % 4:
+    data_type = table.facts.get("DataType", "")
+    if data_type.lower() != "quaternion" or len(table.names) % 4:
         raise BadFile(
             path,
-            f"holds no orientations: its DataType is '{table.facts.get('DataType', '')}'",
+            f"holds no orientations: its DataType is '{data_type}'",
             "expected DataType=Quaternion, as OpenSim's readers of Xsens and APDM data write it",
         )
     names = tuple(name.rsplit("_", 1)[0] for name in table.names[::4])
-    values = table.values.reshape(len(table), -1, 4).copy()
-    sizes = np.linalg.norm(values, axis=2)
-    values[~(sizes > 0.5)] = np.nan
+    quaternions = table.values.reshape(len(table), -1, 4).copy()
+    norms = np.linalg.norm(quaternions, axis=2)
+    quaternions[~(norms > MIN_NORM)] = np.nan
     notes = list(table.warnings)
-    if (off := int((np.abs(sizes - 1.0) > 0.01).sum())) > 0:
+    off = int((np.abs(norms - 1.0) > MAX_NORM_ERROR).sum())
+    if off > 0:
         notes.append(f"{off} quaternions are not of length 1: made so, those near 0 left out")
-    return InertialSensors(table.time, names, values, warnings=tuple(notes), source=str(path))
+    return InertialSensors(table.time, names, quaternions, warnings=tuple(notes), source=str(path))
 
 
 def read_sensor_csv(path: Path) -> InertialSensors:
@@ -81,22 +84,107 @@ def read_sensor_csv(path: Path) -> InertialSensors:
     if any(COLUMNS.match(line) for line in lines[:HEAD_LINES]):
         return read_dot(path)
     for start, line in enumerate(lines[:HEAD_LINES]):
-        mark = next((delimiter for delimiter in ";\t" if delimiter in line), ",")
-        cells = [cell.strip().strip('"') for cell in line.split(mark)]
-        if any(TIME.match(cell) for cell in cells) and len(cells) > 3:
-            return _delsys(path, cells, mark, lines[start + 1 :])
+        delimiter = _delimiter(line)
+        titles = [cell.strip().strip('"') for cell in line.split(delimiter)]
+        if len(titles) > 3 and any(TIME.match(title) for title in titles):
+            values = _values(path, titles, delimiter, lines[start + 1 :])
+            return _delsys(path, _channels(titles, values))
     raise BadFile(path, "has no line of column names with a time", HINT)
 
 
-def _delsys(path: Path, cells: list[str], mark: str, lines: list[str]) -> InertialSensors:
+def _delimiter(line: str) -> str:
+    """Find what stands between the cells of a line: a semicolon, a tab, or else a comma."""
+    for delimiter in ";\t":
+        if delimiter in line:
+            return delimiter
+    return ","
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Channel:
+    """A channel with a clock of its own.
+
+    Attributes
+    ----------
+    name, unit : by its title; "" for no unit
+    time : (samples,) [s]
+    values : (samples,) in that unit
+    """
+
+    name: str
+    unit: str
+    time: Array
+    values: Array
+
+
+def _values(path: Path, titles: Sequence[str], delimiter: str, lines: Iterable[str]) -> Array:
+    """Read the numbers of a table.
+
+    Parameters
+    ----------
+    path : of the file, for messages
+    titles : of the columns
+    delimiter : between cells; with ";" a comma is a decimal point
+    lines : below the titles
+
+    Returns
+    -------
+    (rows, columns), NaN where a cell is missing
+
+    Raises
+    ------
+    BadFile : a cell is no number
+    """
+    lines = [line for line in lines if line.strip(" ,;\t")]
+    if delimiter == ";":
+        lines = [line.replace(",", ".") for line in lines]
+    values = np.full((len(lines), len(titles)), np.nan)
+    for index, line in enumerate(lines):
+        for column, cell in enumerate(line.split(delimiter)[: len(titles)]):
+            try:
+                values[index, column] = number(cell)
+            except ValueError:
+                text = f"row {index + 1} holds '{cell.strip()}' in column '{titles[column]}'"
+                raise BadFile(path, text, HINT) from None
+    return values
+
+
+def _channels(titles: Sequence[str], values: Array) -> list[_Channel]:
+    """Read the channels, each at the times that stand before it.
+
+    Parameters
+    ----------
+    titles : of the columns; a column of times stands before its channels
+    values : (rows, columns)
+    """
+    channels = []
+    clock: int | None = None
+    for column, title in enumerate(titles):
+        if TIME.match(title):
+            clock = column
+            continue
+        if not title or clock is None:
+            continue
+        unit = UNIT.search(title)
+        known = np.isfinite(values[:, clock]) & np.isfinite(values[:, column])
+        channels.append(
+            _Channel(
+                name=title[: unit.start()].strip() if unit else title,
+                unit=unit.group(1) if unit else "",
+                time=values[known, clock],
+                values=values[known, column],
+            )
+        )
+    return channels
+
+
+def _delsys(path: Path, channels: Sequence[_Channel]) -> InertialSensors:
     """Bring the channels of Delsys to the clock of the fastest inertial channel.
 
     Parameters
     ----------
     path : of the file
-    cells : names of the columns; a column of times stands before its channels
-    mark : between cells; with ";" a comma is a decimal point
-    lines : of numbers
+    channels : of sensors, and others
 
     Returns
     -------
@@ -104,176 +192,27 @@ def _delsys(path: Path, cells: list[str], mark: str, lines: list[str]) -> Inerti
 
     Raises
     ------
-    BadFile : a cell is no number, or no sensor has all axes
+    BadFile : no sensor has all axes
     """
-    decimal = mark == ";"
-    lines = [line.replace(",", ".") if decimal else line for line in lines if line.strip(" ,;\t")]
-    rows = [line.split(mark) for line in lines]
-    values = np.full((len(rows), len(cells)), np.nan)
-    for index, row in enumerate(rows):
-        for column, cell in enumerate(row[: len(cells)]):
-            try:
-                values[index, column] = number(cell)
-            except ValueError:
-                text = f"row {index + 1} holds '{cell.strip()}' in column '{cells[column]}'"
-                raise BadFile(path, text, HINT) from None
-    clock = -1
-    names = list[str]()
-    units = list[str]()
-    parts = list[tuple[Array, Array]]()
-    for column, cell in enumerate(cells):
-        if TIME.match(cell):
-            clock = column
-        elif cell and clock >= 0:
-            unit = UNIT.search(cell)
-            title = cell[: unit.start()].strip() if unit else cell
-            known = np.isfinite(values[:, clock]) & np.isfinite(values[:, column])
-            names.append(title)
-            units.append(unit.group(1) if unit else "")
-            parts.append((values[known, clock], values[known, column]))
     inertial = [
-        i for i, name in enumerate(names) if SENSOR_LIKE.search(name) and len(parts[i][0]) > 1
+        channel
+        for channel in channels
+        if SENSOR_LIKE.search(channel.name) and len(channel.time) > 1
     ]
     if not inertial:
         raise BadFile(path, "has no channels of accelerometers and gyroscopes", HINT)
-    time = max((parts[i][0] for i in inertial), key=len)
-    table = np.column_stack([np.interp(time, *parts[i], np.nan, np.nan) for i in inertial])
+    time = max((channel.time for channel in inertial), key=len)
     sensors = sensors_of_channels(
-        time, [names[i] for i in inertial], table, [units[i] for i in inertial]
+        time,
+        names=[channel.name for channel in inertial],
+        values=np.column_stack([_at_times(channel, time) for channel in inertial]),
+        units=[channel.unit for channel in inertial],
     )
     if sensors is None:
         raise BadFile(path, "has no sensor with all axes of an accelerometer and a gyroscope", HINT)
     return replace(sensors, source=str(path))
 
 
-CHANNEL = re.compile(
-    r"^(?P<before>.*?)[\s._:-]*(?P<kind>acc|accel|accelerometer|gyr|gyro|gyroscope|mag|magnetometer|quat|quaternion|or|"
-    r"orientation)[\s._:-]*(?P<axis>[xyzw])(?P<after>[\s._:-]*\d*)\s*$",
-    re.IGNORECASE,
-)
-"""Name of a channel: sensor, what it measures, axis, and a number."""
-KINDS = {"a": "accelerations", "g": "angular_velocities", "m": "magnetic_fields"} | dict.fromkeys(
-    "qo", "orientations"
-)
-"""What is measured, by the first letter of its word."""
-JOINTS = " ._:-"  # What stands between the words of a name.
-# What a sensor must have, one or the other.
-ENOUGH = ({"accelerations", "angular_velocities"}, {"orientations"})
-GRAVITY = 9.80665
-ACCELERATION_UNITS = {"g": GRAVITY, "gs": GRAVITY, "mg": 1e-3 * GRAVITY}
-ACCELERATION_UNITS |= dict.fromkeys(("m/s^2", "m/s2", "m/s²"), 1.0) | dict.fromkeys(
-    ("mm/s^2", "mm/s2", "mm/s²"), 1e-3
-)
-RATE_UNITS = {"rad/s": 1.0} | dict.fromkeys(("deg/s", "°/s", "dps", "deg/sec"), np.pi / 180.0)
-MIN_RATIO = 0.3
-# Median of accelerations, in units of gravity, between which their unit is believed.
-MAX_RATIO = 3.0
-MAX_RADIANS = 20.0
-MIN_DEGREES = 40.0
-"""Largest speed of rotation up to which numbers without a unit are rad/s, and from which on they
-are deg/s.
-"""
-
-
-def sensors_of_channels(
-    time: Array, names: Sequence[str], values: Array, units: Sequence[str]
-) -> InertialSensors | None:
-    """Find inertial sensors among channels, by their names.
-
-    A sensor has all axes of an accelerometer and a gyroscope, or an orientation.
-
-    Parameters
-    ----------
-    time : (samples,) [s]
-    names : one per channel, as "shank.ACC.X"
-    values : (samples, channels)
-    units : one per channel, "" for unknown, then guessed from their size
-
-    Returns
-    -------
-    signals (samples, sensors, 3 or 4) that all sensors have, in the units of `InertialSensors`;
-    None where there are no sensors
-    """
-    columns: dict[str, dict[tuple[str, str], int]] = {}
-    for index, name in enumerate(names):
-        match = CHANNEL.match(name)
-        if match is None:
-            continue
-        parts = (match["before"].strip(JOINTS), match["after"].strip(JOINTS))
-        sensor = "_".join(part for part in parts if part)
-        kind = KINDS[match["kind"][0].lower()]
-        columns.setdefault(sensor or "imu", {})[kind, match["axis"].lower()] = index
-    if "imu" in columns and any(name.isdigit() for name in columns):
-        columns = {
-            f"imu_{name}" if name.isdigit() else name: axes for name, axes in columns.items()
-        }
-    whole = {
-        sensor: {kind for kind, _ in axes if all((kind, axis) in axes for axis in _axes(kind))}
-        for sensor, axes in columns.items()
-    }
-    found = [name for name, kinds in whole.items() if any(needed <= kinds for needed in ENOUGH)]
-    if not found:
-        return None
-    signals = dict[str, Any]()
-    notes = list[str]()
-    for kind in dict.fromkeys(KINDS.values()):
-        if not all(kind in whole[name] for name in found):
-            continue
-        picked = [[columns[name][kind, axis] for axis in _axes(kind)] for name in found]
-        scale = _scale(
-            kind,
-            [units[index] for row in picked for index in row],
-            values[:, np.ravel(picked)],
-            notes,
-        )
-        signals[kind] = scale * values[:, picked]
-    return sensors_of_signals(time, tuple(found), signals, warnings=tuple(notes))
-
-
-def _axes(kind: str) -> str:
-    """Return the axes of a signal, w before x, y and z for orientations."""
-    return "wxyz" if kind == "orientations" else "xyz"
-
-
-def _scale(kind: str, units: Sequence[str], values: Array, notes: list[str]) -> float:
-    """Find the factor of a signal to the units of `InertialSensors`.
-
-    Parameters
-    ----------
-    kind : of signal
-    units : one per channel
-    values : (samples, channels), three channels per sensor
-    notes : gets a warning where the unit follows from the size of the values
-
-    Returns
-    -------
-    the factor, 1 for orientations and magnetic fields
-    """
-    if kind not in ("accelerations", "angular_velocities"):
-        return 1.0
-    known = ACCELERATION_UNITS if kind == "accelerations" else RATE_UNITS
-    unit = units[0].strip().lower() if len(set(units)) == 1 else ""
-    sizes = np.linalg.norm(np.nan_to_num(values.reshape(len(values), -1, 3)), axis=2)
-    usual = float(np.median(sizes))
-    largest = float(sizes.max(initial=0.0))
-    if unit in known and (
-        kind != "accelerations" or MIN_RATIO < known[unit] * usual / GRAVITY < MAX_RATIO
-    ):
-        return known[unit]
-    if kind == "accelerations":
-        name = min(
-            ("m/s^2", "mm/s^2", "g"),
-            key=lambda name: abs(np.log(max(usual * known[name], 1e-9) / GRAVITY)),
-        )
-    else:
-        name = "rad/s" if largest < MAX_RADIANS else "deg/s"
-        if MAX_RADIANS <= largest < MIN_DEGREES:
-            notes.append(
-                f"speeds of rotation reach {largest:.0f}: it is unsure whether they are rad/s or"
-                " deg/s"
-            )
-    notes.append(
-        f"unit of {kind.replace('_', ' ')} is '{units[0]}' in the file: taken as {name} by their"
-        " size"
-    )
-    return known[name]
+def _at_times(channel: _Channel, time: Array) -> Array:
+    """Interpolate a channel at times (samples,) [s], NaN beyond its first and last."""
+    return np.interp(time, channel.time, channel.values, left=np.nan, right=np.nan)

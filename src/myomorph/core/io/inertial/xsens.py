@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,8 @@ HINT = (
     "expected an export of MT Manager or of Movella DOT: columns such as PacketCounter, Quat_q0 or"
     " Mat[1][1], Acc_X"
 )
-COUNTER = 1 << 16  # A counter of packets begins again at this number.
+PACKET_COUNTS = 1 << 16  # A counter of packets begins again at this number.
+CLOCK_COUNTS = 2.0**32  # So does a clock of samples.
 QUATERNIONS = (
     ("Quat_q0", "Quat_q1", "Quat_q2", "Quat_q3"),
     ("Quat_W", "Quat_X", "Quat_Y", "Quat_Z"),
@@ -31,6 +34,15 @@ MATRIX = tuple(f"Mat[{row}][{column}]" for row in (1, 2, 3) for column in (1, 2,
 COLUMNS = re.compile(r'"?(PacketCounter|SampleTimeFine)\b')
 HEAD_LINES = 60
 VECTORS = {"accelerations": "Acc", "angular_velocities": "Gyr", "magnetic_fields": "Mag"}
+"""Columns of MT Manager and DOT: beginning of their names, before the axis."""
+SENSOR_TAGS = {
+    "angular_velocities": "sensorAngularVelocity",
+    "magnetic_fields": "sensorMagneticField",
+    "accelerations": "sensorAcceleration",
+}
+"""Elements of MVNX."""
+RATE = re.compile(r"Update\s*Rate:?[,\s]*([\d.]+)")
+TAG = re.compile(r"DeviceTag:?[,\s]*(\S+)")
 
 
 def read_mvnx(path: Path) -> InertialSensors:
@@ -53,44 +65,40 @@ def read_mvnx(path: Path) -> InertialSensors:
     ------
     BadFile : it is no such file, or has no frame with orientations
     """
-    root = read_xml(path).root
-    subject = _first(root, "subject")
+    subject = _first(read_xml(path).root, "subject")
     if subject is None:
         raise BadFile(path, "holds no subject", "expected an MVNX file of MVN Analyze")
     frames = [frame for frame in _all(subject, "frame") if frame.get("type", "normal") == "normal"]
-    kind = "sensor"
-    tag = "sensorOrientation"
-    if frames and _first(frames[0], tag) is None:
-        kind = "segment"
-        tag = "orientation"
+    if not frames:
+        raise _without_orientations(path)
+    of_sensors = _first(frames[0], "sensorOrientation") is not None
+    kind, tag = ("sensor", "sensorOrientation") if of_sensors else ("segment", "orientation")
     names = tuple(item.get("label", "") for item in _all(subject, kind))
-    if not frames or not names or _first(frames[0], tag) is None:
-        raise BadFile(
-            path, "has no frame with orientations", "export sensorOrientation or orientation"
-        )
+    if not names or _first(frames[0], tag) is None:
+        raise _without_orientations(path)
     rate = float(subject.get("frameRate") or "nan")
-    clock = [frame.get("time") for frame in frames]
-    time = np.array(
-        [
-            float(milliseconds) * 1e-3 if milliseconds else i / rate
-            for i, milliseconds in enumerate(clock)
-        ]
-    )
-    signals: dict[str, Any] = {"orientations": _vectors(frames, tag, len(names), 4, path)}
-    if kind == "sensor":
-        fields = {
-            "angular_velocities": "sensorAngularVelocity",
-            "magnetic_fields": "sensorMagneticField",
-        }
-        for name, part in {**fields, "accelerations": "sensorAcceleration"}.items():
-            if _first(frames[0], part) is not None:
-                signals[name] = _vectors(frames, part, len(names), 3, path)
-    notes = (
-        ()
-        if kind == "sensor"
-        else ("has no sensors: the orientations are those of MVN's segments",)
-    )
+    time = np.array([_time(frame, index, rate) for index, frame in enumerate(frames)])
+    signals = {"orientations": _vectors(frames, tag, len(names), 4, path)}
+    notes: tuple[str, ...] = ("has no sensors: the orientations are those of MVN's segments",)
+    if of_sensors:
+        notes = ()
+        for signal, signal_tag in SENSOR_TAGS.items():
+            if _first(frames[0], signal_tag) is not None:
+                signals[signal] = _vectors(frames, signal_tag, len(names), 3, path)
     return sensors_of_signals(time, names, signals, warnings=notes, source=str(path))
+
+
+def _without_orientations(path: Path) -> BadFile:
+    """Make the error of a file without orientations."""
+    return BadFile(
+        path, "has no frame with orientations", "export sensorOrientation or orientation"
+    )
+
+
+def _time(frame: etree._Element, index: int, rate: float) -> float:
+    """Return the time of a frame [s]: its own, or by its index where it states none."""
+    milliseconds = frame.get("time")
+    return float(milliseconds) * 1e-3 if milliseconds else index / rate
 
 
 def _all(element: etree._Element, tag: str) -> list[etree._Element]:
@@ -125,22 +133,20 @@ def _vectors(frames: list[etree._Element], tag: str, count: int, width: int, pat
     rows = np.full((len(frames), count, width), np.nan)
     for index, frame in enumerate(frames):
         element = _first(frame, tag)
+        text = "" if element is None else element.text or ""
         try:
-            numbers = (
-                np.array((element.text or "").split(), dtype=np.float64)
-                if element is not None
-                else np.empty(0)
-            )
+            numbers = np.array(text.split(), dtype=np.float64)
         except ValueError:
             raise BadFile(path, f"frame {index}: {tag} holds what is no number") from None
-        if len(numbers) == count * width:
-            rows[index] = numbers.reshape(count, width)
-        elif len(numbers):
+        if not len(numbers):
+            continue
+        if len(numbers) != count * width:
             raise BadFile(
                 path,
                 f"frame {index}: {len(numbers)} numbers in {tag}, where {count * width} are"
                 " expected",
             )
+        rows[index] = numbers.reshape(count, width)
     return rows
 
 
@@ -159,7 +165,7 @@ def read_xsens_text(path: Path) -> InertialSensors:
     ------
     BadFile : it is no such file, or has no signal or no time
     """
-    return _table(path, 1.0)
+    return _sensor(path, 1.0)
 
 
 def read_dot(path: Path) -> InertialSensors:
@@ -177,10 +183,46 @@ def read_dot(path: Path) -> InertialSensors:
     ------
     BadFile : it is no such file, or has no signal or no time
     """
-    return _table(path, np.pi / 180.0)
+    return _sensor(path, np.pi / 180.0)
 
 
-def _table(path: Path, rate_unit: float) -> InertialSensors:
+@dataclass(frozen=True, kw_only=True)
+class _SensorTable:
+    """Columns of one sensor.
+
+    Attributes
+    ----------
+    head : text above the line of names
+    names : one per column
+    values : (rows, columns), NaN where a cell is blank
+    notes : what looked wrong in the rows
+    """
+
+    head: str
+    names: tuple[str, ...]
+    values: Array
+    notes: tuple[str, ...]
+
+    @property
+    def column_index(self) -> Mapping[str, int]:
+        """Index by name; of columns with one name the last."""
+        return {name: index for index, name in enumerate(self.names)}
+
+    def has(self, *names: str) -> bool:
+        """Return whether all these columns are there."""
+        return set(names) <= set(self.names)
+
+    def columns(self, names: Sequence[str]) -> Array:
+        """Return the values of columns (rows, names)."""
+        index = self.column_index
+        return self.values[:, [index[name] for name in names]]
+
+    def column(self, name: str) -> Array:
+        """Return the values of one column (rows,)."""
+        return self.values[:, self.column_index[name]]
+
+
+def _sensor(path: Path, rate_unit: float) -> InertialSensors:
     """Read the columns of one sensor.
 
     Parameters
@@ -188,59 +230,76 @@ def _table(path: Path, rate_unit: float) -> InertialSensors:
     path : of the file
     rate_unit : unit of its gyroscopes [rad/s]
     """
-    text = file_text(path, HINT)
-    lines = text.splitlines()
+    table = _sensor_table(path)
+    signals: dict[str, Any] = {}
+    orientations = _orientations(table)
+    if orientations is not None:
+        signals["orientations"] = orientations
+    for kind, prefix in VECTORS.items():
+        axes = tuple(f"{prefix}_{axis}" for axis in "XYZ")
+        if table.has(*axes):
+            unit = rate_unit if kind == "angular_velocities" else 1.0
+            signals[kind] = unit * table.columns(axes)[:, None]
+    if not signals:
+        names = ", ".join(list(table.column_index)[:12])
+        raise BadFile(
+            path, f"has no orientation and no acceleration; its columns are {names}", HINT
+        )
+    tag = TAG.search(table.head)
+    name = tag.group(1).strip(",;") if tag else path.stem.split("_")[-1]
+    time = _clock(table, path)
+    return sensors_of_signals(time, (name,), signals, warnings=table.notes, source=str(path))
+
+
+def _sensor_table(path: Path) -> _SensorTable:
+    """Read the numbers below the line of column names.
+
+    Raises
+    ------
+    BadFile : it has no such line, or a row is not as long
+    """
+    lines = file_text(path, HINT).splitlines()
     start = next(
         (index for index, line in enumerate(lines[:HEAD_LINES]) if COLUMNS.match(line)), None
     )
     if start is None:
         raise BadFile(path, "has no line of column names that begins with PacketCounter", HINT)
-    mark = next(delimiter for delimiter in "\t;," if delimiter in lines[start] or delimiter == ",")
-    labels = [cell.strip().strip('"') for cell in lines[start].rstrip(" \t,;").split(mark)]
-    body = "\n".join(line.rstrip(" \t,;") for line in lines[start + 1 :])
+    delimiter = next(mark for mark in "\t;," if mark in lines[start] or mark == ",")
+    names = [cell.strip().strip('"') for cell in _without_end(lines[start]).split(delimiter)]
+    body = "\n".join(_without_end(line) for line in lines[start + 1 :])
     notes = list[str]()
-    values = quick_numbers(body, mark, len(labels))
+    values = quick_numbers(body, delimiter, len(names))
     if values is None:
-        values = parse_cells(body, len(labels), mark, notes, path, HINT)
-    where = {label: index for index, label in enumerate(labels)}
-    head = "\n".join(lines[:start])
-    signals: dict[str, Any] = {}
-    for columns in QUATERNIONS:
-        if all(name in where for name in columns):
-            signals["orientations"] = values[:, [where[name] for name in columns]][:, None]
-    if not signals and all(name in where for name in MATRIX):
-        matrices = values[:, [where[name] for name in MATRIX]].reshape(-1, 1, 3, 3)
-        signals["orientations"] = quaternion_from_rotation(matrices)
-    for kind, prefix in VECTORS.items():
-        axes = tuple(f"{prefix}_{axis}" for axis in "XYZ")
-        if all(name in where for name in axes):
-            scale = rate_unit if kind == "angular_velocities" else 1.0
-            signals[kind] = scale * values[:, [where[name] for name in axes]][:, None]
-    if not signals:
-        raise BadFile(
-            path,
-            f"has no orientation and no acceleration; its columns are {', '.join(labels[:12])}",
-            HINT,
-        )
-    tag = re.search(r"DeviceTag:?[,\s]*(\S+)", head)
-    name = tag.group(1).strip(",;") if tag else path.stem.split("_")[-1]
-    return sensors_of_signals(
-        _clock(values, where, head, path),
-        (name,),
-        signals,
-        warnings=tuple(notes),
-        source=str(path),
+        values = parse_cells(body, len(names), delimiter, notes, path, HINT)
+    return _SensorTable(
+        head="\n".join(lines[:start]),
+        names=tuple(names),
+        values=values,
+        notes=tuple(notes),
     )
 
 
-def _clock(values: Array, where: dict[str, int], head: str, path: Path) -> Array:
+def _without_end(line: str) -> str:
+    """Cut delimiters and blanks off the end of a line."""
+    return line.rstrip(" \t,;")
+
+
+def _orientations(table: _SensorTable) -> Array | None:
+    """Find the orientations (rows, 1, 4), of quaternions or else of matrices; None without."""
+    found = [columns for columns in QUATERNIONS if table.has(*columns)]
+    if found:
+        return table.columns(found[-1])[:, None]
+    if table.has(*MATRIX):
+        return quaternion_from_rotation(table.columns(MATRIX).reshape(-1, 1, 3, 3))
+    return None
+
+
+def _clock(table: _SensorTable, path: Path) -> Array:
     """Find the times of the rows, by the counter of packets or else by the clock of samples.
 
     Parameters
     ----------
-    values : (rows, columns)
-    where : index by name of column
-    head : text above the columns, which may state the rate
+    table : whose head may state the rate
     path : of the file, for messages
 
     Returns
@@ -251,20 +310,22 @@ def _clock(values: Array, where: dict[str, int], head: str, path: Path) -> Array
     ------
     BadFile : neither a rate with a counter nor a clock of samples is there
     """
-    rate = re.search(r"Update\s*Rate:?[,\s]*([\d.]+)", head)
-    if rate and "PacketCounter" in where:
-        counter = values[:, where["PacketCounter"]]
-        counter = counter + COUNTER * np.concatenate(
-            [[0], (np.diff(counter) < -COUNTER / 2).cumsum()]
-        )
-        return np.asarray(counter / float(rate.group(1)))
-    if "SampleTimeFine" not in where or not np.isfinite(values[:, where["SampleTimeFine"]]).all():
+    rate = RATE.search(table.head)
+    if rate and table.has("PacketCounter"):
+        packets = _unwrapped(table.column("PacketCounter"), PACKET_COUNTS)
+        return np.asarray(packets / float(rate.group(1)))
+    if not table.has("SampleTimeFine") or not np.isfinite(table.column("SampleTimeFine")).all():
         raise BadFile(
             path, "has no time: neither 'Update Rate' in its head nor a column SampleTimeFine", HINT
         )
-    ticks = values[:, where["SampleTimeFine"]]
-    ticks = ticks + 2.0**32 * np.concatenate([[0], (np.diff(ticks) < -(2.0**31)).cumsum()])
+    ticks = _unwrapped(table.column("SampleTimeFine"), CLOCK_COUNTS)
     # MT Manager counts in 0.1 ms, DOT in microseconds: no sensor gives more than 2000 samples a
     # second.
     step = float(np.median(np.diff(ticks))) if len(ticks) > 1 else 1e4
     return np.asarray(ticks * (1e-6 if step >= 500.0 else 1e-4))
+
+
+def _unwrapped(counter: Array, counts: float) -> Array:
+    """Continue a counter (rows,) that begins again at 0 after so many counts."""
+    restarts = (np.diff(counter) < -counts / 2).cumsum()
+    return counter + counts * np.concatenate([[0], restarts])
