@@ -30,13 +30,23 @@ RATE_KEYS = ("rate", "fps", "frame_rate", "FrameRate")
 ENDINGS = (".yaml", ".yml", ".json", ".txt")
 MAX_VALUES = 1 << 28  # Numbers that are read at most.
 MAX_NAMES = 10_000
-LONGEST_TEXT = 1 << 20
+MAX_TEXT = 1 << 20  # Bytes of a file of names.
 MAX_BYTES = 1 << 31  # Bytes of a data set that are read to see whether they can be.
 MEMORY = 4.0  # Of the child at most [GiB].
+HDF5_ERRORS = (
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    KeyError,
+    AttributeError,
+    MemoryError,
+)
+"""What h5py raises for damaged files."""
 HINT = "expected an HDF5 file with a dataset 'tracks' of (frames, animals, points, 3)"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class KeypointNames:
     """Names, bodies, unit and rate of a recording's points, as a file of names states them.
 
@@ -54,6 +64,20 @@ class KeypointNames:
     offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=lambda: FrozenMap({}))
     unit: float | None = None
     rate: float | None = None
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether names, unit and rate are specified."""
+        return bool(self.names) and self.unit is not None and self.rate is not None
+
+    def completed(self, other: KeypointNames) -> KeypointNames:
+        """Take names, unit and rate from another source where they are not specified."""
+        return replace(
+            self,
+            names=self.names or other.names,
+            unit=other.unit if self.unit is None else self.unit,
+            rate=other.rate if self.rate is None else self.rate,
+        )
 
 
 def read_keypoints(
@@ -90,49 +114,60 @@ def read_keypoints(
         raise BadFile(path, f"unknown unit '{units}'", f"expected one of {', '.join(UNITS)}")
     notes: list[str] = []
     tracks, stored = _tracks(path, animal, notes)
-    header = KeypointNames(tuple(names), unit=UNITS.get(units), rate=rate)
-    sources = [stored]
-    if not header.names or header.unit is None or header.rate is None:
-        sources.append(_beside(path, tracks.shape[1], notes))
-    # Each fact from the first source that has it.
-    for other in sources:
-        unit = other.unit if header.unit is None else header.unit
-        rate = other.rate if header.rate is None else header.rate
-        header = replace(header, names=header.names or other.names, unit=unit, rate=rate)
-    if not header.names:
-        raise BadFile(
-            path,
-            f"does not name its {tracks.shape[1]} points",
-            f"name them in {path.stem}.txt, one a line",
-        )
-    if len(header.names) != tracks.shape[1]:
-        raise BadFile(
-            path, f"has {tracks.shape[1]} points, but {len(header.names)} names were given", HINT
-        )
-    if header.unit is None:
-        raise BadFile(
-            path, "does not state its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml"
-        )
+    points = tracks.shape[1]
+    requested = KeypointNames(names=tuple(names), unit=UNITS.get(units), rate=rate)
+    header = requested.completed(stored)
+    if not requested.is_complete:
+        header = header.completed(_beside(path, points, notes))
+    unit = _checked_unit(header, points, path)
     if header.rate is None:
         notes.append(
             "no frame rate is specified: times are frame numbers; put 'rate: HZ' into"
             f" {path.stem}.yaml"
         )
-    elif not 0.0 < header.rate < 1e6:
-        raise BadFile(
-            path, f"a frame rate of {header.rate:g} Hz was specified", "expected frames per second"
-        )
-    values = without_far_away(header.unit * tracks, notes)
-    facts = {
-        "unit of length": f"{header.unit:g} m",
-        "point rate": "not specified" if header.rate is None else f"{header.rate:g} Hz",
-    }
+    values = without_far_away(unit * tracks, notes)
     markers = Markers(
         np.arange(len(values)) / (header.rate or 1.0),
         unique_names(header.names, "point", notes),
         values,
     )
+    facts = {
+        "unit of length": f"{unit:g} m",
+        "point rate": "not specified" if header.rate is None else f"{header.rate:g} Hz",
+    }
     return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
+
+
+def _checked_unit(header: KeypointNames, points: int, path: Path) -> float:
+    """Check what was found of a recording, and return its unit [m].
+
+    Parameters
+    ----------
+    header : names, unit and rate
+    points : count of the recording's points
+    path : of the recording, for messages
+
+    Raises
+    ------
+    BadFile : names or unit are missing, there are more or fewer names, or the rate is impossible
+    """
+    if not header.names:
+        raise BadFile(
+            path,
+            f"does not name its {points} points",
+            f"name them in {path.stem}.txt, one a line",
+        )
+    if len(header.names) != points:
+        raise BadFile(path, f"has {points} points, but {len(header.names)} names were given", HINT)
+    if header.unit is None:
+        raise BadFile(
+            path, "does not state its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml"
+        )
+    if header.rate is not None and not 0.0 < header.rate < 1e6:
+        raise BadFile(
+            path, f"a frame rate of {header.rate:g} Hz was specified", "expected frames per second"
+        )
+    return header.unit
 
 
 def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointNames]:
@@ -160,45 +195,58 @@ def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointN
     _check_hdf5(path)
     try:
         with h5py.File(path, "r") as file:
-            tracks = file.get("tracks")
-            if not isinstance(tracks, h5py.Dataset):
-                held = quoted(file) or "nothing"
-                raise BadFile(path, f"holds {held}, but no 'tracks'", HINT)
-            shape = tracks.shape
-            if len(shape) == 3 and shape[-1] == 3:
-                shape = (shape[0], 1, *shape[1:])
-            if len(shape) != 4 or shape[-1] != 3 or not np.issubdtype(tracks.dtype, np.floating):
-                flat = (
-                    " (two-dimensional: triangulate the cameras first)" if 2 in tracks.shape else ""
-                )
-                raise BadFile(
-                    path, f"its 'tracks' are {tracks.shape} of {tracks.dtype}{flat}", HINT
-                )
-            if math.prod(shape) > MAX_VALUES or 0 in shape:
-                raise BadFile(
-                    path, f"its 'tracks' are {tracks.shape}: nothing, or too much to read", HINT
-                )
-            if not 0 <= animal < shape[1]:
-                raise BadFile(
-                    path, f"has no animal {animal}", f"it holds {shape[1]}, counted from 0"
-                )
-            if shape[1] > 1:
-                notes.append(f"holds {shape[1]} animals: this is number {animal}, counted from 0")
-            values = np.asarray(tracks, dtype=np.float64).reshape(shape)[:, animal]
-            stored = _own_facts(file, tracks)
-    except (
-        OSError,
-        RuntimeError,
-        TypeError,
-        ValueError,
-        KeyError,
-        AttributeError,
-        MemoryError,
-    ) as error:
-        raise BadFile(
-            path, f"cannot be read as HDF5 ({' '.join(str(error).split())[:120]})", HINT
-        ) from None
+            values, stored = _stored_tracks(file, path, animal, notes)
+    except HDF5_ERRORS as error:
+        raise BadFile(path, f"cannot be read as HDF5 ({_one_line(error)})", HINT) from None
     return np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan), stored
+
+
+def _stored_tracks(
+    file: Any, path: Path, animal: int, notes: list[str]
+) -> tuple[Array, KeypointNames]:
+    """Read positions as stored (frames, points, 3), and what an open file states of the points."""
+    import h5py
+
+    tracks = file.get("tracks")
+    if not isinstance(tracks, h5py.Dataset):
+        held = quoted(file) or "nothing"
+        raise BadFile(path, f"holds {held}, but no 'tracks'", HINT)
+    shape = _tracks_shape(tracks, path)
+    animals = shape[1]
+    if not 0 <= animal < animals:
+        raise BadFile(path, f"has no animal {animal}", f"it holds {animals}, counted from 0")
+    if animals > 1:
+        notes.append(f"holds {animals} animals: this is number {animal}, counted from 0")
+    values = np.asarray(tracks, dtype=np.float64).reshape(shape)[:, animal]
+    return values, _stored_facts(file, tracks)
+
+
+def _tracks_shape(tracks: Any, path: Path) -> tuple[int, ...]:
+    """Return the shape (frames, animals, points, 3) of tracks; a file may leave out the animals.
+
+    Parameters
+    ----------
+    tracks : data set
+    path : of the file, for messages
+
+    Raises
+    ------
+    BadFile : they have another shape or type, are empty, or too large to read
+    """
+    shape = tracks.shape
+    if len(shape) == 3 and shape[-1] == 3:
+        shape = (shape[0], 1, *shape[1:])
+    if len(shape) != 4 or shape[-1] != 3 or not np.issubdtype(tracks.dtype, np.floating):
+        flat = " (two-dimensional: triangulate the cameras first)" if 2 in tracks.shape else ""
+        raise BadFile(path, f"its 'tracks' are {tracks.shape} of {tracks.dtype}{flat}", HINT)
+    if math.prod(shape) > MAX_VALUES or 0 in shape:
+        raise BadFile(path, f"its 'tracks' are {tracks.shape}: nothing, or too much to read", HINT)
+    return shape
+
+
+def _one_line(error: Exception) -> str:
+    """Return the beginning of an error's text on one line."""
+    return " ".join(str(error).split())[:120]
 
 
 def _check_hdf5(path: Path) -> None:
@@ -232,24 +280,28 @@ def _read_all(path: str) -> None:
                 dict(holder.attrs)
                 if isinstance(holder, h5py.Dataset) and holder.nbytes <= MAX_BYTES:
                     holder[...]
-    except (OSError, RuntimeError, TypeError, ValueError, KeyError, AttributeError, MemoryError):
+    except HDF5_ERRORS:
         # The reader reports what it cannot read.
         return
 
 
-def _own_facts(file: Any, tracks: Any) -> KeypointNames:
+def _stored_facts(file: Any, tracks: Any) -> KeypointNames:
     """Read names, unit and rate that the recording itself states."""
     facts = {**dict(file.attrs), **dict(tracks.attrs)}
     names = file["node_names"] if "node_names" in file else facts.get("node_names", ())
     if len(names) > MAX_NAMES:
         raise ValueError(f"it holds {len(names)} node_names")
-    texts = tuple(
-        name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in names
+    rate = _first(facts, RATE_KEYS)
+    return KeypointNames(
+        names=tuple(_decoded(name) for name in names),
+        unit=UNITS.get(_decoded(facts.get("units", ""))),
+        rate=None if rate is None else float(rate),
     )
-    unit = facts.get("units", "")
-    unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
-    rate = next((float(facts[key]) for key in RATE_KEYS if key in facts), None)
-    return KeypointNames(texts, unit=UNITS.get(unit), rate=rate)
+
+
+def _decoded(value: Any) -> str:
+    """Return the text of an attribute, which may be stored as bytes."""
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
 def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
@@ -265,30 +317,33 @@ def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
     -------
     what the file states; nothing where there is none, or more than one fits
     """
-    named = next(
-        (file for file in (path.with_suffix(ending) for ending in ENDINGS) if file.is_file()), None
-    )
-    if named is not None:
-        return read_keypoint_names(named)
+    for ending in ENDINGS:
+        named = path.with_suffix(ending)
+        if named.is_file():
+            return read_keypoint_names(named)
     fitting = []
-    for path_beside in sorted(path.parent.iterdir()):
-        if (
-            path_beside.suffix.lower() in ENDINGS
-            and path_beside.is_file()
-            and path_beside.stat().st_size <= LONGEST_TEXT
-        ):
-            try:
-                header = read_keypoint_names(path_beside)
-            except BadFile:
-                continue
-            if len(header.names) == points:
-                fitting.append((path_beside, header))
+    for candidate in sorted(path.parent.iterdir()):
+        header = _names_of_candidate(candidate)
+        if header is not None and len(header.names) == points:
+            fitting.append((candidate, header))
     if len(fitting) != 1:
         return KeypointNames()
     file, header = fitting[0]
     unit = "" if header.unit is None else f", in units of {header.unit:g} m"
     notes.append(f"names of the points are those of {file.name}{unit}")
     return header
+
+
+def _names_of_candidate(path: Path) -> KeypointNames | None:
+    """Read a file if it may be one of names, None where it is none."""
+    if path.suffix.lower() not in ENDINGS or not path.is_file():
+        return None
+    if path.stat().st_size > MAX_TEXT:
+        return None
+    try:
+        return read_keypoint_names(path)
+    except BadFile:
+        return None
 
 
 def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
@@ -311,45 +366,68 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
     BadFile : it cannot be read, is too long, or has something else where a name or number belongs
     """
     path = Path(path)
-    try:
-        with readable(path):
-            if path.stat().st_size > LONGEST_TEXT:
-                raise BadFile(path, "is too long to be a file of names")
-            text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise BadFile(path, "is not text") from None
+    text = _names_text(path)
     if path.suffix.lower() == ".txt":
-        return KeypointNames(tuple(line.strip() for line in text.splitlines() if line.strip()))
+        lines = (line.strip() for line in text.splitlines())
+        return KeypointNames(names=tuple(line for line in lines if line))
     content = _parsed(text, path)
     if isinstance(content, list):
         content = {"names": content}
     if not isinstance(content, dict):
         raise BadFile(path, "holds no names of points", "expected a list, or a table with 'names'")
+    return _names_of_content(content, path)
+
+
+def _names_of_content(content: Mapping[str, Any], path: Path) -> KeypointNames:
+    """Read names and what else a table states.
+
+    Parameters
+    ----------
+    content : by key
+    path : of the file, for messages
+
+    Raises
+    ------
+    BadFile : something else stands where a list, a table, a name or a number belongs
+    """
     names = _first(content, NAME_KEYS) or ()
     bodies = _first(content, BODY_KEYS) or {}
     offsets = _first(content, OFFSET_KEYS) or {}
-    if (
-        not isinstance(names, (list, tuple))
-        or not isinstance(bodies, dict)
-        or not isinstance(offsets, dict)
-    ):
+    tables = isinstance(bodies, dict) and isinstance(offsets, dict)
+    if not tables or not isinstance(names, (list, tuple)):
         raise BadFile(path, "its 'names' are no list, or its 'bodies' or 'offsets' no table")
     try:
-        scale = content.get("MOCAP_SCALE_FACTOR")
         rate = _first(content, RATE_KEYS)
-        unit = float(scale) if scale is not None else UNITS.get(_text(content.get("units", "")))
-        places = {_text(name): _three(offset) for name, offset in offsets.items()}
         return KeypointNames(
+            unit=_unit(content),
+            offsets=FrozenMap({_text(name): _three(offset) for name, offset in offsets.items()}),
             names=tuple(_text(name) for name in names),
             bodies=FrozenMap({_text(name): _text(body) for name, body in bodies.items()}),
-            offsets=FrozenMap(places),
-            unit=unit,
             rate=None if rate is None else float(rate),
         )
     except (TypeError, ValueError) as error:
         raise BadFile(
             path, f"holds what is no name or number where one belongs ({error})"
         ) from None
+
+
+def _names_text(path: Path) -> str:
+    """Read a file of names; `BadFile` where it is too long or no text."""
+    try:
+        with readable(path):
+            if path.stat().st_size > MAX_TEXT:
+                raise BadFile(path, "is too long to be a file of names")
+            return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise BadFile(path, "is not text") from None
+
+
+def _unit(content: Mapping[str, Any]) -> float | None:
+    """Read the unit of positions [m], by stac-mjx's scale or by name; None where none is known."""
+    scale = content.get("MOCAP_SCALE_FACTOR")
+    if scale is not None:
+        return float(scale)
+    return UNITS.get(_text(content.get("units", "")))
 
 
 def _parsed(text: str, path: Path) -> Any:
@@ -363,7 +441,7 @@ def _parsed(text: str, path: Path) -> Any:
     try:
         return yaml.safe_load(text)
     except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise BadFile(path, f"is not YAML ({' '.join(str(error).split())[:120]})") from None
+        raise BadFile(path, f"is not YAML ({_one_line(error)})") from None
 
 
 def _first(table: Mapping[str, Any], keys: Sequence[str]) -> Any:

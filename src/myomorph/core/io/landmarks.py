@@ -11,9 +11,11 @@ import json
 import os
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,8 +27,8 @@ from myomorph.core.model.arrays import Array, frozen_array
 from myomorph.core.model.errors import BadFile, UnknownName, quoted
 from myomorph.core.model.landmarks import LandmarkPairs
 
-LARGEST = 64 * 1024 * 1024
-LONGEST = 200  # Letters of a column's name in which a unit is looked for.
+MAX_BYTES = 64 * 1024 * 1024
+MAX_NAME = 200  # Characters of a column's name in which a unit is looked for.
 UNITS = {
     "m": 1.0,
     "meter": 1.0,
@@ -46,6 +48,10 @@ _WITH_UNIT = re.compile(
 )
 # A first line that is a point already.
 _HEADLESS = re.compile(r"[^,;\t]+([,;\t]\s*[-+.\d][-+.\deE]*\s*){3}")
+JSON_HINT = (
+    'expected {"name": [x, y, z], ...}, {"body": {"name": [x, y, z], ...}}, or 3D Slicer\'s markups'
+)
+MARKUPS_HINT = "expected lists of points, as 3D Slicer writes them"
 _SLICER_NAMES = {"label": "name"}
 _IN_MILLIMETERS = "# Markups fiducial file"
 
@@ -73,28 +79,28 @@ def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs
     """
     path = Path(path)
     table = _table(path, PAIR_COLUMNS)
-    pairs: dict[str, dict[str, Array]] = {}
+    pairs: dict[str, dict[str, _Pair]] = {}
     for line in table.lines:
         body = line.cells["body"]
         name = line.cells["name"]
         if not body or not name:
             table.wrong(line, f"has no {'name' if body else 'body'}", "every landmark needs both")
             continue
-        sides = [table.point(line, f"{side}_", f"'{name}' of '{body}'", side) for side in SIDES]
-        known = pairs.setdefault(body, {})
-        if name in known:
-            table.wrong(
-                line, f"names landmark '{name}' of '{body}' again", "each may stand there once"
-            )
-        known[name] = np.array(sides)
+        whose = f"'{name}' of '{body}'"
+        source = table.point(line, "source_", whose, "source")
+        target = table.point(line, "target_", whose, "target")
+        of_body = pairs.setdefault(body, {})
+        if name in of_body:
+            table.wrong(line, f"names landmark {whose} again", "each may stand there once")
+        of_body[name] = _Pair(source=source, target=target)
     table.done()
     return {
         body: LandmarkPairs(
-            names=tuple(pair),
-            source=np.stack([source for source, _ in pair.values()]),
-            target=np.stack([target for _, target in pair.values()]),
+            names=tuple(of_body),
+            source=np.stack([pair.source for pair in of_body.values()]),
+            target=np.stack([pair.target for pair in of_body.values()]),
         )
-        for body, pair in pairs.items()
+        for body, of_body in pairs.items()
     }
 
 
@@ -116,18 +122,19 @@ def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Ar
     BadFile : it is no such file, or has several bodies and none is chosen
     UnknownName : it has no landmarks of the body
     """
-    body_landmarks = read_body_landmarks(path)
+    by_body = read_body_landmarks(path)
     if body:
-        if body not in body_landmarks and set(body_landmarks) != {""}:
-            raise UnknownName("body", body, existing=sorted(body_landmarks), where=str(path))
-        return body_landmarks[body] if body in body_landmarks else body_landmarks[""]
-    if len(body_landmarks) > 1:
+        names_no_bodies = set(by_body) == {""}
+        if body not in by_body and not names_no_bodies:
+            raise UnknownName("body", body, existing=sorted(by_body), where=str(path))
+        return by_body[body] if body in by_body else by_body[""]
+    if len(by_body) > 1:
         raise BadFile(
             path,
-            f"has landmarks of {len(body_landmarks)} bodies",
-            f"say which: {quoted(sorted(body_landmarks))}",
+            f"has landmarks of {len(by_body)} bodies",
+            f"say which: {quoted(sorted(by_body))}",
         )
-    return next(iter(body_landmarks.values()))
+    return next(iter(by_body.values()))
 
 
 def read_body_landmarks(path: str | os.PathLike[str]) -> dict[str, dict[str, Array]]:
@@ -171,7 +178,20 @@ def read_body_landmarks(path: str | os.PathLike[str]) -> dict[str, dict[str, Arr
     return result
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+class _Pair:
+    """A landmark of two skeletons.
+
+    Attributes
+    ----------
+    source, target : (3,) [m]
+    """
+
+    source: Array
+    target: Array
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Line:
     """One line of a table.
 
@@ -185,6 +205,34 @@ class _Line:
     cells: Mapping[str, str]
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """A line of a file that is not empty.
+
+    Attributes
+    ----------
+    number : counted from 1
+    text : of the line
+    """
+
+    number: int
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    name : in small letters, without its unit
+    meters : its unit [m]
+    """
+
+    name: str
+    meters: float
+
+
 class _Table:
     """Lines of a table whose header is known, and the errors in them.
 
@@ -192,13 +240,13 @@ class _Table:
     ----------
     path : of the file
     lines : below the header
-    factors : unit of each column [m]
+    columns : of the header
     """
 
-    def __init__(self, path: Path, lines: Sequence[_Line], factors: Mapping[str, float]):
+    def __init__(self, path: Path, lines: Sequence[_Line], columns: Iterable[_Column]):
         self.path = path
         self.lines = lines
-        self.factors = factors
+        self.meters = {column.name: column.meters for column in columns}
         self._wrong: list[tuple[str, str]] = []
 
     def wrong(self, line: _Line, problem: str, hint: str) -> None:
@@ -226,22 +274,21 @@ class _Table:
         -------
         (3,) [m], 0 where a number is missing
         """
-        values = []
-        for axis in "xyz":
-            text = line.cells[prefix + axis]
+        position = np.zeros(3)
+        for index, axis in enumerate("xyz"):
+            column = prefix + axis
+            text = line.cells[column]
             try:
-                values.append(self.factors[prefix + axis] * number(text))
+                position[index] = self.meters[column] * number(text)
             except ValueError:
-                self.wrong(
-                    line, f"has '{text[:40]}' for {prefix}{axis} of {whose}", "expected a number"
-                )
+                self.wrong(line, f"has '{text[:40]}' for {column} of {whose}", "expected a number")
                 return np.zeros(3)
         what = f"{side} point" if side else "place"
-        if np.isnan(values).all():
+        if np.isnan(position).all():
             self.wrong(line, f"has no {what} of {whose}", "give it, or leave the line out")
-        elif not np.isfinite(values).all():
+        elif not np.isfinite(position).all():
             self.wrong(line, f"has no finite {what} of {whose}", "expected three numbers")
-        return frozen_array(np.nan_to_num(values))
+        return frozen_array(np.nan_to_num(position))
 
     def done(self) -> None:
         """Check that there are lines without errors.
@@ -252,17 +299,17 @@ class _Table:
         """
         if not self.lines:
             raise BadFile(self.path, "has a header, but no landmark below it")
-        if self._wrong:
-            problem, hint = self._wrong[0]
-            more = len(self._wrong) - 1
-            raise BadFile(
-                self.path, problem + (f" ({more} more lines are wrong too)" if more else ""), hint
-            )
+        if not self._wrong:
+            return
+        problem, hint = self._wrong[0]
+        others = len(self._wrong) - 1
+        more = f" ({others} more lines are wrong too)" if others else ""
+        raise BadFile(self.path, f"{problem}{more}", hint)
 
 
 def _text(path: Path, hint: str) -> str:
     """Read the text of a file that is not too large; `BadFile` where it is."""
-    check_size(path, LARGEST, "landmarks")
+    check_size(path, MAX_BYTES, "landmarks")
     return file_text(path, hint)
 
 
@@ -284,21 +331,57 @@ def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> 
     BadFile : it lacks a column, has one twice, or a line has more cells than the header
     """
     hint = f"expected a table with the columns {', '.join(columns)}"
-    text = _text(path, hint)
-    rows = [(index + 1, row) for index, row in enumerate(text.split("\n")) if row.strip(" \t,;")]
-    slicer = bool(rows) and rows[0][1].startswith(_IN_MILLIMETERS)
+    rows = _rows(_text(path, hint))
+    slicer = bool(rows) and rows[0].text.startswith(_IN_MILLIMETERS)
     header = _slicer_header(rows) if slicer else ""
-    rows = [(line, row) for line, row in rows if not row.lstrip().startswith("#")]
+    rows = [row for row in rows if not row.text.lstrip().startswith("#")]
     if not header:
         if not rows:
             raise BadFile(path, "has no header", hint)
-        if columns == POINT_COLUMNS and _HEADLESS.fullmatch(rows[0][1]):
-            header = max(",;\t", key=rows[0][1].count).join(columns)
+        first = rows[0].text
+        if columns == POINT_COLUMNS and _HEADLESS.fullmatch(first):
+            header = _delimiter(first).join(columns)
         else:
-            header = rows[0][1]
+            header = first
             rows = rows[1:]
-    delimiter = max(",;\t", key=header.count)
-    names, factors = _columns(_cells(path, header, delimiter), 0.001 if slicer else 1.0)
+    delimiter = _delimiter(header)
+    found = _columns(_cells(path, header, delimiter), 0.001 if slicer else 1.0)
+    names = [column.name for column in found]
+    _check_columns(names, columns, optional, hint, path)
+    lines = [
+        _Line(number=row.number, cells=_cells_by_column(path, row, delimiter, names))
+        for row in rows
+    ]
+    return _Table(path, lines, found)
+
+
+def _rows(text: str) -> list[_Row]:
+    """Split a text into its lines that hold more than delimiters."""
+    return [
+        _Row(number=number, text=line)
+        for number, line in enumerate(text.split("\n"), 1)
+        if line.strip(" \t,;")
+    ]
+
+
+def _delimiter(line: str) -> str:
+    """Return the character that a line has most of: comma, semicolon or tab."""
+    return max(",;\t", key=line.count)
+
+
+def _check_columns(
+    names: Sequence[str], columns: Sequence[str], optional: Sequence[str], hint: str, path: Path
+) -> None:
+    """Check that a header has all columns, none of them twice.
+
+    Parameters
+    ----------
+    names : of the header
+    columns : that it must have
+    optional : columns that must not stand there twice
+    hint : what was expected, for the message
+    path : of the file, for messages
+    """
     missing = [name for name in columns if name not in names]
     if missing:
         raise BadFile(
@@ -307,17 +390,20 @@ def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> 
     twice = [name for name in (*columns, *optional) if names.count(name) > 1]
     if twice:
         raise BadFile(path, f"has the column {quoted(twice)} twice", hint)
-    lines = []
-    for line, row in rows:
-        cells = _cells(path, row, delimiter)
-        if any(cells[len(names) :]):
-            hint = "is a decimal comma in it? Write points, or separate cells by semicolons"
-            raise BadFile(
-                path, f"line {line} has {len(cells)} cells, but the header {len(names)}", hint
-            )
-        cells += [""] * (len(names) - len(cells))
-        lines.append(_Line(line, dict(zip(names, cells, strict=False))))
-    return _Table(path, lines, dict(zip(names, factors, strict=True)))
+
+
+def _cells_by_column(
+    path: Path, row: _Row, delimiter: str, names: Sequence[str]
+) -> Mapping[str, str]:
+    """Split a line by column, "" where it has fewer cells; `BadFile` where it has more."""
+    cells = _cells(path, row.text, delimiter)
+    if any(cells[len(names) :]):
+        raise BadFile(
+            path,
+            f"line {row.number} has {len(cells)} cells, but the header {len(names)}",
+            "is a decimal comma in it? Write points, or separate cells by semicolons",
+        )
+    return dict(zip_longest(names, cells[: len(names)], fillvalue=""))
 
 
 def _cells(path: Path, row: str, delimiter: str) -> list[str]:
@@ -328,38 +414,35 @@ def _cells(path: Path, row: str, delimiter: str) -> list[str]:
         raise BadFile(path, f"is no table of landmarks ({error})") from None
 
 
-def _columns(cells: Sequence[str], factor: float) -> tuple[list[str], list[float]]:
+def _columns(cells: Sequence[str], meters: float) -> list[_Column]:
     """Read names and units of columns.
 
     Parameters
     ----------
     cells : of the header
-    factor : of a column without a unit [m]
-
-    Returns
-    -------
-    names in small letters without units, and the unit of each [m]
+    meters : unit of a column that states none [m]
     """
-    names = []
-    factors = []
+    columns = []
     for cell in cells:
         name = cell.lower()
-        unit = _WITH_UNIT.match(name) if len(name) <= LONGEST else None
-        unit_text = (unit["in"] or unit["after"]) if unit else ""
-        known = unit is not None and unit_text in UNITS
-        names.append(unit["name"].strip() if unit is not None and known else name)
-        factors.append(UNITS[unit_text] if known else factor)
-    return names, factors
+        match = _WITH_UNIT.match(name) if len(name) <= MAX_NAME else None
+        unit = match["in"] or match["after"] if match else ""
+        if match and unit in UNITS:
+            columns.append(_Column(name=match["name"].strip(), meters=UNITS[unit]))
+        else:
+            columns.append(_Column(name=name, meters=meters))
+    return columns
 
 
-def _slicer_header(rows: Sequence[tuple[int, str]]) -> str:
+def _slicer_header(rows: Iterable[_Row]) -> str:
     """Return the header that 3D Slicer writes as a comment, with our names; "" without one."""
-    header = next(
-        (row.split("=", 1)[1] for _, row in rows if row.replace(" ", "").startswith("#columns=")),
-        "",
-    )
-    cells = [_SLICER_NAMES.get(cell.strip(), cell.strip()) for cell in header.split(",")]
-    return ",".join(cells) if header else ""
+    for row in rows:
+        if row.text.replace(" ", "").startswith("#columns="):
+            _, header = row.text.split("=", 1)
+            cells = [cell.strip() for cell in header.split(",")]
+            names = [_SLICER_NAMES.get(cell, cell) for cell in cells]
+            return ",".join(names) if header else ""
+    return ""
 
 
 def _points(path: Path) -> dict[str, dict[str, Array]]:
@@ -395,46 +478,50 @@ def _from_json(path: Path) -> dict[str, dict[str, Array]]:
     ------
     BadFile : it is not JSON, of another form, in an unknown unit, or has a name twice
     """
-    hint = (
-        'expected {"name": [x, y, z], ...}, {"body": {"name": [x, y, z], ...}}, or 3D Slicer\'s'
-        " markups"
-    )
-    text = _text(path, hint)
+    content = _json_table(path)
+    if "markups" in content:
+        return {"": _markups(path, content["markups"])}
+    unit = content.pop("units", "m")
+    landmarks = content.pop("landmarks", content)
+    if not isinstance(landmarks, dict):
+        raise BadFile(path, "its 'landmarks' are no table", JSON_HINT)
+    if not isinstance(unit, str) or unit.lower() not in UNITS:
+        form = JSON_HINT.removeprefix("expected ")
+        raise BadFile(
+            path, f"has units '{unit}'", f"expected one of {quoted(list(UNITS))}, in {form}"
+        )
+    meters = UNITS[unit.lower()]
+    result: dict[str, dict[str, Array]] = {}
+    for name, value in landmarks.items():
+        if isinstance(value, dict):
+            result[name] = {
+                landmark: _position(path, landmark, position, meters, JSON_HINT)
+                for landmark, position in value.items()
+            }
+        else:
+            result.setdefault("", {})[name] = _position(path, name, value, meters, JSON_HINT)
+    return result
+
+
+def _json_table(path: Path) -> dict[str, Any]:
+    """Parse JSON; `BadFile` where it is none, no table, or has a name twice."""
 
     def unique(items: list[tuple[str, object]]) -> dict[str, object]:
         table = dict(items)
         if len(table) < len(items):
-            twice = Counter(name for name, _ in items).most_common(1)[0][0]
+            counts = Counter(name for name, _ in items)
+            twice, _ = counts.most_common(1)[0]
             raise BadFile(path, f"names '{twice}' twice", "each may stand there once")
         return table
 
+    text = _text(path, JSON_HINT)
     try:
         content = json.loads(text, object_pairs_hook=unique)
     except (ValueError, RecursionError) as error:
-        raise BadFile(path, f"is not JSON ({error})", hint) from None
+        raise BadFile(path, f"is not JSON ({error})", JSON_HINT) from None
     if not isinstance(content, dict):
-        raise BadFile(path, "holds no object of landmarks", hint)
-    if "markups" in content:
-        return {"": _markups(path, content["markups"])}
-    unit = content.pop("units", "m")
-    inner = content.pop("landmarks", content)
-    if not isinstance(inner, dict):
-        raise BadFile(path, "its 'landmarks' are no table", hint)
-    if not isinstance(unit, str) or unit.lower() not in UNITS:
-        raise BadFile(
-            path, f"has units '{unit}'", f"expected one of {quoted(list(UNITS))}, in {hint[9:]}"
-        )
-    factor = UNITS[unit.lower()]
-    result: dict[str, dict[str, Array]] = {}
-    for name, value in inner.items():
-        if isinstance(value, dict):
-            result[name] = {
-                landmark: _place(path, landmark, place, factor, hint)
-                for landmark, place in value.items()
-            }
-        else:
-            result.setdefault("", {})[name] = _place(path, name, value, factor, hint)
-    return result
+        raise BadFile(path, "holds no object of landmarks", JSON_HINT)
+    return content
 
 
 def _markups(path: Path, markups: object) -> dict[str, Array]:
@@ -453,34 +540,40 @@ def _markups(path: Path, markups: object) -> dict[str, Array]:
     ------
     BadFile : a point has no label, one that another has, or no position
     """
-    hint = "expected lists of points, as 3D Slicer writes them"
     result: dict[str, Array] = {}
     for markup in markups if isinstance(markups, list) else []:
         points = markup.get("controlPoints", []) if isinstance(markup, dict) else []
         if not isinstance(points, list):
-            raise BadFile(path, "has control points that are no list", hint)
-        unit = str(markup.get("coordinateUnits", "mm")).lower() if points else "mm"
+            raise BadFile(path, "has control points that are no list", MARKUPS_HINT)
+        if not points:
+            continue
+        unit = str(markup.get("coordinateUnits", "mm")).lower()
         if unit not in UNITS:
             raise BadFile(
                 path, f"has coordinates in '{unit}'", f"expected one of {quoted(list(UNITS))}"
             )
         for point in points:
-            name = str(point.get("label", "")) if isinstance(point, dict) else ""
-            if not name or name in result:
-                raise BadFile(
-                    path,
-                    f"names point '{name}' twice" if name else "has a point without a label",
-                    hint,
-                )
+            name = _label(path, point)
+            if name in result:
+                raise BadFile(path, f"names point '{name}' twice", MARKUPS_HINT)
             if point.get("positionStatus", "defined") not in ("defined", "preview"):
                 raise BadFile(
                     path, f"point '{name}' has no place yet", "place it in 3D Slicer, or delete it"
                 )
-            result[name] = _place(path, name, point.get("position"), UNITS[unit], hint)
+            position = point.get("position")
+            result[name] = _position(path, name, position, UNITS[unit], MARKUPS_HINT)
     return result
 
 
-def _place(path: Path, name: str, value: object, factor: float, hint: str) -> Array:
+def _label(path: Path, point: object) -> str:
+    """Return the label of a control point; `BadFile` without."""
+    name = str(point.get("label", "")) if isinstance(point, dict) else ""
+    if not name:
+        raise BadFile(path, "has a point without a label", MARKUPS_HINT)
+    return name
+
+
+def _position(path: Path, name: str, value: object, meters: float, hint: str) -> Array:
     """Convert three numbers to a position.
 
     Parameters
@@ -488,7 +581,7 @@ def _place(path: Path, name: str, value: object, factor: float, hint: str) -> Ar
     path : of the file, for messages
     name : of the landmark, for messages
     value : of the JSON
-    factor : the file's unit [m]
+    meters : the file's unit [m]
     hint : what was expected, for the message
 
     Returns
@@ -499,17 +592,19 @@ def _place(path: Path, name: str, value: object, factor: float, hint: str) -> Ar
     ------
     BadFile : it is no list of three numbers
     """
-    numbers = (
-        value
-        if isinstance(value, list) and all(type(number) in (int, float) for number in value)
-        else []
-    )
-    # Beyond this an integer has no float, and nothing is a place.
-    if len(numbers) != 3 or not all(abs(number) < 1e12 for number in numbers):
+    if not isinstance(value, list) or len(value) != 3 or not all(map(_is_coordinate, value)):
         raise BadFile(
             path, f"landmark '{name}' is {str(value)[:40]}", f"expected three numbers: {hint}"
         )
-    return frozen_array(factor * np.array(numbers, dtype=np.float64))
+    return frozen_array(meters * np.array(value, dtype=np.float64))
+
+
+def _is_coordinate(value: object) -> bool:
+    """Return whether this is a number that may be a coordinate.
+
+    Beyond 1e12 an integer may have no float, and nothing is there.
+    """
+    return type(value) in (int, float) and abs(value) < 1e12
 
 
 def _stations(path: Path) -> dict[str, dict[str, Array]]:
@@ -520,18 +615,19 @@ def _stations(path: Path) -> dict[str, dict[str, Array]]:
     BadFile : it is neither a model nor a MarkerSet, or names a landmark of a body twice
     """
     node = read_document(path, ("Model", "MarkerSet"), "an OpenSim model or MarkerSet")
-    result: dict[str, dict[str, Array]] = {}
     if node.kind == "Model":
-        placed = Frames(node).stations()
+        stations = Frames(node).stations()
     else:
-        placed = [
+        stations = [
             (marker.name, holder_of(marker), marker.vector("location"))
             for marker in named_markers(node)
         ]
-    for name, body, location in placed:
-        if name in result.setdefault(body, {}):
+    result: dict[str, dict[str, Array]] = {}
+    for name, body, location in stations:
+        of_body = result.setdefault(body, {})
+        if name in of_body:
             raise BadFile(
                 path, f"names landmark '{name}' of '{body}' twice", "each may stand there once"
             )
-        result[body][name] = frozen_array(location)
+        of_body[name] = frozen_array(location)
     return result

@@ -8,7 +8,8 @@ import logging
 import os
 import re
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import numpy as np
@@ -21,15 +22,24 @@ from myomorph.core.model.errors import BadFile, MyomorphError, quoted
 from myomorph.core.model.model import Model
 from myomorph.core.model.surface import Surface
 
-LARGEST = 256 * 1024 * 1024
+MAX_BYTES = 256 * 1024 * 1024
 ENDINGS = (".vtp", ".obj", ".stl", ".ply")
+STL_HEAD = 84  # Bytes; the last four count the triangles.
 STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 """A triangle of a binary STL file, of which it holds as many as its bytes 80 to 83 say."""
-_TYPES = {"Float32": "f4", "Float64": "f8"} | {
-    f"{sign}Int{8 * size}": f"{letter}{size}"
-    for sign, letter in (("", "i"), ("U", "u"))
-    for size in (1, 2, 4, 8)
+_TYPES = {
+    "Float32": "f4",
+    "Float64": "f8",
+    "Int8": "i1",
+    "Int16": "i2",
+    "Int32": "i4",
+    "Int64": "i8",
+    "UInt8": "u1",
+    "UInt16": "u2",
+    "UInt32": "u4",
+    "UInt64": "u8",
 }
+"""VTK's types of numbers, as NumPy names them."""
 
 
 def read_surfaces(
@@ -50,17 +60,12 @@ def read_surfaces(
     -------
     surfaces in the files' units by `Mesh.file`, and warnings, one line each
     """
-    wanted = [
-        mesh.file
-        for body in model.bodies
-        for mesh in body.meshes
-        if mesh.shape == "mesh" and mesh.file
-    ]
+    names = _mesh_files(model)
     surfaces: dict[str, Surface] = {}
     refused = []
     missing = []
     warnings = []
-    for name in dict.fromkeys(wanted):
+    for name in names:
         if not _allowed(name, root is not None):
             refused.append(name)
             continue
@@ -78,11 +83,17 @@ def read_surfaces(
         )
     if missing:
         where = ", ".join(str(folder) for folder in folders) or "no folder"
-        count = len(dict.fromkeys(wanted))
         warnings.append(
-            f"{len(missing)} of {count} mesh files are not in {where}: {quoted(missing, 4)}"
+            f"{len(missing)} of {len(names)} mesh files are not in {where}: {quoted(missing, 4)}"
         )
     return surfaces, tuple(warnings)
+
+
+def _mesh_files(model: Model) -> list[str]:
+    """List the files of meshes that bodies are drawn with, each once."""
+    meshes = [mesh for body in model.bodies for mesh in body.meshes]
+    files = [mesh.file for mesh in meshes if mesh.shape == "mesh" and mesh.file]
+    return list(dict.fromkeys(files))
 
 
 def find_mesh(
@@ -113,11 +124,20 @@ def find_mesh(
             continue
         if path.is_file():
             return path
-        if path.parent.is_dir():
-            for file in path.parent.iterdir():
-                inside = file.resolve().is_relative_to(border)
-                if file.name.lower() == path.name.lower() and inside and file.is_file():
-                    return file
+        other_case = _in_other_case(path, border)
+        if other_case is not None:
+            return other_case
+    return None
+
+
+def _in_other_case(path: Path, border: Path) -> Path | None:
+    """Find a file whose name differs from a path in the case of letters, inside a folder."""
+    if not path.parent.is_dir():
+        return None
+    for file in path.parent.iterdir():
+        same_name = file.name.lower() == path.name.lower()
+        if same_name and file.resolve().is_relative_to(border) and file.is_file():
+            return file
     return None
 
 
@@ -166,7 +186,7 @@ def read_mesh(path: str | Path) -> Surface:
         raise BadFile(
             path, f"is not a mesh: its name ends in '{ending}'", f"expected {', '.join(ENDINGS)}"
         )
-    check_size(path, LARGEST, "a mesh")
+    check_size(path, MAX_BYTES, "a mesh")
     try:
         surface = _read_vtp(path) if ending == ".vtp" else _read_other(path, ending[1:])
     except BadFile:
@@ -184,11 +204,9 @@ def read_mesh(path: str | Path) -> Surface:
 def _read_other(path: Path, kind: str) -> Surface:
     """Read an OBJ, STL or PLY file; `BadFile` where it holds no triangles."""
     content = path.read_bytes()
-    if (
-        kind == "stl"
-        and len(content) == 84 + STL_FACE.itemsize * int.from_bytes(content[80:84], "little") > 84
-    ):
-        corners = np.frombuffer(content, STL_FACE, offset=84)["corners"].reshape(-1, 3)
+    if kind == "stl" and _is_binary_stl(content):
+        triangles = np.frombuffer(content, STL_FACE, offset=STL_HEAD)
+        corners = triangles["corners"].reshape(-1, 3)
         return merged(corners, np.arange(len(corners)).reshape(-1, 3))
     # Imported here because trimesh takes half a second, which binary STL, as bones mostly are, need
     # not pay.
@@ -204,6 +222,12 @@ def _read_other(path: Path, kind: str) -> Surface:
     if vertices.size == 0 or faces.size == 0:
         raise BadFile(path, "holds no triangles")
     return merged(vertices, faces)
+
+
+def _is_binary_stl(content: bytes) -> bool:
+    """Return whether a file has the size of as many triangles as its head counts, at least one."""
+    count = int.from_bytes(content[STL_HEAD - 4 : STL_HEAD], "little")
+    return count > 0 and len(content) == STL_HEAD + STL_FACE.itemsize * count
 
 
 def merged(vertices: Array, faces: np.ndarray) -> Surface:
@@ -243,54 +267,85 @@ def _read_vtp(path: Path) -> Surface:
     ------
     BadFile : it is not such a file, declares XML entities, or holds no polygons
     """
-    content = path.read_bytes()
-    marked = re.search(rb"<AppendedData[^>]*>", content)
-    appended = b""
-    if marked and ENTITIES.search(content[: marked.start()]):
-        raise BadFile(path, "declares XML entities, which could expand without end")
-    if marked:
-        # Raw appended bytes are no XML: they are cut out before it is parsed.
-        end = content.rfind(b"</AppendedData>")
-        appended = content[marked.end() : end if end > 0 else len(content)].lstrip()[1:]
-        document = etree.fromstring(
-            content[: marked.end()]
-            + b"</AppendedData>"
-            + content[end + 15 if end > 0 else len(content) :],
-            etree.XMLParser(
-                resolve_entities=False,
-                no_network=True,
-                load_dtd=False,
-                huge_tree=False,
-                recover=True,
-            ),
-        )
-    else:
-        document = read_xml(path).root
+    file = _vtp_file(path)
+    document = file.document
     if document is None or document.tag != "VTKFile" or document.get("type") != "PolyData":
         raise BadFile(path, "is not a VTP file", 'expected <VTKFile type="PolyData">')
-    reader = _Arrays(document, appended, b'encoding="raw"' in (marked[0] if marked else b""))
+    reader = _Arrays(document, file.appended, file.raw)
     vertices = []
     faces = []
-    first = 0
+    count = 0
     for piece in document.iter("Piece"):
         points = reader.array(piece.find("Points/DataArray")).reshape(-1, 3)
-        for name, triangles in (("Polys", _fans), ("Strips", _strips)):
-            group = piece.find(name)
-            arrays = (
-                {}
-                if group is None
-                else {element.get("Name"): element for element in group.findall("DataArray")}
-            )
-            if "connectivity" in arrays and "offsets" in arrays:
-                corners = reader.array(arrays["connectivity"]).astype(np.int64)
-                ends = reader.array(arrays["offsets"]).astype(np.int64)
-                if len(ends):
-                    faces.append(triangles(corners, ends) + first)
+        for triangles in _triangles(piece, reader):
+            faces.append(triangles + count)
         vertices.append(points)
-        first += len(points)
+        count += len(points)
     if not vertices or not faces:
         raise BadFile(path, "holds no polygons")
     return Surface(np.concatenate(vertices), np.concatenate(faces))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _VtpFile:
+    """Parts of a VTP file.
+
+    Attributes
+    ----------
+    document : outermost element, None where nothing could be parsed
+    appended : bytes behind the mark of the appended data
+    raw : whether these are bytes, not base64
+    """
+
+    document: etree._Element | None
+    appended: bytes = b""
+    raw: bool = False
+
+
+def _vtp_file(path: Path) -> _VtpFile:
+    """Read a file as XML, its appended data apart: raw bytes are no XML.
+
+    Raises
+    ------
+    BadFile : it is not XML, or declares entities
+    """
+    content = path.read_bytes()
+    mark = re.search(rb"<AppendedData[^>]*>", content)
+    if mark is None:
+        return _VtpFile(document=read_xml(path).root)
+    before = content[: mark.end()]
+    if ENTITIES.search(content[: mark.start()]):
+        raise BadFile(path, "declares XML entities, which could expand without end")
+    end_mark = b"</AppendedData>"
+    end = content.rfind(end_mark)
+    if end > 0:
+        appended = content[mark.end() : end]
+        behind = content[end + len(end_mark) :]
+    else:
+        appended = content[mark.end() :]
+        behind = b""
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, recover=True
+    )
+    return _VtpFile(
+        document=etree.fromstring(before + end_mark + behind, parser),
+        appended=appended.lstrip()[1:],
+        raw=b'encoding="raw"' in mark[0],
+    )
+
+
+def _triangles(piece: etree._Element, reader: _Arrays) -> Iterator[np.ndarray]:
+    """Yield the polygons and the strips of a piece as triangles (triangles, 3), if it has any."""
+    for name, split in (("Polys", _fans), ("Strips", _strips)):
+        group = piece.find(name)
+        elements = [] if group is None else group.findall("DataArray")
+        arrays = {element.get("Name"): element for element in elements}
+        if "connectivity" not in arrays or "offsets" not in arrays:
+            continue
+        corners = reader.array(arrays["connectivity"]).astype(np.int64)
+        ends = reader.array(arrays["offsets"]).astype(np.int64)
+        if len(ends):
+            yield split(corners, ends)
 
 
 def _fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -310,10 +365,9 @@ def _fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
     triangles = []
     for index in range(1, int(sides.max()) - 1):
         first = starts[sides > index + 1]
-        triangles.append(
-            np.stack([corners[first], corners[first + index], corners[first + index + 1]], axis=1)
-        )
-    return np.concatenate(triangles) if triangles else np.zeros((0, 3), np.int64)
+        fan = [corners[first], corners[first + index], corners[first + index + 1]]
+        triangles.append(np.stack(fan, axis=1))
+    return _joined(triangles)
 
 
 def _strips(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -328,12 +382,18 @@ def _strips(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
     -------
     (triangles, 3), every second one of a strip turned over so that all face one side
     """
+    starts = np.concatenate([[0], ends[:-1]])
     triangles = []
-    for start, end in zip(np.concatenate([[0], ends[:-1]]), ends, strict=True):
+    for start, end in zip(starts, ends, strict=True):
         strip = corners[start:end]
-        three = np.stack([strip[:-2], strip[1:-1], strip[2:]], axis=1)
-        three[1::2] = three[1::2, ::-1]
-        triangles.append(three)
+        of_strip = np.stack([strip[:-2], strip[1:-1], strip[2:]], axis=1)
+        of_strip[1::2] = of_strip[1::2, ::-1]
+        triangles.append(of_strip)
+    return _joined(triangles)
+
+
+def _joined(triangles: Sequence[np.ndarray]) -> np.ndarray:
+    """Concatenate arrays of triangles (triangles, 3), of which there may be none."""
     return np.concatenate(triangles) if triangles else np.zeros((0, 3), np.int64)
 
 
@@ -399,29 +459,45 @@ class _Arrays:
         ------
         ValueError : it is cut off, or its compressor is unknown
         """
-        size = np.dtype(self.header).itemsize
         if not self.compressor:
+            size = np.dtype(self.header).itemsize
             body = data if raw else base64.b64decode(_only_base64(data))
             count = int(np.frombuffer(body, self.header, 1)[0])
             return np.frombuffer(_exactly(body[size:], count), kind)
         if self.compressor != "vtkZLibDataCompressor":
             raise ValueError(f"compressor {self.compressor}")
+        parts = []
+        sizes, body = self._compressed(data, raw)
+        for end, size in zip(np.cumsum(sizes), sizes, strict=True):
+            parts.append(zlib.decompress(_exactly(body[end - size : end], size)))
+        return np.frombuffer(b"".join(parts), kind)
+
+    def _compressed(self, data: bytes, raw: bool) -> tuple[np.ndarray, bytes]:
+        """Split an array of compressed blocks into the sizes of the blocks, and the blocks.
+
+        Its header counts the blocks, states the sizes of a block and of the last one before they
+        were compressed, and then the compressed size of each.
+
+        Parameters
+        ----------
+        data : from the array's first byte or character on; more may follow
+        raw : whether they are bytes, not base64
+
+        Returns
+        -------
+        (blocks,) [bytes], and the bytes behind the header
+        """
+        size = np.dtype(self.header).itemsize
+        first = data if raw else base64.b64decode(data[: _padded(size)])
+        count = 3 + int(np.frombuffer(first, self.header, 1)[0])
         if raw:
-            blocks = int(np.frombuffer(data, self.header, 1)[0])
-            head = data[: size * (3 + blocks)]
-            body = data[size * (3 + blocks) :]
+            head = data[: size * count]
+            body = data[size * count :]
         else:
-            blocks = int(np.frombuffer(base64.b64decode(data[: _padded(size)]), self.header, 1)[0])
-            cut = _padded(size * (3 + blocks))
+            cut = _padded(size * count)
             head = base64.b64decode(data[:cut])
             body = base64.b64decode(_only_base64(data[cut:]))
-        sizes = np.frombuffer(head, self.header, 3 + blocks)[3:].astype(np.int64)
-        ends = np.cumsum(sizes)
-        parts = [
-            zlib.decompress(_exactly(body[end - size : end], size))
-            for end, size in zip(ends, sizes, strict=True)
-        ]
-        return np.frombuffer(b"".join(parts), kind)
+        return np.frombuffer(head, self.header, count)[3:].astype(np.int64), body
 
 
 def _padded(size: int) -> int:
@@ -455,9 +531,12 @@ def write_obj(surface: Surface, path: str | os.PathLike[str]) -> None:
     BadFile : the file cannot be written
     """
     path = Path(path)
-    vertices = "\n".join(f"v {x:.8g} {y:.8g} {z:.8g}" for x, y, z in surface.vertices.tolist())
-    faces = "\n".join(f"f {a} {b} {c}" for a, b, c in (np.asarray(surface.faces) + 1).tolist())
+    vertices = [f"v {x:.8g} {y:.8g} {z:.8g}" for x, y, z in surface.vertices.tolist()]
+    # Indices count from 1.
+    faces = [f"f {a} {b} {c}" for a, b, c in (np.asarray(surface.faces) + 1).tolist()]
+    vertex_lines = "\n".join(vertices)
+    face_lines = "\n".join(faces)
     try:
-        path.write_text(f"{vertices}\n{faces}\n", encoding="ascii")
+        path.write_text(f"{vertex_lines}\n{face_lines}\n", encoding="ascii")
     except OSError as error:
         raise BadFile(path, f"cannot be written ({error.strerror or error})") from None

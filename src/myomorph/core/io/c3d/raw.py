@@ -491,8 +491,7 @@ def _samples(
     """
     about = _without_samples(header, groups)
     layout = _frame_layout(about, header, remarks)
-    block = header.data_block or int(_first(about, "POINT", "DATA_START", 0))
-    start = (block - 1) * BLOCK
+    start = _data_start(about, header)
     if layout.size == 0 or start <= 0 or start >= len(data):
         raise BadFile(
             path, "holds neither points nor analog samples", "the recording may have been cut off"
@@ -525,6 +524,12 @@ def _samples(
         events=header.events,
         remarks=tuple(remarks),
     )
+
+
+def _data_start(about: RawC3d, header: _Header) -> int:
+    """Return the index of the samples' first byte, which is negative where it is not stated."""
+    block = header.data_block or int(_first(about, "POINT", "DATA_START", 0))
+    return (block - 1) * BLOCK
 
 
 def _frame_layout(about: RawC3d, header: _Header, remarks: list[str]) -> _FrameLayout:

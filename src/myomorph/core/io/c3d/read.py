@@ -125,11 +125,11 @@ class _PointLabels:
     computed: list[bool]
 
     def markers(self) -> list[int]:
-        """Indices of the markers."""
+        """Return the indices of the markers."""
         return self._with_label(computed=False)
 
     def quantities(self) -> list[int]:
-        """Indices of the computed quantities."""
+        """Return the indices of the computed quantities."""
         return self._with_label(computed=True)
 
     def _with_label(self, computed: bool) -> list[int]:
