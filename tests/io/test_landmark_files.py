@@ -11,7 +11,7 @@ import pytest
 
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.landmarks import (
-    LARGEST,
+    MAX_BYTES,
     read_body_landmarks,
     read_landmark_pairs,
     read_landmarks,
@@ -112,7 +112,7 @@ def test_absent_and_endless_files(tmp_path):
         read_landmark_pairs(tmp_path / "L.csv")
     path = tmp_path / "L.csv"
     with path.open("wb") as stream:
-        stream.truncate(LARGEST + 1)
+        stream.truncate(MAX_BYTES + 1)
     with pytest.raises(BadFile, match="more than the 64 MiB"):
         read_landmark_pairs(path)
     with pytest.raises(BadFile, match=r"ends in '\.stl'; expected \.csv"):

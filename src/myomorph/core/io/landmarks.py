@@ -604,7 +604,9 @@ def _is_coordinate(value: object) -> bool:
 
     Beyond 1e12 an integer may have no float, and nothing is there.
     """
-    return type(value) in (int, float) and abs(value) < 1e12
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return abs(value) < 1e12
 
 
 def _stations(path: Path) -> dict[str, dict[str, Array]]:

@@ -415,14 +415,6 @@ def _date(raw: RawC3d) -> str:
     return ""
 
 
-def _date(raw: RawC3d) -> str:
-    """Find the date of the recording as the file writes it, "" without; never of birth."""
-    places = ((group, name) for group, names in raw.groups.items() for name in names)
-    dated = [(group, name) for group, name in places if DATE.fullmatch(name)]
-    texts = (text for group, name in dated for text in raw.texts(group, name)[:1])
-    return next((text for text in texts if text), "")
-
-
 def _measure(raw: RawC3d, names: Sequence[str]) -> float:
     """Find a measure of the subject that is larger than zero, 0 if the file holds none.
 

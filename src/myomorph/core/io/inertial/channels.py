@@ -100,7 +100,7 @@ def sensors_of_channels(
         if not all(kind in kinds_by_sensor[name] for name in sensors):
             continue
         columns = [_axis_columns(columns_by_sensor[name], kind) for name in sensors]
-        flat = np.ravel(columns)
+        flat = [index for of_sensor in columns for index in of_sensor]
         scale = _scale(kind, [units[index] for index in flat], values[:, flat], notes)
         signals[kind] = scale * values[:, columns]
     return sensors_of_signals(time, tuple(sensors), signals, warnings=tuple(notes))
