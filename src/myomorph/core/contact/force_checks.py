@@ -223,46 +223,66 @@ def check_progress(inspection: Inspection) -> Iterator[Finding]:
     An axis across the foot does not show it: the center of pressure hardly moves along it.
     """
     feet = inspection.feet
-    unit = inspection.feet.unit
     heels, tips = feet.soles
     along = tips - heels
     along = along - (along @ feet.up)[..., None] * feet.up
     along = along / np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-12)
     for number in inspection.numbers:
-        centers = inspection.samples.centers(feet.up)[:, number]
-        weights = inspection.weights(number)
-        distances = feet.distances(centers[:, None])[:, 0]
-        judged = []
-        against = []
-        for span in inspection.episodes(number):
-            if feet.time[span.stop - 1] - feet.time[span.start] < LASTS:
-                continue
-            body = inspection.wrenches.bodies[number]
-            foot = feet.owners.get(
-                body, int(np.argmin(np.average(distances[span], axis=0, weights=weights[span])))
-            )
-            way = along[span, foot]
-            place = ((centers[span] - heels[span, foot]) * way).sum(axis=1)
-            center = ((feet.center[span] - heels[span, foot]) * way).sum(axis=1)
-            passed = float(center[-1] - center[0])
-            if abs(passed) < PASSES * unit:
-                continue
-            judged.append(span)
-            moved = float(np.sign(passed)) * _moved(place, weights[span])
-            if moved < -AGAINST * unit:
-                against.append((span, moved))
-        if against and 2 * len(against) > len(judged):
+        steps = list(_steps(inspection, number, along))
+        against = [step for step in steps if step.moved < -AGAINST * feet.unit]
+        if against and 2 * len(against) > len(steps):
             name = inspection.name(number)
-            times = inspection.times(span for span, _ in against)
-            mean = -float(np.mean([moved for _, moved in against]))
+            times = inspection.times(step.span for step in against)
+            mean = -float(np.mean([step.moved for step in against]))
             text = (
                 f"the center of pressure of force '{name}' moves {100.0 * mean:.0f} cm along the"
-                f" foot against the body in {len(against)} of {len(judged)} steps, first at"
+                f" foot against the body in {len(against)} of {len(steps)} steps, first at"
                 f" {times[0][0]:.2f} s: its plate seems mirrored about its own middle along the"
                 " foot, and torques there are wrong: check the plate's corners or the sign of its"
                 " moments"
             )
             yield Finding(kind=MIRRORED_PLATE, place=name, text=text, times=times)
+
+
+class _Step(NamedTuple):
+    """A foot on a plate while the body passes over it.
+
+    Attributes
+    ----------
+    span : its frames
+    moved : way of the center of pressure along the foot, positive with the body [m]
+    """
+
+    span: slice
+    moved: float
+
+
+def _steps(inspection: Inspection, number: int, along: Array) -> Iterator[_Step]:
+    """Measure the steps on one plate that last, and in which the body passes over the foot.
+
+    Parameters
+    ----------
+    inspection : forces and feet
+    number : of the force
+    along : (frames, feet, 3) level unit vectors from heels to tips
+    """
+    feet = inspection.feet
+    heels, _ = feet.soles
+    centers = inspection.samples.centers(feet.up)[:, number]
+    weights = inspection.weights(number)
+    distances = feet.distances(centers[:, None])[:, 0]
+    body = inspection.wrenches.bodies[number]
+    for span in inspection.episodes(number):
+        if feet.time[span.stop - 1] - feet.time[span.start] < LASTS:
+            continue
+        nearest = int(np.argmin(np.average(distances[span], axis=0, weights=weights[span])))
+        foot = feet.owners.get(body, nearest)
+        way = along[span, foot]
+        place = ((centers[span] - heels[span, foot]) * way).sum(axis=1)
+        center = ((feet.center[span] - heels[span, foot]) * way).sum(axis=1)
+        passed = float(center[-1] - center[0])
+        if abs(passed) >= PASSES * feet.unit:
+            yield _Step(span, float(np.sign(passed)) * _moved(place, weights[span]))
 
 
 def _moved(place: Array, weights: Array) -> float:

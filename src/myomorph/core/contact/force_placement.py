@@ -101,18 +101,7 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
         return remedies
     worst = float(np.linalg.norm(torque, axis=1).max())
     text = f"the moment of force '{name}' about its center of pressure is up to {worst:.4g} N m"
-    origin = _origin(force, point, torque)
-    where = ", ".join(f"{item:.3f}" for item in origin)
-    for place, about in ((np.zeros(3), "the ground's origin"), (origin, f"the point ({where}) m")):
-        remedies.append(
-            Remedy(
-                kind="moments about another origin",
-                text=text,
-                done=f"it is that about {about}, and was taken so",
-                advice=f"it is that about {about}; give the one about the center of pressure",
-                change=partial(_about, place),
-            )
-        )
+    remedies += _other_origins(text, _origin(force, point, torque))
     if arm > MILLI * unit:
         remedies.append(
             Remedy(
@@ -124,6 +113,24 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
             )
         )
     return remedies
+
+
+def _other_origins(text: str, origin: Array) -> list[Remedy]:
+    """Moments about the ground's origin, or about the point (3,) [m] that explains them best."""
+    where = ", ".join(f"{item:.3f}" for item in origin)
+    return [
+        Remedy(
+            kind="moments about another origin",
+            text=text,
+            done=f"it is that about {about}, and was taken so",
+            advice=f"it is that about {about}; give the one about the center of pressure",
+            change=partial(_about, place),
+        )
+        for place, about in (
+            (np.zeros(3), "the ground's origin"),
+            (origin, f"the point ({where}) m"),
+        )
+    ]
 
 
 def _other_units(name: str, away: float, moments_too: bool) -> list[Remedy]:

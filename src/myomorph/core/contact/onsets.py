@@ -253,23 +253,38 @@ def _innovation(signal: Array, rate: float) -> Array:
     count = len(signal) // block
     padded = np.concatenate([np.zeros(learnt), signal[: count * block]])
     result = np.zeros(len(signal))
-    lags = np.abs(np.subtract.outer(np.arange(ORDER), np.arange(ORDER)))
-    size = scipy.fft.next_fast_len(learnt + ORDER + 1, real=True)
-    window = np.hanning(learnt)
     pasts = np.lib.stride_tricks.sliding_window_view(padded, learnt)[::block]
     reaches = np.lib.stride_tricks.sliding_window_view(padded[learnt - ORDER :], block + ORDER)[
         ::block
     ]
     for first in range(0, count, 512):
         chunk = slice(first, min(first + 512, count))
-        power = np.abs(scipy.fft.rfft(pasts[chunk] * window, size, axis=1)) ** 2
-        alike = scipy.fft.irfft(power, size, axis=1)[:, : ORDER + 1]
-        alike[:, 0] = alike[:, 0] * (1.0 + 1e-9) + 1e-300
-        weights = np.linalg.solve(alike[:, lags], alike[:, 1:, None])[:, ::-1, 0]
+        weights = _predictions(pasts[chunk])
         rows = np.lib.stride_tricks.sliding_window_view(reaches[chunk], ORDER + 1, axis=1)
         rest = rows[..., -1] - np.einsum("kbo,ko->kb", rows[..., :-1], weights)
         result[chunk.start * block : chunk.stop * block] = rest.reshape(-1)
     return result
+
+
+def _predictions(pasts: Array) -> Array:
+    """Find for each past the weights that predict the next sample, from its autocorrelation.
+
+    Parameters
+    ----------
+    pasts : (blocks, samples)
+
+    Returns
+    -------
+    (blocks, ORDER) weights of the last samples, the earliest first
+    """
+    length = pasts.shape[1]
+    size = scipy.fft.next_fast_len(length + ORDER + 1, real=True)
+    power = np.abs(scipy.fft.rfft(pasts * np.hanning(length), size, axis=1)) ** 2
+    alike = scipy.fft.irfft(power, size, axis=1)[:, : ORDER + 1]
+    alike[:, 0] = alike[:, 0] * (1.0 + 1e-9) + 1e-300
+    lags = np.abs(np.subtract.outer(np.arange(ORDER), np.arange(ORDER)))
+    weights: Array = np.linalg.solve(alike[:, lags], alike[:, 1:, None])[:, ::-1, 0]
+    return weights
 
 
 def _first_arrival(signal: Array, near: int, rate: float) -> int:

@@ -154,7 +154,7 @@ def with_inertial_parameters(model: Model, parameters: ArrayLike) -> Model:
     return replace(model, bodies=tuple(bodies))
 
 
-def free_object(
+def free_object(  # page: what a user may state of a body, most of it optional
     name: str,
     mass: float,
     size: ArrayLike | None = None,
@@ -221,7 +221,7 @@ def free_object(
     )
 
 
-def hinged_object(
+def hinged_object(  # page: as `free_object`, and the axle
     name: str,
     mass: float,
     axis: ArrayLike,

@@ -27,7 +27,7 @@ class Named(Protocol):
         """Name in the model."""
 
 
-def with_passive_dynamics(
+def with_passive_dynamics(  # page: five kinds of parts, each optional
     model: Model,
     damping: Mapping[str, float] = NOTHING,
     stiffness: Mapping[str, float] = NOTHING,

@@ -43,7 +43,7 @@ MIN_MASS = 2.220446049250313e-16  # OpenSim's, of a body that has an inertia [kg
 FIBER_LENGTHS = ("L0", "LT", "lengthrange0", "lengthrange1")
 
 
-def scale(
+def scale(  # page: what OpenSim's tool has as settings
     model: Model,
     factors: Mapping[str, ArrayLike],
     mass: float | None = None,

@@ -77,16 +77,10 @@ def automatic_cutoff(motion: Motion) -> float | None:
 
 def _cutoff(motion: Motion) -> float | None:
     """Choose the cutoff from the longest run of frames without gaps; see `automatic_cutoff`."""
-    seen = np.all(np.isfinite(motion.values), axis=1)
-    part = max(
-        (slice(*ends) for ends in runs(seen)),
-        key=lambda share: share.stop - share.start,
-        default=slice(0, 0),
-    )
-    if part.stop - part.start < MIN_FRAMES:
+    part = _longest_part(motion)
+    frames = part.stop - part.start
+    if frames < MIN_FRAMES:
         return None
-    start = max((part.start + part.stop - MAX_FRAMES) // 2, part.start)
-    part = slice(start, min(start + MAX_FRAMES, part.stop))
     frequency, power, noise = _acceleration_spectra(motion.time[part], motion.values[part])
     # Squared amplitudes of noise are distributed exponentially.
     signal = np.where(power > np.log(len(power) / CHANCE) * noise, power - noise, 0.0)
@@ -98,19 +92,47 @@ def _cutoff(motion: Motion) -> float | None:
     power = power[:, moved]
     if np.median(np.sqrt(noise.sum(axis=0) / signal.sum(axis=0))) < NOISELESS:
         return None
-    tried = TRIED * (part.stop - part.start - 1) / (motion.time[part][-1] - motion.time[part][0])
+    tried = TRIED * (frames - 1) / (motion.time[part][-1] - motion.time[part][0])
     gain = _gain(frequency[:, None], tried)
     errors = (signal.T @ (1.0 - gain) ** 2 + noise.T @ gain**2) / signal.sum(axis=0)[:, None]
     least = float(tried[np.log(errors + ENOUGH).mean(axis=0).argmin()])
-    passed = np.maximum(power - noise, 0.0) * _gain(frequency, least)[:, None] ** 2
-    share = np.cumsum(passed / frequency[:, None] ** 2, axis=0)
-    speeds = [float(np.interp(SPEED_SHARE * column[-1], column, frequency)) for column in share.T]
-    cutoff = max(min(least, HARMONICS * float(np.median(speeds))), SLOWEST)
+    cutoff = max(min(least, HARMONICS * _speed(frequency, power - noise, least)), SLOWEST)
     gain = _gain(frequency, cutoff)[:, None]
     above = np.median(
         np.sqrt((power * (1.0 - gain) ** 2).sum(axis=0) / (power * gain**2).sum(axis=0))
     )
     return cutoff if above > SMOOTH else None
+
+
+def _longest_part(motion: Motion) -> slice:
+    """Find the longest run of frames without gaps, of a long one `MAX_FRAMES` in the middle."""
+    seen = np.all(np.isfinite(motion.values), axis=1)
+    part = max(
+        (slice(*ends) for ends in runs(seen)),
+        key=lambda share: share.stop - share.start,
+        default=slice(0, 0),
+    )
+    start = max((part.start + part.stop - MAX_FRAMES) // 2, part.start)
+    return slice(start, min(start + MAX_FRAMES, part.stop))
+
+
+def _speed(frequency: Array, power: Array, cutoff: float) -> float:
+    """Find the frequency below which most of the velocities' power lies, as the median coordinate.
+
+    Parameters
+    ----------
+    frequency : (n,) [Hz]
+    power : (n, coordinates) of accelerations, the noise's taken off
+    cutoff : of the filter [Hz]
+
+    Returns
+    -------
+    [Hz]
+    """
+    passed = np.maximum(power, 0.0) * _gain(frequency, cutoff)[:, None] ** 2
+    share = np.cumsum(passed / frequency[:, None] ** 2, axis=0)
+    speeds = [float(np.interp(SPEED_SHARE * column[-1], column, frequency)) for column in share.T]
+    return float(np.median(speeds))
 
 
 def _gain(frequency: Array, cutoff: Array | float) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy
 
@@ -125,24 +127,42 @@ def main_frequency(time: Array, other_time: Array, other: Array) -> float:
     )
 
 
-def compare(
-    time: Array,
-    rows: Array,
-    other_time: Array,
-    other: Array,
-    cutoff: float,
-    used: np.ndarray | None,
-) -> Compared:
+class Reference(NamedTuple):
+    """The recording on whose clock times are wanted.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    rows : (frames, signals, parameters), not used where NaN
+    used : (frames,) whether a frame is used; None uses all
+    """
+
+    time: Array
+    rows: Array
+    used: np.ndarray | None = None
+
+
+class Recorded(NamedTuple):
+    """The other recording.
+
+    Attributes
+    ----------
+    time : (samples,) on its clock [s]
+    values : (samples, signals)
+    """
+
+    time: Array
+    values: Array
+
+
+def compare(reference: Reference, recorded: Recorded, cutoff: float) -> Compared:
     """Filter both recordings alike and thin the frames to what the cutoff needs.
 
     Parameters
     ----------
-    time : (frames,) of the reference [s]
-    rows : (frames, signals, parameters), not used where NaN
-    other_time : (samples,) on the other's clock [s]
-    other : (samples, signals)
+    reference : the recording in whose signals the other is linear
+    recorded : the other
     cutoff : of the low-pass [Hz]
-    used : (frames,) whether a frame is used; None uses all
 
     Returns
     -------
@@ -153,35 +173,33 @@ def compare(
     BadData : fewer than 20 samples, shapes that do not match, an unsteady clock, NaN in the other
         recording, or no run of frames that is long enough for the filter
     """
-    time = np.asarray(time, dtype=np.float64)
-    other_time = np.asarray(other_time, dtype=np.float64)
-    _checked(time, other_time, other, rows)
-    usable = np.asarray(np.isfinite(rows).all(axis=(1, 2)))
+    time = np.asarray(reference.time, dtype=np.float64)
+    other_time = np.asarray(recorded.time, dtype=np.float64)
+    _checked(time, other_time, recorded.values, reference.rows)
     start = float(other_time[0])
     end = float(other_time[-1])
     rate = (len(time) - 1) / float(time[-1] - time[0])
-    rows, usable = _filtered(rows, usable, rate, cutoff)
-    if used is not None:
+    finite = np.asarray(np.isfinite(reference.rows).all(axis=(1, 2)))
+    rows, usable = _filtered(reference.rows, finite, rate, cutoff)
+    if reference.used is not None:
         # Through the filter, frames feel those nearby: the rim of what is used is left out.
         rim = 2 * int(np.ceil(RIM * rate / cutoff)) + 1
-        usable &= (
-            scipy.ndimage.minimum_filter1d(np.asarray(used, dtype=np.int8), rim, mode="nearest") > 0
-        )
+        used = np.asarray(reference.used, dtype=np.int8)
+        usable &= scipy.ndimage.minimum_filter1d(used, rim, mode="nearest") > 0
     if not usable.any():
         raise BadData(
             f"no run of frames without gaps is long enough for a low-pass filter at {cutoff:g} Hz"
         )
     other_rate = (len(other_time) - 1) / (end - start)
     few = max(1, int(other_rate / (DENSE * cutoff)))
-    other = lowpass(other, other_rate, cutoff)[::few]
-    other_time = other_time[::few]
+    other = lowpass(recorded.values, other_rate, cutoff)[::few]
     start = start + SETTLING / cutoff
     end = end - SETTLING / cutoff
     thin = max(1, int(rate / max(SAMPLES * cutoff, FINEST)))
     time = time[::thin]
     rows = rows[::thin]
     usable = usable[::thin]
-    spline = natural_spline(other_time, other, degree=3)
+    spline = natural_spline(other_time[::few], other, degree=3)
     return Compared(
         time=time,
         rows=np.where(usable[:, None, None], rows, 0.0),
@@ -279,6 +297,30 @@ def likely_lags(compared: Compared, search: float) -> list[float]:
 def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[float], float]:
     """Find the highest peaks of the share explained.
 
+    Parameters
+    ----------
+    compared : both recordings
+    weights : (signals,)
+    search : largest lag either way [s]
+
+    Returns
+    -------
+    lags of the peaks, the highest first [s], and the share at the highest
+    """
+    most = int(np.ceil(search / compared.step))
+    share = _shares_explained(compared, weights, most)
+    best = float(share.max())
+    edged = np.concatenate([[0.0], share, [0.0]])
+    peaks = np.flatnonzero(
+        (edged[1:-1] >= edged[:-2]) & (edged[1:-1] > edged[2:]) & (share > best - NEAR)
+    )
+    peaks = peaks[np.argsort(-share[peaks])][:CANDIDATES]
+    return [float((peak - most) * compared.step) for peak in peaks], best
+
+
+def _shares_explained(compared: Compared, weights: Array, most: int) -> Array:
+    """Compute the share of the other recording that the rows explain, at every lag.
+
     With an orthonormal basis B of what the rows and a constant can explain, and the other recording
     y at a lag,
 
@@ -290,16 +332,18 @@ def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[floa
     ----------
     compared : both recordings
     weights : (signals,)
-    search : largest lag either way [s]
+    most : frames of the largest lag either way
 
     Returns
     -------
-    lags of the peaks, the highest first [s], and the share at the highest
+    (2 most + 1,) [-], 0 where few frames are in common
+
+    Raises
+    ------
+    BadData : no lag brings the recordings together
     """
-    step = compared.step
     frames = len(compared.time)
-    most = int(np.ceil(search / step))
-    around = compared.time[0] + step * np.arange(-most, frames + most)
+    around = compared.time[0] + compared.step * np.arange(-most, frames + most)
     inside = (around >= compared.start) & (around <= compared.end)
     if not inside.any():
         raise BadData(
@@ -315,21 +359,16 @@ def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[floa
         product = (np.conj(scipy.fft.rfft(basis[:, :, index], size, axis=0)) * spectra).sum(axis=1)
         explained += scipy.fft.irfft(product, size)[: 2 * most + 1] ** 2
     counted = np.conj(scipy.fft.rfft(compared.usable.astype(np.float64), size))
-    power = scipy.fft.irfft(counted * scipy.fft.rfft((values**2).sum(axis=1), size), size)[
-        : 2 * most + 1
-    ]
-    common = scipy.fft.irfft(counted * scipy.fft.rfft(inside.astype(np.float64), size), size)[
-        : 2 * most + 1
-    ]
+
+    def over_usable(signal: Array) -> Array:
+        """Sum a signal (frames and lags,) over usable frames at every lag."""
+        sums: Array = scipy.fft.irfft(counted * scipy.fft.rfft(signal, size), size)
+        return sums[: 2 * most + 1]
+
+    power = over_usable((values**2).sum(axis=1))
+    common = over_usable(inside.astype(np.float64))
     enough = (common > 0.5 * common.max()) & (power > 1e-9 * power.max())
-    share = np.where(enough, explained / np.where(enough, power, 1.0), 0.0)
-    best = float(share.max())
-    edged = np.concatenate([[0.0], share, [0.0]])
-    peaks = np.flatnonzero(
-        (edged[1:-1] >= edged[:-2]) & (edged[1:-1] > edged[2:]) & (share > best - NEAR)
-    )
-    peaks = peaks[np.argsort(-share[peaks])][:CANDIDATES]
-    return [float((peak - most) * step) for peak in peaks], best
+    return np.where(enough, explained / np.where(enough, power, 1.0), 0.0)
 
 
 def _centered_basis(compared: Compared, weights: Array) -> Array:
@@ -384,6 +423,31 @@ def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
     -------
     (2,) a [s] and b [s/s]; `lag` where fewer than three pieces show theirs
     """
+    x, y = _lags_of_pieces(compared, lag, window)
+    for _ in range(3):
+        if len(x) < 3:
+            return lag
+        slope, level = np.polyfit(x, y, 1)
+        off = np.abs(y - level - slope * x)
+        kept = off <= max(3.0 * float(np.median(off)), 1e-9)
+        x = x[kept]
+        y = y[kept]
+    return lag + np.array([level, slope])
+
+
+def _lags_of_pieces(compared: Compared, lag: Array, window: float) -> tuple[Array, Array]:
+    """Find the further lag of each piece that shows it.
+
+    Parameters
+    ----------
+    compared : both recordings
+    lag : (2,) to start from, a [s] and b [s/s]
+    window : length of a piece; the next begins half of it later [s]
+
+    Returns
+    -------
+    (pieces,) their middles from that of the recordings [s], and (pieces,) their lags [s]
+    """
     predicted = _predicted(compared, lag)
     weights = (
         1.0
@@ -404,17 +468,7 @@ def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
         if further is not None:
             middles.append(float(compared.time[here].mean()) - compared.middle)
             lags.append(further)
-    x = np.array(middles)
-    y = np.array(lags)
-    for _ in range(3):
-        if len(x) < 3:
-            return lag
-        slope, level = np.polyfit(x, y, 1)
-        off = np.abs(y - level - slope * x)
-        kept = off <= max(3.0 * float(np.median(off)), 1e-9)
-        x = x[kept]
-        y = y[kept]
-    return lag + np.array([level, slope])
+    return np.array(middles), np.array(lags)
 
 
 def _lag_of_piece(compared: Compared, places: Array, wanted: Array, weights: Array) -> float | None:
@@ -544,19 +598,10 @@ def refine(compared: Compared, lag: Array, drift: bool, block: float) -> Refined
             f"the recordings share {frames} usable frames: too few to compare their clocks"
         )
     time = compared.time[inside]
-    rows = compared.rows[inside]
-    away = (time - compared.middle)[:, None]
     weights = compared.weights
     for _ in range(ITERATIONS):
-        places = np.clip(compared.places(lag)[inside], compared.start, compared.end)
-        basis = orthonormal((rows * weights[:, None]).reshape(-1, rows.shape[2]))
-        slopes = compared.slope(places) * weights
-        columns = np.stack(
-            (compared.spline(places) * weights, slopes, slopes * away), axis=2
-        ).reshape(-1, 3)
-        columns = columns - basis @ (basis.T @ columns)
-        left = columns[:, 0]
-        tangent = columns[:, 1 : 3 if drift else 2]
+        left, slopes = _linearized(compared, inside, lag, weights)
+        tangent = slopes[:, : 2 if drift else 1]
         step = -np.linalg.lstsq(tangent, left, rcond=None)[0]
         residual = left.reshape(frames, -1) * np.where(
             weights > 0, 1.0 / np.where(weights > 0, weights, 1.0), 0.0
@@ -576,6 +621,34 @@ def refine(compared: Compared, lag: Array, drift: bool, block: float) -> Refined
         explained=1.0 - float(shares.min()) ** 2,
         length=float(time[-1] - time[0]),
     )
+
+
+def _linearized(
+    compared: Compared, inside: np.ndarray, lag: Array, weights: Array
+) -> tuple[Array, Array]:
+    """Compute the weighted residual at a lag and its slopes, as `refine` has them.
+
+    Parameters
+    ----------
+    compared : both recordings
+    inside : (all frames,) whether a frame takes part
+    lag : (2,) a [s] and b [s/s]
+    weights : (signals,)
+
+    Returns
+    -------
+    (frames signals,) residual, and (frames signals, 2) its slopes in a and b
+    """
+    rows = compared.rows[inside]
+    away = (compared.time[inside] - compared.middle)[:, None]
+    places = np.clip(compared.places(lag)[inside], compared.start, compared.end)
+    basis = orthonormal((rows * weights[:, None]).reshape(-1, rows.shape[2]))
+    slopes = compared.slope(places) * weights
+    columns = np.stack((compared.spline(places) * weights, slopes, slopes * away), axis=2).reshape(
+        -1, 3
+    )
+    columns = columns - basis @ (basis.T @ columns)
+    return columns[:, 0], columns[:, 1:]
 
 
 def _covariance(tangent: Array, left: Array, time: Array, signals: int, block: float) -> Array:

@@ -23,6 +23,8 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.model.join import clock_difference
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.motion.clock_lags import (
+    Recorded,
+    Reference,
     Refined,
     compare,
     drift_of_pieces,
@@ -172,7 +174,7 @@ def resample(series: SeriesKind, time: Array) -> SeriesKind:
     return replace(series, **changes)
 
 
-def fit_clock(
+def fit_clock(  # page: two recordings, with what is used of them
     time: Array,
     rows: Array,
     other_time: Array,
@@ -212,9 +214,11 @@ def fit_clock(
     options = options or ClockOptions()
     slow = PERIODS * main_frequency(time, other_time, other)
     cutoff = options.cutoff or slow
-    compared = compare(time, rows, other_time, other, cutoff, used)
+    reference = Reference(time=time, rows=rows, used=used)
+    recorded = Recorded(time=other_time, values=other)
+    compared = compare(reference, recorded, cutoff)
     # Candidates are looked for where the noise of differentiation is least.
-    slowly = compared if slow >= cutoff else compare(time, rows, other_time, other, slow, used)
+    slowly = compared if slow >= cutoff else compare(reference, recorded, slow)
     fits = []
     for lag in likely_lags(slowly, options.search):
         start = np.array([lag, 0.0])

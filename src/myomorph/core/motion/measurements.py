@@ -203,7 +203,7 @@ class Placement:
     notes: tuple[str, ...] = ()
 
 
-def place_on_pose(
+def place_on_pose(  # page: what OpenSim's tool has as settings
     model: Model,
     markers: Markers,
     start: float = -np.inf,
