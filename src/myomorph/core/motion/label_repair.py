@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.findings import Finding, Repair, pairs_text, repaired, spans_of, times_text
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.scale import scale
@@ -125,27 +125,68 @@ Solve = Callable[[Array], Array]
 """From positions (frames, markers, 3) [m] to errors (frames, markers) [m], each frame by itself."""
 
 
+@read_only
+class FittedMarkers:
+    """Markers as recorded, and as a model fits them.
+
+    Attributes
+    ----------
+    names : (markers,)
+    observed : (frames, markers, 3) as recorded [m]
+    errors : (frames, markers) of inverse kinematics [m], NaN where unseen
+    placed : (frames, markers, 3) on the model at its poses [m]
+    unit : what stands for one metre, see `length_unit` [m]
+    """
+
+    names: Sequence[str]
+    observed: Array
+    errors: Array
+    placed: Array
+    unit: float
+
+    @staticmethod
+    def of(model: Model, markers: Markers, fit: KinematicsFit) -> FittedMarkers:
+        """Collect the markers of a fit.
+
+        Parameters
+        ----------
+        model : that was fitted
+        markers : as recorded (frames, markers, 3) [m], NaN where hidden
+        fit : of inverse kinematics
+        """
+        columns = [markers.names.index(name) for name in fit.marker_names]
+        return FittedMarkers(
+            names=fit.marker_names,
+            observed=markers.values[:, columns],
+            errors=fit.errors,
+            placed=_placed(model, fit),
+            unit=length_unit(compile_tree(model)),
+        )
+
+
+class _Tried(NamedTuple):
+    """An exchange that fits better.
+
+    Attributes
+    ----------
+    ratio : root mean square after over before, of the median sample
+    swap : the exchange
+    """
+
+    ratio: float
+    swap: Swap
+
+
 def find_swap(
-    model: Model,
-    names: Sequence[str],
-    observed: Array,
-    errors: Array,
-    placed: Array,
-    solve: Solve,
-    unit: float,
-    margin: Margin = USUAL,
+    model: Model, fitted: FittedMarkers, solve: Solve, margin: Margin = USUAL
 ) -> Swap | None:
     """Find the exchange of labels under which the body fits best in most sampled frames.
 
     Parameters
     ----------
     model : that was fitted
-    names : of the markers
-    observed : (frames, markers, 3) as recorded [m]
-    errors : (frames, markers) of inverse kinematics [m], NaN where unseen
-    placed : (frames, markers, 3) on the model at its poses [m]
+    fitted : its markers
     solve : positions (frames, markers, 3) to errors (frames, markers) [m]
-    unit : what stands for one metre, see `length_unit` [m]
     margin : how much better an exchange must fit
 
     Returns
@@ -153,40 +194,66 @@ def find_swap(
     the exchange, of several that explain about as much that of fewest labels; None where none is
     far better
     """
-    rms = marker_rms(errors)
+    rms = marker_rms(fitted.errors)
     seen = np.flatnonzero(np.isfinite(rms)).astype(np.int64)
     if not len(seen):
         return None
-    pairs = crossed_pairs(names, observed, errors, placed, unit)
-    swaps: list[tuple[float, Swap]] = []
-    before: dict[int, float] = {}
-    for swap, frames in _hypotheses(
-        model, names, pairs, bool(np.median(rms[seen]) > SUSPECT * unit), seen
-    ):
-        columns = swap.columns(names)
+    suspect = bool(np.median(rms[seen]) > SUSPECT * fitted.unit)
+    hypotheses = _hypotheses(model, fitted.names, crossed_pairs(fitted), suspect, seen)
+    trial = _SwapTrial(fitted, solve, margin)
+    tried = [(swap, trial.ratio(swap, frames)) for swap, frames in hypotheses]
+    # Of exchanges that explain about as much, the one of fewest labels.
+    better = sorted(
+        (_Tried(ratio, swap) for swap, ratio in tried if ratio is not None),
+        key=lambda each: (round(4.0 * each.ratio), len(each.swap.pairs), each.ratio),
+    )
+    whole = {each.swap.name: each.ratio for each in better if each.swap.name in (SIDES, MIRRORED)}
+    if not better or len(whole) < 2 or better[0].swap.name not in whole:
+        return better[0].swap if better else None
+    best = min(whole, key=lambda name: whole[name])
+    certain = whole[best] < CLEARLY * max(whole.values())
+    return next(replace(each.swap, certain=certain) for each in better if each.swap.name == best)
+
+
+class _SwapTrial:
+    """Tries exchanges on samples of the frames, each solved once as it was recorded."""
+
+    def __init__(self, fitted: FittedMarkers, solve: Solve, margin: Margin):
+        self._fitted = fitted
+        self._solve = solve
+        self._margin = margin
+        self._before: dict[int, float] = {}
+
+    def ratio(self, swap: Swap, frames: NDArray[np.int64]) -> float | None:
+        """Compare the fit under an exchange with that of the labels as recorded.
+
+        Parameters
+        ----------
+        swap : the exchange
+        frames : (n,) numbers of those to try it on
+
+        Returns
+        -------
+        root mean square after over before, of the median sample; None where it is not far better
+        in most samples
+        """
+        columns = swap.columns(self._fitted.names)
         ratios = list[float]()
         gains = list[float]()
         for sample in _spread(frames):
-            if sample not in before:
-                before[sample] = float(marker_rms(solve(observed[sample : sample + 1]))[0])
-            after = float(
-                marker_rms(solve(swap.applied(observed[sample : sample + 1], columns)))[0]
-            )
-            ratios.append(after / before[sample])
-            gains.append(before[sample] - after)
+            observed = self._fitted.observed[sample : sample + 1]
+            if sample not in self._before:
+                self._before[sample] = float(marker_rms(self._solve(observed))[0])
+            before = self._before[sample]
+            after = float(marker_rms(self._solve(swap.applied(observed, columns)))[0])
+            ratios.append(after / before)
+            gains.append(before - after)
             # Most exchanges are wrong, which two frames show.
-            if len(ratios) == 2 and min(ratios) > margin.share:
+            if len(ratios) == 2 and min(ratios) > self._margin.share:
                 break
-        if np.mean(np.array(ratios) < margin.share) > 0.6 and np.median(gains) > margin.gain * unit:
-            swaps.append((float(np.median(ratios)), swap))
-    # Of exchanges that explain about as much, the one of fewest labels.
-    swaps.sort(key=lambda swap: (round(4.0 * swap[0]), len(swap[1].pairs), swap[0]))
-    whole = {swap.name: ratio for ratio, swap in swaps if swap.name in (SIDES, MIRRORED)}
-    if not swaps or len(whole) < 2 or swaps[0][1].name not in whole:
-        return swaps[0][1] if swaps else None
-    best = min(whole, key=lambda name: whole[name])
-    certain = whole[best] < CLEARLY * max(whole.values())
-    return next(replace(swap, certain=certain) for _, swap in swaps if swap.name == best)
+        fits_most = np.mean(np.array(ratios) < self._margin.share) > 0.6
+        gains_enough = np.median(gains) > self._margin.gain * self._fitted.unit
+        return float(np.median(ratios)) if fits_most and gains_enough else None
 
 
 def _spread(frames: NDArray[np.int64]) -> list[int]:
@@ -205,9 +272,7 @@ def _spread(frames: NDArray[np.int64]) -> list[int]:
     return [int(frames[place]) for place in order]
 
 
-def crossed_pairs(
-    names: Sequence[str], observed: Array, errors: Array, placed: Array, unit: float
-) -> Mapping[tuple[str, str], NDArray[np.int64]]:
+def crossed_pairs(fitted: FittedMarkers) -> Mapping[tuple[str, str], NDArray[np.int64]]:
     """Find pairs of markers, each nearer to the other's position on the model than to its own.
 
     With y recorded and x on the model, both errors large, a frame counts where
@@ -216,17 +281,16 @@ def crossed_pairs(
 
     Parameters
     ----------
-    names : of the markers
-    observed : (frames, markers, 3) as recorded [m]
-    errors : (frames, markers) of inverse kinematics [m], NaN where unseen
-    placed : (frames, markers, 3) on the model at its poses [m]
-    unit : what stands for one metre, see `length_unit` [m]
+    fitted : markers as recorded, and as a model fits them
 
     Returns
     -------
     frames (two or more) of each pair of names
     """
-    far = errors > FAR * unit
+    errors = fitted.errors
+    observed = fitted.observed
+    placed = fitted.placed
+    far = errors > FAR * fitted.unit
     result: dict[tuple[str, str], NDArray[np.int64]] = {}
     for i, j in combinations(np.flatnonzero(far.sum(axis=0) > 0).tolist(), 2):
         both = np.flatnonzero(far[:, i] & far[:, j])
@@ -236,7 +300,7 @@ def crossed_pairs(
             other += ((observed[both, j] - placed[both, i]) ** 2).sum(axis=1)
             frames = both[other < CROSSED * straight]
             if len(frames) > 1:
-                result[names[i], names[j]] = frames.astype(np.int64)
+                result[fitted.names[i], fitted.names[j]] = frames.astype(np.int64)
     return result
 
 
@@ -390,10 +454,22 @@ def mended_labels(model: Model, markers: Markers) -> tuple[Markers, tuple[Findin
     sized = scale(bare, dict.fromkeys(bare.body_names, np.full(3, size)))
     sample = markers.frames(chosen)
     fit = inverse_kinematics(sized, sample, options)
-    _, findings = swap_findings(
-        sized, sample, fit, options, length_unit(compile_tree(sized)), OF_ANY_LENGTHS
-    )
+    _, findings = swap_findings(sized, sample, fit, options, SwapSearch(margin=OF_ANY_LENGTHS))
     return repaired(markers, (finding for finding in findings if not finding.times))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwapSearch:
+    """How exchanged labels are looked for.
+
+    Attributes
+    ----------
+    margin : how much better an exchange must fit
+    mend : repair; else the first exchange is only reported
+    """
+
+    margin: Margin = USUAL
+    mend: bool = True
 
 
 def swap_findings(
@@ -401,9 +477,7 @@ def swap_findings(
     markers: Markers,
     fit: KinematicsFit,
     options: InverseKinematicsOptions,
-    unit: float,
-    margin: Margin = USUAL,
-    mend: bool = True,
+    search: SwapSearch | None = None,
 ) -> tuple[KinematicsFit, tuple[Finding, ...]]:
     """Find exchanged labels by a fit, and fit again with those exchanged back.
 
@@ -413,28 +487,24 @@ def swap_findings(
     markers : as recorded (frames, markers, 3) [m], NaN where hidden
     fit : of inverse kinematics
     options : of inverse kinematics
-    unit : what stands for one metre, see `length_unit` [m]
-    margin : how much better an exchange must fit
-    mend : repair; else the first exchange is only reported
+    search : how exchanges are looked for
 
     Returns
     -------
     the fit after repairs, and the findings; a mirrored recording is reported and never repaired
     """
+    search = search or SwapSearch()
     findings: list[Finding] = []
     for _ in range(MAX_SWAPS):
         names = fit.marker_names
-        columns = [markers.names.index(name) for name in names]
-        observed = markers.values[:, columns]
         solve = _solver(model, markers, names, options)
-        swap = find_swap(
-            model, names, observed, fit.errors, _placed(model, fit), solve, unit, margin
-        )
+        fitted = FittedMarkers.of(model, markers, fit)
+        swap = find_swap(model, fitted, solve, search.margin)
         if swap is None:
             break
         other = inverse_kinematics(model, _put_back(markers, swap, names), options)
         with np.errstate(invalid="ignore"):
-            wrong = _smooth(other.rms < max(0.8, margin.share) * fit.rms)
+            wrong = _smooth(other.rms < max(0.8, search.margin.share) * fit.rms)
         if not wrong.any():
             break
         # A mirrored recording is not mended: its forces would have to be mirrored too, along an
@@ -442,7 +512,7 @@ def swap_findings(
         sure = swap.name != MIRRORED and (swap.certain or wrong.mean() < 0.5)
         finding = _swap_finding(swap, markers, wrong, fit, other, sure)
         findings.append(finding)
-        if finding.repair is None or not mend:
+        if finding.repair is None or not search.mend:
             break
         markers, _ = repaired(markers, (finding,))
         fit = inverse_kinematics(model, markers, options) if finding.times else other

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.segments import Segment, segments_if_human
@@ -70,48 +70,102 @@ def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
     -------
     three lengths for each segment, in the order of the tree
     """
-    tree = compile_tree(model)
-    pose = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
-    rotations = pose.rotations[0]
-    centers = joint_centers(tree, pose.axis_points[0], pose.origins[0])
-    markers: dict[str, list[Array]] = {}
-    for marker in model.markers:
-        b = tree.body_index[marker.body]
-        markers.setdefault(marker.body, []).append(
-            rotations[b] @ marker.location + pose.origins[0, b]
-        )
-    parents = {joint.child: joint.parent for joint in model.joints}
-    lengths: list[Length] = []
-    for bodies in segments_that_stretch(model):
-        inside = set(bodies)
-        first = rotations[tree.body_index[bodies[0]]]
-        joints = [centers[tree.body_index[body]] for body in bodies[:1]]
-        joints += [
-            centers[tree.body_index[body]]
-            for body, h in parents.items()
-            if h in inside and body not in inside
-        ]
-        seen = [place for body in bodies for place in markers.get(body, ())]
-        name = max(bodies, key=lambda body: model.body(body).mass)
-        b = tree.body_index[name]
-        heavy = [rotations[b] @ model.body(name).mass_center + pose.origins[0, b]]
-        places = np.array(joints if len(joints) > 1 else joints + (seen or heavy))
-        extents = np.ptp(places @ first, axis=0)
-        axes = {body: _nearest_axes(first, rotations[tree.body_index[body]]) for body in bodies}
-        for axis in range(3):
-            stretched = tuple((body, axes[body][axis]) for body in bodies)
-            along = axis == int(np.argmax(extents))
-            lengths.append(
-                Length(
-                    name=f"{name}_{AXES[axis]}",
-                    segment=name,
-                    stretched=stretched,
-                    extent=float(extents[axis]),
-                    along=along,
-                    between_joints=len(joints) > 1,
-                )
-            )
+    pose = _DefaultPose.of(model)
+    lengths = [length for bodies in segments_that_stretch(model) for length in pose.lengths(bodies)]
     return _one_for_both_sides(lengths) if symmetric else tuple(lengths)
+
+
+@read_only
+class _DefaultPose:
+    """Bodies, joints and markers of a model in its default pose.
+
+    Attributes
+    ----------
+    model : of any body
+    tree : the compiled model
+    rotations : (bodies, 3, 3) to ground
+    origins : (bodies, 3) in ground [m]
+    centers : (bodies, 3) joint of each body with its parent, in ground [m]
+    """
+
+    model: Model
+    tree: Tree
+    rotations: Array
+    origins: Array
+    centers: Array
+
+    @staticmethod
+    def of(model: Model) -> _DefaultPose:
+        """Pose a model."""
+        tree = compile_tree(model)
+        pose = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
+        return _DefaultPose(
+            model=model,
+            tree=tree,
+            rotations=pose.rotations[0],
+            origins=pose.origins[0],
+            centers=joint_centers(tree, pose.axis_points[0], pose.origins[0]),
+        )
+
+    def place(self, body: str, point: Array) -> Array:
+        """Locate a point of a body (3,) in ground (3,) [m]."""
+        b = self.tree.body_index[body]
+        return np.asarray(self.rotations[b] @ point + self.origins[b])
+
+    def joints(self, bodies: Sequence[str]) -> list[Array]:
+        """Locate the joints of a segment in ground (3,) [m], that to its parent first."""
+        inside = set(bodies)
+        others = [
+            joint.child
+            for joint in self.model.joints
+            if joint.parent in inside and joint.child not in inside
+        ]
+        return [self.centers[self.tree.body_index[body]] for body in (bodies[0], *others)]
+
+    def lengths(self, bodies: Sequence[str]) -> list[Length]:
+        """Measure a segment along the axes of its first body.
+
+        Parameters
+        ----------
+        bodies : of the segment
+
+        Returns
+        -------
+        three lengths
+        """
+        name = max(bodies, key=lambda body: self.model.body(body).mass)
+        first = self.rotations[self.tree.body_index[bodies[0]]]
+        joints = self.joints(bodies)
+        between_joints = len(joints) > 1
+        ends = [] if between_joints else self._ends(bodies, name)
+        extents = np.ptp(np.array([*joints, *ends]) @ first, axis=0)
+        axes = {
+            body: _nearest_axes(first, self.rotations[self.tree.body_index[body]])
+            for body in bodies
+        }
+        longest = int(np.argmax(extents))
+        return [
+            Length(
+                name=f"{name}_{AXES[axis]}",
+                segment=name,
+                stretched=tuple((body, axes[body][axis]) for body in bodies),
+                extent=float(extents[axis]),
+                along=axis == longest,
+                between_joints=between_joints,
+            )
+            for axis in range(3)
+        ]
+
+    def _ends(self, bodies: Sequence[str], heaviest: str) -> list[Array]:
+        """Locate in ground (3,) [m] what shows where a last segment ends.
+
+        Its markers, or where it has none the center of mass of its heaviest body.
+        """
+        by_body = [
+            [marker for marker in self.model.markers if marker.body == body] for body in bodies
+        ]
+        markers = [self.place(marker.body, marker.location) for each in by_body for marker in each]
+        return markers or [self.place(heaviest, self.model.body(heaviest).mass_center)]
 
 
 def segments_that_stretch(model: Model) -> tuple[tuple[str, ...], ...]:

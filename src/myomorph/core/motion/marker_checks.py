@@ -29,7 +29,7 @@ from myomorph.core.motion.ik import (
     inverse_kinematics,
     pose_problem,
 )
-from myomorph.core.motion.label_repair import swap_findings
+from myomorph.core.motion.label_repair import SwapSearch, swap_findings
 from myomorph.core.motion.lengths import length_unit
 from myomorph.core.motion.marker_influence import hidden_findings, place_findings
 from myomorph.core.motion.pose_checks import pose_findings
@@ -101,7 +101,7 @@ def checked_kinematics(
     unit = length_unit(compile_tree(model))
     used, in_time = repaired(markers, time_findings(model, markers, unit), checks.mend)
     fit = inverse_kinematics(model, used, options, progress)
-    fit, swapped = swap_findings(model, used, fit, options, unit, mend=checks.mend)
+    fit, swapped = swap_findings(model, used, fit, options, SwapSearch(mend=checks.mend))
     used, swapped = repaired(used, swapped, checks.mend)
     problem = pose_problem(compile_tree(model), fit.marker_names, fit.weights, options)
     fit, hidden = repaired(fit, hidden_findings(model, used, fit, problem), checks.mend)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -226,34 +226,73 @@ def place_findings(
     weight = np.array(problem.markers.weight, np.float64)
     partner = mirror_names(fit.marker_names)
     for _ in range(MAX_COUNT):
-        away, spread = _steady(left_out(frames, weight))
-        size = np.linalg.norm(away, axis=1)
-        compared = np.isfinite(size) & (weight > 0.0)
-        if compared.sum() < 6:
+        displaced = _most_displaced(frames, weight, unit)
+        if displaced is None:
             return
-        limit = max(OFF * unit, USUAL * float(np.median(size[compared])))
-        order = [i for i in np.argsort(-np.nan_to_num(size)) if compared[i]]
-        worst = order[0]
-        if size[worst] < limit:
-            return
-        name = fit.marker_names[worst]
+        name = fit.marker_names[displaced.marker]
         # What the others say of the next is clearer without this one.
-        weight[worst] = 0.0
+        weight[displaced.marker] = 0.0
         other = fit.marker_names.index(partner[name]) if name in partner else -1
-        if other >= 0 and size[other] > ALIKE * size[worst]:
+        if other >= 0 and displaced.distances[other] > ALIKE * displaced.distance:
             weight[other] = 0.0
             continue
-        if spread[worst] > STEADY * size[worst] or (other < 0 and size[worst] < MIDDLE * unit):
+        unsteady = displaced.spread > STEADY * displaced.distance
+        if unsteady or (other < 0 and displaced.distance < MIDDLE * unit):
             continue
-        beside = f", '{partner[name]}' {100 * size[other]:.1f} cm" if other >= 0 else ""
-        usual = 100 * float(np.median(size[compared]))
+        beside = ""
+        if other >= 0:
+            beside = f", '{partner[name]}' {100 * displaced.distances[other]:.1f} cm"
         text = (
-            f"marker '{name}' lies {100 * size[worst]:.1f} cm from where all others put it on"
-            f" '{model.marker(name).body}' (median of all {usual:.1f} cm{beside}): was it moved, or"
-            " placed elsewhere than on the model? Leave it out (weight 0 in --tasks, or an empty"
-            " name in --labels) or calibrate the model"
+            f"marker '{name}' lies {100 * displaced.distance:.1f} cm from where all others put it"
+            f" on '{model.marker(name).body}' (median of all {100 * displaced.median:.1f}"
+            f" cm{beside}): was it moved, or placed elsewhere than on the model? Leave it out"
+            " (weight 0 in --tasks, or an empty name in --labels) or calibrate the model"
         )
         yield Finding("displaced marker", name, text)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Displaced:
+    """The marker that lies farthest from where all others put it.
+
+    Attributes
+    ----------
+    marker : number of it
+    distances : (markers,) of all from where the others put them, means over frames [m]
+    spread : root mean square of what changes of its distance [m]
+    median : of the distances of all that count [m]
+    """
+
+    marker: int
+    distances: Array
+    spread: float
+    median: float
+
+    @property
+    def distance(self) -> float:
+        """Distance of the marker [m]."""
+        return float(self.distances[self.marker])
+
+
+def _most_displaced(frames: MarkerFrames, weight: Array, unit: float) -> _Displaced | None:
+    """Find the marker that lies farthest off; None where all lie near, or few count.
+
+    Parameters
+    ----------
+    frames : slopes of the markers
+    weight : (markers,) 0 for those that do not count
+    unit : what stands for one metre [m]
+    """
+    away, spread = _steady(left_out(frames, weight))
+    distances = np.linalg.norm(away, axis=1)
+    compared = np.isfinite(distances) & (weight > 0.0)
+    if compared.sum() < 6:
+        return None
+    median = float(np.median(distances[compared]))
+    worst = next(int(i) for i in np.argsort(-np.nan_to_num(distances)) if compared[i])
+    if distances[worst] < max(OFF * unit, USUAL * median):
+        return None
+    return _Displaced(marker=worst, distances=distances, spread=float(spread[worst]), median=median)
 
 
 def _steady(away: Array) -> tuple[Array, Array]:
@@ -371,16 +410,52 @@ def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PosePro
             tree, problem, markers.values[frames][:, columns], fit.motion.values[frames]
         )
         for index, mask in enumerate(chunk):
-            rows = influence.slopes[index, masks[mask]].reshape(-1, len(problem.free))
-            # Squared movement of the seen markers for directions of the coordinates, from the
-            # least.
-            sizes, parts = np.linalg.eigh(rows.T @ rows)
-            usual = float(np.median(sizes[sizes > 1e-12 * sizes[-1]])) if usual is None else usual
-            faint = parts[:, sizes < FAINT**2 * usual]
-            hidden[mask] = (np.abs(faint).max(axis=1, initial=0.0) > PART) & ~influence.held[index]
+            slopes = influence.slopes[index, masks[mask]].reshape(-1, len(problem.free))
+            shown = _Shown.by(slopes)
+            usual = shown.median if usual is None else usual
+            hidden[mask] = shown.hidden(usual) & ~influence.held[index]
     result: np.ndarray = (hidden & ~hidden[most])[np.ravel(group)]
     result[:, problem.coordinates.weight[problem.free] > 0.0] = False
     return result & fit.seen[:, None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Shown:
+    """How far directions of the coordinates move the seen markers of a frame.
+
+    Attributes
+    ----------
+    squares : (variables,) squared movements, from the least
+    directions : (variables, variables) each a column
+    """
+
+    squares: Array
+    directions: Array
+
+    @staticmethod
+    def by(slopes: Array) -> _Shown:
+        """Decompose the slopes of the seen markers (3 markers, variables)."""
+        squares, directions = np.linalg.eigh(slopes.T @ slopes)
+        return _Shown(squares=squares, directions=directions)
+
+    @property
+    def median(self) -> float:
+        """Squared movement of the median direction, of those that move markers at all."""
+        return float(np.median(self.squares[self.squares > 1e-12 * self.squares[-1]]))
+
+    def hidden(self, usual: float) -> np.ndarray:
+        """Flag the coordinates that share in a hidden direction.
+
+        Parameters
+        ----------
+        usual : squared movement of the usual direction
+
+        Returns
+        -------
+        (variables,)
+        """
+        faint = self.directions[:, self.squares < FAINT**2 * usual]
+        return np.asarray(np.abs(faint).max(axis=1, initial=0.0) > PART)
 
 
 def _lost(fit: KinematicsFit, lost: np.ndarray) -> Iterator[Finding]:

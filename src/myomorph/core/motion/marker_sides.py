@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -107,22 +107,32 @@ def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
     )
     places = dict(zip(markers.names, np.moveaxis(markers.values[rows], 1, 0), strict=True))
     links: dict[frozenset[frozenset[str]], _Link] = {}
+    for pair in _comparable(bony, partner):
+        mirrored = (partner[pair[0]], partner.get(pair[1], pair[1]))
+        length, spread = _distance(places[pair[0]], places[pair[1]])
+        other_length, other_spread = _distance(places[mirrored[0]], places[mirrored[1]])
+        if spread < STEADY and other_spread < STEADY:
+            link = _Link(
+                markers=pair, others=mirrored, length=length, difference=length - other_length
+            )
+            links.setdefault(frozenset((frozenset(pair), frozenset(mirrored))), link)
+    return list(links.values())
+
+
+def _comparable(bony: Mapping[str, Site], partner: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Yield pairs of a marker on the right and another one that have two on the other side.
+
+    Parameters
+    ----------
+    bony : what markers on bone lie on, by name
+    partner : the marker on the other side, by name
+    """
     for marker in (name for name in partner if bony[name].side == "right"):
         for other, site in bony.items():
-            sided = other in partner
-            if (
-                other in (marker, partner[marker])
-                or (site.side and not sided)
-                or not _rigid(bony[marker], site)
-            ):
-                continue
-            mirrored = (partner[marker], partner[other] if sided else other)
-            lengths = [_distance(places[a], places[b]) for a, b in ((marker, other), mirrored)]
-            if not all(spread < STEADY for _, spread in lengths):
-                continue
-            link = _Link((marker, other), mirrored, lengths[0][0], lengths[0][0] - lengths[1][0])
-            links.setdefault(frozenset((frozenset(link.markers), frozenset(mirrored))), link)
-    return list(links.values())
+            alone = bool(site.side) and other not in partner
+            same = other in (marker, partner[marker])
+            if not same and not alone and _rigid(bony[marker], site):
+                yield marker, other
 
 
 def _rigid(site: Site, other: Site) -> bool:

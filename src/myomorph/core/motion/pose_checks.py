@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.findings import Finding, spans_of
-from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.model import GROUND, Coordinate, Model
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.core.motion.marker_influence import marker_frames, undetermined
@@ -77,49 +78,74 @@ def _bound_findings(
     held = np.flatnonzero(at.sum(axis=0) > HELD * int(fit.seen.sum()))
     if not len(held):
         return
-    names = [model.coordinate_names[j] for j in problem.free]
-    loose = {names[i] for i in held}
-    coordinates = tuple(
-        replace(each, clamped=each.clamped and each.name not in loose) for each in model.coordinates
-    )
-    without = replace(model, coordinates=coordinates)
+    names = [model.coordinate_names[problem.free[i]] for i in held]
     some = np.flatnonzero(at[:, held].any(axis=1))
     some = some[np.unique(np.linspace(0, len(some) - 1, SAMPLES).astype(int))]
-    freed = inverse_kinematics(without, markers.frames(some), options)
-    for i in held:
-        coordinate = model.coordinate(names[i])
-        at_bound = at[some, i]
+    freed = inverse_kinematics(_unclamped(model, names), markers.frames(some), options)
+    for name, i in zip(names, held, strict=True):
         lower = float(problem.lower[i])
-        upper = float(problem.upper[i])
-        reached = freed.motion[names[i]][at_bound]
         low = 2 * int((values[:, i] <= lower + AT).sum()) > int(at[:, i].sum())
-        bound = lower if low else upper
-        turns = coordinate.motion != "translational"
-        beyond = (bound - reached) if low else (reached - bound)
-        if turns:
-            # Freed, an angle may come out a turn further.
-            beyond = (beyond + np.pi) % (2.0 * np.pi) - np.pi
-        usual = float(np.nanmedian(beyond)) if len(beyond) else 0.0
-        if usual < (
-            BEYOND["translational"]
-            if coordinate.motion == "translational"
-            else BEYOND["rotational"]
-        ):
-            continue
-        limit = f"{np.degrees(bound):.4g} degrees" if turns else f"{bound:.4g} m"
-        further = f"{np.degrees(usual):.0f} degrees" if turns else f"{100 * usual:.1f} cm"
-        spans = spans_of(fit.motion.time, at[:, i])
-        first = (
-            f"from {spans[0][0]:.2f} s on"
-            if len(spans) > 1
-            else f"from {spans[0][0]:.2f} to {spans[0][1]:.2f} s"
+        bound = _Bound(
+            coordinate=model.coordinate(name),
+            value=lower if low else float(problem.upper[i]),
+            is_lower=low,
         )
+        beyond = bound.beyond(freed.motion[name][at[some, i]])
+        if beyond < BEYOND["rotational" if bound.turns else "translational"]:
+            continue
+        spans = spans_of(fit.motion.time, at[:, i])
+        first = f"from {spans[0][0]:.2f} s on"
+        if len(spans) == 1:
+            first = f"from {spans[0][0]:.2f} to {spans[0][1]:.2f} s"
+        further = f"{np.degrees(beyond):.0f} degrees" if bound.turns else f"{100 * beyond:.1f} cm"
         text = (
-            f"coordinate '{names[i]}' is held at its bound of {limit} in {int(at[:, i].sum())} of"
+            f"coordinate '{name}' is held at its bound of {bound} in {int(at[:, i].sum())} of"
             f" {len(fit.motion)} frames ({first}); the markers ask for about {further} more: check"
             " the bound, the markers there and the model's size"
         )
-        yield Finding(kind="at its bound", place=names[i], text=text, times=spans)
+        yield Finding(kind="at its bound", place=name, text=text, times=spans)
+
+
+def _unclamped(model: Model, names: Sequence[str]) -> Model:
+    """Remove the bounds of some coordinates."""
+    coordinates = tuple(
+        replace(each, clamped=each.clamped and each.name not in names) for each in model.coordinates
+    )
+    return replace(model, coordinates=coordinates)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Bound:
+    """The bound that a coordinate is held at.
+
+    Attributes
+    ----------
+    coordinate : whose it is
+    value : of the bound [rad or m]
+    is_lower : whether it is the lower one
+    """
+
+    coordinate: Coordinate
+    value: float
+    is_lower: bool
+
+    @property
+    def turns(self) -> bool:
+        """Whether the coordinate is an angle."""
+        return self.coordinate.motion != "translational"
+
+    def __str__(self) -> str:
+        return f"{np.degrees(self.value):.4g} degrees" if self.turns else f"{self.value:.4g} m"
+
+    def beyond(self, freed: Array) -> float:
+        """Median of how far values (frames,) that were found without it lie outside [rad or m]."""
+        if not len(freed):
+            return 0.0
+        beyond = (self.value - freed) if self.is_lower else (freed - self.value)
+        if self.turns:
+            # Freed, an angle may come out a turn further.
+            beyond = (beyond + np.pi) % (2.0 * np.pi) - np.pi
+        return float(np.nanmedian(beyond))
 
 
 def _blind_findings(

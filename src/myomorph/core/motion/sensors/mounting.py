@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -362,6 +362,41 @@ def with_orientations(
     """
     if sensors.orientations is not None:
         return sensors
+    gyroscopes, accelerations = _raw_signals(sensors)
+    vqf = from_extra("sensors", "vqf")
+    fields = sensors.magnetic_fields if magnetometer else None
+    clock = _even_clock(sensors)
+    orientations = np.full((len(sensors), len(sensors.names), 4), np.nan)
+    warnings = list(sensors.warnings)
+    for index, name in enumerate(sensors.names):
+        parts = [gyroscopes[:, index], accelerations[:, index]]
+        known = np.isfinite(np.hstack(parts)).all(axis=1)
+        if known.sum() < 2:
+            warnings.append(f"sensor '{name}' recorded nothing")
+            continue
+        if fields is not None and np.isfinite(fields[:, index]).all(axis=1).any():
+            parts.append(fields[:, index])
+        even = [_filled(sensors.time, part, clock) for part in parts]
+        quaternions = steady(_filtered(vqf, even, 1.0 / sensors.rate, causal))
+        at = np.column_stack([np.interp(sensors.time, clock, column) for column in quaternions.T])
+        at[~known] = np.nan
+        orientations[:, index] = at
+        steps = np.diff(sensors.time)
+        gaps = int((steps > (1.5 + STEADY_RATE) / sensors.rate).sum())
+        if gaps and index == 0:
+            warnings.append(
+                f"the clock of the sensors has {gaps} gaps: turns are interpolated there"
+            )
+    return replace(sensors, orientations=orientations, warnings=tuple(warnings))
+
+
+def _raw_signals(sensors: InertialSensors) -> tuple[Array, Array]:
+    """Return angular velocities and accelerations, each (frames, sensors, 3).
+
+    Raises
+    ------
+    BadData : there are none, or their rate is too low to integrate
+    """
     gyroscopes = sensors.angular_velocities
     accelerations = sensors.accelerations
     if gyroscopes is None or accelerations is None:
@@ -369,44 +404,43 @@ def with_orientations(
             f"{sensors.source or 'sensors'}: hold {', '.join(sensors.signals) or 'nothing'}:"
             " orientations, or angular velocities and accelerations are needed"
         )
-    steps = np.diff(sensors.time)
-    if len(steps) < 2 or not sensors.rate > MIN_RATE:
+    if len(sensors) < 3 or not sensors.rate > MIN_RATE:
         raise BadData(
             f"{sensors.source or 'sensors'}: {sensors.rate:.3g} Hz is too slow for a filter of raw"
             " signals"
         )
-    clock = (
-        sensors.time[0]
-        + np.arange(int((sensors.time[-1] - sensors.time[0]) * sensors.rate) + 1) / sensors.rate
-    )
-    vqf = from_extra("sensors", "vqf")
-    fields = sensors.magnetic_fields if magnetometer else None
-    found = np.full((len(sensors), len(sensors.names), 4), np.nan)
-    warnings = list(sensors.warnings)
-    for index, name in enumerate(sensors.names):
-        known = np.isfinite(np.hstack((gyroscopes[:, index], accelerations[:, index]))).all(axis=1)
-        if known.sum() < 2:
-            warnings.append(f"sensor '{name}' recorded nothing")
-            continue
-        parts = [gyroscopes[:, index], accelerations[:, index]]
-        if fields is not None and np.isfinite(fields[:, index]).all(axis=1).any():
-            parts.append(fields[:, index])
-        even = [_filled(sensors.time, part, clock) for part in parts]
-        step = 1.0 / sensors.rate
-        if causal:
-            result = vqf.VQF(step).updateBatch(*even)
-        else:
-            result = vqf.offlineVQF(*even, *(() if len(even) == 3 else (None,)), step)
-        quaternions = steady(result["quat9D" if len(even) == 3 else "quat6D"])
-        at = np.column_stack([np.interp(sensors.time, clock, column) for column in quaternions.T])
-        at[~known] = np.nan
-        found[:, index] = at
-        gaps = int((steps > (1.5 + STEADY_RATE) / sensors.rate).sum())
-        if gaps and index == 0:
-            warnings.append(
-                f"the clock of the sensors has {gaps} gaps: turns are interpolated there"
-            )
-    return replace(sensors, orientations=found, warnings=tuple(warnings))
+    return gyroscopes, accelerations
+
+
+def _even_clock(sensors: InertialSensors) -> Array:
+    """Divide the recording into even steps: (samples,) [s]."""
+    length = sensors.time[-1] - sensors.time[0]
+    steps: Array = np.arange(int(length * sensors.rate) + 1) / sensors.rate
+    return sensors.time[0] + steps
+
+
+def _filtered(vqf: Any, signals: Sequence[Array], step: float, causal: bool) -> Array:
+    """Filter the signals of one sensor for its orientation.
+
+    Parameters
+    ----------
+    vqf : the package of the filter
+    signals : angular velocities [rad/s], accelerations [m/s^2] and, where there is one, the
+        magnetic field, each (samples, 3)
+    step : of their times [s]
+    causal : run forwards alone
+
+    Returns
+    -------
+    (samples, 4) quaternions
+    """
+    magnetic = len(signals) == 3
+    if causal:
+        result = vqf.VQF(step).updateBatch(*signals)
+    else:
+        result = vqf.offlineVQF(*signals, *(() if magnetic else (None,)), step)
+    quaternions: Array = result["quat9D" if magnetic else "quat6D"]
+    return quaternions
 
 
 def _filled(time: Array, values: Array, clock: Array) -> Array:
