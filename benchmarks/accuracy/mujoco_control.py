@@ -25,7 +25,7 @@ from myomorph.core.io.loads import read_external_loads
 from myomorph.core.io.mjcf.compile import silent_mujoco
 from myomorph.core.model.arrays import Array
 from myomorph.core.muscles.path import compile_paths
-from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.tension import Tension, TensionOptions
 from myomorph.exchange.mujoco.copy import MujocoCopy
@@ -132,11 +132,11 @@ def _walk(folder: Path, name: str) -> Walk:
         mm.write_mjcf(model, path)
         copied = mujoco_model(model)[0]
         copy = MujocoCopy(path, copied)
-    coordinates, speeds = rates_of(compile_tree(model), motion)
+    coordinates, speeds = values_and_rates(compile_tree(model), motion)
     there = in_copy(copied, model, coordinates)
     rates = np.zeros_like(there)
     rates[:, [copied.coordinate_names.index(column) for column in model.coordinate_names]] = speeds
-    rates = rates_of(
+    rates = values_and_rates(
         compile_tree(copied), mm.Motion(motion.time, copied.coordinate_names, there, rates)
     )[1]
     paths = compile_paths(model)

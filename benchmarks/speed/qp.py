@@ -20,7 +20,7 @@ from data_collection import data_folder
 from myomorph.core.tension.dual import solve_separable
 from myomorph.core.tension.problem import TensionInputs, tension_problem
 from myomorph.core.tension.separable import Separable, no_links
-from myomorph.core.tension.terms.actuators import free_coordinates
+from myomorph.core.tension.terms.actuators import balanced_coordinates
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class QuadraticFrames:
 
 def made_motion(model: mm.Model, frames: int) -> mm.Motion:
     """Every free coordinate of a model swings a little about its default, at 100 Hz."""
-    names = free_coordinates(model)
+    names = balanced_coordinates(model)
     time = 0.01 * np.arange(frames)
     columns = []
     for k, name in enumerate(names):

@@ -10,7 +10,7 @@ from myomorph.core.model.passive_dynamics import with_passive_dynamics
 from myomorph.core.model.paths import Muscle, Path, PathPoint
 from myomorph.core.muscles.kinematics import muscle_kinematics
 from myomorph.core.muscles.passive import passive_generalized_forces
-from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.tree import compile_tree
 from trees import functional_tree, swinging
 
@@ -48,7 +48,7 @@ def test_viscosity_takes_the_power_of_lengthening():
     viscosity = {"m0": 30.0, "m1": 70.0, "m2": 10.0}
     made = with_passive_dynamics(model, viscosity=viscosity)
     tree = compile_tree(made)
-    _, rates = rates_of(tree, motion)
+    _, rates = values_and_rates(tree, motion)
     lengthening = muscle_kinematics(made, motion).velocities
     power = (passive_generalized_forces(made, motion).values * rates).sum(axis=1)
     np.testing.assert_allclose(power, -(lengthening**2 @ np.array([30.0, 70.0, 10.0])), rtol=1e-10)

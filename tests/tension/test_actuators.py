@@ -13,10 +13,10 @@ from myomorph.core.motion.lengths import length_unit
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.terms.actuators import (
+    balanced_coordinates,
     body_directions,
     compile_body_actuators,
     default_reserves,
-    free_coordinates,
 )
 from stick_figure import person
 
@@ -155,7 +155,7 @@ def test_an_actuator_on_an_unknown_body_is_refused(tree):
 
 def test_every_free_coordinate_gets_a_reserve_and_a_floating_body_residuals(tree):
     model = tree.model
-    free = free_coordinates(model)
+    free = balanced_coordinates(model)
     assert "knee_angle_r_beta" not in free
     made = {one.name: one for one in default_reserves(model, 1.0, 10.0)}
     assert tuple(name for name in made if name.startswith("residual_")) == FLOATING
@@ -172,7 +172,7 @@ def test_a_planar_root_is_held_by_its_coordinates(data):
         data("opensim-gait-subject01/ref_so_10dof18musc/subject01_adjusted_spring.osim")
     )
     names = {one.name for one in default_reserves(model, 1.0, 10.0)}
-    assert names == {f"reserve_{name}" for name in free_coordinates(model)}
+    assert names == {f"reserve_{name}" for name in balanced_coordinates(model)}
 
 
 def test_limits_of_coordinates_pull_as_in_opensim(data):

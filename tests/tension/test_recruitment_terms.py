@@ -14,7 +14,7 @@ from myomorph.body.tension.task import tension_task
 from myomorph.core.contact.plan import ContactPlan
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.muscles.path import compile_paths
-from myomorph.core.rigid.dynamics import inverse_dynamics, rates_of
+from myomorph.core.rigid.dynamics import inverse_dynamics, values_and_rates
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.contact_setting import Measurements
 from myomorph.core.tension.problem import TensionInputs, tension_problem
@@ -75,7 +75,7 @@ def test_co_contraction_is_at_least_what_is_asked_for(data):
     arms = compile_paths(model)
     own = np.zeros((len(motion), len(model.muscles)))
     ankle = model.coordinate_names.index("ankle_angle_r")
-    values = arms.evaluate(*rates_of(compile_tree(model), motion))[2]
+    values = arms.evaluate(*values_and_rates(compile_tree(model), motion))[2]
     use = np.flatnonzero(arms.arm_coordinate == ankle)
     own[:, arms.arm_muscle[use]] = values[:, use]
 

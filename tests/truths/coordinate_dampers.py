@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 import myomorph as mm
 from myomorph.core.model.arrays import Array
-from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.swings.viscosity.identified_model import along_axes, joint_jacobian, share
 
@@ -85,7 +85,7 @@ def coordinate_damping(
     """
     D = along_axes("viscosity", viscosity)
     tree = compile_tree(model)
-    coordinates, rates = rates_of(tree, motion)
+    coordinates, rates = values_and_rates(tree, motion)
     E, _, moving = joint_jacobian(tree, base, first, coordinates)
     speeds = rates[:, moving]
     full = np.einsum("fak,a,faj->fkj", E, D, E)

@@ -24,7 +24,7 @@ from myomorph.core.model.sides import split_side
 from myomorph.core.muscles.fiber_equations import FIBER_LENGTH, Fibers
 from myomorph.core.muscles.fiber_states import equilibrium, fibers_of, state_names
 from myomorph.core.muscles.passive import joint_forces
-from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.terms.emg import EmgTarget
 
@@ -309,7 +309,7 @@ def recorded(
         forces = integrated_forces(person, motion, activations)
     torques = muscle_torques(model, moved.moment_arms, forces)
     tree = compile_tree(model)
-    torques = torques + joint_forces(tree, *rates_of(tree, motion))
+    torques = torques + joint_forces(tree, *values_and_rates(tree, motion))
     size = np.sqrt(np.mean(torques**2, axis=0))
     torques = torques + errors.torque * size * slow(motion.time, torques.shape, rng)
     columns = [model.muscle_names.index(one) for one in told]
@@ -424,7 +424,7 @@ def resting_torques(model: mm.Model, motion: mm.Motion) -> Array:
         whole &= known
     tree = compile_tree(model)
     torques = muscle_torques(model, moved.moment_arms, forces) + joint_forces(
-        tree, *rates_of(tree, motion)
+        tree, *values_and_rates(tree, motion)
     )
     torques[~whole] = np.nan
     return torques

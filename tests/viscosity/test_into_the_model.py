@@ -22,7 +22,7 @@ from myomorph.core.model.series import Motion
 from myomorph.core.model.spatial import Transform
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.muscles.passive import passive_generalized_forces
-from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.show.demo.arm import osim_text
@@ -367,7 +367,7 @@ def test_opensim_computes_the_same_passive_forces(data, tmp_path):
         values=motion.values[kept],
         velocities=motion.velocities[kept],
     )
-    c, rates = rates_of(compile_tree(read), some)
+    c, rates = values_and_rates(compile_tree(read), some)
     rows = [names.index(name) for name in SCAPULA]
     for name in names:
         named.get(name).setLocked(state, False)

@@ -17,7 +17,7 @@ import numpy as np
 
 import myomorph as mm
 from myomorph.core.model.passive_dynamics import line_viscosity, with_passive_dynamics
-from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.loops import closed_motion
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.tension import Tension
@@ -76,7 +76,7 @@ def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> fl
     [S] [N s/m].
     """
     tree = compile_tree(lift.model)
-    coordinates, rates = rates_of(tree, lift.motion)
+    coordinates, rates = values_and_rates(tree, lift.motion)
     E, _, moving = joint_jacobian(tree, *JOINT, coordinates)
     omega = np.einsum("fak,fk->fa", E, rates[:, moving])
     shares = line_viscosity(dict.fromkeys(strands, 1.0), strands)

@@ -23,7 +23,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadModel
 from myomorph.core.model.model import Model
 from myomorph.core.muscles.path import compile_paths
-from myomorph.core.tension.terms.actuators import free_coordinates
+from myomorph.core.tension.terms.actuators import balanced_coordinates
 
 POSES = 1024
 # Normalized fiber lengths of the generic model's poses that count, as in the source
@@ -176,7 +176,7 @@ def _lengths(generic: Model, scaled: Model, poses: int) -> tuple[Array, Array]:
     """
     shared = [
         coordinate
-        for coordinate in free_coordinates(generic)
+        for coordinate in balanced_coordinates(generic)
         if coordinate in scaled.coordinate_names
     ]
     ranges = {coordinate.name: coordinate.range for coordinate in generic.coordinates}

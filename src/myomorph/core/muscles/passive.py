@@ -14,7 +14,7 @@ from myomorph.core.model.shapes import Coordinates, GeneralizedForces
 from myomorph.core.muscles.hill import viscosities
 from myomorph.core.muscles.kinematics import muscle_kinematics
 from myomorph.core.rigid.bushings import bushing_forces
-from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.tree import Tree, compile_tree
 
 
@@ -78,7 +78,7 @@ def passive_generalized_forces(
     BadData : the motion has no velocities
     """
     tree = compile_tree(model)
-    coordinates, rates = rates_of(tree, motion)
+    coordinates, rates = values_and_rates(tree, motion)
     tau = joint_forces(tree, coordinates, rates, without)
     counted = [f"{name}_viscosity" not in without for name in model.muscle_names]
     viscosity = viscosities(model) * counted

@@ -101,8 +101,8 @@ class Paths:
         return np.repeat(np.arange(len(self.muscles)), np.diff(self.arrays.start[:, columns.ARMS]))
 
     @cached_property
-    def wraps(self) -> tuple[int | None, int | None]:
-        """`surfaces` and `tendons` of `path_frames`."""
+    def wrap_rules(self) -> tuple[int | None, int | None]:
+        """Rules of wrapping in use, OpenSim's and MuJoCo's: 1, or None where no path has them."""
         by_mujoco = self.arrays.wrap[:, columns.AFTER] >= 0
         return (1 if (~by_mujoco).any() else None), (1 if by_mujoco.any() else None)
 
@@ -177,7 +177,7 @@ class Paths:
         arms = np.empty((frames, len(self.arm_coordinate)))
         pulls = np.zeros((frames, pairs, 6))
         places = np.full((frames, muscles if nodes else 0, nodes, 4), np.nan)
-        fixed = (self.tree.arrays, self.arrays, *self.wraps)
+        fixed = (self.tree.arrays, self.arrays, *self.wrap_rules)
         results = (lengths, velocities, arms, pulls, places)
         run_frames(path_frames, fixed, c, speeds, *results, progress=progress)
         return PathResults(

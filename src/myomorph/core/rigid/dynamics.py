@@ -25,7 +25,7 @@ from myomorph.core.model.shapes import (
 from myomorph.core.rigid.coordinates import Ints, couple_rates_frames
 from myomorph.core.rigid.frames import run_frames
 from myomorph.core.rigid.kernels import bare, in_place, kernel
-from myomorph.core.rigid.kinematics import body_poses, body_rates, carried, pose_room
+from myomorph.core.rigid.kinematics import body_poses, body_rates, pose_room, rates_at
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.rigid.tree import ROTATION, Tree, compile_tree
 from myomorph.core.rigid.vectors import (
@@ -81,9 +81,11 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
 
         tau = Phi^T (M a + h - gravity - external)
 
-    by the recursive Newton-Euler algorithm (Featherstone 2008, ch. 5) over elementary axes. As in
-    OpenSim's tool, every coordinate has its own column, and couplers and closed loops transmit no
-    force; `loops.loop_torques` folds the dependent ones in.
+    with M the inertia of the bodies, a their accelerations, h their gyroscopic and centrifugal
+    forces, and Phi = dphi/dc the slopes of the motions phi of the axes in the coordinates c. It is
+    computed by the recursive Newton-Euler algorithm (Featherstone 2008, ch. 5) over elementary
+    axes. As in OpenSim's tool, every coordinate has its own column, and couplers and closed loops
+    transmit no force; `loops.loop_torques` folds the dependent ones in.
 
     Parameters
     ----------
@@ -140,7 +142,7 @@ def motion_arrays(tree: Tree, motion: Motion) -> MotionArrays:
     return MotionArrays(values=c, velocities=cdot, accelerations=cddot)
 
 
-def rates_of(tree: Tree, motion: Motion) -> tuple[Coordinates, Coordinates]:
+def values_and_rates(tree: Tree, motion: Motion) -> tuple[Coordinates, Coordinates]:
     """Values and velocities of a motion in the model's order, dependent ones consistent.
 
     Parameters
@@ -269,7 +271,7 @@ def body_wrenches(T, R, p, omega, alpha, a, f, m):
         spin = turned_back(r, W)
         moment = turned(r, plus(turned(I, turned_back(r, E)), cross(spin, turned(I, spin))))
         center = turned(r, vector(T.mass_center, b))
-        _, acceleration = carried(W, E, W, vector(a, b), center)
+        _, acceleration = rates_at(W, E, W, vector(a, b), center)
         force = along((0.0, 0.0, 0.0), T.mass[b], minus(acceleration, gravity))
         put_vector(f, b, force)
         put_vector(m, b, plus(moment, cross(plus(vector(p, b), center), force)))

@@ -93,7 +93,10 @@ def body_poses(T, c, R, p, w, o, dphi):
 def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
     """Velocities and accelerations of all body frames in ground, for one frame.
 
-    From each parent outwards, over its axes (Featherstone 2008, ch. 5); gravity is not included.
+    From each parent outwards, over its axes (Featherstone 2008, ch. 5); gravity is not included. An
+    axis moves by phi(c), so with the slopes Phi = dphi/dc at the rate and acceleration
+
+        Phi cdot,   Phi cddot + Phidot cdot
 
     Parameters
     ----------
@@ -115,11 +118,11 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
         V = vector(v, h)
         B = vector(a, h)
         for axis in range(T.axis_start[b], T.axis_start[b + 1]):
-            V, B = carried(W, E, V, B, minus(vector(o, axis), x))
+            V, B = rates_at(W, E, V, B, minus(vector(o, axis), x))
             x = vector(o, axis)
             i = T.axis_coordinate[axis, 0]
             j = T.axis_coordinate[axis, 1]
-            # Of the axis's motion: Phi cdot and Phi cddot + Phidot cdot.
+            # Phi cdot and Phi cddot + Phidot cdot.
             q1, q2 = function_rates(T.functions, T.axis_function[axis], i, j, c, cdot, cddot)
             u = vector(w, axis)
             turning = cross(W, u)
@@ -131,7 +134,7 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
                 # point at which both are compared need not move along.
                 B = along(along(B, q2, u), 2.0 * q1, turning)
                 V = along(V, q1, u)
-        V, B = carried(W, E, V, B, minus(vector(p, b), x))
+        V, B = rates_at(W, E, V, B, minus(vector(p, b), x))
         put_vector(omega, b, W)
         put_vector(alpha, b, E)
         put_vector(v, b, V)
@@ -139,8 +142,8 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
 
 
 @bare
-def carried(W, E, V, B, r):
-    """Velocity and acceleration of a point at r from one that has V and B.
+def rates_at(W, E, V, B, r):
+    """Compute velocity and acceleration of a point at r from one that has V and B.
 
     V + W x r,   B + E x r + W x (W x r)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from myomorph.core.rigid.coordinates import gather_dependents
 from myomorph.core.rigid.kernels import bare, kernel
-from myomorph.core.rigid.kinematics import body_poses, body_rates, carried, pose_room
+from myomorph.core.rigid.kinematics import body_poses, body_rates, pose_room, rates_at
 from myomorph.core.rigid.tree import ROTATION
 from myomorph.core.rigid.vectors import (
     along,
@@ -282,8 +282,8 @@ def _put_gap_rates(L, i, R, p, rates, first, second):
     W1 = vector(omega, b1)
     arm_2 = turned(matrix(R, b2), vector(L.point_2, i))
     arm_1 = minus(plus(vector(p, b2), arm_2), vector(p, b1))
-    v1, a1 = carried(W1, vector(alpha, b1), vector(v, b1), vector(a, b1), arm_1)
-    v2, a2 = carried(vector(omega, b2), vector(alpha, b2), vector(v, b2), vector(a, b2), arm_2)
+    v1, a1 = rates_at(W1, vector(alpha, b1), vector(v, b1), vector(a, b1), arm_1)
+    v2, a2 = rates_at(vector(omega, b2), vector(alpha, b2), vector(v, b2), vector(a, b2), arm_2)
     gap_rate = minus(v2, v1)
     put(first, 0, 1.0, turned_back(r1, gap_rate))
     put(second, 0, 1.0, turned_back(r1, along(minus(a2, a1), -2.0, cross(W1, gap_rate))))

@@ -28,11 +28,11 @@ from myomorph.core.rigid.kernels import inner, kernel
 from myomorph.core.rigid.loops import LoopBasis
 from myomorph.core.rigid.tree import Tree
 from myomorph.core.tension.separable import Pattern, pattern
-from myomorph.core.tension.terms.actuators import free_coordinates
+from myomorph.core.tension.terms.actuators import balanced_coordinates
 from myomorph.core.tension.terms.term import Rows
 
 
-class Links(NamedTuple):
+class TorqueLinks(NamedTuple):
     """How generalized forces on all coordinates become entries on the rows of A and b.
 
     Attributes
@@ -56,11 +56,11 @@ class Links(NamedTuple):
 
 
 class LinkedEntries(NamedTuple):
-    """Links before the rows have their order, and the entries of A that they end in.
+    """TorqueLinks before the rows have their order, and the entries of A that they end in.
 
     Attributes
     ----------
-    links : (links, 5) columns `variable` ... `target` of `Links`
+    links : (links, 5) columns `variable` ... `target` of `TorqueLinks`
     places : (2, entries) row and column of every entry of A
     """
 
@@ -97,7 +97,7 @@ class Assembly:
 
     tree: Tree
     rows: tuple[str, ...]
-    links: Links
+    links: TorqueLinks
     pattern: Pattern
     extra_place: NDArray[np.int64]
     extra_row: NDArray[np.int64]
@@ -152,7 +152,7 @@ def assemble(  # page: each says another thing of the pattern
     return Assembly(
         tree=tree,
         rows=rows.names,
-        links=Links(
+        links=TorqueLinks(
             variable=variable,
             source=source,
             dependent=dependent,
@@ -184,7 +184,7 @@ def _balanced_rows(
     names = model.coordinate_names
     rows = tuple(
         coordinate
-        for coordinate in free_coordinates(model)
+        for coordinate in balanced_coordinates(model)
         if names.index(coordinate) not in by_loops and (only is None or coordinate in only)
     )
     if not rows:
@@ -199,7 +199,7 @@ def _balanced_rows(
 def _linked(
     sources: list[tuple[int, list[tuple[int, int]]]], row_of: NDArray[np.int64]
 ) -> LinkedEntries:
-    """Links from the entries of the terms to entries of A.
+    """TorqueLinks from the entries of the terms to entries of A.
 
     Parameters
     ----------
@@ -248,7 +248,8 @@ def _reach(tree: Tree, basis: LoopBasis | None) -> list[list[tuple[int, int]]]:
 
     Returns
     -------
-    of each coordinate, pairs of a number in `Links.driven`, or -1, and the coordinate followed
+    of each coordinate, pairs of a number in `TorqueLinks.driven`, or -1, and the coordinate that it
+    follows
     """
     arrays = tree.arrays
     follows: dict[int, set[int]] = {}
@@ -275,7 +276,7 @@ def _coupling(T, L, c, slopes, C):
 
     Parameters
     ----------
-    T, L : arrays of the tree, `Links`
+    T, L : arrays of the tree, `TorqueLinks`
     c : (coordinates,) values
     slopes : (dependents of loops, coordinates)
     C : (dependents, coordinates) filled
@@ -316,7 +317,7 @@ def fold(T, L, coordinates, slopes, entries, forces, anyway, torques, values, re
 
     Parameters
     ----------
-    T, L : arrays of the tree, `Links`
+    T, L : arrays of the tree, `TorqueLinks`
     coordinates : (frames, coordinates) values of all
     slopes : (frames, dependents of loops, coordinates)
     entries : (frames, entries) generalized forces of unit forces

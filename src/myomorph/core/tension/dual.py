@@ -348,7 +348,7 @@ def _drawn(S, links, frame, status, penalties, penalty):
 
     Parameters
     ----------
-    S, links : `Separable`, `Links`
+    S, links : `Separable`, `FrameLinks`
     frame, status : number of the frame, status of all frames
     penalties : (3, variables) l, h and k of its own
     penalty : (3, variables) filled
@@ -388,7 +388,7 @@ def solve_separable(
 
     Parameters
     ----------
-    S, links : `Separable`, `Links`
+    S, links : `Separable`, `FrameLinks`
     values : (frames, entries) of A
     balance : (frames, rows) b, rows in the order of elimination
     targets : (1 or frames, variables) t

@@ -15,11 +15,16 @@ from numpy.typing import NDArray
 def coupled_rows(
     rows: NDArray[np.int64], columns: NDArray[np.int64], count: int
 ) -> list[list[int]]:
-    """Rows that share a column with each of `count` rows, itself among them, the last found first.
+    """Find the rows that share a column with each row.
 
     Parameters
     ----------
-    rows, columns : (entries,) places that may differ from zero
+    rows, columns : (entries,) row and column of each entry that may differ from zero
+    count : number of rows
+
+    Returns
+    -------
+    for each row the rows that it shares a column with, itself among them, the last found first
     """
     columns_of: dict[int, list[int]] = defaultdict(list)
     rows_of: dict[int, list[int]] = defaultdict(list)

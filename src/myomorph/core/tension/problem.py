@@ -16,15 +16,19 @@ from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.core.motion.sync import refuse_other_times
 from myomorph.core.muscles.passive import joint_forces
-from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.frames import CHUNK, over_frames
 from myomorph.core.rigid.loops import loop_basis, loop_slopes, refuse_open
 from myomorph.core.rigid.tree import Tree, compile_tree
 from myomorph.core.tension.assembly import assemble, fold
 from myomorph.core.tension.dual import OPTIMAL, solve_separable
-from myomorph.core.tension.separable import Links, Separable, no_links
+from myomorph.core.tension.separable import FrameLinks, Separable, no_links
 from myomorph.core.tension.tension import PassivePeaks, Tension, TensionOptions, passive_peaks
-from myomorph.core.tension.terms.actuators import ActuatorTerm, default_reserves, free_coordinates
+from myomorph.core.tension.terms.actuators import (
+    ActuatorTerm,
+    balanced_coordinates,
+    default_reserves,
+)
 from myomorph.core.tension.terms.contacts import ContactTask, ContactTerm, contact_terms
 from myomorph.core.tension.terms.emg import EmgTarget
 from myomorph.core.tension.terms.muscles import HIGHEST_POWER, MuscleTerm
@@ -108,7 +112,7 @@ def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
     UnknownName : a free coordinate has no torque
     """
     refuse_other_times("torques", torques.time, motion.time)
-    needed = set(free_coordinates(tree.model))
+    needed = set(balanced_coordinates(tree.model))
     columns = {name: i for i, name in enumerate(torques.names)}
     result = np.zeros((len(motion), len(tree.model.coordinates)))
     for j, name in enumerate(tree.model.coordinate_names):
@@ -169,7 +173,7 @@ def solve_frames(  # page: what `solve_separable` takes, most of it optional
     penalties: Array,
     *,
     targets: Array | None = None,
-    links: Links | None = None,
+    links: FrameLinks | None = None,
     warm: Array | None = None,
 ) -> SolvedSeparable:
     """Solve the separable problem of some frames; see `solve_separable`.
@@ -238,7 +242,7 @@ class TensionProblem:
         tree = compile_tree(model)
         self.options = inputs.options
         self.muscles = muscles
-        self.coordinates, self._rates = rates_of(tree, inputs.motion)
+        self.coordinates, self._rates = values_and_rates(tree, inputs.motion)
         enabled_actuators = inputs.enabled_actuators()
         if inputs.contacts is None and not any(muscle.enabled for muscle in model.muscles):
             raise BadModel(f"model '{model.name}' has no muscle that is switched on")

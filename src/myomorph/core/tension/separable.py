@@ -77,7 +77,7 @@ class Separable(NamedTuple):
         return A
 
 
-class Links(NamedTuple):
+class FrameLinks(NamedTuple):
     """Variables that should change little from one frame to the next.
 
     The cost gains stiffness_j w_i (amount_j - amount_(j-1))^2 for each linked variable i and each
@@ -103,9 +103,9 @@ class Links(NamedTuple):
     tolerance: float
 
 
-def no_links() -> Links:
+def no_links() -> FrameLinks:
     """Links of frames that do not know of each other."""
-    return Links(
+    return FrameLinks(
         first=0,
         scale=np.zeros((0, 0)),
         amount=np.zeros((0, 0)),

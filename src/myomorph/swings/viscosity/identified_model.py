@@ -29,7 +29,7 @@ from myomorph.core.model.spatial import Transform
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.rigid.bushings import angular_velocities, bushing_forces, deflection
 from myomorph.core.rigid.coordinates import gather_dependents
-from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import Tree, compile_tree
 from myomorph.swings.viscosity.identification.identify import SpecimenViscosity
@@ -113,7 +113,7 @@ def joint_bushing(
     """
     D = along_axes("viscosity", viscosity)
     tree = compile_tree(model)
-    coordinates, rates = rates_of(tree, motion)
+    coordinates, rates = values_and_rates(tree, motion)
     E, R, moving = joint_jacobian(tree, base, first, coordinates)
     omega = np.einsum("fak,fk->fa", E, rates[:, moving])
     some = np.unique(np.linspace(0, len(R) - 1, POSES).astype(int))
@@ -234,7 +234,7 @@ def dampers_of(
     """
     tree = compile_tree(model)
     motion = _excursions(model, tree, base, first)
-    coordinates, rates = rates_of(tree, motion)
+    coordinates, rates = values_and_rates(tree, motion)
     E, _, moving = joint_jacobian(tree, base, first, coordinates)
     known = set(model.muscle_names)
     lines = (

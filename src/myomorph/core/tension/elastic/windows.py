@@ -39,7 +39,7 @@ from myomorph.core.tension.elastic.program import (
     integrated,
     possible,
 )
-from myomorph.core.tension.separable import Links, Separable
+from myomorph.core.tension.separable import FrameLinks, Separable
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.muscles import MuscleForces, MuscleTerm
 from myomorph.core.tension.terms.term import Frames as TermFrames
@@ -418,7 +418,7 @@ def _penalties_between(penalties: Array, frames: int) -> Array:
     return np.stack([mean(low), mean(high), mean(pull) * count / 2.0])
 
 
-def drawn(penalties: Array, links: Links, x: Array, shared: Separable) -> Array:
+def drawn(penalties: Array, links: FrameLinks, x: Array, shared: Separable) -> Array:
     """Interval penalties with those that draw linked unknowns to the amounts of other frames.
 
     Of an unknown with amounts a_n in the frames n beside it, these are as of `dual._drawn`.

@@ -204,7 +204,7 @@ def _add_work(T, P, w, o, dphi, body, force, moment, column):
                     column[T.axis_coordinate[index, s]] += dphi[index, s] * power
 
 
-def free_coordinates(model: Model) -> tuple[str, ...]:
+def balanced_coordinates(model: Model) -> tuple[str, ...]:
     """Coordinates whose torque has to be balanced.
 
     They are neither locked nor prescribed, and no coupler drives them.
@@ -251,7 +251,7 @@ def default_reserves(
 
     held = {name for joint in floating for name in joint.coordinates}
     weak = _without_rotators(model)
-    for name in free_coordinates(model):
+    for name in balanced_coordinates(model):
         if name in held:
             continue
         power = 3 if model.coordinate(name).motion == "translational" else 4
@@ -296,7 +296,7 @@ def floating_joints(model: Model) -> tuple[Joint, ...]:
 
     Each holds a subject or an object that floats.
     """
-    free = set(free_coordinates(model))
+    free = set(balanced_coordinates(model))
     return tuple(joint for joint in model.joints if joint.parent == GROUND and _floats(joint, free))
 
 

@@ -12,10 +12,10 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.core.muscles.passive import joint_forces
 from myomorph.core.muscles.path import compile_paths
-from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.forward import gathered
 from myomorph.core.rigid.tree import compile_tree
-from myomorph.core.tension.terms.actuators import free_coordinates
+from myomorph.core.tension.terms.actuators import balanced_coordinates
 from myomorph.core.tension.terms.muscles import MuscleTerm
 from myomorph.core.tension.terms.term import LIMIT_COST, Frames, Rows, Term, Unknowns, Variables
 
@@ -66,10 +66,10 @@ class CoContractionTerm(Term):
         self._tree = compile_tree(model)
         self._paths = compile_paths(model)
         self._level = level
-        free = free_coordinates(model)
+        free = balanced_coordinates(model)
         for name in coordinates:
             check_name("free coordinate", name, free)
-        values, rates = rates_of(self._tree, motion)
+        values, rates = values_and_rates(self._tree, motion)
         looked_at = np.linspace(0, len(motion) - 1, min(len(motion), MAX_FRAMES_LOOKED_AT))
         frames = looked_at.round().astype(int)
         arms = self._arms(self._paths.evaluate(values[frames], rates[frames])[2])
@@ -162,7 +162,7 @@ def _turned_both_ways(model: Model, arms: Array, coordinates: Sequence[str]) -> 
     ------
     BadData : muscles do not turn one of `coordinates` both ways, or turn none so
     """
-    chosen = coordinates or free_coordinates(model)
+    chosen = coordinates or balanced_coordinates(model)
     wanted = [index for index, name in enumerate(model.coordinate_names) if name in chosen]
     # (coordinates,) whether some muscle turns a coordinate that way in every frame
     forward = np.asarray((arms > MIN_ARM).any(axis=1)).all(axis=0)

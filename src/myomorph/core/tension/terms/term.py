@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from myomorph.core.model.arrays import Array, checked_array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import index_of
-from myomorph.core.tension.separable import Links
+from myomorph.core.tension.separable import FrameLinks
 
 T = TypeVar("T")
 LIMIT_COST = 1e-6
@@ -365,12 +365,12 @@ class Smoothing:
     sweeps: int
     tolerance: float
 
-    def links(self, begin: int, end: int) -> Links:
+    def links(self, begin: int, end: int) -> FrameLinks:
         """Links of the frames begin ... end - 1."""
         # Copies: read-only arrays would compile the solver once more.
         scale = self.scale[begin:end].copy()
         stiffness = self.stiffness[begin : end - 1].copy()
-        return Links(
+        return FrameLinks(
             first=self.first,
             scale=scale,
             amount=np.zeros_like(scale),

@@ -73,9 +73,9 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
         else:
             columns[name] = index
     # Numba, which other steps do without
-    from myomorph.core.tension.terms.actuators import free_coordinates
+    from myomorph.core.tension.terms.actuators import balanced_coordinates
 
-    for name in free_coordinates(model):
+    for name in balanced_coordinates(model):
         if name not in columns:
             raise UnknownName(
                 "coordinate", name, existing=table.names, where=f"{path}: the table of torques"
