@@ -120,7 +120,7 @@ def test_absent_and_endless_files(tmp_path):
 
 
 def test_pairs_are_checked_as_a_value():
-    with pytest.raises(BadData, match="'a' is given twice"):
+    with pytest.raises(BadData, match="'a' is specified twice"):
         LandmarkPairs(("a", "a"), np.zeros((2, 3)), np.zeros((2, 3)))
     with pytest.raises(BadData, match="as many finite points as target"):
         LandmarkPairs(("a",), np.zeros((1, 3)), np.full((1, 3), np.nan))

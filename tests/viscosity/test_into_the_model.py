@@ -252,7 +252,7 @@ def test_what_cannot_be_is_refused():
         coordinate_damping(model, "base", "arm", 0.1, motion)
     with pytest.raises(BadData, match=r"damping of 'q0' is -0\.1"):
         with_passive_dynamics(model, damping={"q0": -0.1})
-    with pytest.raises(BadData, match="rest position is given for 'q1', but no stiffness"):
+    with pytest.raises(BadData, match="neutral position is specified for 'q1', but no stiffness"):
         with_passive_dynamics(model, rest={"q1": 0.2})
     with pytest.raises(UnknownName, match="unknown muscle 'none'"):
         with_passive_dynamics(model, viscosity={"none": 1.0})

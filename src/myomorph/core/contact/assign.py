@@ -108,7 +108,7 @@ def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignm
     """
     names = tuple(positions)
     if not names:
-        raise BadData("no candidate body was given to assign the plates to")
+        raise BadData("no candidate body is specified to assign the plates to")
     of_bodies = [np.asarray(points, dtype=np.float64) for points in positions.values()]
     distances = np.stack(
         [_distances(wrenches, points, name) for name, points in zip(names, of_bodies, strict=True)],
@@ -322,7 +322,7 @@ class OnlineFeet:
     """Assignment of plates to bodies while samples arrive.
 
     A force acts on the body that is named, else on the foot that is nearest when the load begins.
-    While the load is small, the center of pressure shows little: the foot is asked for again until
+    While the load is small, the center of pressure shows little: the foot is determined again until
     the load passes `SURE`, and then kept until it ends. A plate that is loaded near no foot acts on
     no body.
 

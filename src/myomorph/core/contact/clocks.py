@@ -30,7 +30,7 @@ MIN_COUNT = 3
 
 @dataclass(frozen=True)
 class SoundClock:
-    """How much later on the motion's clock a sound starts than its file says.
+    """Delay of a sound: how much later it starts on the motion's clock than in its file.
 
     Attributes
     ----------

@@ -88,7 +88,7 @@ def feet_on_steps(
     """
     options = options or StairOptions()
     if not sites:
-        raise BadData("no foot is given that might stand on a step")
+        raise BadData("no foot is specified that might stand on a step")
     moving = site_motion(model, motion, sites)
     away = np.stack([_distances(step, moving.places) for step in loads.steps], axis=1)
     nearest = np.argmin(np.where(np.isfinite(away), away, np.inf), axis=1)
@@ -233,7 +233,7 @@ def _warnings(
 
 
 def _bodies_on(standing: np.ndarray, sites: Sequence[Site]) -> dict[str, np.ndarray]:
-    """Tell when each body stands on a step, by which of its sites (frames, sites) do.
+    """Flag when each body stands on a step, by which of its sites (frames, sites) do.
 
     Returns
     -------

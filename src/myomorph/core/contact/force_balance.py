@@ -88,7 +88,7 @@ def balance(inspection: Inspection) -> BalancedForces | None:
 
     Parameters
     ----------
-    inspection : forces beside the motion
+    inspection : forces with the motion
 
     Returns
     -------
@@ -115,7 +115,7 @@ def covered(inspection: Inspection, measured: Array, needed: Array) -> NDArray[n
 
     Parameters
     ----------
-    inspection : forces beside the motion
+    inspection : forces with the motion
     measured, needed : (frames, 3) [N]
 
     Returns
@@ -199,7 +199,7 @@ def check_directions(inspection: Inspection) -> Iterator[Finding]:
 
 
 def _mirrored_on_belt(inspection: Inspection, turn: Turn) -> bool:
-    """Tell whether points of a belt are mirrored.
+    """Return whether points of a belt are mirrored.
 
     Its plates are mirrored about their own middle, not about the origin: `check_mirrors` names
     them.

@@ -1,4 +1,4 @@
-"""External forces beside the motion that they belong to: sampled at its times, by the feet."""
+"""External forces with the motion that they belong to: sampled at its times, by the feet."""
 
 from __future__ import annotations
 
@@ -265,7 +265,7 @@ def changed_wrenches(wrenches: Forces, number: int, change: Change) -> Forces:
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """Forces beside the motion that they belong to.
+    """Forces with the motion that they belong to.
 
     Attributes
     ----------
@@ -354,11 +354,11 @@ def change_repair(number: int, change: Change, done: str, advice: str) -> Repair
 
 
 def standing(inspection: Inspection) -> NDArray[np.bool_]:
-    """Tell whether the heel or the tip of each sole moves as the ground does.
+    """Flag whether the heel or the tip of each sole moves as the ground does.
 
     Parameters
     ----------
-    inspection : forces beside the motion
+    inspection : forces with the motion
 
     Returns
     -------
@@ -378,7 +378,7 @@ def belt_velocity(inspection: Inspection) -> Array:
 
     Parameters
     ----------
-    inspection : forces beside the motion
+    inspection : forces with the motion
 
     Returns
     -------
@@ -419,7 +419,7 @@ def supported(inspection: Inspection) -> NDArray[np.bool_]:
 
     Parameters
     ----------
-    inspection : forces beside the motion
+    inspection : forces with the motion
 
     Returns
     -------
@@ -443,7 +443,7 @@ def supported(inspection: Inspection) -> NDArray[np.bool_]:
 
 
 def _carries(inspection: Inspection) -> NDArray[np.bool_]:
-    """Tell when a plate carries each foot (frames, feet)."""
+    """Flag when a plate carries each foot (frames, feet)."""
     feet = inspection.feet
     result = np.zeros((len(feet.time), len(feet.feet)), bool)
     distances = feet.distances(inspection.samples.centers(feet.up)[:, inspection.numbers])

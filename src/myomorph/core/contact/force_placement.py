@@ -246,7 +246,7 @@ def check_feet(inspection: Inspection) -> Iterator[Finding]:
 
 
 def _swings(stands: NDArray[np.bool_], foot: int, own: int) -> bool:
-    """Tell whether a foot is in the air in most frames of a step while another one stands.
+    """Return whether a foot is in the air in most frames of a step while another one stands.
 
     Then it does not carry the load; `stands` (frames, feet).
     """
@@ -341,7 +341,7 @@ def on_carriers(
 
 
 def _between(inspection: Inspection, distances: Array) -> NDArray[np.bool_]:
-    """Tell when a center of pressure lies between two soles.
+    """Flag when a center of pressure lies between two soles.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Contacts that microphones heard: impacts as contact intervals and as short forces."""
+"""Contacts detected by microphones: impacts as contact intervals and as short forces."""
 
 from __future__ import annotations
 

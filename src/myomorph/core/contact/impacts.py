@@ -33,8 +33,8 @@ from myomorph.core.rigid.tree import compile_tree
 
 LINEAR = 0.5
 PRIOR = 1.0
-"""Exponent of an instrument that answers linearly, and how much it counts beside the impacts: as if
-known to 0.1 where impacts scatter by 10 %.
+"""Exponent of an instrument that answers linearly, and how much it counts compared with the
+impacts: as if known to 0.1 where impacts scatter by 10 %.
 """
 
 AROUND = 0.03
@@ -78,7 +78,7 @@ class ImpulseLaw:
         return self.scale * np.maximum(np.asarray(energy, dtype=np.float64), 0.0) ** self.exponent
 
     def covers(self, energy: float) -> bool:
-        """Tell whether an energy lies among those calibrated on, by a factor of 2 (3 dB)."""
+        """Return whether an energy lies among those calibrated on, by a factor of 2 (3 dB)."""
         return 0.5 * self.lowest <= energy <= 2.0 * self.highest
 
 

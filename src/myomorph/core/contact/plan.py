@@ -1,4 +1,4 @@
-"""What is known of the contacts of a recording before anything is computed."""
+"""Contacts of a recording as far as they are known before anything is computed."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ FOREVER = 1e9  # End of a contact interval that always lasts [s]
 
 @dataclass(frozen=True, eq=False)
 class ContactPlan:
-    """What is known of the contacts of a recording before anything is computed."""
+    """Contacts of a recording as far as they are known before anything is computed."""
 
     feet: bool = True  # whether the soles of the model's feet are sites
-    sites: tuple[Site, ...] = ()  # beside the soles
+    sites: tuple[Site, ...] = ()  # in addition to the soles
     # of each of `sites` what determines when it touches: "always", the "motion", or the "file" of
     # its intervals
     when: Mapping[str, When] = field(default_factory=lambda: FrozenMap({}))

@@ -358,7 +358,7 @@ def _turned(
 def _pulls_down(
     plates: Sequence[ForcePlate], states: Sequence[NDArray[np.bool_]], trial: Trial
 ) -> bool:
-    """Tell whether the load of all plates points away from the side where the markers are."""
+    """Return whether the load of all plates points away from the side where the markers are."""
     if trial.markers is None or not np.isfinite(trial.markers.values).any():
         return False
     load = 0.0
@@ -370,7 +370,7 @@ def _pulls_down(
 
 
 def loaded_samples(plates: Sequence[ForcePlate], rate: float) -> list[NDArray[np.bool_]]:
-    """Tell which samples of each plate carry a load.
+    """Flag the samples of each plate carry a load.
 
     The threshold is a share of the largest normal force of all plates, so that a mouse and a jumper
     are judged alike, and counts from what the plate reads when idle (which may be tens of newtons).

@@ -20,7 +20,8 @@ from myomorph.core.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.core.motion.sync import refuse_other_times
 
 MARGIN = 0.03
-"""A site that far beside a plate's outline may stand on it, over the height of the center of mass.
+"""A site within this distance of a plate's outline may stand on it, over the height of the center
+of mass.
 """
 REACH = 0.25
 """Distance of a site to the center of pressure of a plate without outline, over the same."""
@@ -105,7 +106,7 @@ def shared_wrenches(  # page: the measurements, and two limits
 
 
 def _over(moving: SiteMotion, outlines: Sequence[Array], margin: float) -> np.ndarray:
-    """Tell whether a site is over a plate, or less than a margin beside its outline.
+    """Return whether a site is over a plate, or less than a margin outside its outline.
 
     Parameters
     ----------
@@ -132,7 +133,7 @@ def _over(moving: SiteMotion, outlines: Sequence[Array], margin: float) -> np.nd
 def _beside(
     model: Model, moving: SiteMotion, wrenches: Wrenches, sites: Sequence[Site], reach: float
 ) -> np.ndarray:
-    """Tell whether a site may stand on a plate without an outline.
+    """Return whether a site may stand on a plate without an outline.
 
     Parameters
     ----------
@@ -147,7 +148,7 @@ def _beside(
     bodies = group_bodies(model, sites)
     near = np.zeros((len(moving.time), len(wrenches.names), len(sites)), np.bool_)
     for plate, body in enumerate(wrenches.bodies):
-        distance = moving.beside(np.nan_to_num(wrenches.points[:, plate]))
+        distance = moving.distances_to(np.nan_to_num(wrenches.points[:, plate]))
         for group, members in groups.items():
             if body:
                 near[:, plate, members] = body in bodies[group]
@@ -181,7 +182,7 @@ def without_measured(
     """Set activations of sites to zero while a force that was measured carries their group.
 
     It is known already. A force counts as carrying between `LOADED` and `UNLOADED` of the weight,
-    so that what a filter makes of an unloaded plate does not silence a foot that steps beside it.
+    so that what a filter makes of an unloaded plate does not silence a foot that steps next to it.
 
     Parameters
     ----------

@@ -98,7 +98,7 @@ class SiteMotion:
         """Speed that thresholds are relative to: sqrt(g height), of Froude number 1 [m/s]."""
         return float(np.sqrt(STANDARD_GRAVITY * self.height))
 
-    def beside(self, points: Array) -> Array:
+    def distances_to(self, points: Array) -> Array:
         """Horizontal distance of each site to points, as centers of pressure.
 
         Parameters
@@ -115,7 +115,7 @@ class SiteMotion:
 
 @read_only
 class Floor:
-    """What the sites walk on.
+    """The ground that the sites walk on.
 
     Attributes
     ----------

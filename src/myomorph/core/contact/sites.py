@@ -44,7 +44,7 @@ MAX_SNAP = np.radians(20.0)
 
 @dataclass(frozen=True)
 class FootOptions:
-    """How sites are laid under a foot.
+    """Options of the sites under a foot.
 
     Attributes
     ----------

@@ -218,7 +218,7 @@ def _components(step: Step, channels: Series, weight: float, options: StairOptio
 def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
     """Refuse steps that the recording cannot serve."""
     if not steps:
-        raise BadData("no step is given: stairs need at least one")
+        raise BadData("no step is specified: stairs need at least one")
     if not (np.isfinite(weight) and weight > 0.0):
         raise BadData(f"the body weighs {weight:g} N: thresholds of steps need its weight")
     names = [step.name for step in steps]
@@ -311,7 +311,7 @@ def _in_ground(step: Step, components: Array) -> tuple[Array, Array]:
 
 
 def _reached(uses: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Tell whether all that a component is made of is known.
+    """Return whether all that a component is made of is known.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ PLATES = "plates"
 KINEMATICS = "kinematics"
 """Sources of contact intervals."""
 LASTING = 0.4
-"""A contact that lasts as long beside those of a more trusted source is one of its own [s]."""
+"""A contact outside those of a more trusted source that lasts for so long is one of its own [s]."""
 MIN_UNSUPPORTED = 0.1
 """Times without a site that could carry the body are named when they last longer [s]."""
 GUESSED_CONFIDENCE = 0.5
@@ -55,7 +55,7 @@ class ContactStateOptions:
     carried : share of the weight from which on something must touch
     loaded, unloaded : a plate carries from this share of the weight on, until less than that is
         left
-    reach : a site that far beside a plate's center of pressure may be what stands on it
+    reach : a site within this distance of a plate's center of pressure may stand on it
     shortest : contacts and gaps that last less are taken for noise [s]
     floor : height of the floor [m], None to find it
     """
@@ -275,7 +275,7 @@ def by_plates(
         load = np.nan_to_num(pressing[:, plate])
         state = hysteresis(load > options.loaded * weight, load < options.unloaded * weight)
         state = steady(state, moving.time, options.shortest)
-        distances = moving.beside(plates.points[:, plate])
+        distances = moving.distances_to(plates.points[:, plate])
         for start, stop in runs(state):
             part = slice(start, stop)
             mean = _mean_distances(distances[part], load[part])
@@ -315,7 +315,7 @@ def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
 
 
 def _lasts(touch: Touch, rest: Sequence[Touch]) -> bool:
-    """Tell whether enough of an interval is left to be a contact of its own."""
+    """Return whether enough of an interval is left to be a contact of its own."""
     durations = [piece.stop - piece.start for piece in rest]
     if sum(durations) > 0.5 * (touch.stop - touch.start):
         return True

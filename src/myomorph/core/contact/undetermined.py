@@ -1,4 +1,4 @@
-"""Feet whose load is not determined: they share a plate, or stand beside all plates."""
+"""Feet whose load is not determined: they share a plate, or stand off all plates."""
 
 from __future__ import annotations
 

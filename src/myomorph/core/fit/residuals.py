@@ -47,11 +47,11 @@ class Evaluation(Protocol):
 
     @property
     def count(self) -> int:
-        """How many numbers were compared."""
+        """Count of the numbers that were compared."""
         ...
 
     def normal(self) -> NormalEquations:
-        """Of the unknowns of the residuals' blocks, in their order."""
+        """Return the normal equations of the unknowns of the residuals' blocks, in their order."""
         ...
 
 
@@ -60,7 +60,7 @@ class Residuals(Protocol):
 
     @property
     def name(self) -> str:
-        """For certificates, as "markers of walk1.trc"."""
+        """Name of the source for certificates, as "markers of walk1.trc"."""
         ...
 
     @property
@@ -76,8 +76,15 @@ class Residuals(Protocol):
     def at(self, values: Values, before: Any) -> Evaluation:
         """Evaluate the residuals.
 
-        `before` is their own evaluation where the search came from, or None: what is eliminated
-        frame by frame begins there.
+        Parameters
+        ----------
+        values : of the unknowns
+        before : the residuals' own evaluation where the search came from, or None: what is
+            eliminated frame by frame begins there
+
+        Returns
+        -------
+        cost, and the normal equations when they are requested
         """
         ...
 
@@ -102,11 +109,11 @@ class Rows:
 
     @property
     def count(self) -> int:
-        """Of rows."""
+        """Count of rows."""
         return len(self.residuals)
 
     def normal(self) -> NormalEquations:
-        """By the products of the slopes."""
+        """Return H = J^T J and g = J^T r."""
         return NormalEquations(H=self.slopes.T @ self.slopes, g=self.slopes.T @ self.residuals)
 
 
@@ -145,12 +152,18 @@ class Measured:
             )
 
     def at(self, values: Values, before: Evaluation | None = None) -> Evaluation:
-        """Residuals at these values; slopes when they are asked for."""
+        """Evaluate the residuals; slopes are computed when they are requested.
+
+        Parameters
+        ----------
+        values : of the unknowns
+        before : not used
+        """
         return _MeasuredAt(measured=self, values=values)
 
     @property
     def weight(self) -> Array:
-        """Of a row, or of each: 1 / (sd sqrt(correlation time))."""
+        """() or (rows,) weight of all rows, or of each: 1 / (sd sqrt(correlation time))."""
         return 1.0 / (np.asarray(self.sd, np.float64) * np.sqrt(self.correlation_time))
 
     def differences(self, values: Values) -> Array:
@@ -175,22 +188,28 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class _MeasuredAt:
+    """Measured residuals at some values of the unknowns, computed when they are first needed."""
+
     measured: Measured
     values: Values
 
     @cached_property
     def residuals(self) -> Array:
+        """(rows,) residuals in units of their noise."""
         return np.asarray(self.measured.function(self.values)) * self.measured.weight
 
     @property
     def cost(self) -> float:
+        """Sum of squares."""
         return float(self.residuals @ self.residuals)
 
     @property
     def count(self) -> int:
+        """Count of rows."""
         return len(self.residuals)
 
     def normal(self) -> NormalEquations:
+        """Return the normal equations, with slopes by the function for them or by differences."""
         measured = self.measured
         if measured.slopes is None:
             slopes = measured.differences(self.values)
@@ -203,7 +222,7 @@ class _MeasuredAt:
 
 @read_only
 class LinearPrior:
-    """What is held likely beforehand of sums and differences of unknowns.
+    """A normal prior of linear combinations of unknowns: rows x ~ N(right, 1).
 
     Attributes
     ----------
@@ -219,7 +238,13 @@ class LinearPrior:
     prior: bool = field(default=True, init=False)
 
     def at(self, values: Values, before: Evaluation | None = None) -> Rows:
-        """Misfits in standard deviations."""
+        """Compute the misfits in standard deviations.
+
+        Parameters
+        ----------
+        values : of the unknowns
+        before : not used
+        """
         x = np.concatenate([values[name] for name in self.blocks])
         return Rows(residuals=self.rows @ x - self.right, slopes=self.rows)
 

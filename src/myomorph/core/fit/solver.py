@@ -80,7 +80,7 @@ class Search:
 
     @property
     def steps(self) -> int:
-        """Steps done."""
+        """Count of the steps done."""
         return len(self.costs) - 1
 
 
@@ -153,6 +153,15 @@ class _Model:
 
     @classmethod
     def of(cls, problem: Problem, at: Evaluated, free: Bools, hidden_sd: float) -> _Model:
+        """Build the model at a point.
+
+        Parameters
+        ----------
+        problem : unknowns and residuals
+        at : the residuals at the point
+        free : (unknowns,) which are searched for
+        hidden_sd : of `Method`
+        """
         data, prior = at.equations
         # What nothing shows stays where it is.
         shown = np.diag(data.H) + np.diag(prior.H) > 0.0
@@ -195,7 +204,12 @@ class _Model:
         return (scaled - self._hidden @ scaled) / self._scale
 
     def damped(self, damping: float) -> Array:
-        """Curvature of half the cost (free, free), its diagonal raised."""
+        """Return the curvature of half the cost (free, free), its diagonal raised.
+
+        Parameters
+        ----------
+        damping : share of the diagonal that is added
+        """
         H = self._H + damping * np.diag(np.diag(self._H))
         if self._hidden is None:
             return H
@@ -205,7 +219,12 @@ class _Model:
         return raised / self._scale[:, None] / self._scale
 
     def step(self, damping: float) -> Array:
-        """(unknowns,) to the least of the damped model within bounds."""
+        """Return the step (unknowns,) to the minimum of the damped model within bounds.
+
+        Parameters
+        ----------
+        damping : share of the diagonal that is added
+        """
         unknowns = self.problem.unknowns
         x = self.at.x
         low = (unknowns.low - x)[self.free]
@@ -215,7 +234,12 @@ class _Model:
         return step
 
     def promised(self, step: Array) -> float:
-        """Share of the cost that a step takes off, by the quadratic model."""
+        """Return the share of the cost that a step takes off by the quadratic model.
+
+        Parameters
+        ----------
+        step : (unknowns,)
+        """
         part = step[self.free]
         gain = -float(2.0 * self.g @ part + part @ self.damped(0.0) @ part)
         return gain / max(self.at.cost, 1e-300)
@@ -223,7 +247,7 @@ class _Model:
 
 @dataclass(frozen=True, eq=False)
 class _Tried:
-    """What a search for a lower cost from one point came to.
+    """Result of a search for a lower cost from one point.
 
     Attributes
     ----------
@@ -248,7 +272,7 @@ def minimize(
     method: Method | None = None,
     progress: Callable[[], None] = lambda: None,
 ) -> Solution:
-    """Values of the unknowns that explain measurements and priors best.
+    """Find the values of the unknowns that explain measurements and priors best.
 
         minimize  sum_k |r_k(x)|^2,    low <= x <= high
 
@@ -318,7 +342,14 @@ def minimize(
 
 
 def _lower(model: _Model, damping: float, method: Method) -> _Tried:
-    """Damp until a step lowers the cost, or until one is not worth it."""
+    """Damp until a step lowers the cost, or until one is not worth it.
+
+    Parameters
+    ----------
+    model : of the cost at the point
+    damping : to begin with, share of the diagonal
+    method : when the search ends
+    """
     unknowns = model.problem.unknowns
     at = model.at
     change = 0.0
@@ -353,7 +384,7 @@ def _lower(model: _Model, damping: float, method: Method) -> _Tried:
 def _reweighted(
     problem: Problem, at: Evaluated, free: Bools, method: Method, progress: Callable[[], None]
 ) -> Solution:
-    """Gauss-Newton steps, each taken, with weights that follow the residuals."""
+    """Take Gauss-Newton steps with weights that follow the residuals; see `minimize`."""
     unknowns = problem.unknowns
     costs = [at.cost]
     status = LIMIT

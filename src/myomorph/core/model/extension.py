@@ -137,7 +137,7 @@ class DemoEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class FolderReader:
-    """What shows a kind of folders of results.
+    """A page for a kind of folders of results.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ class MotionSource:
 
 @dataclass(frozen=True, kw_only=True)
 class Extension:
-    """What a wing or an installed package adds, each by its name.
+    """Parts that a wing or an installed package adds, each by its name.
 
     Attributes
     ----------

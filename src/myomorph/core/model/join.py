@@ -70,7 +70,7 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
 
     Every name gains its part's name and a line: `femur_r` of the part `tori` becomes
     `tori_femur_r`. Coordinates keep their meaning, so motions and torques of the parts are columns
-    of those of the whole. Names of mesh files stay, to be looked up beside every part's own file.
+    of those of the whole. Names of mesh files stay, to be looked up next to every part's own file.
 
     Parameters
     ----------
@@ -334,7 +334,10 @@ def _kept_part(part: Kept, model: Model, prefixed: Callable[[str], str]) -> Kept
 
 
 def _kept(models: Iterable[Model]) -> tuple[Kept, ...]:
-    """Gather what files hold beside models; of what a file has once (credits, units) the first."""
+    """Gather what files hold in addition to models.
+
+    Of what a file has once, as credits and units, the first is taken.
+    """
     kepts: list[Kept] = []
     once: set[str] = set()
     for part in (kept for model in models for kept in model.kept):

@@ -39,7 +39,7 @@ class Variable(NamedTuple):
 
 
 class Labelled:
-    """A value that says what its arrays are, so that files and other libraries can hold them.
+    """A value that states what its arrays are, so that files and other libraries can hold them.
 
     `quantities` are declared once; a value may hold only some of them (None for the others). `axes`
     are the fields that hold the times and names of the quantities' axes.

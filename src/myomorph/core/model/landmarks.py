@@ -36,7 +36,7 @@ class LandmarkPairs:
         count = len(self.names)
         if len(set(self.names)) < count:
             twice = next(name for name in self.names if self.names.count(name) > 1)
-            raise BadData(f"landmark '{twice}' is given twice")
+            raise BadData(f"landmark '{twice}' is specified twice")
         for field in ("source", "target"):
             array = frozen_array(getattr(self, field), (-1, 3))
             if len(array) != count or not np.isfinite(array).all():

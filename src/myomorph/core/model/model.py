@@ -68,7 +68,7 @@ class Coordinate:
     Attributes
     ----------
     name : of the coordinate
-    motion : what its unit is: "rotational" [rad], "translational" [m], "coupled" (the file's own)
+    motion : "rotational" [rad], "translational" [m], or "coupled" (in the unit of the file)
     default, default_speed : value and speed of the model's default pose [rad or m, per s]
     range : (lower, upper) [rad or m]
     clamped : inverse kinematics keeps it inside `range`
@@ -98,7 +98,7 @@ class Axis:
     Attributes
     ----------
     kind : "rotation" or "translation"
-    vector : (3,) unit axis in the frame that the joint's earlier axes have moved
+    vector : (3,) direction of length 1, in the frame that the joint's earlier axes have moved
     function : amount of motion [rad or m] from the coordinates
     coordinates : names the function takes, in order; () for a constant
     origin : (3,) a point on the axis of rotation [m] (zero in OpenSim, the anchor in MJCF)
@@ -128,7 +128,7 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """How a child body moves on its parent.
+    """Motion of a child body on its parent.
 
     pose of child in parent = parent_frame @ axes[0] @ axes[1] @ ... @ child_frame.inverse().
 
@@ -283,7 +283,7 @@ class Model:
     markers : places on bodies that recordings see [m]
     muscles : with their paths and properties
     wrap_objects : surfaces that muscles wrap around
-    actuators : forces and torques beside the muscles [N or N m]
+    actuators : forces and torques in addition to the muscles [N or N m]
     couplers : coordinates that follow others
     loops : constraints that close kinematic loops
     frames : named frames fixed to bodies

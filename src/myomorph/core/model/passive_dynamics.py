@@ -62,7 +62,7 @@ def with_passive_dynamics(  # page: five kinds of parts, each optional
         _check_passive(what, values)
     springless = [name for name in rest if name not in stiffness]
     if springless:
-        raise BadData(f"a rest position is given for '{springless[0]}', but no stiffness")
+        raise BadData(f"a neutral position is specified for '{springless[0]}', but no stiffness")
     for name in viscosity:
         index_of("muscle", name, model.muscle_names)
     springs = [

@@ -83,7 +83,7 @@ class Tidy:
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """What a result holds: declared once, beside what computes it.
+    """A quantity that a result holds: declared once, next to what computes it.
 
     Result files, tables, `to_xarray`, `to_pandas`, tidy tables, drawn intervals, pages of the
     report, BIDS and the documentation's table follow from it.
@@ -163,7 +163,7 @@ class Quantity:
 
     @property
     def words(self) -> str:
-        """What pages call it."""
+        """Name of it on pages."""
         return self.label or self.meaning
 
     @property

@@ -283,7 +283,7 @@ class Wrenches(OverTime):
         return _turned(self, rotation, "forces", "points", "torques")
 
     def and_others(self, others: Wrenches) -> Wrenches:
-        """Put the forces of others at the same times beside these."""
+        """Append the forces of others at the same times."""
         parts: dict[str, Any] = {
             name: np.concatenate([getattr(self, name), getattr(others, name)], axis=1)
             for name in ("forces", "points", "torques")

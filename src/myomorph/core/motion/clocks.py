@@ -50,12 +50,12 @@ AMBIGUOUS = 1.1
 
 @dataclass(frozen=True)
 class ClockOptions:
-    """How offset and drift are looked for.
+    """Options of the search for offset and drift.
 
     Attributes
     ----------
     search : largest offset either way [s]
-    drift : estimate a drift beside the offset
+    drift : estimate a drift as well as the offset
     cutoff : low-pass of both recordings before they are compared [Hz]; None takes `PERIODS` times
         the main frequency of the other recording
     window : length of the pieces whose lags give the first drift [s]

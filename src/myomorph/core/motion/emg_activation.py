@@ -187,7 +187,7 @@ class EmgCalibration:
 
         Raises
         ------
-        UnknownName : the EMG lacks a channel
+        UnknownName : a channel is missing from the EMG
         """
         activations = self.gains * shaped(self._moved(emg, time), self.shapes) + self.offsets
         return Series(time, self.channels, np.clip(activations, 0.0, 1.0))
@@ -206,7 +206,7 @@ class EmgCalibration:
 
         Raises
         ------
-        UnknownName : the EMG lacks a channel
+        UnknownName : a channel is missing from the EMG
         """
         moved = self._moved(emg, time)
         names = list[str]()

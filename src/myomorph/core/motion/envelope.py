@@ -16,7 +16,7 @@ from myomorph.core.model.series import Emg, Series
 
 @dataclass(frozen=True)
 class EnvelopeOptions:
-    """How envelopes are made.
+    """Filters of EMG envelopes.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ def envelopes(
     BadData
         where the recording is too short or too slow for the filters, or a maximum is not above 0
     UnknownName
-        where `maxima` lacks a channel
+        a channel is missing from `maxima`
 
     Examples
     --------

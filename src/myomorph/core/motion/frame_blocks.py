@@ -22,8 +22,8 @@ from myomorph.core.motion.tasks.markers import MarkerArrays, seen_weight
 from myomorph.core.rigid.kernels import in_place, kernel
 
 FRAMES_AT_ONCE = 64  # Frames whose eliminated angles are held in memory together
-# Weight of a loop's gap beside a marker's: its angles follow the lengths to one part in about a
-# million
+# Weight of a loop's gap relative to a marker's: its angles follow the lengths to about one part in
+# a million
 TIED = 1e6
 AT_BOUND = 1e-9  # Share of 1 plus its size by which a coordinate may be off the bound it lies at
 
@@ -48,7 +48,7 @@ class StretchedProblem(NamedTuple):
 
 
 class BlockSums(NamedTuple):
-    """What `frame_blocks` adds to and fills.
+    """Sums that `frame_blocks` adds to, and arrays that it fills.
 
     Attributes
     ----------

@@ -38,7 +38,7 @@ class InverseKinematicsOptions:
     ----------
     marker_weights : weight of each marker; those not named count 1, 0 leaves one out
     only_weighted : use only the markers named in `marker_weights`, as an OpenSim task set does
-    tasks : what is minimised beside the markers: pulls of coordinates, or own tasks
+    tasks : further terms of the cost: pulls of coordinates, or tasks of one's own
         (docs/adding.md)
     coordinates : a motion that gives values to tasks and to locked coordinates
     tolerance : a frame is solved when its last step moves no coordinate further [rad, or m on a
@@ -61,7 +61,7 @@ class InverseKinematicsOptions:
 
     @property
     def settings(self) -> Settings:
-        """What the Newton loop takes of them."""
+        """Settings of the Newton loop among them."""
         return Settings(
             posture_weight=self.posture_weight,
             tolerance=self.tolerance,

@@ -50,7 +50,7 @@ CLEARLY = 0.75
 
 
 class Margin(NamedTuple):
-    """How much better an exchange must fit.
+    """Limits of how much better an exchange must fit.
 
     Attributes
     ----------
@@ -460,7 +460,7 @@ def mended_labels(model: Model, markers: Markers) -> tuple[Markers, tuple[Findin
 
 @dataclass(frozen=True, kw_only=True)
 class SwapSearch:
-    """How exchanged labels are looked for.
+    """Options of the search for exchanged labels.
 
     Attributes
     ----------
@@ -507,7 +507,7 @@ def swap_findings(
             wrong = _smooth(other.rms < max(0.8, search.margin.share) * fit.rms)
         if not wrong.any():
             break
-        # A mirrored recording is not mended: its forces would have to be mirrored too, along an
+        # A mirrored recording is not repaired: its forces would have to be mirrored too, along an
         # axis that markers hide.
         sure = swap.name != MIRRORED and (swap.certain or wrong.mean() < 0.5)
         finding = _swap_finding(swap, markers, wrong, fit, other, sure)

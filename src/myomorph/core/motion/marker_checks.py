@@ -113,7 +113,7 @@ def checked_kinematics(
         *in_time,
         *hidden,
     ]
-    # What a body under wrong labels does says nothing more.
+    # Poses under wrong labels show nothing more.
     if all(finding.mended for finding in swapped):
         findings += place_findings(model, used, fit, problem, unit)
         findings += pose_findings(model, used, fit, problem, options)

@@ -176,8 +176,7 @@ def undetermined(
     )
 
 
-# Distance from where all others put a marker, from which it is beside its place, on a human body
-# [m]
+# Distance from where all others put a marker, from which it is displaced, on a human body [m]
 OFF = 0.035
 USUAL = 4.0
 """That distance is at least so many times that of the median marker: on a generic model all lie off
@@ -251,6 +250,7 @@ def place_findings(
         yield Finding("displaced marker", name, text)
 
 
+@read_only
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Displaced:
     """The marker that lies farthest from where all others put it.
@@ -419,9 +419,10 @@ def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PosePro
     return result & fit.seen[:, None]
 
 
+@read_only
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shown:
-    """How far directions of the coordinates move the seen markers of a frame.
+    """Directions of the coordinates, by how far they move the visible markers of a frame.
 
     Attributes
     ----------

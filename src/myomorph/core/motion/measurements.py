@@ -192,7 +192,7 @@ class Placement:
     model : with the recorded markers moved, except for the fixed ones
     fit : of the pose, one frame, with the markers as they were before
     moved : how far each marker went [m]
-    removed : markers that the recording lacks
+    removed : markers that are missing from the recording
     notes : what looks odd
     """
 

@@ -61,7 +61,7 @@ ROUNDING = 1e-13  # Share of the cost below which a fall is rounding
 
 
 class Settings(NamedTuple):
-    """How frames are solved.
+    """Settings of the Newton loop.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Settings(NamedTuple):
 
 
 class PoseRoom(NamedTuple):
-    """What the kernel fills.
+    """Arrays that the kernel fills.
 
     Attributes
     ----------

@@ -46,7 +46,7 @@ from myomorph.core.rigid.vectors import cross, dot, minus, plus, vector
 
 
 class PoseProblem(NamedTuple):
-    """What is minimised, and what may move.
+    """The cost of inverse kinematics, and the coordinates that may move.
 
     Arrays of shape (free,) are by place in `free`: `lower[i]` is the bound of coordinate `free[i]`.
     Arrays of shape (coordinates,) have all coordinates of the model.

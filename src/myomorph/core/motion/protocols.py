@@ -28,7 +28,7 @@ _SEPARATORS = re.compile(r"[\s._-]")
 
 
 class Site(NamedTuple):
-    """What a marker lies on.
+    """The part of the body that a marker lies on.
 
     Attributes
     ----------

@@ -188,7 +188,7 @@ def tied_markers(ties: Ties | None) -> MarkerArrays:
 
 
 class SlopeRoom(NamedTuple):
-    """What `marker_slopes` fills of one frame.
+    """Arrays of one frame that `marker_slopes` fills.
 
     Attributes
     ----------

@@ -52,7 +52,7 @@ def _add(coordinates, c, frame, work):
 
 @dataclass(frozen=True)
 class CoordinateTask(Task):
-    """Pull of a coordinate towards a value, beside the markers: weight (c - value)^2.
+    """Pull of a coordinate towards a value, in addition to the markers: weight (c - value)^2.
 
     Attributes
     ----------
