@@ -11,7 +11,7 @@ from myomorph.core.motion.pose_problem import gradient_and_hessian
 from myomorph.core.motion.tasks.task import new_work, sum_of_costs
 from myomorph.core.rigid.coordinates import couple
 from myomorph.core.rigid.kernels import kernel
-from myomorph.core.rigid.kinematics import body_poses
+from myomorph.core.rigid.kinematics import PoseArrays, body_poses
 
 STEP = 1e-5
 
@@ -22,7 +22,7 @@ def equations_at(T, P, independent):
     c = independent.copy()
     work = new_work(T, c.shape[0])
     couple(T, c)
-    body_poses(T, c, work.R, work.p, work.w, work.o, work.dphi)
+    body_poses(T, c, PoseArrays(R=work.R, p=work.p, w=work.w, o=work.o, dphi=work.dphi))
     plain = sum_of_costs(P.tasks, c, 0, work)
     return plain, gradient_and_hessian(T, P, 0, c, work), work.g, work.H
 

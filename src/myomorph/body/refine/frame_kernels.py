@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.core.rigid.coordinates import couple, couple_rates
+from myomorph.core.rigid.coordinates import State, couple, couple_rates
 from myomorph.core.rigid.dynamics import body_wrenches
 from myomorph.core.rigid.kernels import bare, kernel
-from myomorph.core.rigid.kinematics import body_poses, body_rates
+from myomorph.core.rigid.kinematics import RateArrays, body_poses, body_rates, pose_room
 from myomorph.core.rigid.vectors import cross, matrix, minus, plus, turned, vector
 
 STEP = 1e-6  # Step of the differences in coordinates and their rates [rad, m and 1/s of them]
@@ -34,35 +34,27 @@ def predict_frames(T, body, location, c, cdot, cddot, seen, measured, places, re
     residual : (frames, 6) filled with moment about the base's origin [N m] and force [N]
     """
     n = T.parent.shape[0]
-    axes = T.axis_kind.shape[0]
-    R = np.empty((n, 3, 3))
-    p = np.empty((n, 3))
-    w = np.empty((axes, 3))
-    o = np.empty((axes, 3))
-    dphi = np.empty((axes, 2))
+    pose = pose_room(T)
     rates = np.empty((6, n, 3))
     for frame in range(c.shape[0]):
         soft = differ(c[frame], seen[frame])
         couple(T, c[frame])
         couple_rates(T, c[frame], cdot[frame], cddot[frame])
-        body_poses(T, c[frame], R, p, w, o, dphi)
+        body_poses(T, c[frame], pose)
         root_residual(
             T,
             c[frame],
             cdot[frame],
             cddot[frame],
-            R,
-            p,
-            w,
-            o,
+            pose,
             measured[frame],
             rates,
             residual[frame],
         )
         couple(T, seen[frame])
         if soft:
-            body_poses(T, seen[frame], R, p, w, o, dphi)
-        put_places(body, location, R, p, places[frame])
+            body_poses(T, seen[frame], pose)
+        put_places(body, location, pose.R, pose.p, places[frame])
 
 
 @kernel
@@ -97,13 +89,8 @@ def difference_frames(
     moved : (frames, free, 3 markers) filled, of the markers in `seen`
     """
     n = T.parent.shape[0]
-    axes = T.axis_kind.shape[0]
     m = body.shape[0]
-    R = np.empty((n, 3, 3))
-    p = np.empty((n, 3))
-    w = np.empty((axes, 3))
-    o = np.empty((axes, 3))
-    dphi = np.empty((axes, 2))
+    pose = pose_room(T)
     rates = np.empty((6, n, 3))
     at = np.empty((m, 3))
     r = np.empty(6)
@@ -115,13 +102,11 @@ def difference_frames(
     for frame in range(c.shape[0]):
         # Rates and accelerations first: they share the poses of the frame.
         soft = differ(c[frame], seen[frame])
-        body_poses(T, seen[frame], R, p, w, o, dphi)
-        put_places(body, location, R, p, base_at)
+        body_poses(T, seen[frame], pose)
+        put_places(body, location, pose.R, pose.p, base_at)
         if soft:
-            body_poses(T, c[frame], R, p, w, o, dphi)
-        root_residual(
-            T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, base
-        )
+            body_poses(T, c[frame], pose)
+        root_residual(T, c[frame], cdot[frame], cddot[frame], pose, measured[frame], rates, base)
         for change in range(2 * free.shape[0]):
             i = change % free.shape[0]
             restore(c[frame], cdot[frame], cddot[frame], x, v, a)
@@ -132,7 +117,7 @@ def difference_frames(
             else:
                 a[free[i]] += step
             couple_rates(T, x, v, a)
-            root_residual(T, x, v, a, R, p, w, o, measured[frame], rates, r)
+            root_residual(T, x, v, a, pose, measured[frame], rates, r)
             for q in range(6):
                 if change < free.shape[0]:
                     by_rate[frame, q, i] = (r[q] - base[q]) / step
@@ -143,14 +128,14 @@ def difference_frames(
             x[free[i]] += STEP
             couple(T, x)
             couple_rates(T, x, v, a)
-            body_poses(T, x, R, p, w, o, dphi)
-            root_residual(T, x, v, a, R, p, w, o, measured[frame], rates, r)
+            body_poses(T, x, pose)
+            root_residual(T, x, v, a, pose, measured[frame], rates, r)
             if soft:
                 x[:] = seen[frame]
                 x[free[i]] += STEP
                 couple(T, x)
-                body_poses(T, x, R, p, w, o, dphi)
-            put_places(body, location, R, p, at)
+                body_poses(T, x, pose)
+            put_places(body, location, pose.R, pose.p, at)
             for q in range(6):
                 by_value[frame, q, i] = (r[q] - base[q]) / STEP
             for marker in range(m):
@@ -193,27 +178,23 @@ def put_places(body, location, R, p, places):
 
 
 @bare
-def root_residual(T, c, cdot, cddot, R, p, w, o, measured, rates, residual):
+def root_residual(T, c, cdot, cddot, pose, measured, rates, residual):
     """Fill what the motion needs less what was measured: moment about the base and force.
 
     Parameters
     ----------
     T : arrays of the tree
     c, cdot, cddot : (coordinates,)
-    R, p : (bodies, 3, 3), (bodies, 3) poses of the bodies
-    w, o : (axes, 3) axes of the joints and points on them
+    pose : of `body_poses`
     measured : (6,) moment about the ground's origin [N m] and force [N]
     rates : (6, bodies, 3) scratch
     residual : (6,) filled with moment about the base's origin [N m] and force [N]
     """
-    omega = rates[0]
-    v = rates[1]
-    alpha = rates[2]
-    a = rates[3]
+    body_motion = RateArrays(omega=rates[0], v=rates[1], alpha=rates[2], a=rates[3])
     f = rates[4]
     m = rates[5]
-    body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a)
-    body_wrenches(T, R, p, omega, alpha, a, f, m)
+    body_rates(T, State(c=c, cdot=cdot, cddot=cddot), pose, body_motion)
+    body_wrenches(T, pose, body_motion, f, m)
     force = (0.0, 0.0, 0.0)
     moment = (0.0, 0.0, 0.0)
     for b in range(1, T.parent.shape[0]):
@@ -221,7 +202,7 @@ def root_residual(T, c, cdot, cddot, R, p, w, o, measured, rates, residual):
         moment = plus(moment, vector(m, b))
     force = minus(force, (measured[3], measured[4], measured[5]))
     moment = minus(moment, (measured[0], measured[1], measured[2]))
-    moment = minus(moment, cross(vector(p, 1), force))
+    moment = minus(moment, cross(vector(pose.p, 1), force))
     for i in range(3):
         residual[i] = moment[i]
         residual[3 + i] = force[i]

@@ -24,7 +24,7 @@ from myomorph.core.motion.tasks.loops import Ties
 from myomorph.core.motion.tasks.markers import MarkerArrays
 from myomorph.core.rigid.coordinates import Ints, evaluate_at, gather_dependents
 from myomorph.core.rigid.kernels import bare, in_place, inner, kernel
-from myomorph.core.rigid.kinematics import body_poses, pose_room
+from myomorph.core.rigid.kinematics import PoseArrays, body_poses, pose_room
 from myomorph.core.rigid.tree import ROTATION, compile_tree
 from myomorph.core.rigid.vectors import about, along, cross, matrix, minus, product, turned, vector
 
@@ -213,13 +213,13 @@ class SlopeRoom(NamedTuple):
 @inner
 def slope_room(T, markers, lengths, coordinates):
     """Make room for a number of markers, of lengths and of coordinates."""
-    R, p, w, o, dphi = pose_room(T)
+    pose = pose_room(T)
     return SlopeRoom(
-        R=R,
-        p=p,
-        w=w,
-        o=o,
-        dphi=dphi,
+        R=pose.R,
+        p=pose.p,
+        w=pose.w,
+        o=pose.o,
+        dphi=pose.dphi,
         origins=np.empty((T.parent.shape[0], 3, lengths)),
         places=np.empty((markers, 3)),
         by_length=np.empty((3 * markers, lengths)),
@@ -241,7 +241,7 @@ def marker_slopes(T, markers, stretch, c, room):
     c : (coordinates,) consistent [rad or m]
     room : `SlopeRoom`, filled
     """
-    body_poses(T, c, room.R, room.p, room.w, room.o, room.dphi)
+    body_poses(T, c, PoseArrays(R=room.R, p=room.p, w=room.w, o=room.o, dphi=room.dphi))
     for i in range(3):
         for j in range(room.origins.shape[2]):
             room.origins[0, i, j] = 0.0

@@ -107,13 +107,18 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
     rotation = ends[:3]
     out = ends[3:5]
     rows = (ends[5], ends[6], ends[7], ends[8])
-    R, p, w, o, dphi = pose_room(T)
+    body_pose = pose_room(T)
+    R = body_pose.R
+    p = body_pose.p
+    w = body_pose.w
+    o = body_pose.o
+    dphi = body_pose.dphi
     for f in range(c.shape[0]):
         here = c[f]
         speeds = cdot[f]
         row = arms[f]
         couple(T, here)
-        body_poses(T, here, R, p, w, o, dphi)
+        body_poses(T, here, body_pose)
         coupler_slopes(P, here, slopes)
         _move_points(P, here, moved)
         _place_objects(surface, fixed_pose, R, p, pose)

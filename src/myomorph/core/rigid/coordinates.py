@@ -46,6 +46,21 @@ class FunctionArrays(NamedTuple):
     coefficients: Array
 
 
+class State(NamedTuple):
+    """Coordinates of a frame with their velocities and accelerations.
+
+    Attributes
+    ----------
+    c : (coordinates,) values, dependent ones consistent [rad or m]
+    cdot : (coordinates,) [rad/s or m/s]
+    cddot : (coordinates,) [rad/s^2 or m/s^2]
+    """
+
+    c: Array
+    cdot: Array
+    cddot: Array
+
+
 def compile_functions(functions: Sequence[Function]) -> FunctionArrays:
     """Pack functions into flat arrays, in their order.
 
@@ -109,7 +124,7 @@ def evaluate_at(F, function, i, j, c):
 
 
 @bare
-def function_rates(F, function, i, j, c, cdot, cddot):
+def function_rates(F, function, i, j, state):
     """Velocity and acceleration of a function of coordinates i and j, as of `evaluate_at`.
 
     fdot  = f_1 v_1 + f_2 v_2
@@ -118,13 +133,13 @@ def function_rates(F, function, i, j, c, cdot, cddot):
     Parameters
     ----------
     F, function, i, j : as of `evaluate_at`
-    c, cdot, cddot : (coordinates,) values, velocities and accelerations
+    state : `State` of the frame
     """
-    _, d1, d2, d11, d12, d22 = evaluate_at(F, function, i, j, c)
-    v1 = cdot[i] if i >= 0 else 0.0
-    v2 = cdot[j] if j >= 0 else 0.0
-    a1 = cddot[i] if i >= 0 else 0.0
-    a2 = cddot[j] if j >= 0 else 0.0
+    _, d1, d2, d11, d12, d22 = evaluate_at(F, function, i, j, state.c)
+    v1 = state.cdot[i] if i >= 0 else 0.0
+    v2 = state.cdot[j] if j >= 0 else 0.0
+    a1 = state.cddot[i] if i >= 0 else 0.0
+    a2 = state.cddot[j] if j >= 0 else 0.0
     return (
         d1 * v1 + d2 * v2,
         d1 * a1 + d2 * a2 + d11 * v1 * v1 + 2.0 * d12 * v1 * v2 + d22 * v2 * v2,
@@ -214,13 +229,12 @@ def couple_rates(T, c, cdot, cddot):
     T : `TreeArrays`
     c, cdot, cddot : (coordinates,); the last two are changed in place
     """
+    state = State(c=c, cdot=cdot, cddot=cddot)
     for coupler in range(T.coupler_coordinate.shape[0]):
         d = T.coupler_coordinate[coupler]
         i = T.coupler_source[coupler, 0]
         j = T.coupler_source[coupler, 1]
-        cdot[d], cddot[d] = function_rates(
-            T.functions, T.coupler_function[coupler], i, j, c, cdot, cddot
-        )
+        cdot[d], cddot[d] = function_rates(T.functions, T.coupler_function[coupler], i, j, state)
 
 
 @kernel

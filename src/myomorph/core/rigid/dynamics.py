@@ -22,10 +22,17 @@ from myomorph.core.model.shapes import (
     Coordinates,
     GeneralizedForces,
 )
-from myomorph.core.rigid.coordinates import Ints, couple_rates_frames
+from myomorph.core.rigid.coordinates import Ints, State, couple_rates_frames
 from myomorph.core.rigid.frames import run_frames
 from myomorph.core.rigid.kernels import bare, in_place, kernel
-from myomorph.core.rigid.kinematics import body_poses, body_rates, pose_room, rates_at
+from myomorph.core.rigid.kinematics import (
+    PoseArrays,
+    body_poses,
+    body_rates,
+    pose_room,
+    rate_room,
+    rates_at,
+)
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.rigid.tree import ROTATION, Tree, compile_tree
 from myomorph.core.rigid.vectors import (
@@ -212,7 +219,9 @@ def _same_times(wrenches: Wrenches, motion: Motion) -> bool:
 
 
 @kernel
-def inverse_dynamics_frames(T, bodies, c, cdot, cddot, forces, points, torques, tau):
+def inverse_dynamics_frames(  # page: arrays over frames, of which each call takes a part
+    T, bodies, c, cdot, cddot, forces, points, torques, tau
+):
     """Inverse dynamics of frames, with external wrenches.
 
     Parameters
@@ -223,17 +232,14 @@ def inverse_dynamics_frames(T, bodies, c, cdot, cddot, forces, points, torques, 
     forces, points, torques : (frames, wrenches, 3) as of `ExternalForces`
     tau : (frames, coordinates) filled [N m or N]
     """
-    R, p, w, o, dphi = pose_room(T)
-    omega = np.empty_like(p)
-    v = np.empty_like(p)
-    alpha = np.empty_like(p)
-    a = np.empty_like(p)
-    f = np.empty_like(p)
-    m = np.empty_like(p)
+    pose = pose_room(T)
+    rates = rate_room(T)
+    f = np.empty((T.parent.shape[0], 3))
+    m = np.empty((T.parent.shape[0], 3))
     for frame in range(c.shape[0]):
-        body_poses(T, c[frame], R, p, w, o, dphi)
-        body_rates(T, c[frame], cdot[frame], cddot[frame], p, w, o, omega, v, alpha, a)
-        body_wrenches(T, R, p, omega, alpha, a, f, m)
+        body_poses(T, c[frame], pose)
+        body_rates(T, State(c=c[frame], cdot=cdot[frame], cddot=cddot[frame]), pose, rates)
+        body_wrenches(T, pose, rates, f, m)
         for wrench in range(bodies.shape[0]):
             b = bodies[wrench]
             force = vector(forces[frame], wrench)
@@ -241,11 +247,11 @@ def inverse_dynamics_frames(T, bodies, c, cdot, cddot, forces, points, torques, 
             moment = plus(vector(torques[frame], wrench), cross(lever, force))
             put_vector(f, b, minus(vector(f, b), force))
             put_vector(m, b, minus(vector(m, b), moment))
-        project(T, w, o, dphi, f, m, tau[frame])
+        project(T, pose, f, m, tau[frame])
 
 
 @in_place
-def body_wrenches(T, R, p, omega, alpha, a, f, m):
+def body_wrenches(T, pose, rates, f, m):
     """Force and moment that the motion of each body needs, gravity taken off.
 
     With the center of mass c, its acceleration a_c, and the inertia I about it,
@@ -257,28 +263,27 @@ def body_wrenches(T, R, p, omega, alpha, a, f, m):
     Parameters
     ----------
     T : `TreeArrays`
-    R, p : of `body_poses`
-    omega, alpha, a : of `body_rates`
+    pose, rates : of `body_poses` and `body_rates`
     f, m : (bodies, 3) filled with force [N] and moment about the ground's origin [N m], in ground
     """
     gravity = (T.gravity[0], T.gravity[1], T.gravity[2])
     for b in range(T.parent.shape[0]):
-        r = matrix(R, b)
-        W = vector(omega, b)
-        E = vector(alpha, b)
+        r = matrix(pose.R, b)
+        W = vector(rates.omega, b)
+        E = vector(rates.alpha, b)
         # The moment equation in the body's frame, where the inertia is constant.
         I = matrix(T.inertia, b)
         spin = turned_back(r, W)
         moment = turned(r, plus(turned(I, turned_back(r, E)), cross(spin, turned(I, spin))))
         center = turned(r, vector(T.mass_center, b))
-        _, acceleration = rates_at(W, E, W, vector(a, b), center)
+        _, acceleration = rates_at(W, E, W, vector(rates.a, b), center)
         force = along((0.0, 0.0, 0.0), T.mass[b], minus(acceleration, gravity))
         put_vector(f, b, force)
-        put_vector(m, b, plus(moment, cross(plus(vector(p, b), center), force)))
+        put_vector(m, b, plus(moment, cross(plus(vector(pose.p, b), center), force)))
 
 
 @bare
-def project(T, w, o, dphi, f, m, tau):
+def project(T, pose, f, m, tau):
     """Generalized forces of wrenches on the bodies, summed from the leaves to the ground.
 
     A rotation about w through o takes w . (m - o x f), a translation along w takes w . f.
@@ -286,7 +291,7 @@ def project(T, w, o, dphi, f, m, tau):
     Parameters
     ----------
     T : `TreeArrays`
-    w, o, dphi : of `body_poses`
+    pose : of `body_poses`
     f, m : (bodies, 3) force [N] and moment about the ground's origin [N m], in ground; added up to
         those of a body and all that it carries
     tau : (coordinates,) filled [N m or N]
@@ -295,14 +300,14 @@ def project(T, w, o, dphi, f, m, tau):
         tau[j] = 0.0
     for b in range(T.parent.shape[0] - 1, 0, -1):
         for axis in range(T.axis_start[b], T.axis_start[b + 1]):
+            acts = vector(f, b)
             if T.axis_kind[axis] == ROTATION:
-                t = dot(vector(w, axis), minus(vector(m, b), cross(vector(o, axis), vector(f, b))))
-            else:
-                t = dot(vector(w, axis), vector(f, b))
+                acts = minus(vector(m, b), cross(vector(pose.o, axis), vector(f, b)))
+            t = dot(vector(pose.w, axis), acts)
             for slot in range(2):
                 j = T.axis_coordinate[axis, slot]
                 if j >= 0:
-                    tau[j] += dphi[axis, slot] * t
+                    tau[j] += pose.dphi[axis, slot] * t
         h = T.parent[b]
         put_vector(f, h, plus(vector(f, h), vector(f, b)))
         put_vector(m, h, plus(vector(m, h), vector(m, b)))
@@ -425,22 +430,21 @@ def joint_wrenches(
 
 
 @kernel
-def _joint_wrenches(T, c, cdot, cddot, applied, f, m, tau, R, p):
+def _joint_wrenches(  # page: arrays over frames, of which each call takes a part
+    T, c, cdot, cddot, applied, f, m, tau, R, p
+):
     """`joint_wrenches` of frames; f, m, tau, R and p are filled, frames first."""
-    _, _, w, o, dphi = pose_room(T)
-    n = T.parent.shape[0]
-    omega = np.empty((n, 3))
-    v = np.empty((n, 3))
-    alpha = np.empty((n, 3))
-    a = np.empty((n, 3))
+    axes = pose_room(T)
+    rates = rate_room(T)
     for frame in range(c.shape[0]):
-        body_poses(T, c[frame], R[frame], p[frame], w, o, dphi)
-        body_rates(T, c[frame], cdot[frame], cddot[frame], p[frame], w, o, omega, v, alpha, a)
-        body_wrenches(T, R[frame], p[frame], omega, alpha, a, f[frame], m[frame])
-        for b in range(n):
+        pose = PoseArrays(R=R[frame], p=p[frame], w=axes.w, o=axes.o, dphi=axes.dphi)
+        body_poses(T, c[frame], pose)
+        body_rates(T, State(c=c[frame], cdot=cdot[frame], cddot=cddot[frame]), pose, rates)
+        body_wrenches(T, pose, rates, f[frame], m[frame])
+        for b in range(T.parent.shape[0]):
             wrench = applied[frame, b]
             force = (wrench[0], wrench[1], wrench[2])
             moment = (wrench[3], wrench[4], wrench[5])
             put_vector(f[frame], b, minus(vector(f[frame], b), force))
             put_vector(m[frame], b, minus(vector(m[frame], b), moment))
-        project(T, w, o, dphi, f[frame], m[frame], tau[frame])
+        project(T, pose, f[frame], m[frame], tau[frame])

@@ -21,7 +21,7 @@ from myomorph.core.model.shapes import (
     Points,
 )
 from myomorph.core.model.spatial import Transform
-from myomorph.core.rigid.coordinates import Ints, evaluate_at, function_rates
+from myomorph.core.rigid.coordinates import Ints, State, evaluate_at, function_rates
 from myomorph.core.rigid.frames import run_frames
 from myomorph.core.rigid.kernels import bare, inner, kernel
 from myomorph.core.rigid.tree import ROTATION, Tree, compile_tree
@@ -40,29 +40,80 @@ from myomorph.core.rigid.vectors import (
 )
 
 
+class PoseArrays(NamedTuple):
+    """Poses of all bodies and moving axes in ground, of one frame.
+
+    Attributes
+    ----------
+    R : (bodies, 3, 3) rotation from each body's axes to ground
+    p : (bodies, 3) origin of each body [m]
+    w : (axes, 3) direction of each axis, a unit vector
+    o : (axes, 3) a point on each axis [m]
+    dphi : (axes, 2) slopes of an axis's motion in its two coordinates
+    """
+
+    R: Array
+    p: Array
+    w: Array
+    o: Array
+    dphi: Array
+
+
+class RateArrays(NamedTuple):
+    """Velocities and accelerations of all body frames in ground, of one frame.
+
+    Attributes
+    ----------
+    omega : (bodies, 3) angular velocity [rad/s]
+    v : (bodies, 3) velocity of the origin [m/s]
+    alpha : (bodies, 3) angular acceleration [rad/s^2]
+    a : (bodies, 3) acceleration of the origin, gravity not included [m/s^2]
+    """
+
+    omega: Array
+    v: Array
+    alpha: Array
+    a: Array
+
+
 @inner
 def pose_room(T):
-    """Make the arrays R, p, w, o and dphi that `body_poses` fills, for one frame."""
+    """Make the `PoseArrays` that `body_poses` fills."""
     bodies = T.parent.shape[0]
     axes = T.axis_kind.shape[0]
-    w = np.empty((axes, 3))
-    o = np.empty((axes, 3))
-    dphi = np.empty((axes, 2))
-    return np.empty((bodies, 3, 3)), np.empty((bodies, 3)), w, o, dphi
+    return PoseArrays(
+        R=np.empty((bodies, 3, 3)),
+        p=np.empty((bodies, 3)),
+        w=np.empty((axes, 3)),
+        o=np.empty((axes, 3)),
+        dphi=np.empty((axes, 2)),
+    )
+
+
+@inner
+def rate_room(T):
+    """Make the `RateArrays` that `body_rates` fills."""
+    bodies = T.parent.shape[0]
+    return RateArrays(
+        omega=np.empty((bodies, 3)),
+        v=np.empty((bodies, 3)),
+        alpha=np.empty((bodies, 3)),
+        a=np.empty((bodies, 3)),
+    )
 
 
 @bare
-def body_poses(T, c, R, p, w, o, dphi):
+def body_poses(T, c, pose):
     """Poses of all bodies and the moving axes in ground, for one frame.
 
     Parameters
     ----------
     T : `TreeArrays`
     c : (coordinates,) all coordinates, dependent ones consistent
-    R, p : (bodies, 3, 3) and (bodies, 3) filled with poses in ground
-    w, o : (axes, 3) filled with the direction of each axis and a point on it, in ground
-    dphi : (axes, 2) filled with the derivatives of the axis's motion in its two coordinates
+    pose : `PoseArrays`, filled
     """
+    R = pose.R
+    p = pose.p
     put_matrix(R, 0, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
     put_vector(p, 0, (0.0, 0.0, 0.0))
     for b in range(1, T.parent.shape[0]):
@@ -75,12 +126,12 @@ def body_poses(T, c, R, p, w, o, dphi):
             i = T.axis_coordinate[axis, 0]
             j = T.axis_coordinate[axis, 1]
             q, d1, d2, _, _, _ = evaluate_at(T.functions, T.axis_function[axis], i, j, c)
-            dphi[axis, 0] = d1
-            dphi[axis, 1] = d2
+            pose.dphi[axis, 0] = d1
+            pose.dphi[axis, 1] = d2
             u = vector(T.axis_vector, axis)
             direction = turned(r, u)
-            put_vector(w, axis, direction)
-            put_vector(o, axis, x)
+            put_vector(pose.w, axis, direction)
+            put_vector(pose.o, axis, x)
             if T.axis_kind[axis] == ROTATION:
                 r = product(r, about(u, q))
             else:
@@ -90,7 +141,7 @@ def body_poses(T, c, R, p, w, o, dphi):
 
 
 @bare
-def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
+def body_rates(T, state, pose, rates):
     """Velocities and accelerations of all body frames in ground, for one frame.
 
     From each parent outwards, over its axes (Featherstone 2008, ch. 5); gravity is not included. An
@@ -101,30 +152,29 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
     Parameters
     ----------
     T : `TreeArrays`
-    c, cdot, cddot : (coordinates,) consistent
-    p, w, o : of `body_poses`
-    omega, v, alpha, a : (bodies, 3) filled with angular velocity [rad/s], velocity of the origin
-        [m/s], angular acceleration [rad/s^2] and acceleration of the origin [m/s^2]
+    state : `State`, dependent coordinates consistent
+    pose : of `body_poses`
+    rates : `RateArrays`, filled
     """
     zero = (0.0, 0.0, 0.0)
-    for rates in (omega, v, alpha, a):
-        put_vector(rates, 0, zero)
+    for array in rates:
+        put_vector(array, 0, zero)
     for b in range(1, T.parent.shape[0]):
         h = T.parent[b]
         # Angular rates W, E of the moving frame, and rates V, B of its point that coincides with x.
-        x = vector(p, h)
-        W = vector(omega, h)
-        E = vector(alpha, h)
-        V = vector(v, h)
-        B = vector(a, h)
+        x = vector(pose.p, h)
+        W = vector(rates.omega, h)
+        E = vector(rates.alpha, h)
+        V = vector(rates.v, h)
+        B = vector(rates.a, h)
         for axis in range(T.axis_start[b], T.axis_start[b + 1]):
-            V, B = rates_at(W, E, V, B, minus(vector(o, axis), x))
-            x = vector(o, axis)
+            V, B = rates_at(W, E, V, B, minus(vector(pose.o, axis), x))
+            x = vector(pose.o, axis)
             i = T.axis_coordinate[axis, 0]
             j = T.axis_coordinate[axis, 1]
             # Phi cdot and Phi cddot + Phidot cdot.
-            q1, q2 = function_rates(T.functions, T.axis_function[axis], i, j, c, cdot, cddot)
-            u = vector(w, axis)
+            q1, q2 = function_rates(T.functions, T.axis_function[axis], i, j, state)
+            u = vector(pose.w, axis)
             turning = cross(W, u)
             if T.axis_kind[axis] == ROTATION:
                 E = along(along(E, q2, u), q1, turning)
@@ -134,11 +184,11 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
                 # point at which both are compared need not move along.
                 B = along(along(B, q2, u), 2.0 * q1, turning)
                 V = along(V, q1, u)
-        V, B = rates_at(W, E, V, B, minus(vector(p, b), x))
-        put_vector(omega, b, W)
-        put_vector(alpha, b, E)
-        put_vector(v, b, V)
-        put_vector(a, b, B)
+        V, B = rates_at(W, E, V, B, minus(vector(pose.p, b), x))
+        put_vector(rates.omega, b, W)
+        put_vector(rates.alpha, b, E)
+        put_vector(rates.v, b, V)
+        put_vector(rates.a, b, B)
 
 
 @bare
@@ -303,7 +353,8 @@ def standing_poses(model: Model, values: Mapping[str, float] | None = None) -> d
 def _poses(T, c, R, p, w, o, dphi):
     """`body_poses` of frames: every array has its frames first."""
     for frame in range(c.shape[0]):
-        body_poses(T, c[frame], R[frame], p[frame], w[frame], o[frame], dphi[frame])
+        pose = PoseArrays(R=R[frame], p=p[frame], w=w[frame], o=o[frame], dphi=dphi[frame])
+        body_poses(T, c[frame], pose)
 
 
 def center_of_mass(tree: Tree, poses: Poses) -> FrameVectors:
@@ -451,21 +502,13 @@ def body_motion(tree: Tree, c: Coordinates, cdot: Coordinates, cddot: Coordinate
 
 
 @kernel
-def _body_motion(T, c, cdot, cddot, R, p, omega, v, alpha, a):
+def _body_motion(  # page: arrays over frames, of which each call takes a part
+    T, c, cdot, cddot, R, p, omega, v, alpha, a
+):
     """`body_poses` and `body_rates` of frames: every array has its frames first."""
-    _, _, w, o, dphi = pose_room(T)
+    axes = pose_room(T)
     for frame in range(c.shape[0]):
-        body_poses(T, c[frame], R[frame], p[frame], w, o, dphi)
-        body_rates(
-            T,
-            c[frame],
-            cdot[frame],
-            cddot[frame],
-            p[frame],
-            w,
-            o,
-            omega[frame],
-            v[frame],
-            alpha[frame],
-            a[frame],
-        )
+        pose = PoseArrays(R=R[frame], p=p[frame], w=axes.w, o=axes.o, dphi=axes.dphi)
+        rates = RateArrays(omega=omega[frame], v=v[frame], alpha=alpha[frame], a=a[frame])
+        body_poses(T, c[frame], pose)
+        body_rates(T, State(c=c[frame], cdot=cdot[frame], cddot=cddot[frame]), pose, rates)

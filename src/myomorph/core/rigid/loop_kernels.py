@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.core.rigid.coordinates import gather_dependents
+from myomorph.core.rigid.coordinates import State, gather_dependents
 from myomorph.core.rigid.kernels import bare, kernel
-from myomorph.core.rigid.kinematics import body_poses, body_rates, pose_room, rates_at
+from myomorph.core.rigid.kinematics import body_poses, body_rates, pose_room, rate_room, rates_at
 from myomorph.core.rigid.tree import ROTATION
 from myomorph.core.rigid.vectors import (
     along,
@@ -33,14 +33,14 @@ def transposed(r):
 
 
 @bare
-def tied_frames(L, i, R, p):
+def tied_frames(L, i, pose):
     """Poses of the two frames that loop i ties.
 
     Parameters
     ----------
     L : `LoopArrays`
     i : number of the loop
-    R, p : of `body_poses`
+    pose : of `body_poses`
 
     Returns
     -------
@@ -50,10 +50,12 @@ def tied_frames(L, i, R, p):
     """
     b1 = L.body_1[i]
     b2 = L.body_2[i]
-    r1 = product(matrix(R, b1), matrix(L.turn_1, i))
-    x1 = plus(vector(p, b1), turned(matrix(R, b1), vector(L.point_1, i)))
-    x2 = plus(vector(p, b2), turned(matrix(R, b2), vector(L.point_2, i)))
-    Q = product(transposed(r1), product(matrix(R, b2), matrix(L.turn_2, i)))
+    of_body_1 = matrix(pose.R, b1)
+    of_body_2 = matrix(pose.R, b2)
+    r1 = product(of_body_1, matrix(L.turn_1, i))
+    x1 = plus(vector(pose.p, b1), turned(of_body_1, vector(L.point_1, i)))
+    x2 = plus(vector(pose.p, b2), turned(of_body_2, vector(L.point_2, i)))
+    Q = product(transposed(r1), product(of_body_2, matrix(L.turn_2, i)))
     return r1, x2, Q, turned_back(r1, minus(x2, x1))
 
 
@@ -81,7 +83,7 @@ def half_rotation(Q):
 
 
 @bare
-def loop_errors(L, R, p, errors):
+def loop_errors(L, pose, errors):
     """Closure errors of all loops.
 
     A point has the gap e [m]. A weld has before it the rotation 2 u [rad], with u of
@@ -91,11 +93,11 @@ def loop_errors(L, R, p, errors):
     Parameters
     ----------
     L : `LoopArrays`
-    R, p : of `body_poses`
+    pose : of `body_poses`
     errors : (rows,) filled
     """
     for i in range(L.body_1.shape[0]):
-        _, _, Q, gap = tied_frames(L, i, R, p)
+        _, _, Q, gap = tied_frames(L, i, pose)
         row = L.row[i]
         if L.row[i + 1] - row == 6:
             _, u = half_rotation(Q)
@@ -120,7 +122,7 @@ def turned_error(a, u, W):
 
 
 @bare
-def loop_rows(T, L, c, R, p, w, o, dphi, rows):
+def loop_rows(T, L, c, pose, rows):
     """Differentiate `loop_errors` by the coordinates.
 
     An axis between a loop's second body and the bodies' common ancestor moves the second frame, one
@@ -131,14 +133,13 @@ def loop_rows(T, L, c, R, p, w, o, dphi, rows):
     ----------
     T, L : `TreeArrays` and `LoopArrays`
     c : (coordinates,) consistent
-    R, p, w, o, dphi : of `body_poses`
+    pose : of `body_poses`
     rows : (rows, coordinates) filled, with what dependent coordinates do handed on to those they
         follow (`gather_dependents`)
     """
     rows[:] = 0.0
-    axes = (w, o, dphi)
     for i in range(L.body_1.shape[0]):
-        r1, x2, Q, _ = tied_frames(L, i, R, p)
+        r1, x2, Q, _ = tied_frames(L, i, pose)
         second = (r1, x2, half_rotation(Q))
         error_rows = rows[L.row[i] : L.row[i + 1]]
         b1 = L.body_1[i]
@@ -146,41 +147,40 @@ def loop_rows(T, L, c, R, p, w, o, dphi, rows):
         while b1 != b2:
             # A parent has the smaller number, so the larger of both is no ancestor of the other.
             if b2 > b1:
-                _add_axes(T, b2, 1.0, second, axes, error_rows)
+                _add_axes(T, b2, 1.0, second, pose, error_rows)
                 b2 = T.parent[b2]
             else:
-                _add_axes(T, b1, -1.0, second, axes, error_rows)
+                _add_axes(T, b1, -1.0, second, pose, error_rows)
                 b1 = T.parent[b1]
     gather_dependents(T, c, rows)
 
 
 @bare
-def _add_axes(T, body, sign, second, axes, rows):
+def _add_axes(T, body, sign, second, pose, rows):
     """Add what the axes of a body do to the errors of a loop.
 
     Parameters
     ----------
     sign : 1 on the side of the loop's second body, -1 on that of the first
     second : r1 and x2 of `tied_frames`, and the quaternion (a, u) of Q
-    axes : w, o and dphi of `body_poses`
+    pose : of `body_poses`
     rows : (3 or 6, coordinates) of the loop, added to
     """
     r1, x2, (a, u) = second
-    w, o, dphi = axes
     is_weld = rows.shape[0] == 6
     first = 3 if is_weld else 0
     for axis in range(T.axis_start[body], T.axis_start[body + 1]):
-        direction = vector(w, axis)
+        direction = vector(pose.w, axis)
         rotates = T.axis_kind[axis] == ROTATION
         shift = turned_back(
-            r1, cross(direction, minus(x2, vector(o, axis))) if rotates else direction
+            r1, cross(direction, minus(x2, vector(pose.o, axis))) if rotates else direction
         )
         turn = turned_error(a, u, turned_back(r1, direction))
         for slot in range(2):
             j = T.axis_coordinate[axis, slot]
             if j < 0:
                 continue
-            speed = sign * dphi[axis, slot]
+            speed = sign * pose.dphi[axis, slot]
             if is_weld:
                 for component in range(3):
                     rows[component, j] += speed * turn[component] if rotates else 0.0
@@ -199,15 +199,17 @@ def loop_frames(T, L, c, errors, rows):
     errors : (frames, rows) filled
     rows : (frames, rows, coordinates) filled
     """
-    R, p, w, o, dphi = pose_room(T)
+    pose = pose_room(T)
     for frame in range(c.shape[0]):
-        body_poses(T, c[frame], R, p, w, o, dphi)
-        loop_errors(L, R, p, errors[frame])
-        loop_rows(T, L, c[frame], R, p, w, o, dphi, rows[frame])
+        body_poses(T, c[frame], pose)
+        loop_errors(L, pose, errors[frame])
+        loop_rows(T, L, c[frame], pose, rows[frame])
 
 
 @kernel
-def loop_rate_frames(T, L, c, cdot, cddot, first, second):
+def loop_rate_frames(  # page: arrays over frames, of which each call takes a part
+    T, L, c, cdot, cddot, first, second
+):
     """First and second time derivatives of the closure errors of frames.
 
     Parameters
@@ -216,25 +218,21 @@ def loop_rate_frames(T, L, c, cdot, cddot, first, second):
     c, cdot, cddot : (frames, coordinates) consistent
     first, second : (frames, rows) filled
     """
-    R, p, w, o, dphi = pose_room(T)
-    omega = np.empty_like(p)
-    v = np.empty_like(p)
-    alpha = np.empty_like(p)
-    acc = np.empty_like(p)
-    rates = (omega, v, alpha, acc)
+    pose = pose_room(T)
+    rates = rate_room(T)
     for frame in range(c.shape[0]):
-        body_poses(T, c[frame], R, p, w, o, dphi)
-        body_rates(T, c[frame], cdot[frame], cddot[frame], p, w, o, omega, v, alpha, acc)
+        body_poses(T, c[frame], pose)
+        body_rates(T, State(c=c[frame], cdot=cdot[frame], cddot=cddot[frame]), pose, rates)
         for i in range(L.body_1.shape[0]):
             row = L.row[i]
             if L.row[i + 1] - row == 6:
-                _put_rotation_rates(L, i, R, p, rates, first[frame, row:], second[frame, row:])
+                _put_rotation_rates(L, i, pose, rates, first[frame, row:], second[frame, row:])
                 row += 3
-            _put_gap_rates(L, i, R, p, rates, first[frame, row:], second[frame, row:])
+            _put_gap_rates(L, i, pose, rates, first[frame, row:], second[frame, row:])
 
 
 @bare
-def _put_rotation_rates(L, i, R, p, rates, first, second):
+def _put_rotation_rates(L, i, pose, rates, first, second):
     """Store the rates of a weld's rotation 2 u.
 
     With W and E the angular velocity and acceleration of the second frame seen from the first, and
@@ -245,16 +243,15 @@ def _put_rotation_rates(L, i, R, p, rates, first, second):
 
     Parameters
     ----------
-    R, p : of `body_poses`
-    rates : omega, v, alpha and a of `body_rates`
+    pose : of `body_poses`
+    rates : of `body_rates`
     first, second : (3 or more,) of which three are filled
     """
-    omega, _, alpha, _ = rates
-    r1, _, Q, _ = tied_frames(L, i, R, p)
-    W1 = vector(omega, L.body_1[i])
-    E1 = vector(alpha, L.body_1[i])
-    W2 = vector(omega, L.body_2[i])
-    E2 = vector(alpha, L.body_2[i])
+    r1, _, Q, _ = tied_frames(L, i, pose)
+    W1 = vector(rates.omega, L.body_1[i])
+    E1 = vector(rates.alpha, L.body_1[i])
+    W2 = vector(rates.omega, L.body_2[i])
+    E2 = vector(rates.alpha, L.body_2[i])
     W = turned_back(r1, minus(W2, W1))
     E = turned_back(r1, minus(minus(E2, E1), cross(W1, W2)))
     a, u = half_rotation(Q)
@@ -265,7 +262,7 @@ def _put_rotation_rates(L, i, R, p, rates, first, second):
 
 
 @bare
-def _put_gap_rates(L, i, R, p, rates, first, second):
+def _put_gap_rates(L, i, pose, rates, first, second):
     """Store the rates of the gap between a loop's points, in the first frame's axes.
 
     Both are rates at the second point: of the body that it belongs to, less those of the first body
@@ -273,17 +270,24 @@ def _put_gap_rates(L, i, R, p, rates, first, second):
 
     Parameters
     ----------
-    R, p, rates, first, second : as of `_put_rotation_rates`
+    pose, rates, first, second : as of `_put_rotation_rates`
     """
-    omega, v, alpha, a = rates
     b1 = L.body_1[i]
     b2 = L.body_2[i]
-    r1 = tied_frames(L, i, R, p)[0]
-    W1 = vector(omega, b1)
-    arm_2 = turned(matrix(R, b2), vector(L.point_2, i))
-    arm_1 = minus(plus(vector(p, b2), arm_2), vector(p, b1))
-    v1, a1 = rates_at(W1, vector(alpha, b1), vector(v, b1), vector(a, b1), arm_1)
-    v2, a2 = rates_at(vector(omega, b2), vector(alpha, b2), vector(v, b2), vector(a, b2), arm_2)
+    r1 = tied_frames(L, i, pose)[0]
+    W1 = vector(rates.omega, b1)
+    arm_2 = turned(matrix(pose.R, b2), vector(L.point_2, i))
+    arm_1 = minus(plus(vector(pose.p, b2), arm_2), vector(pose.p, b1))
+    v1, a1 = _point_rates(rates, b1, arm_1)
+    v2, a2 = _point_rates(rates, b2, arm_2)
     gap_rate = minus(v2, v1)
     put(first, 0, 1.0, turned_back(r1, gap_rate))
     put(second, 0, 1.0, turned_back(r1, along(minus(a2, a1), -2.0, cross(W1, gap_rate))))
+
+
+@bare
+def _point_rates(rates, b, arm):
+    """Compute velocity and acceleration of the point at `arm` from the origin of body b."""
+    W = vector(rates.omega, b)
+    E = vector(rates.alpha, b)
+    return rates_at(W, E, vector(rates.v, b), vector(rates.a, b), arm)

@@ -13,10 +13,11 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.model.shapes import FrameVectors, Regressor, Wrenches6
+from myomorph.core.rigid.coordinates import State
 from myomorph.core.rigid.dynamics import external_arrays, motion_arrays
 from myomorph.core.rigid.frames import run_frames
 from myomorph.core.rigid.kernels import in_place, kernel
-from myomorph.core.rigid.kinematics import body_poses, body_rates, pose_room
+from myomorph.core.rigid.kinematics import body_poses, body_rates, pose_room, rate_room
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.rigid.vectors import (
     cross,
@@ -184,10 +185,10 @@ def _fixed_point(reference: ArrayLike | None) -> Array | None:
 @kernel
 def _base_origins(T, c, points):
     """Fill points (frames, 3) with the origin of the first body, from c (frames, coordinates)."""
-    R, p, w, o, dphi = pose_room(T)
+    pose = pose_room(T)
     for frame in range(c.shape[0]):
-        body_poses(T, c[frame], R, p, w, o, dphi)
-        put_vector(points, frame, vector(p, 1))
+        body_poses(T, c[frame], pose)
+        put_vector(points, frame, vector(pose.p, 1))
 
 
 @kernel
@@ -202,29 +203,27 @@ def _base_regressor(T, moving, c, cdot, cddot, points, rows):
     points : (frames, 3) in ground [m]
     rows : (frames, 6, 10 bodies) filled
     """
-    R, p, w, o, dphi = pose_room(T)
-    omega = np.empty_like(p)
-    v = np.empty_like(p)
-    alpha = np.empty_like(p)
-    a = np.empty_like(p)
+    pose = pose_room(T)
+    rates = rate_room(T)
     gravity = (T.gravity[0], T.gravity[1], T.gravity[2])
     for frame in range(c.shape[0]):
-        body_poses(T, c[frame], R, p, w, o, dphi)
-        body_rates(T, c[frame], cdot[frame], cddot[frame], p, w, o, omega, v, alpha, a)
+        body_poses(T, c[frame], pose)
+        body_rates(T, State(c=c[frame], cdot=cdot[frame], cddot=cddot[frame]), pose, rates)
         if moving:
-            put_vector(points, frame, vector(p, 1))
+            put_vector(points, frame, vector(pose.p, 1))
         about = vector(points, frame)
         for b in range(1, T.parent.shape[0]):
-            r = matrix(R, b)
-            lift = turned_back(r, minus(vector(a, b), gravity))
-            W = turned_back(r, vector(omega, b))
-            E = turned_back(r, vector(alpha, b))
-            body_columns(r, minus(vector(p, b), about), lift, W, E, rows[frame], 10 * (b - 1))
+            r = matrix(pose.R, b)
+            arm = minus(vector(pose.p, b), about)
+            lift = turned_back(r, minus(vector(rates.a, b), gravity))
+            W = turned_back(r, vector(rates.omega, b))
+            E = turned_back(r, vector(rates.alpha, b))
+            _put_body_columns(r, arm, lift, W, E, rows[frame], 10 * (b - 1))
 
 
 @in_place
-def body_columns(r, arm, lift, W, E, rows, first):
-    """Ten columns of one body: moment about a point and force, of unit parameters.
+def _put_body_columns(r, arm, lift, W, E, rows, first):
+    """Store ten columns of one body: moment about a point and force, of unit parameters.
 
     In the body's frame, with mass m, first moment h = m c, inertia I about the origin, angular
     velocity W and acceleration E, and the acceleration a of the origin less gravity,

@@ -18,7 +18,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.motion.tasks.task import HalfCost, add_gradient, add_pair
 from myomorph.core.rigid.coordinates import Ints, couple, fold_dependents, gather_dependents
 from myomorph.core.rigid.kernels import bare, in_place, inner
-from myomorph.core.rigid.kinematics import body_poses
+from myomorph.core.rigid.kinematics import PoseArrays, body_poses
 from myomorph.core.rigid.tree import ROTATION, Tree
 from myomorph.core.rigid.vectors import cross, dot, matrix, minus, plus, times, turned, vector
 
@@ -115,7 +115,7 @@ def new_closing(ties, n, variables):
 def ties_at(T, P, c, work, closing):
     """Poses at c, the gaps of all ties [m] and their derivatives. Returns the largest gap."""
     couple(T, c)
-    body_poses(T, c, work.R, work.p, work.w, work.o, work.dphi)
+    body_poses(T, c, PoseArrays(R=work.R, p=work.p, w=work.w, o=work.o, dphi=work.dphi))
     if closing is None:
         return 0.0
     ties = P.ties
@@ -191,7 +191,7 @@ def close(T, P, c, work, closing):
     """
     if closing is None:
         couple(T, c)
-        body_poses(T, c, work.R, work.p, work.w, work.o, work.dphi)
+        body_poses(T, c, PoseArrays(R=work.R, p=work.p, w=work.w, o=work.o, dphi=work.dphi))
         return True
     for i in range(P.free.shape[0]):
         work.stopped[i] = False

@@ -13,7 +13,7 @@ from myomorph.core.model.errors import BadModel
 from myomorph.core.model.model import GROUND, Actuator, Joint, Model, index_of
 from myomorph.core.motion.lengths import length_unit
 from myomorph.core.rigid.kernels import inner, kernel
-from myomorph.core.rigid.kinematics import body_poses
+from myomorph.core.rigid.kinematics import body_poses, pose_room
 from myomorph.core.rigid.knees import THIGH
 from myomorph.core.rigid.tree import ROTATION, Tree, compile_tree
 from myomorph.core.rigid.vectors import along, cross, dot, matrix, minus, norm, plus, turned, vector
@@ -139,17 +139,11 @@ def body_directions(T, P, coordinates, out):
     coordinates : (frames, coordinates)
     out : (frames, entries) filled, on `P.coordinate`
     """
-    bodies = T.parent.shape[0]
-    axes = T.axis_kind.shape[0]
-    R = np.empty((bodies, 3, 3))
-    p = np.empty((bodies, 3))
-    w = np.empty((axes, 3))
-    o = np.empty((axes, 3))
-    dphi = np.empty((axes, 2))
+    pose = pose_room(T)
     column = np.empty(coordinates.shape[1])
     zero = (0.0, 0.0, 0.0)
     for frame in range(coordinates.shape[0]):
-        body_poses(T, coordinates[frame], R, p, w, o, dphi)
+        body_poses(T, coordinates[frame], pose)
         for a in range(P.kind.shape[0]):
             for e in range(P.start[a], P.start[a + 1]):
                 column[P.coordinate[e]] = 0.0
@@ -157,51 +151,53 @@ def body_directions(T, P, coordinates, out):
             other = P.other[a]
             d = vector(P.direction, a)
             if not P.global_direction[a]:
-                d = turned(matrix(R, b), d)
+                d = turned(matrix(pose.R, b), d)
             if P.kind[a] == TORQUE:
-                _add_work(T, P, w, o, dphi, b, zero, d, column)
+                _add_work(T, P, pose, b, zero, d, column)
                 if other >= 0:
-                    _add_work(T, P, w, o, dphi, other, zero, minus(zero, d), column)
+                    _add_work(T, P, pose, other, zero, minus(zero, d), column)
             else:
-                x = _place(P, a, R, p, vector(P.point, a), b)
+                x = _place(P, a, pose, vector(P.point, a), b)
                 if P.kind[a] == POINT_TO_POINT:
                     # A positive force drives the points apart.
-                    y = _place(P, a, R, p, vector(P.other_point, a), max(other, 0))
+                    y = _place(P, a, pose, vector(P.other_point, a), max(other, 0))
                     d = minus(x, y)
                     d = along(zero, 1.0 / norm(d), d)
                     if other >= 0:
-                        _add_work(T, P, w, o, dphi, other, minus(zero, d), cross(d, y), column)
-                _add_work(T, P, w, o, dphi, b, d, cross(x, d), column)
+                        _add_work(T, P, pose, other, minus(zero, d), cross(d, y), column)
+                _add_work(T, P, pose, b, d, cross(x, d), column)
             for e in range(P.start[a], P.start[a + 1]):
                 out[frame, e] = column[P.coordinate[e]]
 
 
 @inner
-def _place(P, a, R, p, point, body):
+def _place(P, a, pose, point, body):
     """Point of an actuator in ground."""
-    return point if P.global_point[a] else plus(vector(p, body), turned(matrix(R, body), point))
+    if P.global_point[a]:
+        return point
+    return plus(vector(pose.p, body), turned(matrix(pose.R, body), point))
 
 
 @inner
-def _add_work(T, P, w, o, dphi, body, force, moment, column):
+def _add_work(T, P, pose, body, force, moment, column):
     """Add the generalized forces of a force and its moment on a body to `column`.
 
     Parameters
     ----------
     T, P : arrays of the tree, `BodyActuators`
-    w, o, dphi : axes, their origins, and slopes over coordinates, as of `body_poses`
+    pose : of `body_poses`
     force, moment : on the body, the moment about the ground's origin
     column : (coordinates,) added to
     """
-    for index in range(w.shape[0]):
+    for index in range(T.axis_kind.shape[0]):
         if P.supports[body, index]:
             acts = force
             if T.axis_kind[index] == ROTATION:
-                acts = minus(moment, cross(vector(o, index), force))
-            power = dot(vector(w, index), acts)
+                acts = minus(moment, cross(vector(pose.o, index), force))
+            power = dot(vector(pose.w, index), acts)
             for s in range(2):
                 if T.axis_coordinate[index, s] >= 0:
-                    column[T.axis_coordinate[index, s]] += dphi[index, s] * power
+                    column[T.axis_coordinate[index, s]] += pose.dphi[index, s] * power
 
 
 def balanced_coordinates(model: Model) -> tuple[str, ...]:

@@ -18,8 +18,8 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.contacts import Site
 from myomorph.core.model.errors import BadModel
 from myomorph.core.model.model import STANDARD_GRAVITY
-from myomorph.core.rigid.kernels import kernel
-from myomorph.core.rigid.kinematics import body_poses
+from myomorph.core.rigid.kernels import bare, kernel
+from myomorph.core.rigid.kinematics import body_poses, pose_room
 from myomorph.core.rigid.tree import ROTATION, Tree
 from myomorph.core.rigid.vectors import cross, dot, matrix, minus, plus, put_vector, turned, vector
 
@@ -304,11 +304,10 @@ def subject_weight(tree: Tree, *bodies: str) -> float:
 
 
 @kernel
-def contact_columns(T, P, coordinates, entries, places, pushes, turns):
+def contact_columns(  # page: arrays over frames, as `GeneratorForces` names them
+    T, P, coordinates, entries, places, pushes, turns
+):
     """Fill what `ConeGenerators.evaluate` returns, frame by frame.
-
-    Of a generator with push f and turn m at a place x, the power per unit speed of an axis w
-    through o is w . f of a translation and (w x (x - o)) . f + w . m of a rotation.
 
     Parameters
     ----------
@@ -316,37 +315,47 @@ def contact_columns(T, P, coordinates, entries, places, pushes, turns):
     coordinates : (frames, coordinates)
     entries, places, pushes, turns : filled, as of `GeneratorForces`
     """
-    bodies = T.parent.shape[0]
-    axes = T.axis_kind.shape[0]
-    R = np.empty((bodies, 3, 3))
-    p = np.empty((bodies, 3))
-    w = np.empty((axes, 3))
-    o = np.empty((axes, 3))
-    dphi = np.empty((axes, 2))
+    pose = pose_room(T)
     for frame in range(coordinates.shape[0]):
-        body_poses(T, coordinates[frame], R, p, w, o, dphi)
-        push = pushes[frame]
-        turn = turns[frame]
+        body_poses(T, coordinates[frame], pose)
         out = entries[frame]
         for e in range(out.shape[0]):
             out[e] = 0.0
         for i in range(P.body.shape[0]):
-            x = plus(vector(p, P.body[i]), turned(matrix(R, P.body[i]), vector(P.place, i)))
+            b = P.body[i]
+            x = plus(vector(pose.p, b), turned(matrix(pose.R, b), vector(P.place, i)))
             put_vector(places[frame], i, x)
             for g in range(P.start[i], P.start[i + 1]):
-                r = matrix(R, P.frame[g])
-                put_vector(push, g, turned(r, vector(P.push, g)))
-                put_vector(turn, g, turned(r, vector(P.turn, g)))
-            for a in range(P.reach[i], P.reach[i + 1]):
-                index = P.axis[a]
-                direction = vector(w, index)
-                turns_it = T.axis_kind[index] == ROTATION
-                move = cross(direction, minus(x, vector(o, index))) if turns_it else direction
-                for g in range(P.start[i], P.start[i + 1]):
-                    power = dot(move, vector(push, g))
-                    if turns_it:
-                        power += dot(direction, vector(turn, g))
-                    power *= P.sign[a]
-                    for s in range(2):
-                        if P.slot[a, s] >= 0:
-                            out[P.first[g] + P.slot[a, s]] += dphi[index, s] * power
+                r = matrix(pose.R, P.frame[g])
+                put_vector(pushes[frame], g, turned(r, vector(P.push, g)))
+                put_vector(turns[frame], g, turned(r, vector(P.turn, g)))
+            _add_power(T, P, i, x, pose, pushes[frame], turns[frame], out)
+
+
+@bare
+def _add_power(T, P, i, x, pose, push, turn, out):
+    """Add what the generators of point i do along the axes that it has power on.
+
+    Of a generator with push f and turn m at a place x, the power per unit speed of an axis w
+    through o is w . f of a translation and (w x (x - o)) . f + w . m of a rotation.
+
+    Parameters
+    ----------
+    x : place of the point, in ground [m]
+    pose : of `body_poses`
+    push, turn : (generators, 3) in ground [1], [m]
+    out : (entries,) added to
+    """
+    for a in range(P.reach[i], P.reach[i + 1]):
+        index = P.axis[a]
+        direction = vector(pose.w, index)
+        rotates = T.axis_kind[index] == ROTATION
+        move = cross(direction, minus(x, vector(pose.o, index))) if rotates else direction
+        for g in range(P.start[i], P.start[i + 1]):
+            power = dot(move, vector(push, g))
+            if rotates:
+                power += dot(direction, vector(turn, g))
+            power *= P.sign[a]
+            for s in range(2):
+                if P.slot[a, s] >= 0:
+                    out[P.first[g] + P.slot[a, s]] += pose.dphi[index, s] * power
