@@ -177,7 +177,17 @@ def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1
 
 
 def on_clock(contacts: Contacts, clock: CameraClock) -> Contacts:
-    """Move contacts onto the motion's clock."""
+    """Move contacts onto the motion's clock.
+
+    Parameters
+    ----------
+    contacts : on the clock of a camera [s]
+    clock : of the camera
+
+    Returns
+    -------
+    the contacts, their intervals at the motion's times [s]
+    """
     start = clock.start
     pace = clock.pace
     intervals = (

@@ -459,14 +459,28 @@ class Stairs:
     unmeasured: Unmeasured
 
     def paws_in(self, model: Model, motion: Motion) -> FeetOnSteps:
-        """Find who stands where while the model moves."""
+        """Find which paw stands on which step while the model moves.
+
+        Parameters
+        ----------
+        model : with the paws
+        motion : coordinates (frames, coordinates) [rad or m] at the cells' times
+        """
         return feet_on_steps(model, motion, self.paws, self.loads, self.options)
 
 
 def stairs_wrenches(stairs: Stairs, model: Model, motion: Motion) -> Wrenches:
     """Make forces on bodies at the cells' times, as far as the motion reaches.
 
-    What they leave open is in their notes.
+    Parameters
+    ----------
+    stairs : cells and paws
+    model : with the paws
+    motion : coordinates (frames, coordinates) [rad or m], NaN in gaps
+
+    Returns
+    -------
+    forces (frames, bodies, 3) [N]; what they leave open is in their notes
 
     Raises
     ------
@@ -487,7 +501,16 @@ def stairs_wrenches(stairs: Stairs, model: Model, motion: Motion) -> Wrenches:
 
 
 def stairs_contacts(paws: FeetOnSteps) -> Contacts:
-    """Contact intervals of the paws that stood on a step, as its cell shows."""
+    """Make contact intervals of the paws that stood on a step, as its cell shows.
+
+    Parameters
+    ----------
+    paws : which stood on which step, by frame
+
+    Returns
+    -------
+    intervals of each paw [s], their source the step
+    """
     touches = []
     for i, site in enumerate(paws.sites):
         on = paws.standing[:, :, i]

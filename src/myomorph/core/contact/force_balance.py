@@ -384,11 +384,20 @@ def _late(inspection: Inspection, lag: float, sure: str, how: str) -> Finding:
 
 
 def lag_of_mass(inspection: Inspection) -> Lag | None:
-    """Lag at which the plates' forces accelerate the center of mass; None where they hardly do.
+    """Find the lag at which the plates' forces accelerate the center of mass best.
 
-    The least of the squares of F(t + lag) - m (a - g), offsets taken off, over frames in which the
-    plates carry all that the body stands on. Its standard deviation is that of a time by least
-    squares, with as many independent samples as the low-pass filter leaves.
+        minimize  sum |F(t + lag) - m (a - g)|^2,    offsets taken off
+
+    over frames in which the plates carry all that the body stands on. Its standard deviation is
+    that of a time by least squares, with as many independent samples as the low-pass filter leaves.
+
+    Parameters
+    ----------
+    inspection : forces with the motion
+
+    Returns
+    -------
+    the lag with its standard deviation [s]; None where it explains little
     """
     result = balance(inspection)
     if result is None:

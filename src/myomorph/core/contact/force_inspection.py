@@ -156,9 +156,16 @@ def sole_distances(points: Array, heels: Array, tips: Array, up: Array) -> Array
 
 
 def foot_poses(model: Model, motion: Motion) -> FootPoses | None:
-    """Find the feet over a motion; None for a model without feet.
+    """Find the feet over a motion.
 
-    Frames of the motion that have gaps are left out before.
+    Parameters
+    ----------
+    model : of the body
+    motion : coordinates (frames, coordinates) [rad or m], without gaps
+
+    Returns
+    -------
+    heels, tips and what belongs to each foot; None for a model without feet
     """
     try:
         feet = feet_of(model)
@@ -252,7 +259,18 @@ Forces = TypeVar("Forces", ForceSamples, Wrenches)
 
 
 def changed_wrenches(wrenches: Forces, number: int, change: Change) -> Forces:
-    """Change one of some wrenches in all samples."""
+    """Change one of some wrenches in all samples.
+
+    Parameters
+    ----------
+    wrenches : forces, points and torques, each (samples, wrenches, 3)
+    number : of the wrench
+    change : from force [N], point [m] and torque [N m], each (samples, 3), to the changed ones
+
+    Returns
+    -------
+    the wrenches with the changed one
+    """
     forces = np.array(wrenches.forces)
     points = np.array(wrenches.points)
     torques = np.array(wrenches.torques)
@@ -320,14 +338,33 @@ class Inspection:
         return np.asarray(np.where(self.samples.loaded[:, number], size, 0.0))
 
     def misfit(self, number: int, samples: ForceSamples | None = None) -> float:
-        """Mean distance [m] of a force's center of pressure to the nearest foot, by force."""
+        """Compute the mean distance of a center of pressure to the nearest foot, weighted by force.
+
+        Parameters
+        ----------
+        number : of the force
+        samples : in place of the recorded ones
+
+        Returns
+        -------
+        [m], 0 for a force that is never loaded
+        """
         weights = self.weights(number)
         centers = (samples or self.samples).centers(self.feet.up)[:, [number]]
         distances = np.nan_to_num(self.feet.distances(centers)[:, 0].min(axis=1), nan=0.0)
         return float(np.average(distances, weights=weights)) if weights.any() else 0.0
 
     def episodes(self, number: int) -> list[slice]:
-        """Frames of each stretch of time in which a force is loaded and nearest to one foot."""
+        """Find each stretch of time in which a force is loaded and nearest to one foot.
+
+        Parameters
+        ----------
+        number : of the force
+
+        Returns
+        -------
+        slices of frames, in the order of time
+        """
         results = []
         time = self.feet.time
         distances = self.feet.distances(self.samples.centers(self.feet.up)[:, [number]])[:, 0]
@@ -349,7 +386,15 @@ class Inspection:
 
 
 def change_repair(number: int, change: Change, done: str, advice: str) -> Repair:
-    """Make the repair that changes one wrench in all samples."""
+    """Make the repair that changes one wrench in all samples.
+
+    Parameters
+    ----------
+    number : of the wrench
+    change : see `changed_wrenches`
+    done : text where it was repaired
+    advice : text where it was not
+    """
     return Repair(partial(changed_wrenches, number=number, change=change), done, advice)
 
 

@@ -105,7 +105,18 @@ def _speed_of_place(tree: Tree, poses: Poses, site: Site, place: Array, time: Ar
 
 
 def resting_height(model: Model, motion: Motion, site: Site) -> float:
-    """Height at which a site rests [m]: its lowest, but for a tenth of the time."""
+    """Find the height at which a site rests: its lowest, but for a tenth of the time.
+
+    Parameters
+    ----------
+    model : with the site's body
+    motion : coordinates (frames, coordinates) [rad or m], NaN in gaps
+    site : that rests
+
+    Returns
+    -------
+    along the vertical of the model [m]
+    """
     return float(np.nanpercentile(site_motion(model, motion, (site,)).lowest[:, 0], RESTING))
 
 

@@ -79,7 +79,15 @@ class Heard:
 
 
 def listen(sound: Sound, channel: str) -> Heard:
-    """Make one channel ready; the filter is causal, so that nothing comes before its cause."""
+    """Prepare one channel: rumble filtered out, and thinned by 4 as often as drums allow.
+
+    The filter is causal, so that nothing comes before its cause.
+
+    Parameters
+    ----------
+    sound : as recorded
+    channel : name of it
+    """
     lowest = min(LOWEST, 0.4 * sound.rate)
     high = scipy.signal.butter(2, lowest, "highpass", fs=sound.rate, output="sos")
     signal = scipy.signal.sosfilt(high, sound[channel].astype(np.float64))
@@ -90,7 +98,16 @@ def listen(sound: Sound, channel: str) -> Heard:
 
 
 def onsets(heard: Heard) -> tuple[Onset, ...]:
-    """Find arrivals in one channel, whatever instrument they come from."""
+    """Find arrivals in one channel, whatever instrument they come from.
+
+    Parameters
+    ----------
+    heard : the prepared channel
+
+    Returns
+    -------
+    arrivals with their energies, in the order of time
+    """
     signal, rate = heard.levels[0]
     hops = int(len(signal) / rate / HOP)
     if hops < 100:
@@ -124,10 +141,19 @@ def _peaks(excess: Array) -> NDArray[np.int64]:
 
 
 def energy_after(heard: Heard, time: float) -> tuple[float, float]:
-    """Energy of what begins at a time, what was heard before taken off, and how much that was.
+    """Measure the energy of what begins at a time, without what was heard before.
 
     In the slowest level, what still rings is foreseen by linear prediction and taken off wave by
     wave; of what lies above it, the mean power of the time `QUIET` before.
+
+    Parameters
+    ----------
+    heard : the prepared channel
+    time : at which it begins [s]
+
+    Returns
+    -------
+    the energy, and that of what was heard before [full scale^2 s]
     """
     signal, rate = heard.levels[0]
     slow, slow_rate = heard.levels[-1]

@@ -250,10 +250,20 @@ def _sensor_wrench(plate: PlateRecording, channels: Array) -> tuple[Array, Array
 
 
 def force_plate(plate: PlateRecording) -> ForcePlate:
-    """Force on the subject, center of pressure and free torque of one plate, in the laboratory.
+    """Compute force on the subject, center of pressure and free torque of one plate.
 
-    The center of pressure is NaN only where the normal force is zero: see `force_plates` for
-    loading.
+    With force F and moment M about the plate's origin, in its axes,
+
+        x = -M_y / F_z,   y = M_x / F_z,   T = M - (x, y, 0) * F
+
+    Parameters
+    ----------
+    plate : channels and corners as recorded
+
+    Returns
+    -------
+    (samples, 3) each, in the laboratory [N], [m], [N m]. The center of pressure is NaN only where
+    the normal force is zero: see `force_plates` for loading
     """
     force, moment = plate_wrench(plate)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -301,6 +311,14 @@ def force_plates(trial: Trial) -> Trial:
     moment are reversed, with a warning; and its center of pressure must lie under them, else its
     corners are counted from another one where that is clearly better (`first_corner`), with a
     warning.
+
+    Parameters
+    ----------
+    trial : with channels of plates, and markers
+
+    Returns
+    -------
+    the trial with `plates` and its warnings
     """
     warnings: list[str] = []
     recordings: list[PlateRecording] = []

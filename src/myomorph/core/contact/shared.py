@@ -163,9 +163,18 @@ def _groups(sites: Sequence[Site]) -> dict[str, list[int]]:
 
 
 def group_bodies(model: Model, sites: Sequence[Site]) -> dict[str, set[str]]:
-    """Bodies of each group's sites, and those a joint away from them.
+    """Find the bodies of each group's sites, and those a joint away from them.
 
     Plates' forces are put on the talus too.
+
+    Parameters
+    ----------
+    model : with the bodies
+    sites : of contact
+
+    Returns
+    -------
+    names of bodies by group
     """
     result = {}
     for group, members in _groups(sites).items():

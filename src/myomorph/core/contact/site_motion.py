@@ -128,9 +128,19 @@ class Floor:
 
 
 def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMotion:
-    """Positions and speeds of sites; frames in which the motion is NaN are NaN.
+    """Compute positions and speeds of sites; frames in which the motion is NaN are NaN.
 
     In a model of several subjects and objects only those count whose the sites are.
+
+    Parameters
+    ----------
+    model : with the sites' bodies
+    motion : coordinates (frames, coordinates) [rad or m], NaN in gaps
+    sites : of contact
+
+    Returns
+    -------
+    over the frames of the motion
 
     Raises
     ------
@@ -229,9 +239,18 @@ def floor_under(sites: SiteMotion, height: float | None = None) -> Floor:
 
 
 def plate_height(model: Model, plates: Wrenches | None) -> float | None:
-    """Height of loaded plates' centers of pressure [m], the median; None where there is none.
+    """Find the median height of loaded plates' centers of pressure.
 
     Points that a force table writes at exactly zero while it is unloaded do not count.
+
+    Parameters
+    ----------
+    model : which states the vertical
+    plates : their forces, None where there are none
+
+    Returns
+    -------
+    [m], None where no plate is loaded
     """
     if plates is None:
         return None

@@ -131,9 +131,20 @@ def by_kinematics(
     sites: Sequence[Site],
     options: ContactStateOptions | None = None,
 ) -> Contacts:
-    """Contact intervals from how sites move over the floor, and what the center of mass needs.
+    """Find contact intervals from how sites move over the floor, and what the center of mass needs.
 
     Source: ours, described and measured in docs/contacts.md.
+
+    Parameters
+    ----------
+    moving : positions and speeds of the sites
+    floor : height and velocity of the ground
+    sites : of contact, in the order of `moving`
+    options : thresholds
+
+    Returns
+    -------
+    intervals of each site [s]
     """
     options = options or ContactStateOptions()
     height = (moving.lowest - floor.height) / moving.height
@@ -261,10 +272,22 @@ def by_plates(
     plates: Wrenches,
     options: ContactStateOptions,
 ) -> Contacts:
-    """Contact intervals from loaded plates: of the group nearest to the center of pressure.
+    """Find contact intervals from loaded plates: of the group nearest to the center of pressure.
 
     A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of
     the group, the sites touch that are less than `high` above the lowest of them.
+
+    Parameters
+    ----------
+    model : whose weight counts
+    moving : positions and speeds of the sites
+    sites : of contact, in the order of `moving`
+    plates : their forces at the times of `moving`
+    options : thresholds
+
+    Returns
+    -------
+    intervals of each site [s]
     """
     refuse_other_times("forces of plates", plates.time, moving.time)
     groups = list(grouped((site.group, index) for index, site in enumerate(sites)).values())
@@ -301,6 +324,14 @@ def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
 
     An interval is cut where one of the same site from a source before it covers it, and left out
     where no more than half and no part of `LASTING` is left: so much the sources' times may differ.
+
+    Parameters
+    ----------
+    sources : contacts of each
+
+    Returns
+    -------
+    contacts of all sites, with all warnings
     """
     names = tuple(dict.fromkeys(name for source in sources for name in source.sites))
     joined: list[Touch] = []
