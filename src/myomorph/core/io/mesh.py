@@ -8,7 +8,7 @@ import logging
 import os
 import re
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, KeysView, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
@@ -42,6 +42,21 @@ _TYPES = {
 """VTK's types of numbers, as NumPy names them."""
 
 
+def mesh_files(model: Model) -> KeysView[str]:
+    """List the files of meshes that a model draws its bodies with, each once and in order.
+
+    Parameters
+    ----------
+    model : its bodies' meshes are read
+
+    Returns
+    -------
+    names as the model has them
+    """
+    meshes = [mesh for body in model.bodies for mesh in body.meshes]
+    return dict.fromkeys(mesh.file for mesh in meshes if mesh.shape == "mesh" and mesh.file).keys()
+
+
 def read_surfaces(
     model: Model, folders: Sequence[str | Path], root: str | Path | None = None
 ) -> tuple[dict[str, Surface], tuple[str, ...]]:
@@ -60,7 +75,7 @@ def read_surfaces(
     -------
     surfaces in the files' units by `Mesh.file`, and warnings, one line each
     """
-    names = _mesh_files(model)
+    names = mesh_files(model)
     surfaces: dict[str, Surface] = {}
     refused = []
     missing = []
@@ -87,13 +102,6 @@ def read_surfaces(
             f"{len(missing)} of {len(names)} mesh files are not in {where}: {quoted(missing, 4)}"
         )
     return surfaces, tuple(warnings)
-
-
-def _mesh_files(model: Model) -> list[str]:
-    """List the files of meshes that bodies are drawn with, each once."""
-    meshes = [mesh for body in model.bodies for mesh in body.meshes]
-    files = [mesh.file for mesh in meshes if mesh.shape == "mesh" and mesh.file]
-    return list(dict.fromkeys(files))
 
 
 def find_mesh(

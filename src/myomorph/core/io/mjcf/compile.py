@@ -9,7 +9,7 @@ import os
 import posixpath
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +25,7 @@ from myomorph.core.model.model import Kept
 DEFAULT_TIME_LIMIT = 15.0
 MAX_FILES = 200
 MAX_MEMORY = 16.0  # Of the process that compiles [GiB].
-LARGEST_ASSET = 512 * 1024 * 1024
+MAX_ASSET_BYTES = 512 * 1024 * 1024
 LICENSES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt")
 TEXTURE_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 
@@ -170,9 +170,9 @@ def check_files(path: Path, root: Path | None = None) -> list[str]:
         if file is None or not file.exists():
             if kind in ("mesh", "hfield"):
                 missing.append(name)
-        elif file.stat().st_size > LARGEST_ASSET:
+        elif file.stat().st_size > MAX_ASSET_BYTES:
             raise BadFile(
-                path, f"{kind} file '{name}' is larger than {LARGEST_ASSET / 2**20:.0f} MiB"
+                path, f"{kind} file '{name}' is larger than {MAX_ASSET_BYTES / 2**20:.0f} MiB"
             )
     return missing
 
@@ -226,29 +226,39 @@ def _walk(element: Any, folder: Path, survey: _Survey) -> None:
 
 
 def _include(name: str, folder: Path, survey: _Survey, tag: str) -> None:
-    # MuJoCo looks beside the main file first, then beside the including one.
-    """Follow an include, beside the main file first, then beside the including one.
+    """Follow an include, as MuJoCo does: beside the main file first, then beside the including one.
+
+    Parameters
+    ----------
+    name : of the file as the text has it
+    folder : of the including file
+    survey : gets the files that the included one names
+    tag : that names the file
 
     Raises
     ------
     BadFile : the file does not exist, is outside of the tree, or is one too many
     """
-    for start in (survey.main.parent, folder):
-        file = _inside(name, start, survey, tag, look=False)
-        if file is not None and file.exists():
-            break
-    else:
-        raise BadFile(
-            survey.main,
-            f"its <{tag}> file '{name}' does not exist",
-            "is the model's folder complete?",
-        )
+    file = _included_file(name, folder, survey, tag)
     if file in survey.seen:
         return
     survey.seen.add(file)
     if len(survey.seen) > MAX_FILES:
         raise BadFile(survey.main, f"includes more than {MAX_FILES} files")
     _walk(read_xml(file).root, file.parent, survey)
+
+
+def _included_file(name: str, folder: Path, survey: _Survey, tag: str) -> Path:
+    """Find an included file; `BadFile` where there is none."""
+    for start in (survey.main.parent, folder):
+        file = _inside(name, start, survey, tag, look=False)
+        if file is not None and file.exists():
+            return file
+    raise BadFile(
+        survey.main,
+        f"its <{tag}> file '{name}' does not exist",
+        "is the model's folder complete?",
+    )
 
 
 def _inside(name: str, folder: Path, survey: _Survey, kind: str, look: bool = True) -> Path | None:
@@ -271,16 +281,15 @@ def _inside(name: str, folder: Path, survey: _Survey, kind: str, look: bool = Tr
     BadFile : the file is outside of the model's tree
     """
     plain = name.replace("\\", "/")
-    absolute = ntpath.isabs(name) or os.path.isabs(name) or bool(ntpath.splitdrive(name)[0])
+    has_drive = bool(ntpath.splitdrive(name)[0])
+    absolute = has_drive or ntpath.isabs(name) or os.path.isabs(name)
     if absolute and not Path(name).exists():
         return None
     if look:
         if survey.folders.get("strippath", "").lower() == "true":
             plain = plain.rsplit("/", 1)[-1]
             absolute = False
-        key = "texturedir" if kind == "texture" else "meshdir"
-        below = survey.folders.get(key, survey.folders.get("assetdir", "")).replace("\\", "/")
-        folder = survey.main.parent / below
+        folder = _asset_folder(survey, kind)
     file = Path(name if absolute else os.path.normpath(folder / plain)).resolve()
     if not file.is_relative_to(survey.tree):
         problem = f"its {kind} file '{name}' lies outside of the model's folder '{survey.tree}'"
@@ -288,6 +297,13 @@ def _inside(name: str, folder: Path, survey: _Survey, kind: str, look: bool = Tr
             survey.main, problem, "put the file inside, or name the model's top folder (root=...)"
         )
     return file
+
+
+def _asset_folder(survey: _Survey, kind: str) -> Path:
+    """Return the folder that the compiler's settings name for a kind of asset."""
+    setting = "texturedir" if kind == "texture" else "meshdir"
+    below = survey.folders.get(setting, survey.folders.get("assetdir", ""))
+    return survey.main.parent / below.replace("\\", "/")
 
 
 def _compile(job: str, binary: str, answer: str) -> None:
@@ -338,22 +354,29 @@ def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
     names of the bodies that lose mass by it
     """
     absent = {_plain(name) for name in missing}
-    gone = {_name(mesh) for mesh in spec.meshes if _plain(mesh.file) in absent}
-    fields = {_name(field) for field in spec.hfields if _plain(field.file) in absent}
+    meshes = _of_files(spec.meshes, absent)
+    fields = _of_files(spec.hfields, absent)
+    mesh_names = {_name(mesh) for mesh in meshes} - {""}
+    field_names = {_name(field) for field in fields} - {""}
     weightless = []
     for body in spec.bodies:
-        for geom in list(body.geoms):
-            if (geom.meshname and geom.meshname in gone) or (
-                geom.hfieldname and geom.hfieldname in fields
-            ):
-                if not body.explicitinertial and body.name not in weightless:
-                    weightless.append(body.name)
-                spec.delete(geom)
-    for mesh in [candidate for candidate in spec.meshes if _name(candidate) in gone]:
-        spec.delete(mesh)
-    for height_field in [hfield for hfield in spec.hfields if _name(hfield) in fields]:
-        spec.delete(height_field)
-    return [name for name in weightless if name != "world"]
+        geoms = [
+            geom
+            for geom in body.geoms
+            if geom.meshname in mesh_names or geom.hfieldname in field_names
+        ]
+        for geom in geoms:
+            spec.delete(geom)
+        if geoms and not body.explicitinertial and body.name != "world":
+            weightless.append(body.name)
+    for asset in (*meshes, *fields):
+        spec.delete(asset)
+    return weightless
+
+
+def _of_files(assets: Iterable[Any], files: Collection[str]) -> list[Any]:
+    """List the assets that are read from these files."""
+    return [asset for asset in assets if _plain(asset.file) in files]
 
 
 def _name(asset: Any) -> str:

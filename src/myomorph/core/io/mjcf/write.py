@@ -11,13 +11,13 @@ import numpy as np
 from lxml import etree
 from numpy.typing import ArrayLike
 
-from myomorph.core.io.mesh import write_obj
+from myomorph.core.io.mesh import mesh_files, write_obj
 from myomorph.core.io.mjcf.bodies import new_name
 from myomorph.core.io.mjcf.couplings import Cam, curve_text
 from myomorph.core.model.errors import BadModel, quoted
 from myomorph.core.model.functions import PiecewisePolynomial
 from myomorph.core.model.model import GROUND, Axis, Body, Coupler, Joint, Loop, Mesh, Model
-from myomorph.core.model.paths import Muscle, PathPoint, TendonWrap
+from myomorph.core.model.paths import Muscle, PathPoint, TendonWrap, WrapObject
 from myomorph.core.model.spatial import Transform, quaternion_from_rotation
 from myomorph.core.model.surface import Surface
 
@@ -31,6 +31,7 @@ STIFFEST = {"solref": f"{2.0 * TIMESTEP:g} 1", "solimp": "0.9999 0.9999 0.001 0.
 """Constraints as stiff as MuJoCo allows at this time step."""
 
 DEGREE = 4
+MAX_HALF_LENGTH = 0.05  # Of a cylinder that is drawn [m].
 HIDDEN = "5"  # Group of sites, geoms and tendons that MuJoCo's viewer does not draw at first.
 
 MUSCLE_KEYS = ("force", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax")
@@ -93,9 +94,8 @@ def text(values: ArrayLike) -> str:
     ----------
     values : one number, or several (n,)
     """
-    return " ".join(
-        repr(float(value)) for value in np.atleast_1d(np.asarray(values, dtype=np.float64))
-    )
+    numbers = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    return " ".join(repr(float(number)) for number in numbers)
 
 
 class _Writer:
@@ -266,22 +266,7 @@ class _Writer:
         self.wraps = {}
         for item in self.model.wrap_objects:
             if item.name in used:
-                self.wraps[item.name] = new_name(item.name, self.geoms)
-                size = (
-                    item.size[:1]
-                    if item.kind == "sphere"
-                    else (item.size[0], min(0.5 * item.size[1], 0.05))
-                )
-                put(
-                    self.elements[item.body],
-                    "geom",
-                    name=self.wraps[item.name],
-                    type=item.kind,
-                    size=text(size),
-                    group=HIDDEN,
-                    rgba="0.3 0.6 0.9 0.3",
-                    **pose(item.pose),
-                )
+                self.wraps[item.name] = self._surface(item)
         self.marker_sites = []
         for marker in self.model.markers:
             name = new_name(marker.name, self.sites)
@@ -301,6 +286,25 @@ class _Writer:
                 group=HIDDEN,
                 **pose(frame.pose),
             )
+
+    def _surface(self, item: WrapObject) -> str:
+        """Write a sphere or cylinder as a geom, and return its name."""
+        name = new_name(item.name, self.geoms)
+        size = item.size[:1]
+        if item.kind != "sphere":
+            # A cylinder wraps beyond its ends: its length is only drawn.
+            size = (item.size[0], min(0.5 * item.size[1], MAX_HALF_LENGTH))
+        put(
+            self.elements[item.body],
+            "geom",
+            name=name,
+            type=item.kind,
+            size=text(size),
+            group=HIDDEN,
+            rgba="0.3 0.6 0.9 0.3",
+            **pose(item.pose),
+        )
+        return name
 
     def _site(self, name: str, body: str, place: ArrayLike, group: str = "3") -> str:
         """Return the name of the site at a position, written where there is none yet.
@@ -327,34 +331,7 @@ class _Writer:
         if muscle.kind != "mujoco":
             raise BadModel(f"muscle '{muscle.name}' is a {muscle.kind}, and no muscle of MuJoCo")
         tendon = new_name(f"{muscle.name}_tendon", self.tendons)
-        spatial = put(self.tendon, "spatial", name=tendon)
-        path = muscle.path
-        divisors = muscle.path.divisors or (1.0,) * (len(muscle.path.points) - 1)
-        now = 1.0
-        for i, point in enumerate(path.points):
-            following = next((divisor for divisor in divisors[i:] if divisor), now)
-            if (i == 0 and following != 1.0) or (i and divisors[i - 1] == 0.0):
-                put(spatial, "pulley", divisor=text(following))
-            elif i < len(divisors) and divisors[i] and divisors[i] != now and i:
-                self.warnings.append(
-                    f"muscle '{muscle.name}': a pulley in the middle of its path is left out"
-                )
-            now = following
-            assert isinstance(point, PathPoint)
-            name = (
-                point.name if point.name.startswith(muscle.name) else f"{muscle.name}-{point.name}"
-            )
-            put(spatial, "site", site=self._site(name, point.body, point.location))
-            for wrap in path.wraps:
-                if isinstance(wrap, TendonWrap) and wrap.after == i:
-                    side = {}
-                    if wrap.side is not None:
-                        side = {
-                            "sidesite": self._site(
-                                f"{wrap.wrap_object}_side", wrap.side_body, wrap.side
-                            )
-                        }
-                    put(spatial, "geom", geom=self.wraps[wrap.wrap_object], **side)
+        self._tendon(muscle, put(self.tendon, "spatial", name=tendon))
         values = muscle.parameters
         put(
             self.actuator,
@@ -369,15 +346,51 @@ class _Writer:
             **{key: text(values[key]) for key in MUSCLE_KEYS},
         )
 
+    def _tendon(self, muscle: Muscle, spatial: etree._Element) -> None:
+        """Write a muscle's path: points, pulleys before its branches, surfaces behind points.
+
+        Parameters
+        ----------
+        muscle : its divisors are 0 where a branch ends
+        spatial : element of the tendon
+        """
+        path = muscle.path
+        divisors = path.divisors or (1.0,) * (len(path.points) - 1)
+        divisor = 1.0
+        for index, point in enumerate(path.points):
+            next_divisor = next((value for value in divisors[index:] if value), divisor)
+            if _begins_branch(index, divisors, next_divisor):
+                put(spatial, "pulley", divisor=text(next_divisor))
+            elif 0 < index < len(divisors) and divisors[index] not in (0.0, divisor):
+                self.warnings.append(
+                    f"muscle '{muscle.name}': a pulley in the middle of its path is left out"
+                )
+            divisor = next_divisor
+            assert isinstance(point, PathPoint)
+            owns_name = point.name.startswith(muscle.name)
+            name = point.name if owns_name else f"{muscle.name}-{point.name}"
+            put(spatial, "site", site=self._site(name, point.body, point.location))
+            for wrap in path.wraps:
+                if isinstance(wrap, TendonWrap) and wrap.after == index:
+                    self._tendon_wrap(wrap, spatial)
+
+    def _tendon_wrap(self, wrap: TendonWrap, spatial: etree._Element) -> None:
+        """Write the surface that a tendon wraps around, with the site on its side."""
+        side = {}
+        if wrap.side is not None:
+            name = f"{wrap.wrap_object}_side"
+            side = {"sidesite": self._site(name, wrap.side_body, wrap.side)}
+        put(spatial, "geom", geom=self.wraps[wrap.wrap_object], **side)
+
     def _couplings(self, cams: Sequence[Cam]) -> None:
         """Write couplers as polynomials, locked coordinates, and cams as equal tendons."""
-        held = {cam.follower for cam in cams}
-        names = {name for joint in self.model.joints for name in joint.coordinates}
+        driven = {cam.follower for cam in cams}
+        names = {name for joint in self.model.joints for name in joint.coordinates} - driven
         for coupler in self.model.couplers:
-            if coupler.dependent in names and coupler.dependent not in held:
+            if coupler.dependent in names:
                 self._polynomial(coupler)
         for coordinate in self.model.coordinates:
-            if coordinate.locked and coordinate.name in names and coordinate.name not in held:
+            if coordinate.locked and coordinate.name in names:
                 put(
                     self.equality,
                     "joint",
@@ -386,32 +399,35 @@ class _Writer:
                     polycoef=text([0.0] * 5),
                 )
         for cam in cams:
-            tendons = []
-            for sign, word in ((1.0, "out"), (-1.0, "back")):
-                tendons.append(new_name(f"{cam.follower}_{word}", self.tendons))
-                spatial = put(
-                    self.tendon, "spatial", name=tendons[-1], group=HIDDEN, rgba="0 0 0 0"
-                )
-                for branch in cam.branches:
-                    if branch.weight * sign > 0.0:
-                        put(spatial, "pulley", divisor=text(1.0 / abs(branch.weight)))
-                        for body, place in (
-                            (branch.body_1, branch.place_1),
-                            (branch.body_2, branch.place_2),
-                        ):
-                            put(
-                                spatial,
-                                "site",
-                                site=self._site(f"{cam.follower}_cam", body, place, HIDDEN),
-                            )
-            put(
-                self.equality,
-                "tendon",
-                name=f"{cam.follower}_follows",
-                tendon1=tendons[0],
-                tendon2=tendons[1],
-                polycoef=text((cam.offset, 1.0, 0.0, 0.0, 0.0)),
-            )
+            self._cam(cam)
+
+    def _cam(self, cam: Cam) -> None:
+        """Write a cam as two tendons, and a constraint that keeps them equally long."""
+        out = self._cam_tendon(cam, f"{cam.follower}_out", 1.0)
+        back = self._cam_tendon(cam, f"{cam.follower}_back", -1.0)
+        put(
+            self.equality,
+            "tendon",
+            name=f"{cam.follower}_follows",
+            tendon1=out,
+            tendon2=back,
+            polycoef=text((cam.offset, 1.0, 0.0, 0.0, 0.0)),
+        )
+
+    def _cam_tendon(self, cam: Cam, name: str, sign: float) -> str:
+        """Write the branches whose weights have a sign as one tendon, and return its name."""
+        tendon = new_name(name, self.tendons)
+        spatial = put(self.tendon, "spatial", name=tendon, group=HIDDEN, rgba="0 0 0 0")
+        site = f"{cam.follower}_cam"
+        for branch in cam.branches:
+            if branch.weight * sign <= 0.0:
+                continue
+            put(spatial, "pulley", divisor=text(1.0 / abs(branch.weight)))
+            first = self._site(site, branch.body_1, branch.place_1, HIDDEN)
+            put(spatial, "site", site=first)
+            second = self._site(site, branch.body_2, branch.place_2, HIDDEN)
+            put(spatial, "site", site=second)
+        return tendon
 
     def _curves(self, root: etree._Element, cams: Sequence[Cam]) -> None:
         """Write the functions that the cams hold, for readers of the file."""
@@ -482,31 +498,35 @@ class _Writer:
     def _left_out(self) -> None:
         """Warn of the parts of the model that the document does not have."""
         model = self.model
-        for what, names in (
-            ("passive torques", [part.name for part in model.passive_torques]),
-            ("bushings", [part.name for part in model.bushings]),
-            ("ligaments", [part.name for part in model.ligaments]),
-            (
-                "viscosities of muscles",
-                [muscle.name for muscle in model.muscles if muscle.viscosity],
-            ),
-            (
-                "motions that the file prescribes",
-                [c.name for c in model.coordinates if c.prescribed is not None],
-            ),
-        ):
+        viscous = [muscle.name for muscle in model.muscles if muscle.viscosity]
+        prescribed = [each.name for each in model.coordinates if each.prescribed is not None]
+        parts = {
+            "passive torques": [part.name for part in model.passive_torques],
+            "bushings": [part.name for part in model.bushings],
+            "ligaments": [part.name for part in model.ligaments],
+            "viscosities of muscles": viscous,
+            "motions that the file prescribes": prescribed,
+        }
+        for what, names in parts.items():
             if names:
                 self.warnings.append(f"{what} are left out: {quoted(names, 3)}")
-        missing = {
-            mesh.file
-            for body in model.bodies
-            for mesh in body.meshes
-            if mesh.shape == "mesh" and mesh.file and mesh.file not in self.files
-        }
+        missing = mesh_files(model) - self.files.keys()
         if missing:
             self.warnings.append(
                 f"{len(missing)} meshes are left out: {quoted(sorted(missing), 3)}"
             )
+
+
+def _begins_branch(index: int, divisors: Sequence[float], divisor: float) -> bool:
+    """Return whether a branch of a tendon with a pulley begins at a point.
+
+    Parameters
+    ----------
+    index : of the point
+    divisors : between each point and the next; 0 between two branches
+    divisor : of the branch from the point on
+    """
+    return divisor != 1.0 if index == 0 else divisors[index - 1] == 0.0
 
 
 def put(parent: etree._Element, tag: str, **attributes: str) -> etree._Element:
@@ -568,6 +588,5 @@ def moments(inertia: ArrayLike) -> str:
     ----------
     inertia : (3, 3) [kg m^2]
     """
-    return ", ".join(
-        f"{value:.3g}" for value in np.linalg.eigvalsh(np.asarray(inertia, dtype=np.float64))
-    )
+    values = np.linalg.eigvalsh(np.asarray(inertia, dtype=np.float64))
+    return ", ".join(f"{value:.3g}" for value in values)
