@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy
 from lxml import etree
@@ -53,54 +55,80 @@ def read_function(node: Node, user: Node) -> Function:
     BadFile : its numbers do not make a function
     BadModel : its class is not supported
     """
-    kind = node.kind
-    if kind == "Constant":
-        return constant(node.number("value", 0.0))
-    if kind == "LinearFunction":
-        slope, intercept = node.vector("coefficients", (1.0, 0.0))
-        return linear(slope, intercept)
-    if kind == "PolynomialFunction":
-        coefficients = node.numbers("coefficients", np.ones(1))
-        return polynomial(
-            [1.0] if coefficients is None or not len(coefficients) else coefficients[::-1]
-        )
-    if kind == "MultiplierFunction":
+    if node.kind in READERS:
+        return READERS[node.kind](node)
+    if node.kind == "MultiplierFunction":
         inner = node.inner("function")
         if inner is None:
             raise node.bad("has no function inside")
         return read_function(inner, user).scaled(node.number("scale", 1.0))
-    if kind == "Sine":
-        omega = np.array([node.number(*("omega", 1.0))])
-        phase = np.array([node.number(*("phase", 0.0))])
-        return SineProduct(
-            factor=node.number("amplitude", 1.0),
-            frequencies=omega,
-            phases=phase,
-            offset=node.number("offset", 0.0),
-        )
-    if kind == "StepFunction":
-        start = node.number("transition_start_time", 0.99)
-        end = node.number("transition_end_time", 1.01)
-        if end <= start:
-            raise node.bad(
-                f"transition_end_time {end:g} is not after transition_start_time {start:g}"
-            )
-        return smooth_step(
-            start, end, node.number("start_value", 0.0), node.number("end_value", 1.0)
-        )
-    if kind in ("SimmSpline", "PiecewiseLinearFunction", "GCVSpline"):
-        x, y = _points(node)
-        if len(x) == 1:
-            return constant(float(y[0]))
-        if kind == "SimmSpline":
-            return simm_spline(x, y)
-        return (
-            piecewise_linear(x, y) if kind == "PiecewiseLinearFunction" else _gcv_spline(node, x, y)
-        )
     owner = f"{user.kind} '{user.name}'" if user.name else user.kind
     raise BadModel(
-        f"{node.document.path}: {owner} uses a {kind}, which is not built: {', '.join(KNOWN)} are"
+        f"{node.document.path}: {owner} uses a {node.kind}, which is not built: {', '.join(KNOWN)}"
+        " are"
     )
+
+
+def _constant(node: Node) -> Function:
+    return constant(node.number("value", 0.0))
+
+
+def _linear(node: Node) -> Function:
+    slope, intercept = node.vector("coefficients", (1.0, 0.0))
+    return linear(slope, intercept)
+
+
+def _polynomial_function(node: Node) -> Function:
+    """Read a polynomial, whose file has the constant last; without coefficients it is 1."""
+    coefficients = node.numbers("coefficients", np.ones(1))
+    if coefficients is None or not len(coefficients):
+        return polynomial([1.0])
+    return polynomial(coefficients[::-1])
+
+
+def _sine(node: Node) -> Function:
+    return SineProduct(
+        frequencies=np.array([node.number("omega", 1.0)]),
+        phases=np.array([node.number("phase", 0.0)]),
+        factor=node.number("amplitude", 1.0),
+        offset=node.number("offset", 0.0),
+    )
+
+
+def _step(node: Node) -> Function:
+    """Read a smooth step; `BadFile` where it ends before it starts."""
+    start = node.number("transition_start_time", 0.99)
+    end = node.number("transition_end_time", 1.01)
+    if end <= start:
+        raise node.bad(f"transition_end_time {end:g} is not after transition_start_time {start:g}")
+    low = node.number("start_value", 0.0)
+    high = node.number("end_value", 1.0)
+    return smooth_step(start, end, low, high)
+
+
+def _sampled(node: Node) -> Function:
+    """Read a function through points; through a single one it is constant."""
+    x, y = _points(node)
+    if len(x) == 1:
+        return constant(float(y[0]))
+    if node.kind == "SimmSpline":
+        return simm_spline(x, y)
+    if node.kind == "PiecewiseLinearFunction":
+        return piecewise_linear(x, y)
+    return _gcv_spline(node, x, y)
+
+
+READERS: dict[str, Callable[[Node], Function]] = {
+    "Constant": _constant,
+    "LinearFunction": _linear,
+    "PolynomialFunction": _polynomial_function,
+    "SimmSpline": _sampled,
+    "PiecewiseLinearFunction": _sampled,
+    "Sine": _sine,
+    "GCVSpline": _sampled,
+    "StepFunction": _step,
+}
+"""How functions are read that hold no other, by their class."""
 
 
 def _points(node: Node) -> tuple[Array, Array]:

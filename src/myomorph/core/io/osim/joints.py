@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -39,6 +40,7 @@ CURVED = {"EllipsoidJoint": 3, "ScapulothoracicJoint": 4}
 KINDS = (*SIMPLE, "CustomJoint", *CURVED)
 QUARTER_TURN = frozen_array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """About z: how a scapulothoracic joint's ellipsoid lies in its frame."""
+MIN_SINE = 1e-5  # Of the angle between two axes that are not parallel.
 SPATIAL = ("rotation1", "rotation2", "rotation3", "translation1", "translation2", "translation3")
 
 Motion = Literal["rotational", "translational", "coupled"]
@@ -279,6 +281,35 @@ def _custom(
     BadFile : axes are parallel, lack a function or a coordinate, or do not use a coordinate
     UnknownName : an axis names a coordinate that the joint does not have
     """
+    axes, motions = _spatial_axes(node)
+    rotations = axes[:3]
+    translations = axes[3:]
+    _check_not_parallel(node, rotations)
+    _check_not_parallel(node, translations)
+    known = [coordinate.name for coordinate in coordinates]
+    for name in motions:
+        check_name("coordinate", name, known, f"{node.document.path}: joint '{node.name}'")
+    unused = [name for name in known if name not in motions]
+    if unused:
+        raise node.bad(f"no axis uses its coordinates {', '.join(unused)}")
+    ordered = tuple(
+        replace(coordinates[known.index(name)], motion=motion) for name, motion in motions.items()
+    )
+    return (*translations, *rotations), ordered
+
+
+def _spatial_axes(node: Node) -> tuple[list[Axis], dict[str, Motion]]:
+    """Read the six axes of a custom joint, and how each coordinate that they name moves it.
+
+    Returns
+    -------
+    three rotations, then three translations; and motions by coordinate, in the order in which the
+    axes name them
+
+    Raises
+    ------
+    BadFile : the joint has no axes, or one lacks a function or a coordinate
+    """
     spatial = node.child("SpatialTransform")
     if spatial is None:
         raise node.bad("has no SpatialTransform")
@@ -286,36 +317,29 @@ def _custom(
         element.get("name", ""): spatial.node(element)
         for element in spatial.element.findall("TransformAxis")
     }
-    usual = dict(zip(SPATIAL, (X, Y, Z, X, Y, Z), strict=True))
     axes: list[Axis] = []
     motions: dict[str, Motion] = {}
-    for name in SPATIAL:
+    for name, usual in zip(SPATIAL, (X, Y, Z, X, Y, Z), strict=True):
         transform = transforms.get(name)
         if transform is None:
-            axes.append(Axis(_kind(name), usual[name], constant(0.0)))
+            axes.append(Axis(_kind(name), usual, constant(0.0)))
             continue
         names = transform.words("coordinates")
-        axis, pure = _transform_axis(node, transform, name, usual[name], names)
+        axis, pure = _transform_axis(node, transform, name, usual, names)
         axes.append(axis)
-        for moved_by in names:
+        for coordinate in names:
             if pure:
-                motions[moved_by] = "rotational" if axis.kind == "rotation" else "translational"
-            motions.setdefault(moved_by, "coupled")
-    for three in (axes[:3], axes[3:]):
-        vectors = [axis.vector for axis in three]
-        if min(np.linalg.norm(np.cross(vectors[i], vectors[(i + 1) % 3])) for i in range(3)) < 1e-5:
-            raise node.bad(f"two of its {three[0].kind} axes are parallel")
-    known = [coordinate.name for coordinate in coordinates]
-    for moved_by in motions:
-        check_name("coordinate", moved_by, known, f"{node.document.path}: joint '{node.name}'")
-    unused = [coordinate for coordinate in known if coordinate not in motions]
-    if unused:
-        raise node.bad(f"no axis uses its coordinates {', '.join(unused)}")
-    ordered = tuple(
-        replace(coordinates[known.index(coordinate)], motion=motion)
-        for coordinate, motion in motions.items()
-    )
-    return (*axes[3:], *axes[:3]), ordered
+                motions[coordinate] = "rotational" if axis.kind == "rotation" else "translational"
+            motions.setdefault(coordinate, "coupled")
+    return axes, motions
+
+
+def _check_not_parallel(node: Node, axes: Sequence[Axis]) -> None:
+    """Check that no two of three axes of a joint are parallel; `BadFile` where they are."""
+    vectors = [axis.vector for axis in axes]
+    sines = [np.linalg.norm(np.cross(vectors[i], vectors[(i + 1) % 3])) for i in range(3)]
+    if min(sines) < MIN_SINE:
+        raise node.bad(f"two of its {axes[0].kind} axes are parallel")
 
 
 def _kind(name: str) -> Literal["rotation", "translation"]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -36,6 +37,12 @@ from myomorph.core.model.model import (
 from myomorph.core.model.paths import Ligament, Muscle, WrapObject
 from myomorph.core.model.spatial import Transform
 
+GRAVITY = (0.0, -9.80665, 0.0)
+FIRST_WITH_JOINT_SET = 30501  # Version of documents; before, joints stand inside bodies too.
+USUAL_UNITS = {
+    "length_units": ("meters", "metres", "meter", "m"),
+    "force_units": ("N", "newtons", "Newtons"),
+}
 Named = TypeVar("Named", Muscle, Actuator, Joint, Marker)  # page: typing takes types by position
 
 
@@ -88,9 +95,8 @@ def read_forces(
             actuators.append(_actuator(item, frames, coordinates))
         else:
             others.append(item)
-    muscles, others = with_dampers(
-        _with_unique_names(muscles, "muscle", model.document), others, paths
-    )
+    muscles = _with_unique_names(muscles, "muscle", model.document)
+    muscles, others = with_dampers(muscles, others, paths)
     actuators = _with_unique_names(actuators, "actuator", model.document)
     kept = tuple(kept_force(other) for other in others)
     return Forces(
@@ -116,7 +122,7 @@ def _with_unique_names(items: Sequence[Named], kind: str, document: Document) ->
         number = 0
         while name in result:
             name = f"{item.name or kind}_{number}"
-            number = number + 1
+            number += 1
         if item.name and name != item.name:
             document.warn(f"two {kind}s are named '{item.name}': the later one is called '{name}'")
         result[name] = replace(item, name=name)
@@ -167,38 +173,17 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
     """
     node = read_document(path, ("Model",), "an OpenSim model")
     document = node.document
-    if document.version < OLDEST:
-        problem = (
-            f"is an OpenSim document of version {document.version}, which OpenSim 4 refuses too"
-        )
-        raise BadFile(path, problem, "open and save it in OpenSim 3.3")
-    if document.version > NEWEST:
-        document.warn(
-            f"document version {document.version} is newer than OpenSim 4.6 ({NEWEST}): read as if"
-            " of 4.6"
-        )
-    for tag, usual in (
-        ("length_units", ("meters", "metres", "meter", "m")),
-        ("force_units", ("N", "newtons", "Newtons")),
-    ):
-        unit = node.text("", tag)
-        if unit and unit not in usual:
-            document.warn(f"{tag} is '{unit}': read as {usual[0]}, as OpenSim does")
+    _check_version(document)
+    _check_units(node)
     frames = Frames(node)
-    ground = node.child("Ground")
-    bodies = []
-    for item in node.items("BodySet"):
-        if item.name == GROUND:
-            ground = ground or item
-        elif item.kind == "Body":
-            bodies.append(item)
-    joints = _joints(node, bodies, frames)
-    tree = _tree(node, [read_body(body_node) for body_node in bodies], joints)
-    wraps, wrap_names = _wraps(node, ground, bodies, [body.name for body in tree.bodies], frames)
+    parts = _body_nodes(node)
+    joints = _joints(node, parts.bodies, frames)
+    tree = _tree(node, [read_body(body) for body in parts.bodies], joints)
+    wraps = _wraps(node, parts, [body.name for body in tree.bodies], frames)
     names = tuple(coordinate.name for coordinate in tree.coordinates)
-    forces = read_forces(node, frames, names, wrap_names)
+    forces = read_forces(node, frames, names, wraps.by_name)
     couplers, loops, constraints = read_constraints(node, frames, names)
-    kept = (*constraints, *forces.kept, *kept_elsewhere(node, bodies))
+    kept = (*constraints, *forces.kept, *kept_elsewhere(node, parts.bodies))
     if tree.bodies and sum(body.mass for body in tree.bodies) == 0.0:
         document.warn("all bodies have zero mass: the model moves, but has no dynamics")
     for line in (*made_up_inertias(tree.bodies), *warnings_of(kept)):
@@ -208,15 +193,15 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
         bodies=tuple(tree.bodies),
         joints=tuple(tree.joints),
         coordinates=tuple(tree.coordinates),
-        gravity=node.vector("gravity", (0.0, -9.80665, 0.0)),
+        gravity=node.vector("gravity", GRAVITY),
         markers=tuple(_with_unique_names(read_markers(node, frames), "marker", document)),
         muscles=forces.muscles,
-        wrap_objects=wraps,
+        wrap_objects=wraps.objects,
         actuators=forces.actuators,
         couplers=couplers,
         loops=(*tree.loops, *loops),
         frames=frames.all(),
-        ground_meshes=() if ground is None else read_meshes(ground),
+        ground_meshes=() if parts.ground is None else read_meshes(parts.ground),
         kept=kept,
         source=str(path),
         warnings=tuple(document.warnings),
@@ -226,23 +211,66 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
     )
 
 
+def _check_version(document: Document) -> None:
+    """Refuse a document that is too old, and warn of one that is newer than we know."""
+    version = document.version
+    if version < OLDEST:
+        raise BadFile(
+            document.path,
+            f"is an OpenSim document of version {version}, which OpenSim 4 refuses too",
+            "open and save it in OpenSim 3.3",
+        )
+    if version > NEWEST:
+        document.warn(
+            f"document version {version} is newer than OpenSim 4.6 ({NEWEST}): read as if of 4.6"
+        )
+
+
+def _check_units(node: Node) -> None:
+    """Warn of units that OpenSim does not heed."""
+    for tag, usual in USUAL_UNITS.items():
+        unit = node.text("", tag)
+        if unit and unit not in usual:
+            node.document.warn(f"{tag} is '{unit}': read as {usual[0]}, as OpenSim does")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _BodyNodes:
+    """Nodes of the ground and of the bodies.
+
+    Attributes
+    ----------
+    ground : None where the file has none
+    bodies : in the file's order
+    """
+
+    ground: Node | None
+    bodies: list[Node]
+
+
+def _body_nodes(node: Node) -> _BodyNodes:
+    """Sort the bodies of a model; old documents have the ground among them."""
+    ground = node.child("Ground")
+    bodies = []
+    for item in node.items("BodySet"):
+        if item.name == GROUND:
+            ground = ground or item
+        elif item.kind == "Body":
+            bodies.append(item)
+    return _BodyNodes(ground=ground, bodies=bodies)
+
+
 def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:
     """Read the joints of the model, before version 3.5.1 those inside its bodies too."""
-    joints = []
-    for item in (*node.items("JointSet"), *node.items("components")):
-        if item.kind.endswith("Joint"):
-            joints.append(read_joint(item, frames))
-    if node.document.version < 30501:
+    items = (*node.items("JointSet"), *node.items("components"))
+    joints = [read_joint(item, frames) for item in items if item.kind.endswith("Joint")]
+    if node.document.version < FIRST_WITH_JOINT_SET:
         for body in bodies:
             inner = body.inner("Joint")
-            if inner is not None:
-                joints.append(
-                    read_joint(
-                        Node(inner.element, node.document, f"/jointset/{inner.name}"),
-                        frames,
-                        body.name,
-                    )
-                )
+            if inner is None:
+                continue
+            placed = Node(inner.element, node.document, f"/jointset/{inner.name}")
+            joints.append(read_joint(placed, frames, body.name))
     renamed = _with_unique_names([read.joint for read in joints], "joint", node.document)
     return [replace(read, joint=joint) for read, joint in zip(joints, renamed, strict=True)]
 
@@ -278,44 +306,60 @@ def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
     ------
     BadModel : two bodies have one name, or a joint cannot be cut
     """
-    by_name = {body.name: body for body in bodies}
-    if len(by_name) != len(bodies):
-        names = [body.name for body in bodies]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise BadModel(f"{node.document.path}: two bodies are named '{twice}'")
-    placed = {GROUND}
+    by_name = _bodies_by_name(node, bodies)
     tree = Tree(
         bodies=[],
         joints=[],
         coordinates=[coordinate for joint in joints for coordinate in joint.coordinates],
         loops=[],
     )
+    placed = {GROUND}
     waiting = list(joints)
     while len(placed) <= len(bodies):
-        step = next(
-            (
-                joint
-                for joint in waiting
-                if (joint.joint.parent in placed) != (joint.joint.child in placed)
-            ),
-            None,
-        )
-        if step is None:
-            children = {joint.joint.child for joint in waiting}
-            loose = [name for name in by_name if name not in placed]
-            base = next((name for name in loose if name not in children), loose[0])
+        following = _next_joint(waiting, placed)
+        if following is None:
+            base = _base(waiting, [name for name in by_name if name not in placed])
             node.document.warn(f"no joint leads to body '{base}': it floats freely, as in OpenSim")
-            step = free_joint(base)
-            tree.coordinates += step.coordinates
+            following = free_joint(base)
+            tree.coordinates += following.coordinates
         else:
-            waiting.remove(step)
-        joint = step.joint if step.joint.parent in placed else reversed_joint(step.joint)
+            waiting.remove(following)
+        joint = following.joint
+        if joint.parent not in placed:
+            joint = reversed_joint(joint)
         placed.add(joint.child)
         tree.joints.append(joint)
         tree.bodies.append(by_name[joint.child])
-    for waiting_joint in waiting:
-        _cut(node, waiting_joint.joint, tree)
+    for left in waiting:
+        _cut(node, left.joint, tree)
     return tree
+
+
+def _bodies_by_name(node: Node, bodies: Sequence[Body]) -> dict[str, Body]:
+    """Index bodies by name; `BadModel` where two have one."""
+    by_name = {body.name: body for body in bodies}
+    if len(by_name) < len(bodies):
+        names = [body.name for body in bodies]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise BadModel(f"{node.document.path}: two bodies are named '{twice}'")
+    return by_name
+
+
+def _next_joint(joints: Sequence[ReadJoint], placed: Collection[str]) -> ReadJoint | None:
+    """Find the first joint of which one body has its place and the other has none."""
+    for read in joints:
+        if (read.joint.parent in placed) != (read.joint.child in placed):
+            return read
+    return None
+
+
+def _base(joints: Sequence[ReadJoint], loose: Sequence[str]) -> str:
+    """Choose the loose body that floats: the first to which no joint leads, else the first."""
+    children = {read.joint.child for read in joints}
+    for name in loose:
+        if name not in children:
+            return name
+    return loose[0]
 
 
 def _cut(node: Node, joint: Joint, tree: Tree) -> None:
@@ -353,44 +397,47 @@ def _cut(node: Node, joint: Joint, tree: Tree) -> None:
     )
 
 
-def _wraps(
-    node: Node, ground: Node | None, bodies: list[Node], tree: list[str], frames: Frames
-) -> tuple[tuple[WrapObject, ...], dict[str, str]]:
+@dataclass(frozen=True, kw_only=True)
+class _Wraps:
+    """Wrap objects of a model.
+
+    Attributes
+    ----------
+    objects : in tree order, named BODY/NAME where a name comes twice
+    by_name : name of the object that each name in a path means, the file's first
+    """
+
+    objects: tuple[WrapObject, ...]
+    by_name: dict[str, str]
+
+
+def _wraps(node: Node, parts: _BodyNodes, tree: Sequence[str], frames: Frames) -> _Wraps:
     """Read all wrap objects.
 
     Parameters
     ----------
     node : of the model
-    ground : its node, None where the file has none
-    bodies : nodes of its bodies
+    parts : nodes of its bodies
     tree : names of the bodies in tree order
     frames : of the model
-
-    Returns
-    -------
-    wrap objects in tree order, named BODY/NAME where a name comes twice; and the object that each
-    name in a path means, the file's first
     """
-    holders = [] if ground is None else [ground]
-    for body in bodies:
-        holders += [
-            body,
-            *(
-                component
-                for component in body.items("components")
-                if component.kind in OFFSET_KINDS
-            ),
-        ]
-    holders += [
-        component for component in node.items("components") if component.kind in OFFSET_KINDS
-    ]
-    wrap_objects = [wrap for holder in holders for wrap in read_wrap_objects(holder, frames)]
-    names = [wrap.name for wrap in wrap_objects]
-    wraps: list[WrapObject] = []
-    meant: dict[str, str] = {}
-    for wrap in wrap_objects:
-        unique_name = wrap.name if names.count(wrap.name) == 1 else f"{wrap.body}/{wrap.name}"
-        wraps.append(replace(wrap, name=unique_name))
-        meant.setdefault(wrap.name, unique_name)
-    order = {name: i for i, name in enumerate((GROUND, *tree))}
-    return tuple(sorted(wraps, key=lambda wrap: order[wrap.body])), meant
+    holders = [] if parts.ground is None else [parts.ground]
+    for body in parts.bodies:
+        holders += [body, *_offset_frames(body)]
+    holders += _offset_frames(node)
+    wraps = [wrap for holder in holders for wrap in read_wrap_objects(holder, frames)]
+    counts = Counter(wrap.name for wrap in wraps)
+    objects: list[WrapObject] = []
+    by_name: dict[str, str] = {}
+    for wrap in wraps:
+        unique_name = wrap.name if counts[wrap.name] == 1 else f"{wrap.body}/{wrap.name}"
+        objects.append(replace(wrap, name=unique_name))
+        by_name.setdefault(wrap.name, unique_name)
+    order = {name: index for index, name in enumerate((GROUND, *tree))}
+    objects.sort(key=lambda wrap: order[wrap.body])
+    return _Wraps(objects=tuple(objects), by_name=by_name)
+
+
+def _offset_frames(node: Node) -> list[Node]:
+    """List the frames among the components of a node."""
+    return [item for item in node.items("components") if item.kind in OFFSET_KINDS]

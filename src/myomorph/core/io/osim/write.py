@@ -18,10 +18,10 @@ from myomorph.core.io.osim.document import NEWEST, child, legal, numbers, write_
 from myomorph.core.io.osim.kept import is_kept, put_back, usable_parts
 from myomorph.core.io.osim.muscles import write_muscle, write_viscosity
 from myomorph.core.io.osim.setup_parts import put_marker
-from myomorph.core.io.osim.write_joints import plan_joints, write_joint
+from myomorph.core.io.osim.write_joints import Plan, plan_joints, write_joint
 from myomorph.core.model.errors import BadModel, quoted
 from myomorph.core.model.frozen_map import grouped
-from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.model import GROUND, Kept, Model
 
 SETS = (
     "ConstraintSet",
@@ -108,39 +108,17 @@ def _renamed(model: Model) -> list[str]:
 def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
     """Write all parts of the model into its element, and add to the warnings."""
     plan = plan_joints(model, warnings)
-    coordinates = {coordinate.name: coordinate for coordinate in model.coordinates}
     joints = {name: legal(joint.name) for joint in plan.joints for name in joint.coordinates}
     kept = usable_parts(model.kept, warnings)
     put_back(element, kept, "Model")
     child(element, "gravity", numbers(model.gravity))
-    write_body_parts(
-        child(element, "Ground", name=GROUND), GROUND, model.ground_meshes, model, kept
-    )
-    bodies = child(child(element, "BodySet", name="bodyset"), "objects")
-    for body in (*model.bodies, *plan.bodies):
-        write_body(bodies, body, model, kept)
-    joint_set = child(child(element, "JointSet", name="jointset"), "objects")
-    for joint in plan.joints:
-        write_joint(joint_set, joint, coordinates, warnings)
+    _bodies(element, model, plan, kept)
+    _joints(element, model, plan, warnings)
     holders = {name: child(element, name, name=name.lower()) for name in SETS}
     sets = {name: child(holder, "objects") for name, holder in holders.items()}
-    for coupler in model.couplers:
-        write_coupler(sets["ConstraintSet"], coupler, warnings)
-    for loop in model.loops:
-        write_loop(sets["ConstraintSet"], loop, warnings)
-    for muscle in model.muscles:
-        write_muscle(sets["ForceSet"], muscle, joints, warnings)
-    for muscle in model.muscles:
-        if muscle.viscosity:
-            write_viscosity(sets["ForceSet"], muscle, joints)
-    for actuator in model.actuators:
-        write_actuator(sets["ForceSet"], actuator)
-    for passive in model.passive_torques:
-        if not is_kept(passive.name, kept):
-            write_passive(sets["ForceSet"], passive, warnings)
-    for bushing in model.bushings:
-        if not is_kept(bushing.name, kept):
-            write_bushing(sets["ForceSet"], bushing)
+    _constraints(sets["ConstraintSet"], model, warnings)
+    _muscles(sets["ForceSet"], model, joints, warnings)
+    _other_forces(sets["ForceSet"], model, kept, warnings)
     for name, objects in sets.items():
         put_back(objects, kept, name, model, joints)
     _write_groups(holders["ForceSet"], model)
@@ -153,17 +131,77 @@ def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
         element.append(components)
 
 
+def _bodies(element: etree._Element, model: Model, plan: Plan, kept: list[Kept]) -> None:
+    """Write the ground and all bodies, those between joints too."""
+    ground = child(element, "Ground", name=GROUND)
+    write_body_parts(ground, GROUND, model.ground_meshes, model, kept)
+    bodies = child(child(element, "BodySet", name="bodyset"), "objects")
+    for body in (*model.bodies, *plan.bodies):
+        write_body(bodies, body, model, kept)
+
+
+def _joints(element: etree._Element, model: Model, plan: Plan, warnings: list[str]) -> None:
+    """Write the planned joints with their coordinates."""
+    coordinates = {coordinate.name: coordinate for coordinate in model.coordinates}
+    joints = child(child(element, "JointSet", name="jointset"), "objects")
+    for joint in plan.joints:
+        write_joint(joints, joint, coordinates, warnings)
+
+
+def _constraints(parent: etree._Element, model: Model, warnings: list[str]) -> None:
+    """Write couplers and loops."""
+    for coupler in model.couplers:
+        write_coupler(parent, coupler, warnings)
+    for loop in model.loops:
+        write_loop(parent, loop, warnings)
+
+
+def _muscles(
+    parent: etree._Element, model: Model, joints: dict[str, str], warnings: list[str]
+) -> None:
+    """Write muscles, and behind them their viscosities.
+
+    Parameters
+    ----------
+    parent : element of the forces
+    model : its muscles are written
+    joints : name of the joint that has a coordinate, by coordinate
+    warnings : gets a line for what cannot be written as it is
+    """
+    for muscle in model.muscles:
+        write_muscle(parent, muscle, joints, warnings)
+    for muscle in model.muscles:
+        if muscle.viscosity:
+            write_viscosity(parent, muscle, joints)
+
+
+def _other_forces(
+    parent: etree._Element, model: Model, kept: list[Kept], warnings: list[str]
+) -> None:
+    """Write actuators, passive torques and bushings, but for those that are put back as read."""
+    for actuator in model.actuators:
+        write_actuator(parent, actuator)
+    for passive in model.passive_torques:
+        if not is_kept(passive.name, kept):
+            write_passive(parent, passive, warnings)
+    for bushing in model.bushings:
+        if not is_kept(bushing.name, kept):
+            write_bushing(parent, bushing)
+
+
 def _write_groups(parent: etree._Element, model: Model) -> None:
     """Write groups in an order that agrees with every muscle's own order of groups."""
     members = grouped((group, muscle.name) for muscle in model.muscles for group in muscle.groups)
-    sooner: dict[str, set[str]] = {group: set() for group in members}
+    earlier: dict[str, set[str]] = {group: set() for group in members}
     for muscle in model.muscles:
-        for i, group in enumerate(muscle.groups):
-            sooner[group].update(muscle.groups[:i])
+        for index, group in enumerate(muscle.groups):
+            earlier[group].update(muscle.groups[:index])
     groups = child(parent, "groups")
     waiting = list(members)
     while waiting:
-        name = next((group for group in waiting if not sooner[group] & set(waiting)), waiting[0])
+        # Where muscles contradict each other, the first.
+        ready = [group for group in waiting if earlier[group].isdisjoint(waiting)]
+        name = ready[0] if ready else waiting[0]
         waiting.remove(name)
         written_group = child(groups, "ObjectGroup")
         written_group.set("name", name)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from lxml import etree
@@ -12,15 +14,20 @@ from myomorph.core.io.osim.frames import body_path, is_still, write_offset_frame
 from myomorph.core.io.osim.functions import write_function
 from myomorph.core.io.osim.joints import (
     CURVED,
+    MIN_SINE,
     QUARTER_TURN,
     SIMPLE,
     SPATIAL,
     is_unit_line,
     reversed_joint,
 )
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.functions import PiecewisePolynomial, SineProduct
 from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
 from myomorph.core.model.spatial import Transform
+
+STILL = PiecewisePolynomial(np.zeros(1), np.zeros((1, 1)))
+"""Function of an axis that does not move."""
 
 
 @dataclass
@@ -75,8 +82,9 @@ def _own_class(joint: Joint) -> str | None:
         return joint.kind
     if not joint.axes:
         return "WeldJoint"
-    fits = _custom_axes(joint.axes)
-    return "CustomJoint" if fits is not None and joint.coordinates else None
+    if joint.coordinates and _custom_axes(joint.axes) is not None:
+        return "CustomJoint"
+    return None
 
 
 def _is_simple(joint: Joint, kind: str) -> bool:
@@ -118,42 +126,54 @@ def _custom_axes(axes: tuple[Axis, ...]) -> list[Axis] | None:
     -------
     six axes, those added standing still; None where these do not fit
     """
-    kinds = [axis.kind for axis in axes]
-    slides = axes[: kinds.count("translation")]
-    turns = axes[kinds.count("translation") :]
-    if any(axis.kind != "translation" for axis in slides) or len(slides) > 3 or len(turns) > 3:
+    count = sum(axis.kind == "translation" for axis in axes)
+    translations = axes[:count]
+    rotations = axes[count:]
+    if any(axis.kind != "translation" for axis in translations):
         return None
-    if any(axis.origin.any() for axis in turns) or any(axis.function.arity > 1 for axis in axes):
+    if len(translations) > 3 or len(rotations) > 3:
         return None
-    rotations = _filled(list(turns), "rotation")
-    translations = _filled(list(slides), "translation")
-    return None if rotations is None or translations is None else rotations + translations
+    if any(axis.origin.any() for axis in rotations) or any(_is_of_two(axis) for axis in axes):
+        return None
+    all_rotations = _filled(rotations, "rotation")
+    all_translations = _filled(translations, "translation")
+    if all_rotations is None or all_translations is None:
+        return None
+    return all_rotations + all_translations
 
 
-def _filled(axes: list[Axis], kind: str) -> list[Axis] | None:
+def _is_of_two(axis: Axis) -> bool:
+    """Return whether an axis moves by two coordinates, which OpenSim's functions do not."""
+    return axis.function.arity > 1
+
+
+def _filled(axes: Sequence[Axis], kind: Literal["rotation", "translation"]) -> list[Axis] | None:
     """Fill up to three axes that are not parallel, those added standing still.
 
     Parameters
     ----------
     axes : up to three
-    kind : "rotation" or "translation"
+    kind : of those added
 
     Returns
     -------
     three axes; None where two of them are parallel
     """
-    still = PiecewisePolynomial(np.zeros(1), np.zeros((1, 1)))
-    vectors = [axis.vector for axis in axes]
-    while len(axes) < 3:
-        free = next(
-            direction
-            for direction in np.eye(3)
-            if all(np.linalg.norm(np.cross(direction, other)) > 0.5 for other in vectors)
-        )
-        axes.append(Axis("rotation" if kind == "rotation" else "translation", free, still))
-        vectors.append(free)
-    least = min(float(np.linalg.norm(np.cross(vectors[i], vectors[(i + 1) % 3]))) for i in range(3))
-    return None if least < 1e-5 else axes
+    filled = list(axes)
+    while len(filled) < 3:
+        filled.append(Axis(kind, _free_direction(filled), STILL))
+    vectors = [axis.vector for axis in filled]
+    sines = [np.linalg.norm(np.cross(vectors[i], vectors[(i + 1) % 3])) for i in range(3)]
+    return None if min(sines) < MIN_SINE else filled
+
+
+def _free_direction(axes: Sequence[Axis]) -> Array:
+    """Find the first of x, y and z (3,) that is far from parallel to all axes."""
+    return next(
+        direction
+        for direction in np.eye(3)
+        if all(np.linalg.norm(np.cross(direction, axis.vector)) > 0.5 for axis in axes)
+    )
 
 
 def _chain(joint: Joint, plan: Plan, warnings: list[str]) -> None:
@@ -168,44 +188,37 @@ def _chain(joint: Joint, plan: Plan, warnings: list[str]) -> None:
     warnings : gets a line for what changes
     """
     groups = _groups(joint.axes)
-    if any(axis.function.arity > 1 for axis in joint.axes):
+    if any(_is_of_two(axis) for axis in joint.axes):
         warnings.append(
             f"joint '{joint.name}': an axis of two coordinates cannot be written, and stands still"
         )
+    last = len(groups) - 1
     parent = joint.parent
     frame = joint.parent_frame
-    for i, axes in enumerate(groups):
-        last = i == len(groups) - 1
-        body = joint.child if last else f"{joint.child}_link_{i}"
-        if not last:
-            plan.bodies.append(
-                Body(name=body, mass=0.0, mass_center=np.zeros(3), inertia=np.zeros((3, 3)))
+    for index, axes in enumerate(groups):
+        link = _Link(name=joint.name, child=joint.child, child_frame=joint.child_frame)
+        if index < last:
+            link = _Link(
+                name=f"{joint.name}_{index}",
+                child=f"{joint.child}_link_{index}",
+                child_frame=Transform.identity(),
             )
-        anchor = Transform(
-            np.eye(3), next((axis.origin for axis in axes if axis.kind == "rotation"), np.zeros(3))
-        )
-        end = joint.child_frame if last else Transform.identity()
-        names = tuple(
-            dict.fromkeys(
-                name for axis in axes for name in axis.coordinates if name in joint.coordinates
-            )
-        )
-        moved = tuple(replace(axis, origin=np.zeros(3)) for axis in axes)
-        name = joint.name if last else f"{joint.name}_{i}"
-        kind = "CustomJoint" if names else "WeldJoint"
+            plan.bodies.append(_massless_body(link.child))
+        anchor = Transform(np.eye(3), _anchor(axes))
+        coordinates = _coordinates_of(axes, joint)
         plan.joints.append(
             Joint(
-                name=name,
-                kind=kind,
+                name=link.name,
+                kind="CustomJoint" if coordinates else "WeldJoint",
                 parent=parent,
-                child=body,
+                child=link.child,
                 parent_frame=frame @ anchor,
-                child_frame=end @ anchor,
-                axes=moved,
-                coordinates=names,
+                child_frame=link.child_frame @ anchor,
+                axes=tuple(_through_origin(axis) for axis in axes),
+                coordinates=coordinates,
             )
         )
-        parent = body
+        parent = link.child
         frame = Transform.identity()
     if len(groups) > 1:
         warnings.append(
@@ -213,21 +226,65 @@ def _chain(joint: Joint, plan: Plan, warnings: list[str]) -> None:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Link:
+    """A joint of a chain, without its axes.
+
+    Attributes
+    ----------
+    name : of the joint
+    child : body that it leads to
+    child_frame : of the joint, in that body
+    """
+
+    name: str
+    child: str
+    child_frame: Transform
+
+
+def _massless_body(name: str) -> Body:
+    """Make a body without mass and inertia.
+
+    Parameters
+    ----------
+    name : of the body
+    """
+    return Body(name=name, mass=0.0, mass_center=np.zeros(3), inertia=np.zeros((3, 3)))
+
+
+def _anchor(axes: Sequence[Axis]) -> Array:
+    """Return the point (3,) [m] through which the rotations of a group go, 0 without."""
+    for axis in axes:
+        if axis.kind == "rotation":
+            return axis.origin
+    return np.zeros(3)
+
+
+def _coordinates_of(axes: Sequence[Axis], joint: Joint) -> tuple[str, ...]:
+    """List the joint's coordinates that move these axes, each once."""
+    names = [name for axis in axes for name in axis.coordinates if name in joint.coordinates]
+    return tuple(dict.fromkeys(names))
+
+
+def _through_origin(axis: Axis) -> Axis:
+    """Return an axis through the origin of its joint's frame."""
+    return replace(axis, origin=np.zeros(3))
+
+
 def _groups(axes: tuple[Axis, ...]) -> list[tuple[Axis, ...]]:
     """Group consecutive axes that fit one custom joint about one anchor."""
-    groups: list[list[Axis]] = []
+    groups: list[tuple[Axis, ...]] = []
     for axis in axes:
-        if axis.function.arity > 1:
-            still = PiecewisePolynomial(np.zeros(1), np.zeros((1, 1)))
-            axis = replace(axis, function=still, coordinates=())
-        trial = [*groups[-1], axis] if groups else [axis]
-        anchors = {tuple(axis.origin) for axis in trial if axis.kind == "rotation"}
-        flat = tuple(replace(axis, origin=np.zeros(3)) for axis in trial)
-        if groups and len(anchors) <= 1 and _custom_axes(flat) is not None:
-            groups[-1] = trial
+        if _is_of_two(axis):
+            axis = replace(axis, function=STILL, coordinates=())
+        longer = (*groups[-1], axis) if groups else (axis,)
+        anchors = {tuple(member.origin) for member in longer if member.kind == "rotation"}
+        at_origin = tuple(_through_origin(member) for member in longer)
+        if groups and len(anchors) <= 1 and _custom_axes(at_origin) is not None:
+            groups[-1] = longer
         else:
-            groups.append([axis])
-    return [tuple(group) for group in groups]
+            groups.append((axis,))
+    return groups
 
 
 def curved_settings(joint: Joint) -> dict[str, str] | None:
@@ -243,19 +300,18 @@ def curved_settings(joint: Joint) -> dict[str, str] | None:
     others
     """
     axes = joint.axes
-    if (
-        len(axes) != 6 + (joint.kind == "ScapulothoracicJoint")
-        or len(joint.coordinates) != CURVED[joint.kind]
-    ):
+    scapular = joint.kind == "ScapulothoracicJoint"
+    if len(axes) != (7 if scapular else 6) or len(joint.coordinates) != CURVED[joint.kind]:
         return None
-    frame = QUARTER_TURN if joint.kind == "ScapulothoracicJoint" else np.eye(3)
+    frame = QUARTER_TURN if scapular else np.eye(3)
     if not all(np.array_equal(axis.vector, frame[:, i % 3]) for i, axis in enumerate(axes[:6])):
         return None
-    sines = [axis.function for axis in axes[:3]]
-    if not all(isinstance(sine, SineProduct) for sine in sines):
-        return None
-    radii = [abs(sine.factor) for sine in sines if isinstance(sine, SineProduct)]
-    if joint.kind == "EllipsoidJoint":
+    radii = []
+    for axis in axes[:3]:
+        if not isinstance(axis.function, SineProduct):
+            return None
+        radii.append(abs(axis.function.factor))
+    if not scapular:
         return {"radii_x_y_z": numbers(radii)}
     wing = axes[6]
     angle = float(np.arctan2(-wing.vector[0], wing.vector[1]))
