@@ -118,7 +118,7 @@ def test_damaged_and_foreign_files_are_named(tmp_path, monkeypatch):
     savemat(tmp_path / "c.mat", {"x": np.eye(3)})
     with pytest.raises(BadFile, match="holds 'x', but no Qualisys recording"):
         read_qualisys_mat(tmp_path / "c.mat")
-    monkeypatch.setattr(qualisys_mat, "LARGEST", 1000)
+    monkeypatch.setattr(qualisys_mat, "MAX_BYTES", 1000)
     with pytest.raises(BadFile, match="once unpacked"):
         read_qualisys_mat(tmp_path / "a.mat")
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,14 @@ from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.series import Markers, Trial
 
 HINT = "export the recording from QTM as MAT, or as C3D"
-HEADER = 128
+HEADER = 128  # Bytes; the last two state the byte order.
+TAG = 8  # Bytes of type and size before each element.
 COMPRESSED = 15
-LARGEST = 2 << 30  # Bytes that a file may hold once it is unpacked.
+MAX_BYTES = 2 << 30  # Bytes that a file may hold once it is unpacked.
 STEP = 1 << 24
 MILLIMETERS = 1e-3
 FRAGMENT = "unidentified_"
+UNREAD = ("Analog", "Force", "EMG", "RigidBodies")
 
 
 def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) -> Trial:
@@ -53,35 +56,110 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
     path = Path(path)
     _check(path)
     name, recording = _recording(path)
-    notes: list[str] = []
-    trajectories = _field(recording, "Trajectories")
-    labelled = _field(trajectories, "Labeled")
-    if labelled is None:
+    if _field(_field(recording, "Trajectories"), "Labeled") is None:
         raise BadFile(path, f"'{name}' has no labelled trajectories", HINT)
     rate = _number(recording, "FrameRate")
     if not 0.0 < rate < 1e6:
         raise BadFile(path, f"states a frame rate of {rate:g} Hz", HINT)
-    values = _positions(labelled, path, "labelled")
-    # Labels; a single one is no array.
-    value = _field(labelled, "Labels")
-    labels = (
-        []
-        if value is None
-        else [str(text).strip() for text in np.atleast_1d(np.asarray(value, dtype=object))]
-    )
-    if len(labels) != len(values):
+    trajectories = _trajectories(recording, path)
+    notes = _notes(recording, trajectories.frames)
+    facts = _facts(recording, name, rate, trajectories.unidentified)
+    if unidentified:
+        trajectories = trajectories.with_unidentified()
+    start = _number(recording, "StartFrame")
+    first = max(start, 1.0) - 1.0 if np.isfinite(start) else 0.0
+    time = np.asarray((first + np.arange(trajectories.frames)) / rate, np.float64)
+    positions = without_far_away(MILLIMETERS * trajectories.labelled.transpose(1, 0, 2), notes)
+    names = unique_names(trajectories.labels, "marker", notes)
+    markers = Markers(time, names, positions)
+    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Trajectories:
+    """Trajectories of a recording.
+
+    Attributes
+    ----------
+    labels : of the labelled ones
+    labelled, unidentified : (trajectories, frames, 3) [mm], NaN where hidden
+    """
+
+    labels: list[str]
+    labelled: Array
+    unidentified: Array
+
+    @property
+    def frames(self) -> int:
+        """Count of frames, of which unidentified ones have as many."""
+        return (self.labelled if len(self.labelled) else self.unidentified).shape[1]
+
+    def with_unidentified(self) -> _Trajectories:
+        """Label the unidentified ones by their numbers."""
+        count = len(self.unidentified)
+        labels = [f"{FRAGMENT}{index + 1}" for index in range(count)]
+        labelled = self.unidentified
+        if len(self.labelled):
+            labelled = np.concatenate([self.labelled, self.unidentified])
+        return replace(self, labels=[*self.labels, *labels], labelled=labelled)
+
+
+def _trajectories(recording: Any, path: Path) -> _Trajectories:
+    """Read the trajectories of a recording.
+
+    Raises
+    ------
+    BadFile : labels do not fit the labelled ones, or the groups have other counts of frames
+    """
+    group = _field(recording, "Trajectories")
+    labelled_group = _field(group, "Labeled")
+    labelled = _positions(labelled_group, path, "labelled")
+    labels = _labels(labelled_group)
+    if len(labels) != len(labelled):
         raise BadFile(
-            path, f"has {len(labels)} labels for {len(values)} labelled trajectories", HINT
+            path, f"has {len(labels)} labels for {len(labelled)} labelled trajectories", HINT
         )
-    fragments = _positions(_field(trajectories, "Unidentified"), path, "unidentified")
-    frames = values.shape[1] if len(values) else fragments.shape[1]
-    if len(fragments) and fragments.shape[1] != frames:
+    unidentified = _positions(_field(group, "Unidentified"), path, "unidentified")
+    result = _Trajectories(labels=labels, labelled=labelled, unidentified=unidentified)
+    if len(unidentified) and unidentified.shape[1] != result.frames:
         raise BadFile(
-            path, f"has {frames} frames with a label and {fragments.shape[1]} without", HINT
+            path,
+            f"has {result.frames} frames with a label and {unidentified.shape[1]} without",
+            HINT,
         )
-    announced = _number(recording, "Frames")
-    if np.isfinite(announced) and announced != frames:
-        notes.append(f"the file announces {announced:.0f} frames, but holds {frames}")
+    return result
+
+
+def _labels(group: Any) -> list[str]:
+    """Read the labels of a group of trajectories; a single one is no array."""
+    value = _field(group, "Labels")
+    if value is None:
+        return []
+    return [str(text).strip() for text in np.atleast_1d(np.asarray(value, dtype=object))]
+
+
+def _notes(recording: Any, frames: int) -> list[str]:
+    """List warnings of a recording: another count of frames than stated, and parts not read."""
+    notes = []
+    stated = _number(recording, "Frames")
+    if np.isfinite(stated) and stated != frames:
+        notes.append(f"the file announces {stated:.0f} frames, but holds {frames}")
+    unread = [part for part in UNREAD if _field(recording, part) is not None]
+    if unread:
+        notes.append(f"not read: {', '.join(unread)}; export the recording as C3D for these")
+    return notes
+
+
+def _facts(recording: Any, name: str, rate: float, unidentified: Array) -> dict[str, str]:
+    """Collect facts: maker, name, unit, rate, date and unidentified trajectories, as texts.
+
+    Parameters
+    ----------
+    recording : structure of the file
+    name : of the structure
+    rate : of frames [Hz]
+    unidentified : (trajectories, frames, 3), NaN where hidden
+    """
     facts = {
         "maker": "Qualisys Track Manager",
         "recording": name,
@@ -91,26 +169,13 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
     timestamp = _field(recording, "Timestamp")
     if isinstance(timestamp, str) and timestamp.strip():
         facts["date"] = timestamp.strip()
-    if len(fragments):
-        seen = np.isfinite(fragments).all(axis=2).sum(axis=1) / rate
-        lasting = f"together {seen.sum():.1f} s, the longest {seen.max():.2f} s"
-        facts["unidentified fragments"] = f"{len(fragments)}, {lasting}"
-    unread = [
-        part
-        for part in ("Analog", "Force", "EMG", "RigidBodies")
-        if _field(recording, part) is not None
-    ]
-    if unread:
-        notes.append(f"not read: {', '.join(unread)}; export the recording as C3D for these")
-    if unidentified:
-        labels = [*labels, *(f"{FRAGMENT}{index + 1}" for index in range(len(fragments)))]
-        values = np.concatenate([values, fragments]) if len(values) else fragments
-    start = _number(recording, "StartFrame")
-    first = max(start, 1.0) - 1.0 if np.isfinite(start) else 0.0
-    places = without_far_away(MILLIMETERS * values.transpose(1, 0, 2), notes)
-    time = np.asarray((first + np.arange(frames)) / rate, np.float64)
-    markers = Markers(time, unique_names(labels, "marker", notes), places)
-    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
+    if len(unidentified):
+        durations = np.isfinite(unidentified).all(axis=2).sum(axis=1) / rate
+        facts["unidentified fragments"] = (
+            f"{len(unidentified)}, together {durations.sum():.1f} s, the longest"
+            f" {durations.max():.2f} s"
+        )
+    return facts
 
 
 def _check(path: Path) -> None:
@@ -124,24 +189,33 @@ def _check(path: Path) -> None:
     head = bytes(data[:HEADER])
     if head.startswith(b"MATLAB 7.3") or head.startswith(b"\x89HDF"):
         raise BadFile(path, "is a MATLAB file of version 7.3", "save it with save(..., '-v7')")
-    if len(head) < HEADER or head[126:128] not in (b"IM", b"MI"):
+    mark = head[HEADER - 2 :]
+    if mark not in (b"IM", b"MI"):
         raise BadFile(path, "is not a MATLAB file of version 5", HINT)
-    order = "<" if head[126:128] == b"IM" else ">"
+    order = "<" if mark == b"IM" else ">"
     at = HEADER
     unpacked = 0
     while at < len(data):
-        tag = bytes(data[at : at + 8])
-        kind, size = struct.unpack(f"{order}II", tag) if len(tag) == 8 else (0, LARGEST)
-        if at + 8 + size > len(data):
-            raise BadFile(path, "ends early: it was cut off or is damaged", HINT)
-        unpacked += _unpacked(data[at + 8 : at + 8 + size], path) if kind == COMPRESSED else size
-        if unpacked > LARGEST:
-            raise BadFile(path, f"holds more than {LARGEST >> 30} GB once unpacked", HINT)
-        at += 8 + size
+        begin = at + TAG
+        if begin > len(data):
+            raise _cut_off(path)
+        kind, size = struct.unpack(f"{order}II", bytes(data[at:begin]))
+        end = begin + size
+        if end > len(data):
+            raise _cut_off(path)
+        unpacked += _unpacked(data[begin:end], path) if kind == COMPRESSED else size
+        if unpacked > MAX_BYTES:
+            raise BadFile(path, f"holds more than {MAX_BYTES >> 30} GB once unpacked", HINT)
+        at = end
+
+
+def _cut_off(path: Path) -> BadFile:
+    """Make the error of a file that is not whole."""
+    return BadFile(path, "ends early: it was cut off or is damaged", HINT)
 
 
 def _unpacked(data: np.ndarray, path: Path) -> int:
-    """Count the bytes that a compressed element holds; counting ends beyond `LARGEST`.
+    """Count the bytes that a compressed element holds; counting ends beyond `MAX_BYTES`.
 
     Parameters
     ----------
@@ -156,7 +230,7 @@ def _unpacked(data: np.ndarray, path: Path) -> int:
     size = 0
     rest = bytes(data)
     try:
-        while rest and size <= LARGEST and not stream.eof:
+        while rest and size <= MAX_BYTES and not stream.eof:
             size += len(stream.decompress(rest, STEP))
             rest = stream.unconsumed_tail
     except zlib.error:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from myomorph.core.io.parsing.text import (
+    TableBody,
     file_text,
+    find_delimiter,
     line_from,
     parse_cells,
     quick_numbers,
@@ -30,6 +33,10 @@ HINT = (
     " numbers"
 )
 HEADER_LINES = 300
+END_HEADER = re.compile(r'^[ \t"]*endheader[ \t",]*\r?$', re.IGNORECASE | re.MULTILINE)
+TIME_LINE = re.compile(r'^[ \t"]*time\b.*$', re.IGNORECASE | re.MULTILINE)
+SIMM_LINE = re.compile(r"(name|datacolumns|datarows|otherdata|range)\s+(.*)", re.IGNORECASE)
+DEGREES_LINE = "angles are in degrees."
 KEYS = ("nRows", "nColumns", "inDegrees", "DataType", "version", "DataRate", "OpenSimVersion")
 SUFFIXES = {"vec3": 3, "quaternion": 4, "spatialvec": 6, "vec6": 6}
 
@@ -64,111 +71,143 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     """
     path = Path(path)
     text = file_text(path, HINT)
-    facts, in_degrees, start, notes = _header(text, path)
-    names_line, start = line_from(text, start)
-    body = text[start:]
+    notes: list[str] = []
+    header = _header(text, path, notes)
+    names_line, start = line_from(text, header.end)
+    delimiter = find_delimiter(names_line)
+    body = TableBody(text=text[start:], delimiter=delimiter, path=path, hint=HINT)
+    # Files may be large: only the rows are held on to.
     del text
-    delimiter: str | None
-    if "\t" in names_line:
-        delimiter = "\t"
-    elif "," in names_line:
-        delimiter = ","
-    else:
-        delimiter = None
     labels = [cell.strip().strip('"') for cell in split_cells(names_line, delimiter)]
     if not any(labels):
         raise BadFile(path, "there is no line of column names after 'endheader'", HINT)
-    found_values, names = _numbers(
-        body, labels, delimiter, facts.get("DataType", "double").lower(), notes, path
-    )
-    time, values = _rows(found_values, names, notes, path)
-    _check_counts(facts, values.shape, notes)
+    numbers = _numbers(body, labels, header.facts.get("DataType", "double").lower(), notes)
+    time, values = _rows(numbers, notes, path)
+    _check_counts(header.facts, values.shape, notes)
     return Table(
         time,
-        unique_names(names[1:], "column", notes),
+        unique_names(numbers.names[1:], "column", notes),
         values,
-        in_degrees=in_degrees,
-        facts=FrozenMap(facts),
+        in_degrees=header.in_degrees,
+        facts=FrozenMap(header.facts),
         warnings=tuple(notes),
         source=str(path),
     )
 
 
-def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]]:
+@dataclass(frozen=True, kw_only=True)
+class _Header:
+    """Header of a table.
+
+    Attributes
+    ----------
+    facts : values by key
+    in_degrees : whether angles are in degrees
+    end : index of the first character behind it
+    """
+
+    facts: dict[str, str]
+    in_degrees: bool
+    end: int
+
+
+def _header(text: str, path: Path, notes: list[str]) -> _Header:
     """Read the header of a table.
 
     Parameters
     ----------
     text : of the whole file
     path : of the file, for messages
-
-    Returns
-    -------
-    values of the header by key, whether angles are in degrees, the index of the first character
-    behind the header, and warnings
+    notes : gets a warning where no line ends the header
 
     Raises
     ------
     BadFile : there is neither a line 'endheader' nor a line that begins with 'time'
     """
-    notes: list[str] = []
-    end = re.search(r'^[ \t"]*endheader[ \t",]*\r?$', text[: 1 << 20], re.IGNORECASE | re.MULTILINE)
-    if end is not None:
-        header = text[: end.start()]
-        after = end.end()
+    match = END_HEADER.search(text[: 1 << 20])
+    if match is not None:
+        header = text[: match.start()]
+        end = match.end()
     else:
-        start = re.search(r'^[ \t"]*time\b.*$', text[: 1 << 16], re.IGNORECASE | re.MULTILINE)
-        if start is None:
+        match = TIME_LINE.search(text[: 1 << 16])
+        if match is None:
             raise BadFile(path, "has neither a line 'endheader' nor a column 'time'", HINT)
-        header = text[: start.start()]
-        after = start.start()
+        end = match.start()
+        header = text[:end]
         notes.append(
             "the header has no line 'endheader': the line that begins with 'time' was taken for the"
             " columns"
         )
+    lines = [line.strip(' \t",\r') for line in header.splitlines()[:HEADER_LINES]]
+    facts = _facts(lines)
+    in_degrees = _in_degrees(lines)
+    if in_degrees is None:
+        # OpenSim takes an old motion, without a version, as SIMM's own format: in degrees.
+        in_degrees = path.suffix.lower() == ".mot" and "version" not in facts
+    return _Header(facts=facts, in_degrees=in_degrees, end=end)
+
+
+def _facts(lines: Sequence[str]) -> dict[str, str]:
+    """Read the values of a header by key, of OpenSim's form or SIMM's."""
     facts: dict[str, str] = {}
-    stated: bool | None = None
-    for number, raw in enumerate(header.splitlines()[:HEADER_LINES]):
-        line = raw.strip(' \t",\r')
-        old = re.match(r"(name|datacolumns|datarows|otherdata|range)\s+(.*)", line, re.IGNORECASE)
+    for index, line in enumerate(lines):
+        simm = SIMM_LINE.match(line)
         if "=" in line:
             key, _, value = line.partition("=")
-            known = next(
-                (name for name in KEYS if name.lower() == key.strip().lower()), key.strip()
-            )
-            facts[known] = value.strip()
-            if known == "inDegrees":
-                stated = value.strip().lower() in ("yes", "y", "true", "1")
-        elif old is not None:
-            facts[old.group(1).lower()] = old.group(2).strip()
-        elif line.lower() == "angles are in degrees." and stated is None:
-            stated = True
-        elif number == 0 and line:
+            facts[_key(key)] = value.strip()
+        elif simm is not None:
+            facts[simm.group(1).lower()] = simm.group(2).strip()
+        elif index == 0 and line and line.lower() != DEGREES_LINE:
             facts["name"] = line
-    # OpenSim takes an old motion, without a version, as SIMM's own format: angles in degrees.
-    old_motion = path.suffix.lower() == ".mot" and "version" not in facts
-    return facts, old_motion if stated is None else stated, after, notes
+    return facts
 
 
-def _numbers(
-    body: str, labels: list[str], delimiter: str | None, kind: str, notes: list[str], path: Path
-) -> tuple[Array, list[str]]:
+def _key(text: str) -> str:
+    """Return a key as OpenSim spells it."""
+    text = text.strip()
+    for key in KEYS:
+        if key.lower() == text.lower():
+            return key
+    return text
+
+
+def _in_degrees(lines: Sequence[str]) -> bool | None:
+    """Return whether a header states that angles are in degrees; None where it does not say."""
+    stated: bool | None = None
+    for line in lines:
+        if "=" in line:
+            key, _, value = line.partition("=")
+            if _key(key) == "inDegrees":
+                stated = value.strip().lower() in ("yes", "y", "true", "1")
+        elif line.lower() == DEGREES_LINE and stated is None:
+            stated = True
+    return stated
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Numbers:
+    """Rows of a table.
+
+    Attributes
+    ----------
+    names : one per column
+    values : (rows, columns) with the time first [s], NaN where a cell is blank
+    """
+
+    names: list[str]
+    values: Array
+
+
+def _numbers(body: TableBody, labels: list[str], kind: str, notes: list[str]) -> _Numbers:
     """Read the rows of numbers below the line of column names.
 
     Parameters
     ----------
     body : text below the line of names
-    labels : one per column, the index column included; blank ones at the end are dropped in place
-    delimiter : between cells, None for white space
+    labels : one per column, that of the time included; there may be blank ones at the end
     kind : data type in small letters; each cell of "vec3", "quaternion", ... becomes several
         columns
     notes : gets a warning for what was left out
-    path : of the file, for messages
-
-    Returns
-    -------
-    values (rows, columns) with the index column, NaN where a cell is blank, and the name of every
-    column
 
     Raises
     ------
@@ -176,46 +215,69 @@ def _numbers(
         numbers
     """
     while len(labels) > 1 and not labels[-1]:
-        labels.pop()
-    first = line_from(body, 0)[0].rstrip()
+        labels = labels[:-1]
+    first = line_from(body.text, 0)[0].rstrip()
     width = SUFFIXES.get(kind, 0)
-    if width and "," in first and delimiter != ",":
-        index, *columns = labels
-        labels = [index] + [f"{name}_{part + 1}" for name in columns for part in range(width)]
-        body = body.replace(",", "\t")
-        delimiter = "\t"
+    if width and "," in first and body.delimiter != ",":
+        time, *columns = labels
+        labels = [time, *(f"{name}_{part + 1}" for name in columns for part in range(width))]
+        body = replace(body, text=body.text.replace(",", "\t"), delimiter="\t")
     named = [label for label in labels if label]
-    quick = quick_numbers(body, delimiter, len(named))
+    quick = quick_numbers(body.text, body.delimiter, len(named))
     if quick is not None:
-        return quick, named
-    cells = split_cells(first, delimiter)
+        return _Numbers(names=named, values=quick)
+    body, labels = _fitted(body, labels, first, notes)
+    names = [label or f"unnamed_{column}" for column, label in enumerate(labels)]
+    return _Numbers(names=names, values=parse_cells(body, len(names), notes))
+
+
+def _fitted(
+    body: TableBody, labels: list[str], first: str, notes: list[str]
+) -> tuple[TableBody, list[str]]:
+    """Make names and cells fit each other, where one line has more delimiters than the other.
+
+    Parameters
+    ----------
+    body : of the table
+    labels : one per column, "" where there is none
+    first : row of the table
+    notes : gets a warning where columns are left out
+
+    Returns
+    -------
+    the body with the delimiter that fits, and the labels with or without the blank ones
+
+    Raises
+    ------
+    BadFile : the row has fewer cells, or many more
+    """
+    named = [label for label in labels if label]
+    cells = split_cells(first, body.delimiter)
     while len(cells) > len(labels) and not cells[-1].strip():
         cells.pop()
-    if len(cells) == len(named) and len(named) < len(labels):
-        labels = named
-    elif len(cells) != len(labels) and first.strip():
-        if len(first.split()) == len(named):
-            labels = named
-            delimiter = None
-        elif len(cells) > len(labels) and len(cells) < len(labels) + 3:
-            notes.append(f"{len(cells) - len(labels)} columns without a name were left out")
-        else:
-            raise BadFile(
-                path,
-                f"has {len(labels)} column names, but {len(cells)} numbers in its first row",
-                HINT,
-            )
-    names = [label or f"unnamed_{column}" for column, label in enumerate(labels)]
-    return parse_cells(body, len(names), delimiter, notes, path, HINT), names
+    if len(cells) == len(named) < len(labels):
+        return body, named
+    if len(cells) == len(labels) or not first.strip():
+        return body, labels
+    if len(first.split()) == len(named):
+        return replace(body, delimiter=None), named
+    extra = len(cells) - len(labels)
+    if not 0 < extra < 3:
+        raise BadFile(
+            body.path,
+            f"has {len(labels)} column names, but {len(cells)} numbers in its first row",
+            HINT,
+        )
+    notes.append(f"{extra} columns without a name were left out")
+    return body, labels
 
 
-def _rows(table: Array, names: Sequence[str], notes: list[str], path: Path) -> tuple[Array, Array]:
+def _rows(numbers: _Numbers, notes: list[str], path: Path) -> tuple[Array, Array]:
     """Take the time off a table and leave out rows whose time does not increase.
 
     Parameters
     ----------
-    table : (rows, columns) with the time first [s]
-    names : one per column
+    numbers : names and values
     notes : gets a warning for what was left out or made NaN
     path : of the file, for messages
 
@@ -227,30 +289,30 @@ def _rows(table: Array, names: Sequence[str], notes: list[str], path: Path) -> t
     ------
     BadFile : there is no row, or none with a time that is a number
     """
-    if names[0].lower() not in ("time", "t", "times"):
-        notes.append(f"the first column '{names[0]}' was taken for the time")
-    if not len(table):
+    time_name, *names = numbers.names
+    if time_name.lower() not in ("time", "t", "times"):
+        notes.append(f"the first column '{time_name}' was taken for the time")
+    if not len(numbers.values):
         raise BadFile(
             path,
             "has column names, but no row of numbers",
             "the recording may have stopped before it began",
         )
-    keep = rising(table[:, 0])
+    keep = rising(numbers.values[:, 0])
     if not keep.any():
         raise BadFile(path, "its first column holds no time that is a number", HINT)
-    if not keep.all():
-        notes.append(
-            f"{np.count_nonzero(~keep)} rows were left out because their time does not increase"
-        )
-    table = table[keep]
+    left_out = np.count_nonzero(~keep)
+    if left_out:
+        notes.append(f"{left_out} rows were left out because their time does not increase")
+    table = numbers.values[keep]
     values = table[:, 1:]
-    if np.isinf(values).any():
-        worst = names[1 + int(np.argmax(np.isinf(values).sum(axis=0)))]
+    infinite = np.isinf(values)
+    if infinite.any():
+        worst = names[int(np.argmax(infinite.sum(axis=0)))]
         notes.append(
-            f"{np.count_nonzero(np.isinf(values))} infinite values were made NaN (most in"
-            f" '{worst}')"
+            f"{np.count_nonzero(infinite)} infinite values were made NaN (most in '{worst}')"
         )
-        values = np.where(np.isinf(values), np.nan, values)
+        values = np.where(infinite, np.nan, values)
     return table[:, 0], values
 
 
@@ -263,14 +325,16 @@ def _check_counts(facts: Mapping[str, str], shape: tuple[int, ...], notes: list[
     shape : (rows, columns) of the values, without the time
     notes : gets the warnings
     """
-    for keys, have, what in (
-        (("nRows", "datarows"), shape[0], "rows"),
-        (("nColumns", "datacolumns"), shape[1] + 1, "columns"),
-    ):
+    rows, columns = shape
+    counts = {
+        ("nRows", "datarows"): (rows, "rows"),
+        ("nColumns", "datacolumns"): (columns + 1, "columns"),
+    }
+    for keys, (count, what) in counts.items():
         for key in keys:
             stated = facts.get(key, "").split()
-            if stated and stated[0].isdigit() and int(stated[0]) != have:
-                notes.append(f"the header says {stated[0]} {what}, the file has {have}")
+            if stated and stated[0].isdigit() and int(stated[0]) != count:
+                notes.append(f"the header says {stated[0]} {what}, the file has {count}")
                 break
 
 
@@ -366,15 +430,15 @@ def coordinate_columns(names: Sequence[str], model: Model) -> dict[str, int]:
     -------
     index of the first column of each coordinate that has one, by the coordinate's name
     """
-    wanted = set(model.coordinate_names)
+    coordinates = set(model.coordinate_names)
     columns: dict[str, int] = {}
     for column, name in enumerate(names):
-        parts = name.split("/")
-        if len(parts) > 1 and parts[-1] != "value":
+        *owners, last = name.split("/")
+        if owners and last != "value":
             continue
-        short = parts[-2] if len(parts) > 1 else name
-        if short in wanted and short not in columns:
-            columns[short] = column
+        coordinate = owners[-1] if owners else name
+        if coordinate in coordinates:
+            columns.setdefault(coordinate, column)
     return columns
 
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from myomorph.core.io.parsing.text import (
+    TableBody,
     file_text,
+    find_delimiter,
     line_from,
     number,
     number_or_nan,
@@ -49,7 +52,9 @@ FIELDS = (
     "OrigDataStartFrame",
     "OrigNumFrames",
 )
+AXIS = re.compile(r"\b[xyz]\d*\b", re.IGNORECASE)
 HEADER_LINES = 30
+MAX_METERS = 20.0  # Median of positions, above which a unit without a name is taken as mm.
 
 
 def read_trc(path: str | os.PathLike[str]) -> Trial:
@@ -75,25 +80,22 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     path = Path(path)
     text = file_text(path, HINT)
     notes: list[str] = []
-    facts, labels, start, delimiter = _header(text, path, notes)
-    labels = _labels(labels, facts)
-    table, columns = _table(text, start, len(labels), delimiter, path, notes)
-    slots = (columns - 2) // 3
-    labels = labels + [""] * (slots - len(labels))
-    if "" in labels:
-        notes.append(f"{labels.count('')} markers have no name")
-    labels = [name or f"unnamed_{slot + 1}" for slot, name in enumerate(labels[:slots])]
+    header = _header(text, path, notes)
+    facts = header.facts
+    labels = _labels(header.cells, facts)
+    body = TableBody(text=text[header.end :], delimiter=header.delimiter, path=path, hint=HINT)
+    table = _table(body, len(labels), notes)
+    names = _names(labels, (table.shape[1] - 2) // 3, notes)
     time, table = _clock(table, facts, path, notes)
-    values = table[:, 2 : 2 + 3 * len(labels)].reshape(len(table), len(labels), 3)
-    values = without_far_away(_hidden(values, labels, notes) * _unit(facts, values, notes), notes)
-    for key, have, what in (
-        ("NumFrames", len(time), "frames"),
-        ("NumMarkers", len(labels), "markers"),
-    ):
+    values = table[:, 2 : 2 + 3 * len(names)].reshape(len(table), len(names), 3)
+    positions = _hidden(values, names, notes)
+    positions = without_far_away(positions * _unit(facts, values, notes), notes)
+    counts = {"NumFrames": (len(time), "frames"), "NumMarkers": (len(names), "markers")}
+    for key, (count, what) in counts.items():
         stated = facts.get(key, "")
-        if stated.isdigit() and int(stated) != have:
-            notes.append(f"the header says {stated} {what}, the file has {have}")
-    markers = Markers(time, unique_names(labels, "marker", notes), values)
+        if stated.isdigit() and int(stated) != count:
+            notes.append(f"the header says {stated} {what}, the file has {count}")
+    markers = Markers(time, unique_names(names, "marker", notes), positions)
     return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
 
 
@@ -113,13 +115,29 @@ def trc_head(text: str, path: Path) -> tuple[dict[str, str], int]:
     ------
     BadFile : there is no line 'Frame#  Time  marker names'
     """
-    facts, _, start, _ = _header(text, path, [])
-    return facts, start
+    header = _header(text, path, [])
+    return header.facts, header.end
 
 
-def _header(
-    text: str, path: Path, notes: list[str]
-) -> tuple[dict[str, str], list[str], int, str | None]:
+@dataclass(frozen=True, kw_only=True)
+class _Header:
+    """Lines above the numbers.
+
+    Attributes
+    ----------
+    facts : values by key
+    cells : of the line of names, behind 'Frame#' and 'Time'
+    delimiter : of these cells, None for white space
+    end : index of the character at which the numbers begin
+    """
+
+    facts: dict[str, str]
+    cells: list[str]
+    delimiter: str | None
+    end: int
+
+
+def _header(text: str, path: Path, notes: list[str]) -> _Header:
     """Read the lines above the numbers.
 
     Parameters
@@ -128,22 +146,15 @@ def _header(
     path : of the file, for messages
     notes : gets a warning where no line 'DataRate ...' states the units
 
-    Returns
-    -------
-    values of the header by key, cells of the line of names behind 'Frame#' and 'Time', the index of
-    the character at which the numbers begin, and the delimiter of cells (None for white space)
-
     Raises
     ------
     BadFile : there is no line 'Frame#  Time  marker names'
     """
     facts: dict[str, str] = {}
     start = 0
-    line = ""
     for _ in range(HEADER_LINES):
         line, start = line_from(text, start)
-        first = line.replace(",", " ").split()[:1]
-        word = first[0].lower().strip('"') if first else ""
+        word = _first_word(line).lower().strip('"')
         if word == "datarate":
             values, start = line_from(text, start)
             facts.update(_header_values(line, values))
@@ -153,22 +164,21 @@ def _header(
         raise BadFile(path, "has no line 'Frame#  Time  marker names'", HINT)
     if not facts:
         notes.append("the header has no line 'DataRate ...': units were guessed from the values")
-    delimiter: str | None
-    if "\t" in line:
-        delimiter = "\t"
-    elif "," in line:
-        delimiter = ","
-    else:
-        delimiter = None
-    cells = [cell.strip().strip('"') for cell in split_cells(line, delimiter)]
     if word == "time":
         raise BadFile(path, "has no column 'Frame#'", HINT)
+    delimiter = find_delimiter(line)
+    cells = [cell.strip().strip('"') for cell in split_cells(line, delimiter)]
     # The line of X1 Y1 Z1 may be missing; it never begins with a number.
     below, after = line_from(text, start)
-    begin = (below.replace(",", " ").split() or [""])[0]
-    if re.search(r"\b[xyz]\d*\b", below, re.IGNORECASE) and not np.isfinite(number_or_nan(begin)):
+    if AXIS.search(below) and not np.isfinite(number_or_nan(_first_word(below))):
         start = after
-    return facts, cells[2:], start, delimiter
+    return _Header(facts=facts, cells=cells[2:], delimiter=delimiter, end=start)
+
+
+def _first_word(line: str) -> str:
+    """Return the text up to a blank or a comma, "" where there is none."""
+    words = line.replace(",", " ").split()
+    return words[0] if words else ""
 
 
 def _header_values(keys: str, values: str) -> dict[str, str]:
@@ -182,69 +192,98 @@ def _header_values(keys: str, values: str) -> dict[str, str]:
     return facts
 
 
-def _table(
-    text: str, start: int, named: int, delimiter: str | None, path: Path, notes: list[str]
-) -> tuple[Array, int]:
+def _table(body: TableBody, named: int, notes: list[str]) -> Array:
     """Read the rows of numbers.
 
     Parameters
     ----------
-    text : of the file
-    start : index of the character at which the numbers begin
+    body : text below the names
     named : count of markers with a name; 0 takes as many as there are columns
-    delimiter : between cells, None for white space
-    path : of the file, for messages
     notes : gets a warning for what was left out
 
     Returns
     -------
-    values (frames, columns) with frame number and time first, NaN where a cell is blank; and the
-    count of columns, 2 and three per marker
+    (frames, columns) with frame number and time first, then three per marker, NaN where a cell is
+    blank
 
     Raises
     ------
     BadFile : there is no row of numbers
     """
-    body = text[start:]
     columns = 2 + 3 * named
-    quick = quick_numbers(body, delimiter, columns) if named else None
+    quick = quick_numbers(body.text, body.delimiter, columns) if named else None
     if quick is not None:
-        return quick, columns
-    first = line_from(body, 0)[0]
-    if delimiter and delimiter not in first:
-        delimiter = None
-    lines = [line for line in body.split("\n") if line.strip(" \t,")]
+        return quick
+    first, _ = line_from(body.text, 0)
+    if body.delimiter and body.delimiter not in first:
+        body = replace(body, delimiter=None)
+    lines = [line for line in body.text.split("\n") if line.strip(" \t,")]
     if not lines:
         raise BadFile(
-            path, "has marker names, but no frame", "the recording may have stopped before it began"
+            body.path,
+            "has marker names, but no frame",
+            "the recording may have stopped before it began",
         )
-    rows = [split_cells(line.rstrip(" \t,"), delimiter) for line in lines]
+    rows = [split_cells(line.rstrip(" \t,"), body.delimiter) for line in lines]
     width = max(len(row) for row in rows)
-    if (
-        not body.endswith("\n")
-        and len(rows) > 1
-        and len(rows[-1]) < len(split_cells(lines[-2], delimiter))
-    ):
+    if _is_cut_off(body, lines, rows):
         rows.pop()
         notes.append("the last row ends too early and was left out: the file may have been cut off")
-    columns = max(columns, width) if named == 0 else columns
-    columns = 2 + 3 * ((columns - 2) // 3)
-    if width > columns and named:
+    if not named:
+        columns = 2 + 3 * ((max(columns, width) - 2) // 3)
+    elif width > columns:
         notes.append(f"{width - columns} columns behind the last marker were left out")
+    return _values(rows, columns, body.path, notes)
+
+
+def _is_cut_off(body: TableBody, lines: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether the last of several rows has no end of a line, and fewer cells than before.
+
+    Parameters
+    ----------
+    body : of the table
+    lines : of each row
+    rows : cells of each row, without blank ones at its end
+    """
+    if body.text.endswith("\n") or len(rows) < 2:
+        return False
+    return len(rows[-1]) < len(split_cells(lines[-2], body.delimiter))
+
+
+def _values(rows: Sequence[Sequence[str]], columns: int, path: Path, notes: list[str]) -> Array:
+    """Convert cells to numbers; rows with texts are left out.
+
+    Parameters
+    ----------
+    rows : cells of each row
+    columns : count of columns; further cells of a row are ignored
+    path : of the file, for messages
+    notes : gets a warning for rows that were left out
+
+    Returns
+    -------
+    (rows, columns), NaN where a cell is blank or missing
+
+    Raises
+    ------
+    BadFile : no row is of numbers
+    """
     table = np.full((len(rows), columns), np.nan)
-    bad = np.zeros(len(rows), dtype=bool)
+    is_text = np.zeros(len(rows), dtype=bool)
     for index, row in enumerate(rows):
+        cells = row[:columns]
         try:
-            table[index, : min(len(row), columns)] = [number(cell) for cell in row[:columns]]
+            table[index, : len(cells)] = [number(cell) for cell in cells]
         except ValueError:
-            bad[index] = True
-    if bad.any():
+            is_text[index] = True
+    if is_text.any():
         notes.append(
-            f"{np.count_nonzero(bad)} rows were left out because they hold text instead of numbers"
+            f"{np.count_nonzero(is_text)} rows were left out because they hold text instead of"
+            " numbers"
         )
-    if bad.all():
+    if is_text.all():
         raise BadFile(path, "has marker names, but no frame of numbers", HINT)
-    return table[~bad], columns
+    return table[~is_text]
 
 
 def _labels(cells: list[str], facts: Mapping[str, str]) -> list[str]:
@@ -259,13 +298,31 @@ def _labels(cells: list[str], facts: Mapping[str, str]) -> list[str]:
     -------
     one name per marker, "" for a marker without one
     """
-    names = [cell for cell in cells if cell]
+    columns = [column for column, cell in enumerate(cells) if cell]
+    names = [cells[column] for column in columns]
     stated = facts.get("NumMarkers", "")
-    places = [column // 3 for column, cell in enumerate(cells) if cell and column % 3 == 0]
-    if len(places) < len(names) or not stated.isdigit() or len(names) >= int(stated) or not names:
+    if not names or not stated.isdigit() or len(names) >= int(stated):
+        return names
+    if any(column % 3 for column in columns):
         return names
     # A blank name amid the others: the columns say which marker it is.
-    return [cells[3 * slot] for slot in range(places[-1] + 1)]
+    return cells[: columns[-1] + 1 : 3]
+
+
+def _names(labels: Sequence[str], count: int, notes: list[str]) -> list[str]:
+    """Name as many markers as there are columns for.
+
+    Parameters
+    ----------
+    labels : one per marker, "" for one without a name
+    count : of markers with columns
+    notes : gets a warning where markers have no name
+    """
+    padded = [*labels, *[""] * (count - len(labels))]
+    nameless = padded.count("")
+    if nameless:
+        notes.append(f"{nameless} markers have no name")
+    return [label or f"unnamed_{index + 1}" for index, label in enumerate(padded[:count])]
 
 
 def _clock(
@@ -288,28 +345,47 @@ def _clock(
     ------
     BadFile : no time is a number, and frame numbers do not give them
     """
-    frame = table[:, 0]
     time = table[:, 1]
-    rate = number_or_nan(facts.get("DataRate", ""))
     keep = rising(time)
     if keep.all():
         return time, table
-    if rate > 0 and np.all(np.diff(frame) > 0):
-        known = np.isfinite(time)
-        zero = time[known][0] - (frame[known][0] - frame[0]) / rate if known.any() else 0.0
-        counted = zero + (frame - frame[0]) / rate
-        if not known.any() or np.all(np.abs(counted - time)[known] <= 1.0 / rate + 1e-3):
-            notes.append(
-                "the time column repeats or is blank: time was counted from frame numbers and"
-                " DataRate"
-            )
-            return counted, table
+    counted = _counted_time(table[:, 0], time, number_or_nan(facts.get("DataRate", "")))
+    if counted is not None:
+        notes.append(
+            "the time column repeats or is blank: time was counted from frame numbers and DataRate"
+        )
+        return counted, table
     if not keep.any():
         raise BadFile(path, "its time column holds no number", HINT)
     notes.append(
         f"{np.count_nonzero(~keep)} frames were left out because their time does not increase"
     )
     return time[keep], table[keep]
+
+
+def _counted_time(frame: Array, time: Array, rate: float) -> Array | None:
+    """Count times by frame numbers, from the first time that is a number.
+
+    Parameters
+    ----------
+    frame : (rows,) number of each
+    time : (rows,) [s], NaN where it is blank
+    rate : frames per second [Hz], NaN for unknown
+
+    Returns
+    -------
+    (rows,) [s]; None where the rate is unknown, numbers do not rise or do not agree with the times
+    """
+    if not rate > 0 or not np.all(np.diff(frame) > 0):
+        return None
+    seconds = (frame - frame[0]) / rate
+    known = np.isfinite(time)
+    if not known.any():
+        return 0.0 + seconds
+    start = time[known][0] - seconds[known][0]
+    counted = start + seconds
+    agree = np.all(np.abs(counted - time)[known] <= 1.0 / rate + 1e-3)
+    return counted if agree else None
 
 
 def _hidden(values: Array, names: list[str], notes: list[str]) -> Array:
@@ -353,8 +429,8 @@ def _unit(facts: dict[str, str], values: Array, notes: list[str]) -> float:
     stated = facts.get("Units", "").strip('"').lower()
     if stated in METERS:
         return METERS[stated]
-    size = float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
-    guess = "mm" if size > 20.0 else "m"
+    median = float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
+    guess = "mm" if median > MAX_METERS else "m"
     notes.append(
         f"the header names no unit that is known ('{facts.get('Units', '')}'): taken as {guess}"
     )
@@ -389,17 +465,16 @@ def write_trc(markers: Markers, path: str | os.PathLike[str], units: str = "mm")
         raise BadData(f"unknown unit '{units}' for a TRC file: there are 'mm', 'cm', 'm'")
     frames, count = markers.values.shape[:2]
     rate = f"{markers.rate:.6f}" if frames > 1 else "1"
-    labels = "".join(f"\tX{index}\tY{index}\tZ{index}" for index in range(1, count + 1))
+    keys = "\t".join(FIELDS)
+    names = "".join(f"{name}\t\t\t" for name in markers.names).rstrip("\t")
+    axes = "".join(f"\tX{index}\tY{index}\tZ{index}" for index in range(1, count + 1))
+    coordinates = (markers.values / METERS[units]).reshape(frames, 3 * count)
     with written(path) as stream:
-        stream.write(f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}\n" + "\t".join(FIELDS) + "\n")
+        stream.write(f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}\n{keys}\n")
         stream.write(f"{rate}\t{rate}\t{frames}\t{count}\t{units}\t{rate}\t1\t{frames}\n")
-        stream.write(
-            "Frame#\tTime\t"
-            + "".join(f"{name}\t\t\t" for name in markers.names).rstrip("\t")
-            + "\n"
-        )
-        stream.write(f"\t{labels}\n\n")
-        flat = (markers.values / METERS[units]).reshape(frames, 3 * count)
+        stream.write(f"Frame#\tTime\t{names}\n")
+        stream.write(f"\t{axes}\n\n")
         for frame in range(frames):
-            cells = [f"{value:.10g}" for value in flat[frame].tolist()]
-            stream.write("\t".join((str(frame + 1), f"{markers.time[frame]:.10g}", *cells)) + "\n")
+            numbers = [markers.time[frame], *coordinates[frame].tolist()]
+            cells = "\t".join(f"{value:.10g}" for value in numbers)
+            stream.write(f"{frame + 1}\t{cells}\n")

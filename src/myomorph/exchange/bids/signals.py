@@ -19,7 +19,14 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.core.io.parsing.text import file_text, parse_cells, quick_numbers, rising, written
+from myomorph.core.io.parsing.text import (
+    TableBody,
+    file_text,
+    parse_cells,
+    quick_numbers,
+    rising,
+    written,
+)
 from myomorph.core.model.arrays import read_only
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
@@ -157,7 +164,9 @@ def read_signals(path: Path) -> Signals:
     if width != len(channels):
         raise BadFile(path, f"has {width} columns, but its channels are {len(channels)}", HINT)
     values = quick_numbers(text, "\t", width)
-    values = parse_cells(text, width, "\t", notes, path, HINT) if values is None else values
+    if values is None:
+        body = TableBody(text=text, delimiter="\t", path=path, hint=HINT)
+        values = parse_cells(body, width, notes)
     clock = next((column for column, each in enumerate(channels) if each.kind == LATENCY), None)
     rate = number_of(facts, RATE)
     if clock is None and not rate > 0.0:

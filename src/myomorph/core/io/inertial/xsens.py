@@ -12,7 +12,7 @@ import numpy as np
 from lxml import etree
 
 from myomorph.core.io.inertial.signals import sensors_of_signals
-from myomorph.core.io.parsing.text import file_text, parse_cells, quick_numbers
+from myomorph.core.io.parsing.text import TableBody, file_text, parse_cells, quick_numbers
 from myomorph.core.io.parsing.xml import read_xml
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadFile
@@ -266,11 +266,12 @@ def _sensor_table(path: Path) -> _SensorTable:
         raise BadFile(path, "has no line of column names that begins with PacketCounter", HINT)
     delimiter = next(mark for mark in "\t;," if mark in lines[start] or mark == ",")
     names = [cell.strip().strip('"') for cell in _without_end(lines[start]).split(delimiter)]
-    body = "\n".join(_without_end(line) for line in lines[start + 1 :])
+    text = "\n".join(_without_end(line) for line in lines[start + 1 :])
     notes = list[str]()
-    values = quick_numbers(body, delimiter, len(names))
+    values = quick_numbers(text, delimiter, len(names))
     if values is None:
-        values = parse_cells(body, len(names), delimiter, notes, path, HINT)
+        body = TableBody(text=text, delimiter=delimiter, path=path, hint=HINT)
+        values = parse_cells(body, len(names), notes)
     return _SensorTable(
         head="\n".join(lines[:start]),
         names=tuple(names),

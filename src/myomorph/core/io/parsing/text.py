@@ -7,8 +7,9 @@ import io
 import os
 import tempfile
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
@@ -18,7 +19,9 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadFile
 
 BINARY_SHARE = 0.02
-FARTHEST = 1e5
+MAX_DISTANCE = 1e5  # Of a position, along an axis [m].
+MISSING = ("na", "n/a", "-", "--", "none", "null", "missing", ".")
+"""Cells in small letters that hold no number, besides blanks and spellings of NaN."""
 
 
 @contextmanager
@@ -163,6 +166,18 @@ def split_cells(line: str, delimiter: str | None) -> list[str]:
     return line.split() if delimiter is None else line.rstrip("\r\n").split(delimiter)
 
 
+def find_delimiter(line: str) -> str | None:
+    """Find what stands between the cells of a line: a tab, a comma, or None for white space.
+
+    Parameters
+    ----------
+    line : of names
+    """
+    if "\t" in line:
+        return "\t"
+    return "," if "," in line else None
+
+
 def number_or_nan(text: str) -> float:
     """Convert a text to a number, NaN where it is none.
 
@@ -195,32 +210,46 @@ def number(cell: str) -> float:
     try:
         return float(cell)
     except ValueError:
-        low = cell.lower()
-        if (
-            not cell
-            or "nan" in low
-            or "#ind" in low
-            or low in ("na", "n/a", "-", "--", "none", "null", "missing", ".")
-        ):
-            return float("nan")
-        if "#inf" in low:
-            return float("-inf") if low.startswith("-") else float("inf")
-        return float(low.replace("d", "e") if "d" in low else low.replace(",", "."))
+        return _odd_number(cell.lower())
 
 
-def parse_cells(
-    body: str, columns: int, delimiter: str | None, notes: list[str], path: Path, hint: str
-) -> Array:
+def _odd_number(cell: str) -> float:
+    """Convert a cell in small letters that Python takes for no number; `ValueError` for a text."""
+    if not cell or cell in MISSING or "nan" in cell or "#ind" in cell:
+        return float("nan")
+    if "#inf" in cell:
+        return float("-inf") if cell.startswith("-") else float("inf")
+    if "d" in cell:
+        return float(cell.replace("d", "e"))
+    return float(cell.replace(",", "."))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableBody:
+    """Rows of a table, as text.
+
+    Attributes
+    ----------
+    text : below the line of names
+    delimiter : between cells, None for white space
+    path : of the file, for messages
+    hint : what was expected, for messages
+    """
+
+    text: str
+    delimiter: str | None
+    path: Path
+    hint: str
+
+
+def parse_cells(body: TableBody, columns: int, notes: list[str]) -> Array:
     """Read the rows of a table cell by cell; rows that are too short or hold text are left out.
 
     Parameters
     ----------
-    body : text below the line of names
+    body : of the table
     columns : count of columns; further cells of a row are ignored
-    delimiter : between cells, None for white space
     notes : gets a warning for what was left out
-    path : of the file, for messages
-    hint : what was expected, for the message
 
     Returns
     -------
@@ -231,27 +260,36 @@ def parse_cells(
     BadFile : no row is of numbers
     """
     rows: list[list[float]] = []
-    short = odd = 0
-    for line in body.splitlines():
+    short_count = 0
+    text_count = 0
+    for line in body.text.splitlines():
         if not line.strip(" \t,"):
             continue
-        cells = split_cells(line, delimiter)
-        if len(cells) < columns and delimiter is not None and len(line.split()) == columns:
-            cells = line.split()
+        cells = _row_cells(line, body.delimiter, columns)
         if len(cells) < columns:
-            short += 1
+            short_count += 1
             continue
         try:
             rows.append([number(cell) for cell in cells[:columns]])
         except ValueError:
-            odd += 1
-    if short:
-        notes.append(f"{short} rows were left out because they end too early")
-    if odd:
-        notes.append(f"{odd} rows were left out because they hold text instead of numbers")
+            text_count += 1
+    if short_count:
+        notes.append(f"{short_count} rows were left out because they end too early")
+    if text_count:
+        notes.append(f"{text_count} rows were left out because they hold text instead of numbers")
     if not rows:
-        raise BadFile(path, "has column names, but no row of numbers", hint)
+        raise BadFile(body.path, "has column names, but no row of numbers", body.hint)
     return np.array(rows, dtype=np.float64)
+
+
+def _row_cells(line: str, delimiter: str | None, columns: int) -> list[str]:
+    """Split a row into cells, at white space where only that gives one per column."""
+    cells = split_cells(line, delimiter)
+    if len(cells) < columns and delimiter is not None:
+        words = line.split()
+        if len(words) == columns:
+            return words
+    return cells
 
 
 def quick_numbers(body: str, delimiter: str | None, columns: int) -> Array | None:
@@ -279,8 +317,11 @@ def quick_numbers(body: str, delimiter: str | None, columns: int) -> Array | Non
         return None
     rows = flat.size // columns
     lines = body.count("\n") + (not body.endswith("\n"))
-    if lines != rows and sum(1 for line in body.splitlines() if line.strip()) != rows:
-        return None
+    if lines != rows:
+        # There may be empty ones.
+        filled = sum(1 for line in body.splitlines() if line.strip())
+        if filled != rows:
+            return None
     return flat.reshape(rows, columns)
 
 
@@ -313,11 +354,11 @@ def without_far_away(positions: Array, notes: list[str]) -> Array:
     -------
     (..., 3) [m], NaN for those farther than 100 km along an axis
     """
-    far = np.abs(positions).max(axis=-1) > FARTHEST
+    far = np.abs(positions).max(axis=-1) > MAX_DISTANCE
     if far.any():
         notes.append(
-            f"{np.count_nonzero(far)} positions are farther than {FARTHEST / 1000:.0f} km: taken as"
-            " hidden"
+            f"{np.count_nonzero(far)} positions are farther than {MAX_DISTANCE / 1000:.0f} km:"
+            " taken as hidden"
         )
         positions = np.where(far[..., None], np.nan, positions)
     return positions
@@ -337,31 +378,40 @@ def unique_names(names: Sequence[str], kind: str, notes: list[str]) -> tuple[str
     the names in their order, each once
     """
     taken = set(names)
-    seen: set[str] = set()
-    unique: list[str] = []
-    renamed: list[tuple[str, str]] = []
+    unique: dict[str, None] = {}
+    renamed: dict[str, str] = {}
+    count = 0
     for name in names:
-        if name in seen:
-            copy = 2
-            while f"{name}_{copy}" in taken:
-                copy += 1
-            renamed.append((name, f"{name}_{copy}"))
-            name = f"{name}_{copy}"
-            taken.add(name)
-        seen.add(name)
-        unique.append(name)
-    if len(renamed) == 1:
-        notes.append(
-            f"the {kind} '{renamed[0][0]}' occurs twice: the second was named '{renamed[0][1]}'"
-        )
-    elif renamed:
-        twice = ", ".join(dict.fromkeys(f"'{name}'" for name, _ in renamed))
-        example = renamed[0][1]
-        notes.append(
-            f"{len(renamed)} names of a {kind} occur again ({twice}): later ones are named like"
-            f" '{example}'"
-        )
+        new_name = name
+        if name in unique:
+            number = 2
+            while f"{name}_{number}" in taken:
+                number += 1
+            new_name = f"{name}_{number}"
+            taken.add(new_name)
+            renamed.setdefault(name, new_name)
+            count += 1
+        unique[new_name] = None
+    if count:
+        notes.append(_renamed(renamed, kind, count))
     return tuple(unique)
+
+
+def _renamed(renamed: Mapping[str, str], kind: str, count: int) -> str:
+    """Write the warning of names that occur twice.
+
+    Parameters
+    ----------
+    renamed : first new name by each name that occurs again
+    kind : what they name
+    count : of names that were changed
+    """
+    example = next(iter(renamed.values()))
+    if count == 1:
+        name = next(iter(renamed))
+        return f"the {kind} '{name}' occurs twice: the second was named '{example}'"
+    twice = ", ".join(f"'{name}'" for name in renamed)
+    return f"{count} names of a {kind} occur again ({twice}): later ones are named like '{example}'"
 
 
 @contextmanager
@@ -413,9 +463,8 @@ def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]], digits: i
     text = io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
     table.writerow(head)
-    table.writerows(
-        [f"{cell:.{digits}g}" if isinstance(cell, float) else cell for cell in row] for row in rows
-    )
+    for row in rows:
+        table.writerow(f"{cell:.{digits}g}" if isinstance(cell, float) else cell for cell in row)
     return text.getvalue()
 
 
