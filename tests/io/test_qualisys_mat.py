@@ -63,6 +63,12 @@ def test_one_marker_and_none_besides(tmp_path):
     np.testing.assert_allclose(trial.markers["tail"], 1e-3 * own[0, :3].T)
 
 
+def test_a_recording_without_fragments_is_read_on_request_too(tmp_path):
+    made(tmp_path / "a.mat", fragments=0)
+    markers = read_qualisys_mat(tmp_path / "a.mat", unidentified=True).markers
+    assert markers.names == ("hip", "knee")
+
+
 def test_what_is_not_read_is_told(tmp_path):
     made(tmp_path / "a.mat", Force={"ForcePlateName": "AMTI"}, Frames=99.0)
     told = " ".join(read_qualisys_mat(tmp_path / "a.mat").warnings)

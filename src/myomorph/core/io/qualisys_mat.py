@@ -98,9 +98,8 @@ class _Trajectories:
         """Label the unidentified ones by their numbers."""
         count = len(self.unidentified)
         labels = [f"{FRAGMENT}{index + 1}" for index in range(count)]
-        labelled = self.unidentified
-        if len(self.labelled):
-            labelled = np.concatenate([self.labelled, self.unidentified])
+        parts = [part for part in (self.labelled, self.unidentified) if len(part)]
+        labelled = np.concatenate(parts) if parts else self.labelled
         return replace(self, labels=[*self.labels, *labels], labelled=labelled)
 
 
