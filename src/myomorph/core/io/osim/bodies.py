@@ -24,6 +24,7 @@ from myomorph.core.model.model import GROUND, Body, Frame, Kept, Mesh, Model
 from myomorph.core.model.paths import WrapObject
 from myomorph.core.model.spatial import Transform
 
+FIRST_WITH_INERTIA = 30500  # Version of documents that state it as one vector.
 ONES = (1.0, 1.0, 1.0)
 QUADRANTS = {"all": "", "unassigned": "", "": ""} | {
     sign + axis: (sign or "+") + axis for sign in ("", "+", "-") for axis in "xyz"
@@ -72,15 +73,16 @@ def read_body(node: Node) -> Body:
 
 
 def _inertia(node: Node) -> Array:
-    """Read the inertia (3, 3) about the center of mass, in the body's frame [kg m^2]."""
-    if node.document.version < 30500:
-        parts = [
-            node.number(f"inertia_{axes}", float(axes in ("xx", "yy", "zz")))
-            for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
-        ]
+    """Read the inertia (3, 3) about the center of mass, in the body's frame [kg m^2].
+
+    Before version 3.5.0 each part stands by itself, and a moment that is left out is 1 kg m^2, as
+    in OpenSim.
+    """
+    if node.document.version < FIRST_WITH_INERTIA:
+        xx, yy, zz = [node.number(f"inertia_{axes}", 1.0) for axes in ("xx", "yy", "zz")]
+        xy, xz, yz = [node.number(f"inertia_{axes}", 0.0) for axes in ("xy", "xz", "yz")]
     else:
-        parts = list(node.vector("inertia", (0.0,) * 6))
-    xx, yy, zz, xy, xz, yz = parts
+        xx, yy, zz, xy, xz, yz = node.vector("inertia", (0.0,) * 6)
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
