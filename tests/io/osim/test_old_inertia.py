@@ -29,7 +29,7 @@ UNIT_VERSIONS = ("20302", "30000", "30499")
 CASES = [(version, stated) for version in (*UNIT_VERSIONS, "30500") for stated in STATED]
 
 
-def expected_inertia(version: str, stated: str) -> np.ndarray:
+def _expected_inertia(version: str, stated: str) -> np.ndarray:
     if version not in UNIT_VERSIONS:
         return np.zeros((3, 3))
     xx, yy, zz, xy = STATED[stated]
@@ -41,7 +41,7 @@ def test_moments_that_are_left_out(tmp_path, version, stated):
     path = tmp_path / "old.osim"
     path.write_text(DOCUMENT.format(version=version, inertia=stated), encoding="utf-8")
     inertia = read_osim(path).body("arm").inertia
-    np.testing.assert_array_equal(inertia, expected_inertia(version, stated))
+    np.testing.assert_array_equal(inertia, _expected_inertia(version, stated))
 
 
 def test_opensim_leaves_out_the_same(tmp_path):
@@ -54,4 +54,4 @@ def test_opensim_leaves_out_the_same(tmp_path):
     answers = opensim_oracle.ask(files, tmp_path)
     for version, stated in CASES:
         _, _, inertia = answers[f"{version}{stated}"]["bodies"]["arm"]
-        np.testing.assert_array_equal(inertia, expected_inertia(version, stated))
+        np.testing.assert_array_equal(inertia, _expected_inertia(version, stated))
