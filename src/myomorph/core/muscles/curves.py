@@ -404,10 +404,6 @@ def curve_jet(C, i, x):
     Of the polynomial part, with primes for derivatives in u,
 
         dy/dx = y' / x',   d^2y/dx^2 = (y'' - dy/dx x'') / x'^2
-
-    and of a shape size f(z), with dz/dx = z_1 = (b c - a d) / (c + d x)^2,
-
-        size f' z_1,   size (f'' z_1 - 2 f' d / (c + d x)) z_1
     """
     E = C.ends
     if not x >= E[i, 0]:
@@ -420,7 +416,6 @@ def curve_jet(C, i, x):
         y2 = 0.0
     else:
         P = C.pieces
-        S = C.shapes
         low = C.of_curve[i, 0]
         piece = C.of_curve[i, 1]
         while piece > low and x < P[piece, 0]:
@@ -431,20 +426,35 @@ def curve_jet(C, i, x):
         if C.of_piece[piece, 0]:
             rise, y1, y2 = _polynomial_jet(P, piece, parameter_at(P, piece, x))
             y0 += rise
-        for s in range(C.of_piece[piece, 1], C.of_piece[piece, 2]):
-            size = S[s, 1]
-            b = S[s, 3]
-            d = S[s, 5]
-            scale = 1.0 / (S[s, 4] + d * x)
-            f0, f1, f2 = shape_jet(S[s, 0], (S[s, 2] + b * x) * scale)
-            z1 = (b * S[s, 4] - S[s, 2] * d) * scale * scale
-            y0 += size * f0
-            y1 += size * f1 * z1
-            y2 += size * (f2 * z1 - 2.0 * f1 * d * scale) * z1
+        y0, y1, y2 = _with_shapes(C, piece, x, (y0, y1, y2))
     if y0 <= E[i, 6]:
         return E[i, 6], 0.0, 0.0
     if y0 >= E[i, 7]:
         return E[i, 7], 0.0, 0.0
+    return y0, y1, y2
+
+
+@inner(counted=False, forceinline=True)
+def _with_shapes(C, piece, x, jet):
+    """Add the shapes of a piece to the jet of its polynomial at x.
+
+    Of a shape size f(z), with z = (a + b x) / (c + d x) and
+    dz/dx = z_1 = (b c - a d) / (c + d x)^2,
+
+        size f,   size f' z_1,   size (f'' z_1 - 2 f' d / (c + d x)) z_1
+    """
+    S = C.shapes
+    y0, y1, y2 = jet
+    for s in range(C.of_piece[piece, 1], C.of_piece[piece, 2]):
+        size = S[s, 1]
+        b = S[s, 3]
+        d = S[s, 5]
+        scale = 1.0 / (S[s, 4] + d * x)
+        f0, f1, f2 = shape_jet(S[s, 0], (S[s, 2] + b * x) * scale)
+        z1 = (b * S[s, 4] - S[s, 2] * d) * scale * scale
+        y0 += size * f0
+        y1 += size * f1 * z1
+        y2 += size * (f2 * z1 - 2.0 * f1 * d * scale) * z1
     return y0, y1, y2
 
 

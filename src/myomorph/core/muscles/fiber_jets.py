@@ -43,7 +43,9 @@ def tendon_jet(E, m, f):
 
 
 @inner(counted=False, forceinline=True)
-def fiber_jet(E, m, x, u, a, out):
+def fiber_jet(  # page: a value and nine derivatives, each an equation by the chain rule
+    E, m, x, u, a, out
+):
     """P of a muscle and its derivatives.
 
     With b = a f_L f_V + f_PE + damping v, a function of l, v and a, the chain rule gives its

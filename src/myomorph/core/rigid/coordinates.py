@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.functions import Function, PiecewisePolynomial
-from myomorph.core.rigid.kernels import bare, in_place, kernel
+from myomorph.core.rigid.kernels import bare, in_place, inner, kernel
 
 Ints = NDArray[np.int64]
 
@@ -155,7 +155,8 @@ def evaluate_curved(F, i, x1, x2):
     return _evaluate_sines(F, i, x1, x2)
 
 
-@bare
+# A part of its caller: of a spline in a knee, the call took as long as Horner's scheme.
+@inner(counted=False, forceinline=True)
 def _evaluate_polynomial(F, i, x):
     """Value, slope and curvature of piecewise polynomial i at x, by Horner's scheme."""
     first = F.table[i, FIRST]

@@ -297,10 +297,7 @@ def _coupling(T, L, c, slopes, C):
             source, slope = (i, d1) if s == 0 else (j, d2)
             if source < 0:
                 continue
-            earlier = -1
-            for h in range(L.driven.shape[0]):
-                if L.driven[h] == source:
-                    earlier = h
+            earlier = _number_of(L.driven, source)
             if earlier < 0:
                 C[index, source] += slope
             else:
@@ -308,8 +305,41 @@ def _coupling(T, L, c, slopes, C):
                     C[index, m] += slope * C[earlier, m]
 
 
+@inner
+def _number_of(driven, coordinate):
+    """Find the last place of a coordinate in `driven`, -1 where it follows no other."""
+    number = -1
+    for index in range(driven.shape[0]):
+        if driven[index] == coordinate:
+            number = index
+    return number
+
+
+@inner
+def _put_required(L, C, torques, required):
+    """Fill the torques that all forces together have to balance: tau + C^T tau_dependent.
+
+    Parameters
+    ----------
+    L : `TorqueLinks`
+    C : (dependents, coordinates) of `_coupling`
+    torques : (coordinates,) [N m or N]
+    required : (rows,) filled [N m or N]
+    """
+    for j in range(L.row.shape[0]):
+        if L.row[j] >= 0:
+            required[L.row[j]] = torques[j]
+    for number in range(L.driven.shape[0]):
+        dependent = torques[L.driven[number]]
+        for j in range(L.row.shape[0]):
+            if L.row[j] >= 0 and C[number, j] != 0.0:
+                required[L.row[j]] += C[number, j] * dependent
+
+
 @kernel
-def fold(T, L, coordinates, slopes, entries, forces, anyway, torques, values, required, b):
+def fold(  # page: arrays over frames, of A and b and what they are made from
+    T, L, coordinates, slopes, entries, forces, anyway, torques, values, required, b
+):
     """Fill A and b of every frame.
 
         A[r, i] = sum over links of C entry force_i
@@ -331,14 +361,7 @@ def fold(T, L, coordinates, slopes, entries, forces, anyway, torques, values, re
     C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
     for frame in range(coordinates.shape[0]):
         _coupling(T, L, coordinates[frame], slopes[frame], C)
-        for j in range(L.row.shape[0]):
-            if L.row[j] >= 0:
-                required[frame, L.row[j]] = torques[frame, j]
-        for number in range(L.driven.shape[0]):
-            dependent = torques[frame, L.driven[number]]
-            for j in range(L.row.shape[0]):
-                if L.row[j] >= 0 and C[number, j] != 0.0:
-                    required[frame, L.row[j]] += C[number, j] * dependent
+        _put_required(L, C, torques[frame], required[frame])
         for index in range(required.shape[1]):
             b[frame, index] = required[frame, index]
         for index in range(values.shape[1]):

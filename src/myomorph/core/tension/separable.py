@@ -297,7 +297,9 @@ def _bent(w, p, low, high, pull, target, s):
 
 
 @inner
-def response(w, p, least, greatest, low, high, pull, target, s):
+def response(  # page: numbers of one variable, which stay in registers
+    w, p, least, greatest, low, high, pull, target, s
+):
     """Value x of a variable at the reduced multiplier s, and dx/ds there (0 on a bound).
 
     It is small and has scalars only, so that the compiler makes it a part of loops that call it.
@@ -323,7 +325,7 @@ def response(w, p, least, greatest, low, high, pull, target, s):
 
 
 @inner
-def marginal_cost(w, p, low, high, pull, target, x):
+def _marginal_cost(w, p, low, high, pull, target, x):
     """First and second derivative of the cost w |x - target|^p + pull dist(x, [low, high])^2.
 
     Parameters
@@ -347,7 +349,7 @@ def marginal_cost(w, p, low, high, pull, target, x):
 
 
 @inner
-def gain(S, targets, penalty, s, ds, t, beta):
+def _gain(S, targets, penalty, s, ds, t, beta):
     """Gain of the capped variables by a higher bound, and how fast it falls with the bound.
 
     Parameters
@@ -367,7 +369,7 @@ def gain(S, targets, penalty, s, ds, t, beta):
     fall = 0.0
     for i in range(S.capped):
         if S.upper[i] > beta:
-            slope, curvature = marginal_cost(
+            slope, curvature = _marginal_cost(
                 S.weight[i],
                 S.exponent[i],
                 penalty[0, i],
@@ -392,7 +394,7 @@ def ceiling(S, targets, penalty, s, ds, t):
 
     Parameters
     ----------
-    S, targets, penalty, s, ds, t : as of `gain`
+    S, targets, penalty, s, ds, t : as of `_gain`
     """
     if not S.peak > 0.0:
         return np.inf
@@ -403,7 +405,7 @@ def ceiling(S, targets, penalty, s, ds, t):
         high = max(high, S.upper[i])
     beta = low
     for _ in range(100):
-        total, fall = gain(S, targets, penalty, s, ds, t, beta)
+        total, fall = _gain(S, targets, penalty, s, ds, t, beta)
         if total > S.peak:
             low = beta
         else:
@@ -425,12 +427,12 @@ def add_common_motion(S, values, targets, penalty, s, roof, M):
 
     Parameters
     ----------
-    S, targets, penalty, s : as of `gain`
+    S, targets, penalty, s : as of `_gain`
     values : (entries,) of A
     roof : the common bound
     M : (rows, rows) of which the envelope is filled
     """
-    total, fall = gain(S, targets, penalty, s, s, 0.0, roof)
+    total, fall = _gain(S, targets, penalty, s, s, 0.0, roof)
     # Where the bound lies on a bound of its own, it does not move.
     if not fall > 0.0 or abs(total - S.peak) > 1e-6 * S.peak:
         return
@@ -438,7 +440,7 @@ def add_common_motion(S, values, targets, penalty, s, roof, M):
     together = np.zeros(n)
     for i in range(S.capped):
         if S.upper[i] > roof:
-            slope, _ = marginal_cost(
+            slope, _ = _marginal_cost(
                 S.weight[i],
                 S.exponent[i],
                 penalty[0, i],

@@ -92,48 +92,43 @@ class DeGrooteFregly2016(FiberMuscle):
         """
         sizes = self.sizes(muscle)
         curves = self.curves(muscle)
-        force = sizes.force
-        slack = sizes.tendon
-        tendon = (
-            np.full_like(length, slack) if state is None else slack * self.stretch(muscle)(state)
-        )
+        stretch = np.ones_like(length) if state is None else self.stretch(muscle)(state)
+        tendon = sizes.tendon * stretch
         along = length - tendon
         fiber = np.sqrt(along**2 + sizes.height**2)
         cosine = along / fiber
-        angle = np.arcsin(sizes.height / fiber)
-        active = curves.active(fiber / sizes.fiber)
+        active = a * curves.active(fiber / sizes.fiber)
         passive = curves.passive(fiber / sizes.fiber)
         if state is None:
             v = speed * cosine / sizes.speed
             f_v = curves.velocity(v)
             tendon_speed = np.zeros_like(speed)
         else:
-            f_v = (state / cosine - passive) / (a * active)
+            f_v = (state / cosine - passive) / active
             v = (np.sinh((f_v - ISOMETRIC) / SIZE) - OFFSET) / RATE
             tendon_speed = speed - v * sizes.speed / cosine
         dv = v * sizes.speed
-        pulls = a * active * f_v * force
-        elastic = passive * force
-        damped = self.fiber_damping(muscle) * v * force
+        pulls = active * f_v * sizes.force
+        elastic = passive * sizes.force
+        damped = self.fiber_damping(muscle) * v * sizes.force
         total = pulls + elastic + damped
-        pull_force = total * cosine if state is None else state * force
-        turning = -dv / fiber * sizes.height / along
+        tendon_force = total * cosine if state is None else state * sizes.force
         return Fibers(
             activation=a,
             fiber_length=fiber,
             tendon_length=tendon,
-            pennation=angle,
+            pennation=np.arcsin(sizes.height / fiber),
             fiber_velocity=dv,
             normalized_velocity=v,
-            pennation_velocity=turning,
+            pennation_velocity=-dv / fiber * sizes.height / along,
             active_force=pulls,
             passive_force=elastic + damped,
             fiber_force=total,
-            tendon_force=pull_force,
+            tendon_force=tendon_force,
             active_power=-(pulls + damped) * dv,
             passive_power=-elastic * dv,
-            tendon_power=-pull_force * tendon_speed,
-            muscle_power=-pull_force * speed,
+            tendon_power=-tendon_force * tendon_speed,
+            muscle_power=-tendon_force * speed,
         )
 
     def equilibrium(self, muscle: Muscle, length: Array, speed: Array, activation: Array) -> Array:

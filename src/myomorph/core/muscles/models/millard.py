@@ -387,7 +387,7 @@ def active_force_length(
 
 
 @lru_cache(maxsize=256)
-def force_velocity(
+def force_velocity(  # page: the parameters of OpenSim's curve, in its order
     concentric_slope_at_vmax: float = 0.0,
     concentric_slope_near_vmax: float = 0.25,
     isometric_slope: float = 5.0,
@@ -399,7 +399,16 @@ def force_velocity(
 ) -> Curve:
     """Millard's force-velocity curve over the normalized fiber velocity.
 
-    It is 0 at -1, 1 at 0 and `maximum` at 1. Parameters are OpenSim's `ForceVelocityCurve`'s.
+    It is 0 at -1, 1 at 0 and `maximum` at 1. The parameters are those of OpenSim's
+    `ForceVelocityCurve`.
+
+    Parameters
+    ----------
+    concentric_slope_at_vmax, concentric_slope_near_vmax : slopes at -1 and at -0.9
+    isometric_slope : slope at 0
+    eccentric_slope_at_vmax, eccentric_slope_near_vmax : slopes at 1 and at 0.9
+    maximum : value at 1
+    concentric_curviness, eccentric_curviness : of the corners below and above 0
     """
     near = 0.1
     concentric = 0.5 * near * (concentric_slope_near_vmax + concentric_slope_at_vmax)

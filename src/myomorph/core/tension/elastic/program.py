@@ -56,8 +56,23 @@ NEAR = 1e-2
 
 
 @kernel
-def elements(E, own, f, a, lengths, speeds, steps, out):
+def elements(  # page: arrays of a part, and a residual with nine derivatives
+    E, own, f, a, lengths, speeds, steps, out
+):
     """Fill G and its derivatives of all elements.
+
+    With k and n for the derivatives in f_k and f_k+1 = f_n, and P of `fiber_jet` at (x, u, a), the
+    chain rule gives of
+
+        G = (f_k + f_n) / 2 - P,   x_k = -L_S s'(f_k) / 2,   u_k = L_S s'(f_k) / dt,
+        x_n = -L_S s'(f_n) / 2,   u_n = -L_S s'(f_n) / dt
+
+        G_k  = 1/2 - P_x x_k - P_u u_k,   G_a = -P_a
+        G_kk = -(P_xx x_k^2 + 2 P_xu x_k u_k + P_uu u_k^2 + L_S s''(f_k) (P_u / dt - P_x / 2))
+        G_kn = -(P_xx x_k x_n + P_xu (x_k u_n + x_n u_k) + P_uu u_k u_n)
+        G_ka = -(P_xa x_k + P_ua u_k),   G_aa = -P_aa
+
+    and likewise in f_n, where P_u / dt has the other sign.
 
     Parameters
     ----------
@@ -102,7 +117,9 @@ def elements(E, own, f, a, lengths, speeds, steps, out):
 
 
 @kernel
-def integrate(E, own, a, lengths, speeds, steps, least, most, f):
+def integrate(  # page: arrays of a part, as of `elements`
+    E, own, a, lengths, speeds, steps, least, most, f
+):
     """Integrate normalized tendon forces of known activations, by implicit Euler steps.
 
     They are a start for the solver.
