@@ -23,7 +23,7 @@ from myomorph.core.io.osim.document import read_document
 from myomorph.core.io.osim.frames import Frames
 from myomorph.core.io.osim.setup_parts import holder_of, named_markers
 from myomorph.core.io.parsing.text import check_size, file_text, number
-from myomorph.core.model.arrays import Array, frozen_array
+from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadFile, UnknownName, quoted
 from myomorph.core.model.landmarks import LandmarkPairs
 
@@ -178,7 +178,8 @@ def read_body_landmarks(path: str | os.PathLike[str]) -> dict[str, dict[str, Arr
     return result
 
 
-@dataclass(frozen=True, kw_only=True)
+@read_only
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Pair:
     """A landmark of two skeletons.
 

@@ -13,7 +13,7 @@ from myomorph.core.io.inertial.channels import sensors_of_channels
 from myomorph.core.io.inertial.xsens import COLUMNS, HEAD_LINES, read_dot
 from myomorph.core.io.parsing.text import file_text, number
 from myomorph.core.io.sto import read_sto
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.inertial_sensors import InertialSensors
 
@@ -100,7 +100,8 @@ def _delimiter(line: str) -> str:
     return ","
 
 
-@dataclass(frozen=True, kw_only=True)
+@read_only
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Channel:
     """A channel with a clock of its own.
 

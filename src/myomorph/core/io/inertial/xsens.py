@@ -14,7 +14,7 @@ from lxml import etree
 from myomorph.core.io.inertial.signals import sensors_of_signals
 from myomorph.core.io.parsing.text import TableBody, file_text, parse_cells, quick_numbers
 from myomorph.core.io.parsing.xml import read_xml
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.inertial_sensors import InertialSensors
 from myomorph.core.model.spatial import quaternion_from_rotation
@@ -186,7 +186,8 @@ def read_dot(path: Path) -> InertialSensors:
     return _sensor(path, np.pi / 180.0)
 
 
-@dataclass(frozen=True, kw_only=True)
+@read_only
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _SensorTable:
     """Columns of one sensor.
 
