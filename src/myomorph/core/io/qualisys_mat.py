@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from myomorph.core.io.parsing.text import mapped_bytes, unique_names, without_far_away
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadFile, quoted
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.series import Markers, Trial
@@ -75,7 +75,8 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
     return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
 
 
-@dataclass(frozen=True, kw_only=True)
+@read_only
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Trajectories:
     """Trajectories of a recording.
 

@@ -22,7 +22,7 @@ from myomorph.core.io.parsing.text import (
     unique_names,
     written,
 )
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, BadFile, quoted
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
@@ -184,7 +184,8 @@ def _in_degrees(lines: Sequence[str]) -> bool | None:
     return stated
 
 
-@dataclass(frozen=True, kw_only=True)
+@read_only
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Numbers:
     """Rows of a table.
 
