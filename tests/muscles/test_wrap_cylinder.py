@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.core.muscles.wrap_cylinder import MANDATORY, NO_WRAP, wrap_cylinder
+from myomorph.core.muscles.wrap_cylinder import MANDATORY, NO_WRAP, Half, wrap_cylinder
 from myomorph.core.rigid.kernels import kernel
 
 ANGLE = np.deg2rad(170.0)
@@ -16,7 +16,7 @@ ANGLE = np.deg2rad(170.0)
 @kernel
 def _wrapped(a, b, radius, length):
     """`wrap_cylinder`, which only kernels may call, on any side, slid to tangency."""
-    return wrap_cylinder(a, b, radius, length, 0, 0, False)
+    return wrap_cylinder(a, b, (radius, length), Half(axis=0, side=0), False)
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,14 @@ from myomorph.core.muscles.path_arrays import (
     SIDE,
     SIDE_BODY,
 )
-from myomorph.core.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP, WRAPPED, wrap_cylinder
+from myomorph.core.muscles.wrap_cylinder import (
+    INSIDE,
+    MANDATORY,
+    NO_WRAP,
+    WRAPPED,
+    Half,
+    wrap_cylinder,
+)
 from myomorph.core.muscles.wrap_ellipsoid import wrap_ellipsoid
 from myomorph.core.muscles.wrap_sphere import wrap_sphere
 from myomorph.core.muscles.wrap_tendon import NO_SIDE, wrap_tendon
@@ -280,15 +287,13 @@ def _best_wrap(surface, size, pose, g, method, x, node, seen, first, last, wraps
     arc : length on the surface [m]
     r, s : both ends in ground [m]
     """
-    none = (0.0, 0.0, 0.0)
     least = math.inf
     at = -1
     best_arc = 0.0
-    best_r = none
-    best_s = none
+    best_r = (0.0, 0.0, 0.0)
+    best_s = (0.0, 0.0, 0.0)
     kind = surface[g, KIND]
-    axis = surface[g, AXIS]
-    side = surface[g, SIDE]
+    half = Half(axis=surface[g, AXIS], side=surface[g, SIDE])
     sizes = (size[g, 0], size[g, 1], size[g, 2])
     code = NO_WRAP
     for i in range(first, last):
@@ -297,13 +302,13 @@ def _best_wrap(surface, size, pose, g, method, x, node, seen, first, last, wraps
         a = _into(pose, g, vector(x, i))
         b = _into(pose, g, vector(x, i + 1))
         if kind == CYLINDER:
-            code, arc, r, s = wrap_cylinder(a, b, sizes[0], sizes[1], axis, side, wraps == 1)
+            code, arc, r, s = wrap_cylinder(a, b, sizes[:2], half, wraps == 1)
         elif kind == SPHERE:
-            code, arc, r, s = wrap_sphere(a, b, sizes[0], axis, side)
+            code, arc, r, s = wrap_sphere(a, b, sizes[0], half)
         elif kind == ELLIPSOID:
-            code, arc, r, s = wrap_ellipsoid(a, b, sizes, method, axis, side)
+            code, arc, r, s = wrap_ellipsoid(a, b, sizes, method, half)
         else:
-            code, arc, r, s = wrap_torus(a, b, sizes[0], sizes[1], axis, side, wraps == 1)
+            code, arc, r, s = wrap_torus(a, b, sizes[:2], half, wraps == 1)
         if code == MANDATORY:
             at = i
             best_arc = arc

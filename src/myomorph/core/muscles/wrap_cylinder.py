@@ -10,6 +10,7 @@ parts, to within 0.1 degrees.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from myomorph.core.rigid.kernels import inner
 from myomorph.core.rigid.vectors import EPSILON, along, cross, dot, minus, norm, sign, unit
@@ -26,15 +27,28 @@ TANGENCY = math.radians(0.1)  # Difference of angles at which sliding ends [rad]
 MAX_SLIDES = 100
 
 
+class Half(NamedTuple):
+    """Half of a surface that a path may touch: where sign(component `axis`) is `side`.
+
+    Attributes
+    ----------
+    axis : 0, 1 or 2 in the frame of the surface
+    side : 1 or -1; 0 for the whole surface
+    """
+
+    axis: int
+    side: int
+
+
 @inner
-def wrap_cylinder(a, b, radius, length, axis, side, single):
+def wrap_cylinder(a, b, size, half, single):
     """Wrap the segment from a to b around a cylinder.
 
     Parameters
     ----------
     a, b : points in the frame of the cylinder [m]
-    radius, length : of the cylinder [m]
-    axis, side : the path may only touch the half where sign(component `axis`) is `side`; 0 for all
+    size : radius and length of the cylinder [m]
+    half : `Half` that the path may touch
     single : whether the path has no other surface, so that points are not slid to tangency
 
     Returns
@@ -44,6 +58,7 @@ def wrap_cylinder(a, b, radius, length, axis, side, single):
     arc : length on the surface [m]
     r, s : points where the path meets and leaves the surface [m]; a and b where it does not
     """
+    radius, length = size
     rr = radius * radius
     da = math.sqrt(a[0] * a[0] + a[1] * a[1])
     db = math.sqrt(b[0] * b[0] + b[1] * b[1])
@@ -51,48 +66,93 @@ def wrap_cylinder(a, b, radius, length, axis, side, single):
         return INSIDE, 0.0, a, b
     t, near = _nearest_to_axis(a, b)
     through = near[0] * near[0] + near[1] * near[1] < rr and 0.0 < t < 1.0
-    code = MANDATORY if through else WRAPPED
-    if side == 0:
-        if not through:
-            return NO_WRAP, 0.0, a, b
-    elif (
-        (sign(a[axis]) == side or sign(b[axis]) == side)
-        and not through
-        and not (sign(a[axis]) != sign(b[axis]) and sign(near[axis]) != side)
-    ):
+    if not through and not _may_wrap(a, b, near, half):
         return NO_WRAP, 0.0, a, b
-    ra, rb = _tangents(a, da, radius)
-    sa, sb = _tangents(b, db, radius)
+    of_a = _tangents(a, da, radius)
+    of_b = _tangents(b, db, radius)
     far = False
     long = False
-    if side == 0:
-        first = ra[0] * sa[0] + ra[1] * sa[1]
-        other = ra[0] * sb[0] + ra[1] * sb[1]
-        of_a, of_b = nearest_pair(
-            first, other, rb[0] * sa[0] + rb[1] * sa[1], rb[0] * sb[0] + rb[1] * sb[1]
-        )
-        r = ra if of_a else rb
-        s = sa if of_b else sb
+    if half.side == 0:
+        r, s = _nearest_tangents(of_a, of_b)
     else:
-        # The angle from ra to sb against the one from rb to sa, by their cosines.
-        wider = ra[0] * sb[0] + ra[1] * sb[1] < rb[0] * sa[0] + rb[1] * sa[1]
-        on_a = sign(ra[axis]) == side
-        on_b = sign(rb[axis]) == side
-        if on_a != on_b:
-            first = on_a
-        elif sign(sa[axis]) == side:
-            first = False
-        else:
-            first = on_a or sign(sb[axis]) == side or wider
-        r, s, far = (ra, sb, wider) if first else (rb, sa, not wider)
-        reach = (r[0] - a[0] + s[0] - b[0], r[1] - a[1] + s[1] - b[1], r[2] - a[2] + s[2] - b[2])
-        long = reach[0] * (r[0] + s[0]) + reach[1] * (r[1] + s[1]) < 0.0
+        r, s, far = _tangents_on_half(of_a, of_b, half)
+        long = _goes_the_long_way(a, b, r, s)
     r, s = _slide_to_plane(a, b, da, db, r, s, radius, far)
-    half = 0.5 * length
-    if abs(r[2]) > half and abs(s[2]) > half:
+    if abs(r[2]) > 0.5 * length and abs(s[2]) > 0.5 * length:
         return NO_WRAP, 0.0, a, b
     arc, r, s = _helix(a, b, r, s, radius, long, single)
-    return code, arc, r, s
+    return MANDATORY if through else WRAPPED, arc, r, s
+
+
+@inner
+def _may_wrap(a, b, near, half):
+    """Return whether a segment beside the cylinder is to be bent around its half.
+
+    It is where no end lies on the side of the half, or where one does and the point of the segment
+    nearest to the axis does not.
+    """
+    if half.side == 0:
+        return False
+    side_a = sign(a[half.axis])
+    side_b = sign(b[half.axis])
+    if side_a != half.side and side_b != half.side:
+        return True
+    return side_a != side_b and sign(near[half.axis]) != half.side
+
+
+@inner
+def _nearest_tangents(of_a, of_b):
+    """Choose the pair of tangent points with the least angle between them.
+
+    Parameters
+    ----------
+    of_a, of_b : two tangent points of lines from either end
+    """
+    ra, rb = of_a
+    sa, sb = of_b
+    first = ra[0] * sa[0] + ra[1] * sa[1]
+    other = ra[0] * sb[0] + ra[1] * sb[1]
+    r_first, s_first = nearest_pair(
+        first, other, rb[0] * sa[0] + rb[1] * sa[1], rb[0] * sb[0] + rb[1] * sb[1]
+    )
+    return ra if r_first else rb, sa if s_first else sb
+
+
+@inner
+def _tangents_on_half(of_a, of_b, half):
+    """Choose the pair of tangent points that leads around a half.
+
+    Parameters
+    ----------
+    of_a, of_b : as of `_nearest_tangents`
+
+    Returns
+    -------
+    both points, and whether the other pair has the lesser angle between its points
+    """
+    ra, rb = of_a
+    sa, sb = of_b
+    # The angle from ra to sb against the one from rb to sa, by their cosines.
+    wider = ra[0] * sb[0] + ra[1] * sb[1] < rb[0] * sa[0] + rb[1] * sa[1]
+    on_a = sign(ra[half.axis]) == half.side
+    on_b = sign(rb[half.axis]) == half.side
+    if on_a != on_b:
+        first = on_a
+    elif sign(sa[half.axis]) == half.side:
+        first = False
+    else:
+        first = on_a or sign(sb[half.axis]) == half.side or wider
+    if first:
+        return ra, sb, wider
+    return rb, sa, not wider
+
+
+@inner
+def _goes_the_long_way(a, b, r, s):
+    """Return whether the straight parts a r and s b lead away from the middle of r and s."""
+    x = r[0] - a[0] + s[0] - b[0]
+    y = r[1] - a[1] + s[1] - b[1]
+    return x * (r[0] + s[0]) + y * (r[1] + s[1]) < 0.0
 
 
 @inner
@@ -133,8 +193,17 @@ def nearest_pair(aa, ab, ba, bb):
 
 
 @inner
-def _slide_to_plane(a, b, da, db, r, s, radius, far):
-    """Move r and s along the axis into the plane of a, b and the cylinder's apex."""
+def _apex(a, b, da, db, radius, far):
+    """Find the point of the surface that a, b and the path have a plane with.
+
+    It lies at the height at which the segment is divided in the ratio of its ends' distances, on
+    the side of the segment, or with `far` on the other.
+
+    Parameters
+    ----------
+    a, b : ends of the segment [m]
+    da, db : their distances from the axis [m]
+    """
     middle = along(a, da / (da + db), minus(b, a))
     foot = (0.0, 0.0, middle[2])
     n = unit(cross(unit(minus(a, foot)), unit(minus(b, foot))))
@@ -144,7 +213,13 @@ def _slide_to_plane(a, b, da, db, r, s, radius, far):
     to_one = minus(middle, one)
     to_other = minus(middle, other)
     first_is_near = dot(to_one, to_one) < dot(to_other, to_other)
-    apex = one if first_is_near != far else other
+    return one if first_is_near != far else other
+
+
+@inner
+def _slide_to_plane(a, b, da, db, r, s, radius, far):
+    """Move r and s along the axis into the plane of a, b and the cylinder's apex."""
+    apex = _apex(a, b, da, db, radius, far)
     n = unit(cross(unit(minus(a, apex)), unit(minus(b, apex))))
     if abs(20.0 * n[2]) < 1e-5:
         return r, s
@@ -173,10 +248,9 @@ def _helix(a, b, r, s, radius, long, single):
     if long:
         angle = 2.0 * math.pi - angle
     turn = -angle if long else angle
-    flat = radius * angle
     z = r[2]
     y = s[2]
-    arc = math.sqrt(flat * flat + (y - z) * (y - z))
+    arc = _helix_length(radius * angle, y - z)
     slides = 0 if not single else MAX_SLIDES
     known = 0
     t = 0.0
@@ -189,17 +263,22 @@ def _helix(a, b, r, s, radius, long, single):
             t = 1.0 / chords
             at_r = _flat_view(a, r, r, t * turn)
             at_s = _flat_view(b, s, r, (1.0 - t) * turn)
-        rise = y - z
-        slid_r, new_z = _slide_to_tangency(a[2], z, z + t * rise, at_r)
+        slid_r, new_z = _slide_to_tangency(a[2], z, z + t * (y - z), at_r)
         # The other end is compared with the helix of the new r, as OpenSim does.
-        slid_s, new_y = _slide_to_tangency(b[2], y, new_z + (1.0 - t) * rise, at_s)
+        slid_s, new_y = _slide_to_tangency(b[2], y, new_z + (1.0 - t) * (y - z), at_s)
         if not slid_r and not slid_s:
             break
         z = new_z
         y = new_y
-        arc = math.sqrt(flat * flat + (y - z) * (y - z))
+        arc = _helix_length(radius * angle, y - z)
         slides += 1
     return arc, (r[0], r[1], z), (s[0], s[1], y)
+
+
+@inner
+def _helix_length(flat, rise):
+    """Length of a helix from its length along the circle and its rise [m]."""
+    return math.sqrt(flat * flat + rise * rise)
 
 
 @inner

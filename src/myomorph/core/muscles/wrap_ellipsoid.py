@@ -264,7 +264,7 @@ MAX_CHORDS = 499
 
 
 @inner
-def wrap_ellipsoid(p, q, size, method, axis, side):
+def wrap_ellipsoid(p, q, size, method, half):
     """Wrap the segment from p to q around an ellipsoid at the origin.
 
     Parameters
@@ -272,7 +272,7 @@ def wrap_ellipsoid(p, q, size, method, axis, side):
     p, q : points in the frame of the ellipsoid [m]
     size : half axes [m]
     method : `HYBRID`, `MIDPOINT` or `AXIAL`
-    axis, side : half that constrains the path, as of `wrap_cylinder`; 0 for all
+    half : `Half` that the path may touch
 
     Returns
     -------
@@ -296,7 +296,8 @@ def wrap_ellipsoid(p, q, size, method, axis, side):
     if method != AXIAL or 0.0 < place < 1.0:
         r = c
         s = c
-    if side != 0 and sign(c[axis]) != side:
+    axis = half.axis
+    if half.side != 0 and sign(c[axis]) != half.side:
         c = replaced(c, axis, -c[axis])
         r = c
         s = c
@@ -315,7 +316,7 @@ def wrap_ellipsoid(p, q, size, method, axis, side):
         s = y
     else:
         s = tangent_point(y, s, a, n, d)
-    arc = _arc(x, y, r, s, a, n, d, factor, side != 0)
+    arc = _arc(x, y, r, s, a, n, d, factor, half.side != 0)
     return MANDATORY, arc / factor, _scaled(r, factor), _scaled(s, factor)
 
 

@@ -12,7 +12,7 @@ IN_LINE = 1e-5  # Sine of the angle to the center below which a segment aims at 
 
 
 @inner
-def wrap_sphere(a, b, radius, axis, side):
+def wrap_sphere(a, b, radius, half):
     """Wrap the segment from a to b around a sphere at the origin.
 
     On the far side of a constrained sphere OpenSim counts the arc as negative; so do we. A segment
@@ -22,12 +22,13 @@ def wrap_sphere(a, b, radius, axis, side):
     ----------
     a, b : points in the frame of the sphere [m]
     radius : of the sphere [m]
-    axis, side : half that constrains the path, as of `wrap_cylinder`; 0 for all
+    half : `Half` that the path may touch
 
     Returns
     -------
     code, arc, r, s : as of `wrap_cylinder`
     """
+    axis, side = half
     la = norm(a)
     lb = norm(b)
     if la < radius or lb < radius:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from myomorph.core.muscles.wrap_cylinder import NO_WRAP, WRAPPED, wrap_cylinder
+from myomorph.core.muscles.wrap_cylinder import NO_WRAP, WRAPPED, Half, wrap_cylinder
 from myomorph.core.rigid.kernels import inner
 from myomorph.core.rigid.vectors import along, dot, minus, sign, unit
 
@@ -23,14 +23,14 @@ MAX_CALLS = 500
 
 
 @inner
-def wrap_torus(a, b, inner_radius, outer, axis, side, single):
+def wrap_torus(a, b, size, half, single):
     """Wrap the segment from a to b around the tube of a torus.
 
     Parameters
     ----------
     a, b : points in the frame of the torus, whose circle lies in z = 0 [m]
-    inner_radius, outer : radii of the tube and of the circle [m]
-    axis, side : half of the circle that may be touched, as of `wrap_cylinder`; 0 for all
+    size : radii of the tube and of the circle [m]
+    half : `Half` of the circle that the path may touch
     single : as of `wrap_cylinder`
 
     Returns
@@ -39,7 +39,8 @@ def wrap_torus(a, b, inner_radius, outer, axis, side, single):
         `WRAPPED` although the cylinder was missed, which only matters to the order of several
         surfaces
     """
-    result, x, y = _nearest_on_circle(a, b, outer, axis, side)
+    inner_radius, outer = size
+    result, x, y = _nearest_on_circle(a, b, outer, half.axis, half.side)
     if not result:
         return NO_WRAP, 0.0, a, b
     # Cylinder frame: x towards the center of the torus, y down, z along the circle.
@@ -49,9 +50,13 @@ def wrap_torus(a, b, inner_radius, outer, axis, side, single):
     q = (cx * b[0] + cy * b[1] + outer, -b[2], -cy * b[0] + cx * b[1])
     # OpenSim's helper cylinder keeps the side it is born with: the half towards the center.
     # (Written as variables, since a call with literals would compile the cylinder once more.)
-    x_axis = axis * 0
-    positive = side * 0 + 1
-    code, arc, r, s = wrap_cylinder(p, q, inner_radius, CYLINDER_LENGTH, x_axis, positive, single)
+    code, arc, r, s = wrap_cylinder(
+        p,
+        q,
+        (inner_radius, CYLINDER_LENGTH),
+        Half(axis=half.axis * 0, side=half.side * 0 + 1),
+        single,
+    )
     if code < WRAPPED:
         return WRAPPED, math.nan, a, b
     u = r[0] - outer

@@ -6,6 +6,7 @@ The curves are bells, exponentials and an inverse hyperbolic sine.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,25 @@ BELLS = (
 VELOCITY = Curve(
     (Piece(-np.inf, (ISOMETRIC,), shapes=(Shape(form=ASINH, size=SIZE, a=OFFSET, b=RATE),)),)
 )
+
+
+ForceFactors = tuple[Array, Array]
+"""Active force, a f_L, and passive force, f_PE, as shares of the maximum isometric force."""
+
+
+class FiberSpeeds(NamedTuple):
+    """Velocities of fibers and tendon.
+
+    Attributes
+    ----------
+    normalized : (frames,) fiber velocity v
+    force_factor : (frames,) f_V there
+    tendon : (frames,) of the tendon [m/s]
+    """
+
+    normalized: Array
+    force_factor: Array
+    tendon: Array
 
 
 class DeGrooteFregly2016(FiberMuscle):
@@ -92,25 +112,19 @@ class DeGrooteFregly2016(FiberMuscle):
         """
         sizes = self.sizes(muscle)
         curves = self.curves(muscle)
-        stretch = np.ones_like(length) if state is None else self.stretch(muscle)(state)
-        tendon = sizes.tendon * stretch
+        tendon = np.full_like(length, sizes.tendon)
+        if state is not None:
+            tendon = sizes.tendon * self.stretch(muscle)(state)
         along = length - tendon
         fiber = np.sqrt(along**2 + sizes.height**2)
         cosine = along / fiber
         active = a * curves.active(fiber / sizes.fiber)
         passive = curves.passive(fiber / sizes.fiber)
-        if state is None:
-            v = speed * cosine / sizes.speed
-            f_v = curves.velocity(v)
-            tendon_speed = np.zeros_like(speed)
-        else:
-            f_v = (state / cosine - passive) / active
-            v = (np.sinh((f_v - ISOMETRIC) / SIZE) - OFFSET) / RATE
-            tendon_speed = speed - v * sizes.speed / cosine
-        dv = v * sizes.speed
-        pulls = active * f_v * sizes.force
+        speeds = self._speeds(muscle, speed, cosine, state, (active, passive))
+        dv = speeds.normalized * sizes.speed
+        pulls = active * speeds.force_factor * sizes.force
         elastic = passive * sizes.force
-        damped = self.fiber_damping(muscle) * v * sizes.force
+        damped = self.fiber_damping(muscle) * speeds.normalized * sizes.force
         total = pulls + elastic + damped
         tendon_force = total * cosine if state is None else state * sizes.force
         return Fibers(
@@ -119,7 +133,7 @@ class DeGrooteFregly2016(FiberMuscle):
             tendon_length=tendon,
             pennation=np.arcsin(sizes.height / fiber),
             fiber_velocity=dv,
-            normalized_velocity=v,
+            normalized_velocity=speeds.normalized,
             pennation_velocity=-dv / fiber * sizes.height / along,
             active_force=pulls,
             passive_force=elastic + damped,
@@ -127,9 +141,42 @@ class DeGrooteFregly2016(FiberMuscle):
             tendon_force=tendon_force,
             active_power=-(pulls + damped) * dv,
             passive_power=-elastic * dv,
-            tendon_power=-tendon_force * tendon_speed,
+            tendon_power=-tendon_force * speeds.tendon,
             muscle_power=-tendon_force * speed,
         )
+
+    def _speeds(
+        self,
+        muscle: Muscle,
+        speed: Array,
+        cosine: Array,
+        state: Array | None,
+        factors: ForceFactors,
+    ) -> FiberSpeeds:
+        """Compute the velocity of the fibers, of the path on a rigid tendon, else from forces.
+
+        Parameters
+        ----------
+        muscle : of the class
+        speed : (frames,) of the path [m/s]
+        cosine : (frames,) of the pennation
+        state : (frames,) normalized tendon force; None for a rigid tendon
+        factors : a f_L and f_PE, (frames,) each
+
+        Returns
+        -------
+        arrays (frames,)
+        """
+        max_speed = self.sizes(muscle).speed
+        if state is None:
+            v = speed * cosine / max_speed
+            factor = self.curves(muscle).velocity(v)
+            return FiberSpeeds(normalized=v, force_factor=factor, tendon=np.zeros_like(speed))
+        active, passive = factors
+        factor = (state / cosine - passive) / active
+        v = (np.sinh((factor - ISOMETRIC) / SIZE) - OFFSET) / RATE
+        tendon = speed - v * max_speed / cosine
+        return FiberSpeeds(normalized=v, force_factor=factor, tendon=tendon)
 
     def equilibrium(self, muscle: Muscle, length: Array, speed: Array, activation: Array) -> Array:
         """Find the normalized tendon force where the fiber has all of the path's velocity.
