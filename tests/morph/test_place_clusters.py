@@ -14,6 +14,7 @@ from myomorph.core.model.model import Body, Joint, Mesh, Model
 from myomorph.core.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.core.model.surface import Surface
 from myomorph.core.surfaces.clusters import (
+    BoneScan,
     Picks,
     bone_surface,
     place_cluster_markers,
@@ -80,7 +81,7 @@ def test_a_bodys_meshes_lie_in_its_frame():
 
 def test_markers_come_to_lie_where_they_were():
     surface, scan, truth, markers = scanned()
-    bone = place_scanned_bone("humerus", scan, surface, markers)
+    bone = place_scanned_bone("humerus", BoneScan(surface=scan, markers=markers), surface)
     assert bone.scale == pytest.approx(1.02, abs=2e-3)
     resized = place_cluster_markers(arm(), [bone])
     for name, place in MARKERS.items():
@@ -94,11 +95,13 @@ def test_picked_points_start_the_fit_and_a_wrong_one_is_named_and_not_followed()
     points = surface.vertices[[0, 100, 250, 400, 600]]
     names = ("a", "b", "c", "d", "e")
     picks = Picks(names, truth.inverse().apply(points), points)
-    good = place_scanned_bone("humerus", scan, surface, markers, picks)
+    good = place_scanned_bone("humerus", BoneScan(surface=scan, markers=markers), surface, picks)
     assert not good.notes
     wrong = np.array(picks.scanned)
     wrong[3] += 0.02
-    bad = place_scanned_bone("humerus", scan, surface, markers, Picks(names, wrong, points))
+    bad = place_scanned_bone(
+        "humerus", BoneScan(surface=scan, markers=markers), surface, Picks(names, wrong, points)
+    )
     assert "picked point 'd' lies" in bad.notes[0]
     np.testing.assert_allclose(
         bad.fit.similarity.apply(scan.vertices), truth.apply(scan.vertices), atol=5e-4
@@ -113,9 +116,8 @@ def test_picks_that_lead_elsewhere_are_noticed():
     turned = (points - middle) @ rotation_from_euler_xyz((0.0, np.pi, 0.0)).T + middle
     found = place_scanned_bone(
         "humerus",
-        scan,
+        BoneScan(surface=scan, markers=markers),
         surface,
-        markers,
         Picks(("a", "b", "c", "d"), truth.inverse().apply(turned), points),
     )
     assert any("from other starts" in line for line in found.notes)
@@ -126,20 +128,23 @@ def test_picks_that_lead_elsewhere_are_noticed():
 
 def test_wrong_units_bones_and_far_markers_are_named():
     surface, scan, _, markers = scanned()
+    moved = {"hum1": markers["hum1"] + 1.0}
     far = place_scanned_bone(
-        "humerus", scan, surface, {"hum1": markers["hum1"] + 1.0}, options=QUICK
+        "humerus", BoneScan(surface=scan, markers=moved), surface, options=QUICK
     )
     assert any("'hum1' lies" in line for line in far.notes)
-    small = Surface(0.5 * scan.vertices, scan.faces)
+    small = BoneScan(surface=Surface(0.5 * scan.vertices, scan.faces), markers={})
     assert any(
         "wrong unit" in line
-        for line in place_scanned_bone("humerus", small, surface, {}, options=QUICK).notes
+        for line in place_scanned_bone("humerus", small, surface, options=QUICK).notes
     )
 
 
 def test_bad_bones_are_refused():
     surface, scan, _, markers = scanned()
-    bone = place_scanned_bone("humerus", scan, surface, markers, options=QUICK)
+    bone = place_scanned_bone(
+        "humerus", BoneScan(surface=scan, markers=markers), surface, options=QUICK
+    )
     with pytest.raises(BadData, match="two scanned bones are for body 'humerus'"):
         place_cluster_markers(arm(), [bone, bone])
     other = replace(bone, body="ulna")

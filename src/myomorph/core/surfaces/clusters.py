@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -29,21 +29,29 @@ from myomorph.core.model.surface import (
 from myomorph.core.surfaces.linear_maps import fit_points
 from myomorph.core.surfaces.rigid_registration import SurfaceFit, SurfaceOptions, register_surface
 
-ROBUST = 1.345  # Huber's tuning constant: residuals beyond so many standard deviations weigh less.
-AGREE = 0.15  # Share of the radius within which normals of a ball meet in its center.
+HUBER = 1.345  # Tuning constant: residuals beyond so many standard deviations weigh less.
+MEETING = 0.15  # Share of the radius within which normals of a ball meet in its center.
 PATCH = 0.35  # Share of the radius over which the direction of a surface is averaged.
-VOTERS = 6000
-SAME_WAY = 0.25  # Share of a patch's area that must look the same way for it to vote.
-TOLERANCE = 0.15  # Share by which the radius of a ball may differ from its marker's.
+MAX_VOTERS = 6000
+MIN_ALIGNED = 0.25  # Share of a patch's area that must look the same way for it to vote.
+MAX_RADIUS_ERROR = 0.15  # Share by which the radius of a ball may differ from its marker's.
 MIN_COUNT = 12  # Points or votes that make a ball.
-ROUND = 0.08  # Share of the radius that the median distance from a sphere may be.
-COVERED = 0.25  # Share of a ball's surface that must be seen.
-LIKE = 3e-4
+MAX_RESIDUAL = 0.08  # Share of the radius that the median distance from a sphere may be.
+MIN_COVERED = 0.25  # Share of a ball's surface that must be seen.
+MAX_ORDERS = 5040  # Assignments of balls to markers that are tried.
+MIN_DIFFERENCE = 3e-4
 """A second order of the markers whose misfit is nearer than that to the best one's makes the order
 doubtful [m].
 """
 
-OTHER = 2e-3  # Misfit above which the scan's cluster is not the recording's [m].
+MAX_MISFIT = 2e-3  # Above it the scan's cluster is not the recording's [m].
+MAX_PICKED_MISFIT = 1e-3  # Beyond the best order's, above which picks look swapped [m].
+GOOD_RMS = 5e-4
+"""Surfaces that come so near [m] need no other starts beside the picked points: bones turned end
+over end may differ by little more than a millimetre.
+"""
+
+MAX_MARKER_DISTANCE = 0.25  # A marker further from its bone than that is named [m].
 
 
 @read_only
@@ -89,9 +97,9 @@ def surface_parts(surface: Surface) -> list[Surface]:
 def fit_ball(points: Array, radius: float | None = None) -> Ball:
     """Fit a sphere through points with least squares that outliers do not pull.
 
-        min sum_i w_i (|x_i - c| - r)^2,   w = min(1, 1.345 s / |left|)
+        min sum_i w_i (|x_i - c| - r)^2,   w = min(1, 1.345 s / |e|),   e_i = |x_i - c| - r
 
-    with s the standard deviation by the median of what is left (Huber's weights, Gauss-Newton).
+    with s the standard deviation by the median of the errors e (Huber's weights, Gauss-Newton).
 
     Source: Huber 1964.
 
@@ -112,58 +120,69 @@ def fit_ball(points: Array, radius: float | None = None) -> Ball:
         raise BadData(f"a sphere needs four points, but got {len(points)}")
     middle = points.mean(axis=0)
     x = points - middle
-    linear = np.linalg.lstsq(
-        np.column_stack((2 * x, np.ones(len(x)))), np.sum(x**2, axis=1), rcond=None
-    )[0]
-    center = linear[:3]
-    size = float(np.sqrt(max(linear[3] + linear[:3] @ linear[:3], 0.0)))
-    if radius is not None and not 0.3 * radius < size < 3.0 * radius:
-        center = np.zeros(3)
-        size = radius
+    c, r = _algebraic_sphere(x)
+    if radius is not None and not 0.3 * radius < r < 3.0 * radius:
+        c = np.zeros(3)
+        r = radius
     for _ in range(50):
-        away = x - center
-        distance = np.linalg.norm(away, axis=1)
-        left = distance - size
-        scale = 1.4826 * float(np.median(np.abs(left))) + 1e-12
-        weights = np.minimum(1.0, ROBUST * scale / np.maximum(np.abs(left), 1e-15))
-        slopes = np.column_stack((-away / np.maximum(distance, 1e-12)[:, None], -np.ones(len(x))))
-        step = np.linalg.lstsq(
-            slopes * np.sqrt(weights)[:, None], -left * np.sqrt(weights), rcond=None
-        )[0]
-        center = center + step[:3]
-        size = size + float(step[3])
+        from_center = x - c
+        distance = np.linalg.norm(from_center, axis=1)
+        e = distance - r
+        s = 1.4826 * float(np.median(np.abs(e))) + 1e-12
+        w = np.minimum(1.0, HUBER * s / np.maximum(np.abs(e), 1e-15))
+        directions = from_center / np.maximum(distance, 1e-12)[:, None]
+        slopes = np.column_stack((-directions, -np.ones(len(x))))
+        step = np.linalg.lstsq(slopes * np.sqrt(w)[:, None], -e * np.sqrt(w), rcond=None)[0]
+        c = c + step[:3]
+        r = r + float(step[3])
         if np.linalg.norm(step) < 1e-9:
             break
-    away = x - center
-    left = np.abs(np.linalg.norm(away, axis=1) - size)
+    from_center = x - c
+    errors = np.abs(np.linalg.norm(from_center, axis=1) - r)
     return Ball(
-        center=frozen_array(center + middle),
-        radius=size,
-        residual=float(np.median(left)),
-        covered=_covered(away, left, size),
+        center=frozen_array(c + middle),
+        radius=r,
+        residual=float(np.median(errors)),
+        covered=_covered(from_center, errors, r),
     )
 
 
-def _covered(away: Array, left: Array, radius: float) -> float:
+def _algebraic_sphere(x: Array) -> tuple[Array, float]:
+    """Fit a sphere by the equations 2 c . x + (r^2 - c . c) = x . x, which are linear.
+
+    Parameters
+    ----------
+    x : (n, 3) points [m]
+
+    Returns
+    -------
+    center (3,) and radius [m]
+    """
+    matrix = np.column_stack((2 * x, np.ones(len(x))))
+    solution = np.linalg.lstsq(matrix, np.sum(x**2, axis=1), rcond=None)[0]
+    center = solution[:3]
+    return center, float(np.sqrt(max(solution[3] + center @ center, 0.0)))
+
+
+def _covered(from_center: Array, errors: Array, radius: float) -> float:
     """Compute the share of directions near which a point lies on the sphere.
 
     Parameters
     ----------
-    away : (n, 3) points less the center [m]
-    left : (n,) distance from the sphere [m]
+    from_center : (n, 3) points less the center [m]
+    errors : (n,) distance from the sphere [m]
     radius : of the sphere [m]
 
     Returns
     -------
     [-], of 200 directions
     """
-    on = away[left < 0.2 * radius]
-    if not len(on):
+    on_sphere = from_center[errors < 0.2 * radius]
+    if not len(on_sphere):
         return 0.0
-    nearest = scipy.spatial.cKDTree(on / np.linalg.norm(on, axis=1)[:, None]).query(
-        spread_directions(200)
-    )[0]
-    return float(np.mean(nearest < 0.3))
+    directions = on_sphere / np.linalg.norm(on_sphere, axis=1)[:, None]
+    distances, _ = scipy.spatial.cKDTree(directions).query(spread_directions(200))
+    return float(np.mean(distances < 0.3))
 
 
 def find_balls(surface: Surface, diameter: float = 0.009) -> tuple[Ball, ...]:
@@ -192,24 +211,39 @@ def find_balls(surface: Surface, diameter: float = 0.009) -> tuple[Ball, ...]:
         elif np.ptp(part.vertices, axis=0).max() > 0.8 * diameter:
             balls += _voted(part, radius)
     balls.sort(key=lambda ball: ball.residual)
-    apart: list[Ball] = []
+    separate: list[Ball] = []
     for ball in balls:
-        if all(np.linalg.norm(ball.center - other.center) > 0.9 * diameter for other in apart):
-            apart.append(ball)
-    return tuple(sorted(apart, key=lambda ball: -ball.covered))
+        distances = [np.linalg.norm(ball.center - other.center) for other in separate]
+        if all(distance > 0.9 * diameter for distance in distances):
+            separate.append(ball)
+    return tuple(sorted(separate, key=lambda ball: -ball.covered))
 
 
 def _is_ball(ball: Ball, radius: float) -> bool:
     """Return whether a sphere is a marker of this radius [m]: in size, round, seen enough."""
-    sized = abs(ball.radius - radius) <= TOLERANCE * radius
-    return sized and ball.covered >= COVERED and ball.residual < ROUND * radius
+    if abs(ball.radius - radius) > MAX_RADIUS_ERROR * radius:
+        return False
+    return ball.covered >= MIN_COVERED and ball.residual < MAX_RESIDUAL * radius
+
+
+@read_only
+class _Votes:
+    """Votes of the faces of a surface for the centers of balls.
+
+    Attributes
+    ----------
+    faces : (faces, 3) centers of the faces [m]
+    centers : (votes, 3) where the balls' centers would be [m]
+    area : of the surface that each vote stands for [m^2]
+    """
+
+    faces: Array
+    centers: Array
+    area: float
 
 
 def _voted(part: Surface, radius: float) -> list[Ball]:
     """Find balls grown together with other things, by votes of the normals.
-
-    The normal at a face is the sum of the area vectors of the patch around, so that a scan's noise
-    hardly turns it. It votes for the center one radius inward.
 
     Parameters
     ----------
@@ -220,54 +254,83 @@ def _voted(part: Surface, radius: float) -> list[Ball]:
     -------
     balls in the order of their votes
     """
-    corners = part.vertices[part.faces]
-    crossed = 0.5 * face_crosses(part.vertices, part.faces)
-    middle = part.vertices.mean(axis=0)
-    crossed = crossed * (np.sign(np.einsum("ij,ij->", corners[:, 0] - middle, crossed)) or 1.0)
-    places = corners.mean(axis=1)
-    every = max(1, len(places) // VOTERS)
-    voters = places[::every]
-    # The sum of the area vectors of a patch depends on its rim only, so a scan's noise hardly turns
-    # it.
-    patches = scipy.spatial.cKDTree(places).query_ball_point(voters, PATCH * radius)
-    normals = np.array([crossed[patch].sum(axis=0) for patch in patches])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    sizes = np.linalg.norm(crossed, axis=1)
-    whole = np.array([sizes[patch].sum() for patch in patches])[:, None]
-    # Around a thin pin or plate the area vectors cancel: what is left of them points nowhere.
-    votes = np.where(
-        lengths > SAME_WAY * whole,
-        voters - radius * normals / np.where(lengths > 0, lengths, 1.0),
-        np.inf,
-    )
-    voting = np.isfinite(votes[:, 0])
-    if np.count_nonzero(voting) < MIN_COUNT:
+    votes = _votes(part, radius)
+    if len(votes.centers) < MIN_COUNT:
         return []
-    votes = votes[voting]
-    share = sizes.sum() / len(voters)
-    tree = scipy.spatial.cKDTree(votes)
-    counts = tree.query_ball_point(votes, AGREE * radius, return_length=True)
-    weight = np.where(counts >= MIN_COUNT, share * counts, 0.0)
+    tree = scipy.spatial.cKDTree(votes.centers)
+    counts = tree.query_ball_point(votes.centers, MEETING * radius, return_length=True)
+    areas = np.where(counts >= MIN_COUNT, votes.area * counts, 0.0)
+    min_area = 0.5 * MIN_COVERED * 4.0 * np.pi * radius**2
     balls: list[Ball] = []
-    free = np.ones(len(votes), dtype=bool)
-    needed = COVERED * 4.0 * np.pi * radius**2
-    for index in np.argsort(-weight):
-        if weight[index] < 0.5 * needed:
+    free = np.ones(len(votes.centers), dtype=bool)
+    for index in np.argsort(-areas):
+        if areas[index] < min_area:
             break
         if not free[index]:
             continue
-        center = votes[tree.query_ball_point(votes[index], AGREE * radius)].mean(axis=0)
-        for _ in range(3):
-            near = np.abs(np.linalg.norm(places - center, axis=1) - radius) < 0.25 * radius
-            if near.sum() < MIN_COUNT:
-                break
-            ball = fit_ball(places[near], radius)
-            center = ball.center
-        if near.sum() >= MIN_COUNT and _is_ball(ball, radius):
+        vote = votes.centers[index]
+        together = tree.query_ball_point(vote, MEETING * radius)
+        ball = _ball_around(votes.centers[together].mean(axis=0), votes.faces, radius)
+        if ball is not None and _is_ball(ball, radius):
             balls.append(ball)
-            free &= np.linalg.norm(votes - center, axis=1) > radius
-        free &= np.linalg.norm(votes - votes[index], axis=1) > 0.3 * radius
+            free &= np.linalg.norm(votes.centers - ball.center, axis=1) > radius
+        free &= np.linalg.norm(votes.centers - vote, axis=1) > 0.3 * radius
     return balls
+
+
+def _votes(part: Surface, radius: float) -> _Votes:
+    """Collect votes: each face's for the center that is one radius inward along its normal.
+
+    The normal at a face is the sum of the area vectors of the patch around. It depends on the
+    patch's rim only, so that a scan's noise hardly turns it.
+
+    Parameters
+    ----------
+    part : of a surface
+    radius : of the markers [m]
+    """
+    corners = part.vertices[part.faces]
+    area_vectors = 0.5 * face_crosses(part.vertices, part.faces)
+    middle = part.vertices.mean(axis=0)
+    volume = np.einsum("ij,ij->", corners[:, 0] - middle, area_vectors)
+    area_vectors = area_vectors * (np.sign(volume) or 1.0)
+    faces = corners.mean(axis=1)
+    voters = faces[:: max(1, len(faces) // MAX_VOTERS)]
+    patches = scipy.spatial.cKDTree(faces).query_ball_point(voters, PATCH * radius)
+    sums = np.array([area_vectors[patch].sum(axis=0) for patch in patches])
+    norms = np.linalg.norm(sums, axis=1, keepdims=True)
+    areas = np.linalg.norm(area_vectors, axis=1)
+    patch_areas = np.array([areas[patch].sum() for patch in patches])[:, None]
+    # Around a thin pin or plate the area vectors cancel: what is left of them points nowhere.
+    aligned = norms > MIN_ALIGNED * patch_areas
+    inward = radius * sums / np.where(norms > 0, norms, 1.0)
+    centers = np.where(aligned, voters - inward, np.inf)
+    finite = np.isfinite(centers[:, 0])
+    return _Votes(faces=faces, centers=centers[finite], area=areas.sum() / len(voters))
+
+
+def _ball_around(center: Array, points: Array, radius: float) -> Ball | None:
+    """Fit a ball to the points near a sphere, three times as its center moves.
+
+    Parameters
+    ----------
+    center : (3,) where to start [m]
+    points : (points, 3) of the surface [m]
+    radius : of the marker [m]
+
+    Returns
+    -------
+    the ball; None where too few points are near
+    """
+    ball = None
+    for _ in range(3):
+        distances = np.linalg.norm(points - center, axis=1)
+        near = np.abs(distances - radius) < 0.25 * radius
+        if near.sum() < MIN_COUNT:
+            return None
+        ball = fit_ball(points[near], radius)
+        center = ball.center
+    return ball
 
 
 @read_only
@@ -312,68 +375,115 @@ def name_cluster(
     ------
     BadData : too few balls, neither distances nor picks, or distances that leave the order open
     """
+    listed = ", ".join(names)
     if len(balls) < len(names):
         raise BadData(
             f"{len(balls)} markers were found in the cluster's surface, expected {len(names)}"
-            f" ({', '.join(names)}): is the diameter right, and are the markers part of the"
-            " surface?"
+            f" ({listed}): is the diameter right, and are the markers part of the surface?"
+        )
+    near = {index: picked[name] for index, name in enumerate(names) if picked and name in picked}
+    if not near and distances is None:
+        raise BadData(
+            f"nothing tells the markers {listed} apart: pick points near them, or give a recording"
         )
     centers = np.array([ball.center for ball in balls])
-    orders = list(permutations(range(len(balls)), len(names)))
-    if len(orders) > 5040:
-        orders = list(permutations(range(len(names))))
-    known = [name for name in names if picked and name in picked]
-    if not known and distances is None:
-        raise BadData(
-            f"nothing tells the markers {', '.join(names)} apart: pick points near them, or give a"
-            " recording"
-        )
-    near = {index: (picked or {})[name] for index, name in enumerate(names) if name in known}
-    by_pick = np.array(
-        [
-            sum(
-                float(np.sum((centers[order[index]] - place) ** 2)) for index, place in near.items()
-            )
-            for order in orders
-        ]
-    )
-    by_size = np.array([_size_cost(centers[list(order)], distances) for order in orders])
+    orders = _orders(len(balls), len(names))
+    misfits = np.array([_misfit(centers[list(order)], distances) for order in orders])
     notes = []
-    if known:
-        best = int(np.argmin(by_pick))
-        if distances is not None and by_size[best] > by_size.min() + 1e-3:
-            other = dict(zip(names, orders[int(np.argmin(by_size))], strict=True))
-            swapped = [
-                name for name, ball in zip(names, orders[best], strict=True) if other[name] != ball
-            ]
-            notes.append(
-                f"markers {', '.join(swapped)} look swapped: as picked their distances differ by"
-                f" {1e3 * by_size[best]:.1f} mm from the recording's, in another order by"
-                f" {1e3 * by_size.min():.1f} mm"
-            )
+    if near:
+        best = int(np.argmin([_pick_cost(centers[list(order)], near) for order in orders]))
+        if distances is not None:
+            notes += _swapped_picks(names, orders, misfits, best)
     else:
-        best = int(np.argmin(by_size))
-        rest = np.delete(by_size, best)
-        if len(rest) and by_size[best] < OTHER and rest.min() - by_size[best] < LIKE:
-            raise BadData(
-                f"the markers {', '.join(names)} form a triangle of equal sides within"
-                f" {1e3 * rest.min():.1f} mm: their distances do not tell which is which; pick a"
-                " point near one of them"
-            )
-    if distances is not None and by_size[best] > OTHER:
-        notes.append(
-            f"the distances between {', '.join(names)} differ by {1e3 * by_size[best]:.1f} mm (root"
-            " mean square) between CT and recording: another cluster, a bent one, or a wrong unit?"
-        )
-    chosen = {
-        name: frozen_array(centers[ball]) for name, ball in zip(names, orders[best], strict=True)
-    }
+        best = int(np.argmin(misfits))
+        _check_order(names, misfits, best)
+    misfit = float(misfits[best])
+    if distances is not None:
+        notes += _large_misfit(names, misfit)
+    chosen = dict(zip(names, orders[best], strict=True))
     return NamedCluster(
-        chosen, float(by_size[best]) if distances is not None else float("nan"), tuple(notes)
+        centers={name: frozen_array(centers[ball]) for name, ball in chosen.items()},
+        misfit=float("nan") if distances is None else misfit,
+        notes=tuple(notes),
     )
 
 
-def _size_cost(centers: Array, distances: Array | None) -> float:
+def _large_misfit(names: Sequence[str], misfit: float) -> list[str]:
+    """Warn of a misfit [m] by which a cluster is not the recording's."""
+    if misfit <= MAX_MISFIT:
+        return []
+    return [
+        f"the distances between {', '.join(names)} differ by {1e3 * misfit:.1f} mm (root mean"
+        " square) between CT and recording: another cluster, a bent one, or a wrong unit?"
+    ]
+
+
+def _orders(balls: int, markers: int) -> list[tuple[int, ...]]:
+    """List which ball may be which marker; of very many balls the first ones alone are tried."""
+    orders = list(permutations(range(balls), markers))
+    return orders if len(orders) <= MAX_ORDERS else list(permutations(range(markers)))
+
+
+def _pick_cost(centers: Array, picked: Mapping[int, Array]) -> float:
+    """Sum the squared distances [m^2] of markers from the points picked near them.
+
+    Parameters
+    ----------
+    centers : (markers, 3) in one order [m]
+    picked : (3,) by index of the marker [m]
+    """
+    squares = [float(np.sum((centers[index] - point) ** 2)) for index, point in picked.items()]
+    return sum(squares)
+
+
+def _swapped_picks(
+    names: Sequence[str], orders: Sequence[tuple[int, ...]], misfits: Array, picked: int
+) -> list[str]:
+    """Warn of picked points that look swapped, by the distances between markers.
+
+    Parameters
+    ----------
+    names : of the markers
+    orders : balls of the markers
+    misfits : (orders,) [m]
+    picked : index of the order by the picked points
+    """
+    if misfits[picked] <= misfits.min() + MAX_PICKED_MISFIT:
+        return []
+    balls = zip(names, orders[picked], orders[int(np.argmin(misfits))], strict=True)
+    swapped = [name for name, ball, other in balls if ball != other]
+    return [
+        f"markers {', '.join(swapped)} look swapped: as picked their distances differ by"
+        f" {1e3 * misfits[picked]:.1f} mm from the recording's, in another order by"
+        f" {1e3 * misfits.min():.1f} mm"
+    ]
+
+
+def _check_order(names: Sequence[str], misfits: Array, best: int) -> None:
+    """Check that distances leave one order of the markers.
+
+    Parameters
+    ----------
+    names : of the markers
+    misfits : (orders,) [m]
+    best : index of the smallest
+
+    Raises
+    ------
+    BadData : another order fits as well
+    """
+    others = np.delete(misfits, best)
+    if not len(others) or misfits[best] >= MAX_MISFIT:
+        return
+    if others.min() - misfits[best] < MIN_DIFFERENCE:
+        raise BadData(
+            f"the markers {', '.join(names)} form a triangle of equal sides within"
+            f" {1e3 * others.min():.1f} mm: their distances do not tell which is which; pick a"
+            " point near one of them"
+        )
+
+
+def _misfit(centers: Array, distances: Array | None) -> float:
     """Compute the root mean square difference of distances.
 
     Parameters
@@ -387,18 +497,10 @@ def _size_cost(centers: Array, distances: Array | None) -> float:
     """
     if distances is None:
         return 0.0
-    apart = np.linalg.norm(centers[:, None] - centers[None], axis=2) - distances
-    upper = apart[np.triu_indices(len(centers), 1)]
-    upper = upper[np.isfinite(upper)]
-    return float(np.sqrt(np.mean(upper**2))) if len(upper) else 0.0
-
-
-GOOD = 5e-4
-"""Surfaces that come so near [m] need no other starts beside the picked points: bones turned end
-over end may differ by little more than a millimetre.
-"""
-
-FAR = 0.25  # A marker further from its bone than that is named [m].
+    differences = np.linalg.norm(centers[:, None] - centers[None], axis=2) - distances
+    pairs = differences[np.triu_indices(len(centers), 1)]
+    pairs = pairs[np.isfinite(pairs)]
+    return float(np.sqrt(np.mean(pairs**2))) if len(pairs) else 0.0
 
 
 @read_only
@@ -465,11 +567,24 @@ def bone_surface(body: Body, surfaces: Mapping[str, Surface]) -> Surface:
     return joined_surfaces(parts)
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BoneScan:
+    """A bone in a CT, or a part of it, with markers on it.
+
+    Attributes
+    ----------
+    surface : in the CT's frame [m]
+    markers : (3,) by name in the CT's frame [m]
+    """
+
+    surface: Surface
+    markers: Mapping[str, Array]
+
+
 def place_scanned_bone(
     body: str,
-    scanned: Surface,
+    scan: BoneScan,
     modelled: Surface,
-    markers: Mapping[str, Array],
     picks: Picks | None = None,
     options: SurfaceOptions | None = None,
 ) -> ScannedBone:
@@ -480,9 +595,8 @@ def place_scanned_bone(
     Parameters
     ----------
     body : of the model
-    scanned : the bone in the CT's frame [m]
+    scan : the bone and its markers in the CT
     modelled : the bone in the body's frame (`bone_surface`) [m]
-    markers : (3,) by name in the CT's frame [m]
     picks : the same points on both; None tries many starts
     options : of the registration
 
@@ -498,16 +612,15 @@ def place_scanned_bone(
     start = None
     notes = []
     if picks is not None:
-        fitted = fit_points(
-            picks.names, picks.scanned, picks.modelled, options.scale and len(picks.names) > 3
-        )
+        with_scale = options.scale and len(picks.names) > 3
+        fitted = fit_points(picks.names, picks.scanned, picks.modelled, with_scale)
         notes = [f"{body}: {line}" for line in fitted.notes]
         # A wrong pick would only lead the surfaces astray; without picks they find each other from
         # many starts.
         start = None if fitted.notes else fitted.similarity
-    fit = register_surface(scanned, modelled, start, options)
-    if start is not None and fit.rms > GOOD:
-        other = register_surface(scanned, modelled, None, options)
+    fit = register_surface(scan.surface, modelled, start, options)
+    if start is not None and fit.rms > GOOD_RMS:
+        other = register_surface(scan.surface, modelled, None, options)
         if other.rms < 0.7 * fit.rms:
             notes.append(
                 f"{body}: from the picked points the surfaces come to {1e3 * fit.rms:.1f} mm, from"
@@ -516,14 +629,12 @@ def place_scanned_bone(
             )
             fit = other
     notes += [f"{body}: {line}" for line in fit.notes]
-    notes += _warnings(body, fit, scanned, markers)
-    frozen = {name: frozen_array(place, (3,)) for name, place in markers.items()}
-    return ScannedBone(body=body, fit=fit, markers=frozen, notes=tuple(notes))
+    notes += _warnings(body, fit, scan)
+    markers = {name: frozen_array(position, (3,)) for name, position in scan.markers.items()}
+    return ScannedBone(body=body, fit=fit, markers=markers, notes=tuple(notes))
 
 
-def _warnings(
-    body: str, fit: SurfaceFit, scanned: Surface, markers: Mapping[str, Array]
-) -> list[str]:
+def _warnings(body: str, fit: SurfaceFit, scan: BoneScan) -> list[str]:
     """Name a size, a misfit or a marker's distance from its bone that looks wrong."""
     notes = []
     size = fit.similarity.scale
@@ -537,12 +648,12 @@ def _warnings(
             f"{body}: the surfaces differ by {1e3 * fit.rms:.1f} mm (root mean square): is it this"
             " bone?"
         )
-    for name, place in markers.items():
-        apart = float(np.min(np.linalg.norm(scanned.vertices - place, axis=1)))
-        if apart > FAR:
+    for name, position in scan.markers.items():
+        distance = float(np.min(np.linalg.norm(scan.surface.vertices - position, axis=1)))
+        if distance > MAX_MARKER_DISTANCE:
             notes.append(
-                f"{body}: marker '{name}' lies {1e3 * apart:.0f} mm from the bone: another scan, or"
-                " unit?"
+                f"{body}: marker '{name}' lies {1e3 * distance:.0f} mm from the bone: another scan,"
+                " or unit?"
             )
     return notes
 

@@ -19,19 +19,22 @@ from myomorph.core.surfaces.linear_maps import Similarity
 from myomorph.core.surfaces.surface_points import Samples, Shape
 
 # Share of the residual that the mirrored source leaves, below which the side is questioned.
-OTHER_SIDE = 0.9
+MIRRORED = 0.9
 # Of a part, the target's points count up to so many times the furthest of the source's that count.
-BEYOND = 3.0
-FACING = 0.7
+MAX_DISTANCE_RATIO = 3.0
+MIN_FACING = 0.7
 """Share of normals that must agree at a good fit for them to be used to tell the two sides of a
 thin bone apart.
 """
 
-
 COARSE = 200  # Points with which the many starts are tried.
-FEW = 4  # Different ways to lie that are looked at more closely.
+MAX_POSES = 4  # Different poses that are looked at more closely.
+MIN_SAME_TRACE = 2.9
+"""Of the rotation between two poses, above which they are the same: they differ by 18 degrees."""
 # A step that moves the surface less, in metres or as a share of the residual, ends the iteration.
-SETTLED = 1e-5, 1e-2
+MIN_STEP = 1e-5
+MIN_STEP_SHARE = 1e-2
+MAX_GROWTH = 0.1  # Of the size's logarithm in a step.
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
@@ -150,7 +153,7 @@ def register_surface(
     fit = fitted(ours, start)
     if start is None and options.mirror:
         other = fitted(Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1])))
-        if other.rms < OTHER_SIDE * fit.rms:
+        if other.rms < MIRRORED * fit.rms:
             notes.append(
                 f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against"
                 f" {1e3 * fit.rms:.2f} mm): is it a bone of the other side?"
@@ -170,7 +173,7 @@ def register_surface(
 
 @read_only
 class RoughFit:
-    """One of the ways in which a surface may lie on another.
+    """A pose of a surface on another, roughly fitted.
 
     Attributes
     ----------
@@ -206,6 +209,37 @@ class _Pairs(NamedTuple):
     def where(self, kept: np.ndarray) -> _Pairs:
         """Keep pairs (n,) for which `kept` holds."""
         return _Pairs(*(values[kept] for values in self))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Step:
+    """A step of the moved source.
+
+    Attributes
+    ----------
+    turn : (3,) rotation vector about its center [rad]
+    shift : (3,) [m]
+    growth : factor of its size
+    """
+
+    turn: Array
+    shift: Array
+    growth: float
+
+    @property
+    def angle(self) -> float:
+        """Angle of the rotation [rad]."""
+        return float(np.linalg.norm(self.turn))
+
+    @property
+    def rotation(self) -> Array:
+        """Matrix (3, 3) of the rotation."""
+        return axis_rotation(self.turn / self.angle, self.angle) if self.angle > 0 else np.eye(3)
+
+    def motion(self, radius: float) -> float:
+        """Return how far points at a radius [m] move at most [m]."""
+        shift = float(np.linalg.norm(self.shift))
+        return self.angle * radius + shift + abs(self.growth - 1.0) * radius
 
 
 class _Fitting:
@@ -248,38 +282,44 @@ class _Fitting:
         size = start.scale
         converged = False
         rms = np.inf
-        units = np.concatenate([np.full(3, 1.0 / self.radius), np.ones(3), [1.0 / self.radius]])[
-            : self.count
-        ]
         for _ in range(iterations):
             pairs = self.pairs(rotation, translation, size)
             center = size * rotation @ self.middle + translation
-            lever = pairs.moved - center
-            along = np.einsum("ij,ij->i", lever, pairs.normals)[:, None]
-            slopes = np.hstack([np.cross(lever, pairs.normals), pairs.normals, along])[
-                :, : self.count
-            ]
             rms = float(np.sqrt(np.mean(pairs.distance**2))) / size
-            scaled = slopes * units
-            gram = scaled.T @ scaled + 1e-6 * np.sum(scaled**2) * np.eye(self.count)
-            step = -units * np.linalg.solve(
-                gram, scaled.T @ np.einsum("ij,ij->i", pairs.away, pairs.normals)
-            )
-            angle = float(np.linalg.norm(step[:3]))
-            turn = axis_rotation(step[:3] / angle, angle) if angle > 0 else np.eye(3)
-            growth = float(np.exp(np.clip(step[6], -0.1, 0.1))) if self.count == 7 else 1.0
-            rotation = turn @ rotation
-            size = size * growth
-            translation = center + step[3:6] - size * rotation @ self.middle
-            moved = (
-                angle * self.radius
-                + float(np.linalg.norm(step[3:6]))
-                + abs(growth - 1.0) * self.radius
-            )
-            if moved < (1.0 if self.fine else 10.0) * max(SETTLED[0], SETTLED[1] * rms):
+            step = self._step(pairs, center)
+            rotation = step.rotation @ rotation
+            size = size * step.growth
+            translation = center + step.shift - size * rotation @ self.middle
+            tolerance = max(MIN_STEP, MIN_STEP_SHARE * rms)
+            if step.motion(self.radius) < (1.0 if self.fine else 10.0) * tolerance:
                 converged = True
                 break
         return RoughFit(Similarity(rotation, translation, size), rms, converged)
+
+    def _step(self, pairs: _Pairs, center: Array) -> _Step:
+        """Solve the equations of the class for the step that brings points to the planes.
+
+        Unknowns are scaled so that each moves the surface by about as much. A millionth of the sum
+        of their squared slopes is added to the diagonal, for what the planes leave open.
+
+        Parameters
+        ----------
+        pairs : that count
+        center : (3,) of the moved source [m]
+        """
+        lever = pairs.moved - center
+        along = np.einsum("ij,ij->i", lever, pairs.normals)[:, None]
+        every = np.hstack([np.cross(lever, pairs.normals), pairs.normals, along])
+        per_radius = 1.0 / self.radius
+        units = np.concatenate([np.full(3, per_radius), np.ones(3), [per_radius]])[: self.count]
+        slopes = every[:, : self.count] * units
+        to_planes = np.einsum("ij,ij->i", pairs.away, pairs.normals)
+        gram = slopes.T @ slopes + 1e-6 * np.sum(slopes**2) * np.eye(self.count)
+        solution = -units * np.linalg.solve(gram, slopes.T @ to_planes)
+        growth = 1.0
+        if self.count == 7:
+            growth = float(np.exp(np.clip(solution[6], -MAX_GROWTH, MAX_GROWTH)))
+        return _Step(turn=solution[:3], shift=solution[3:6], growth=growth)
 
     def pairs(self, rotation: Array, translation: Array, size: float) -> _Pairs:
         """Pair the source's points with the target's nearest, and the reverse.
@@ -306,7 +346,9 @@ class _Fitting:
         there = _Pairs(moved, self.theirs.normals, moved - self.theirs.points)
         kept = self._kept(there, nearest.normals @ rotation.T, self.theirs.normals)
         if self.partial:
-            kept &= ~nearest.rim & (there.distance <= BEYOND * forth.distance.max(initial=0.0))
+            kept &= ~nearest.rim & (
+                there.distance <= MAX_DISTANCE_RATIO * forth.distance.max(initial=0.0)
+            )
         there = there.where(kept)
         return _Pairs(*(np.concatenate(both) for both in zip(forth, there, strict=True)))
 
@@ -323,14 +365,14 @@ class _Fitting:
         (n,) whether a pair counts
         """
         facing = np.einsum("ij,ij->i", normals, others) > 0
-        sided = facing if np.mean(facing) > FACING else np.ones(len(facing), dtype=bool)
+        sided = facing if np.mean(facing) > MIN_FACING else np.ones(len(facing), dtype=bool)
         return sided & (pairs.distance <= np.quantile(pairs.distance[sided], self.options.kept))
 
 
 def rough_fits(
     source: Surface, target: Surface, options: SurfaceOptions | None = None
 ) -> list[RoughFit]:
-    """Find the few different ways in which a surface may lie on another.
+    """Find the few different poses of a surface on another.
 
     Parameters
     ----------
@@ -351,17 +393,19 @@ def _few_fits(shape: Shape, goal: Shape, options: SurfaceOptions) -> list[RoughF
     fits.sort(key=lambda fit: fit.rms)
     distinct: list[RoughFit] = []
     for fit in fits:
-        if all(
-            np.trace(fit.similarity.rotation.T @ other.similarity.rotation) < 2.9
-            for other in distinct
-        ):
+        if not any(_is_same_pose(fit, other) for other in distinct):
             distinct.append(fit)
-        if len(distinct) == FEW:
+        if len(distinct) == MAX_POSES:
             break
     finer = _Fitting(shape, goal, options, COARSE)
-    return sorted(
-        (finer.iterated(rough.similarity, 30) for rough in distinct), key=lambda rough: rough.rms
-    )
+    closer = [finer.iterated(rough.similarity, 30) for rough in distinct]
+    return sorted(closer, key=lambda rough: rough.rms)
+
+
+def _is_same_pose(first: RoughFit, second: RoughFit) -> bool:
+    """Return whether two fits are hardly rotated against each other."""
+    between = first.similarity.rotation.T @ second.similarity.rotation
+    return bool(np.trace(between) >= MIN_SAME_TRACE)
 
 
 def _starts(shape: Shape, goal: Shape, turns: int) -> list[Similarity]:
@@ -383,14 +427,11 @@ def _starts(shape: Shape, goal: Shape, turns: int) -> list[Similarity]:
     starts = []
     for flip in (0.0, np.pi):
         for index in range(turns):
-            spin = axis_rotation((1, 0, 0), 2 * np.pi * index / turns) @ axis_rotation(
-                (0, 1, 0), flip
-            )
-            rotation = goal_axes @ spin @ axes.T
-            starts += [
-                Similarity(rotation, goal_middle + along * goal_axes[:, 0] - rotation @ middle)
-                for along in shifts
-            ]
+            about_long = axis_rotation((1, 0, 0), 2 * np.pi * index / turns)
+            rotation = goal_axes @ (about_long @ axis_rotation((0, 1, 0), flip)) @ axes.T
+            for along in shifts:
+                middle_there = goal_middle + along * goal_axes[:, 0]
+                starts.append(Similarity(rotation, middle_there - rotation @ middle))
     return starts
 
 

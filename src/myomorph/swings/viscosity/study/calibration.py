@@ -103,11 +103,9 @@ def model_from_scans(
             cluster = register.name_cluster(balls, scan.markers, distances, near)
         with about(scan.surface):
             picks = _picks(model, scan, points, factor)
-            sized = _sized(scanned, factor)
+            bone = register.BoneScan(surface=_sized(scanned, factor), markers=cluster.centers)
             bones.append(
-                register.place_scanned_bone(
-                    scan.bone, sized, _modelled(model, scan), cluster.centers, picks
-                )
+                register.place_scanned_bone(scan.bone, bone, _modelled(model, scan), picks)
             )
         clusters.append(cluster)
     placed = register.place_cluster_markers(
