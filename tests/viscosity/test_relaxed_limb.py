@@ -16,11 +16,11 @@ from myomorph.lab.cli.program import main
 from myomorph.swings.viscosity.relaxed.drops import activities, find_drops
 from myomorph.swings.viscosity.relaxed.identify import (
     LimbBody,
-    fit_swings,
     identify_limb,
     quantities,
 )
 from myomorph.swings.viscosity.relaxed.swing_equation import swing_equation
+from myomorph.swings.viscosity.relaxed.swing_fit import fit_swings
 from myomorph.swings.viscosity.study.limb_files import limb_body
 from myomorph.swings.viscosity.study.limb_step import read_limb
 from myomorph.swings.viscosity.study.plan import read_viscosity_plan

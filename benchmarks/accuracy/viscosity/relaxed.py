@@ -28,11 +28,9 @@ from myomorph.swings.viscosity.relaxed.identify import (
     SPRUNG,
     LimbOptions,
     LimbResult,
-    fit_swings,
-    guess,
-    state_at,
 )
 from myomorph.swings.viscosity.relaxed.swing_equation import swing_equation
+from myomorph.swings.viscosity.relaxed.swing_fit import fit_swings, guess, state_at
 from myomorph.swings.viscosity.study.limb_step import study_limb
 
 Row = dict[str, object]

@@ -9,11 +9,18 @@ lies elsewhere, turned axes, wrong gains and a late clock break them, each in it
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
+from itertools import chain
 
 import numpy as np
 
 from myomorph.core.fit.correlation import variance_samples
+from myomorph.core.fit.elimination import eliminated
+from myomorph.core.fit.posterior import Posterior
+from myomorph.core.fit.problem import Problem
+from myomorph.core.fit.residuals import Evaluation, Rows
+from myomorph.core.fit.solver import Method, minimize
+from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.swings.viscosity.identification.budget import AXES, ErrorOptions, disturbed, thinned
 from myomorph.swings.viscosity.swings.recording import SwingRecording
@@ -33,6 +40,20 @@ SHOWN_IN = {
 # Not estimated: it changes the force by as little as filters and rounding do.
 UNTOLD = "soft_tissue"
 MASS_AND_MOMENT = 4  # Columns of the force's rows: mass and first moment.
+ERRORS = "instruments"  # The block of unknowns
+UNIT_OF = {
+    "plate_position": "m",
+    "plate_rotation": "rad",
+    "force_gain": "1",
+    "moment_gain": "1",
+    "plate_clock": "s",
+    "joint_center": "m",
+    "soft_tissue": "s^2",
+}
+# Weights once by what no error leaves, once by what the first estimate does. Laws are linear, so
+# that each step is whole.
+METHOD = Method(iterations=2, tolerance=0.0, reweighted=True)
+MIN_VARIANCE = 1e-18  # Of a law's residuals [N^2] or [(N m)^2], so that none has no noise
 
 
 @read_only
@@ -211,50 +232,92 @@ def _passive(swing_recording: SwingRecording, use: np.ndarray) -> Array:
 def _solved(
     parts: Sequence[Sequence[_Equations]], known: Instruments, last: Instruments
 ) -> Instruments:
-    """The errors by weighted least squares with their prior; equations hold what is left of them
-    beyond `last`.
-    """
-    scale = known.prior
-    flat = [equations for part in parts for equations in part]
-    theta: Array = np.zeros(len(scale))
-    precision = np.eye(len(scale))
-    for _ in range(2):
-        A = np.eye(len(scale))
-        b = -last.errors / scale
-        for block in flat:
-            N, g, weight = _reduced(block, theta, scale)
-            A = A + weight * N
-            b = b + weight * g
-        theta = np.asarray(np.linalg.solve(A, b), float)
-        precision = A
-    covariance = np.linalg.inv(precision) * np.outer(scale, scale)
+    """Estimate the errors; the equations hold what is left of them beyond `last`."""
+    sources = zip(known.sources, known.prior, last.errors, strict=True)
+    unknowns = [
+        Unknown(
+            name=f"{source} {axis}",
+            unit=UNIT_OF[source],
+            where="error that all swings share",
+            mean=-float(error),
+            sd=float(sd),
+            scale=float(sd),
+        )
+        for (source, axis), sd, error in sources
+    ]
+    laws = [
+        SwingLaw.of(f"law {number}", equations, known.prior)
+        for number, equations in enumerate(chain.from_iterable(parts))
+    ]
+    block = Block(name=ERRORS, unknowns=tuple(unknowns))
+    solution = minimize(Problem(Unknowns((block,)), tuple(laws)), method=METHOD)
     return Instruments(
         sources=known.sources,
         prior=known.prior,
-        errors=last.errors + theta * scale,
-        covariance=covariance,
+        errors=last.errors + solution.x,
+        covariance=Posterior.of(solution).covariance,
     )
 
 
-def _reduced(equations: _Equations, theta: Array, scale: Array) -> tuple[Array, Array, float]:
-    """Normal equations of the errors, the equations' own unknowns taken off, weighted by the last
-    errors `theta`.
+@read_only
+class SwingLaw:
+    """One law of a condition as residuals of the errors, its own unknowns eliminated.
+
+    With the law y = A x + B theta, whose unknowns x are free, the residuals are P (B theta - y), P
+    the projection that takes off what A explains (`core.fit.eliminated`). Their noise is what they
+    leave at the errors where they are evaluated.
+
+    Attributes
+    ----------
+    name : of the condition's law
+    errors : (rows, sources) P B
+    measured : (rows,) P y
+    shapes : (frames, rows) of each trial, which together are all rows
     """
-    inertial = np.concatenate([own.reshape(-1, own.shape[2]) for _, own, _ in equations])
-    errors = np.concatenate([part.reshape(-1, part.shape[2]) for _, _, part in equations]) * scale
-    y = np.concatenate([part.ravel() for part, _, _ in equations])
-    size = np.linalg.norm(inertial, axis=0)
-    inertial = inertial[:, size > 0.0] / size[size > 0.0]
-    left, values, _ = np.linalg.svd(inertial, full_matrices=False)
-    left = left[:, values > 1e-9 * values[0]]
-    errors = errors - left @ (left.T @ errors)
-    y = y - left @ (left.T @ y)
-    misfit = y - errors @ theta
-    ends = np.cumsum([part.size for part, _, _ in equations])[:-1]
-    runs = [
-        left.reshape(part.shape)
-        for left, (part, _, _) in zip(np.split(misfit, ends), equations, strict=True)
-    ]
-    variance = max(float(np.mean(misfit**2)), 1e-18)
-    weight = min(variance_samples(runs) / misfit.size, 1.0) / variance
-    return errors.T @ errors, errors.T @ y, weight
+
+    name: str
+    errors: Array
+    measured: Array
+    shapes: tuple[tuple[int, int], ...]
+    blocks: tuple[str, ...] = field(default=(ERRORS,), init=False)
+    prior: bool = field(default=False, init=False)
+
+    @classmethod
+    def of(cls, name: str, equations: _Equations, scale: Array) -> SwingLaw:
+        """Eliminate the law's own unknowns.
+
+        Parameters
+        ----------
+        name : of the law
+        equations : of each trial
+        scale : (sources,) of the errors, for the projection's rounding
+
+        Returns
+        -------
+        the law by the errors alone
+        """
+        own = np.concatenate([part.reshape(-1, part.shape[2]) for _, part, _ in equations])
+        shared = np.concatenate([part.reshape(-1, part.shape[2]) for _, _, part in equations])
+        y = np.concatenate([part.ravel() for part, _, _ in equations])
+        size = np.linalg.norm(own, axis=0)
+        own = own[:, size > 0.0] / size[size > 0.0]
+        shared = shared * scale
+        law = eliminated(own, shared, y)
+        return cls(
+            name=name,
+            errors=(shared + own @ law.follows) / scale,
+            measured=y + own @ law.moved,
+            shapes=tuple(part.shape for part, _, _ in equations),
+        )
+
+    def at(self, values: Values, before: Evaluation | None = None) -> Rows:
+        """Residuals in units of what they leave, as far as they are independent samples."""
+        misfit = self.errors @ values[ERRORS] - self.measured
+        ends = np.cumsum([frames * rows for frames, rows in self.shapes])[:-1]
+        runs = [
+            part.reshape(shape)
+            for part, shape in zip(np.split(misfit, ends), self.shapes, strict=True)
+        ]
+        variance = max(float(np.mean(misfit**2)), MIN_VARIANCE)
+        weight = np.sqrt(min(variance_samples(runs) / misfit.size, 1.0) / variance)
+        return Rows(residuals=weight * misfit, slopes=weight * self.errors)

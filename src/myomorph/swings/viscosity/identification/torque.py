@@ -5,14 +5,16 @@ beside a spring.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
-from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
+from myomorph.core.fit.problem import Problem
+from myomorph.core.fit.residuals import Evaluation, NormalEquations
+from myomorph.core.fit.solver import Method, minimize
+from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.swings.viscosity.swings.sums import (
@@ -34,6 +36,8 @@ then one a muscle.
 
 # Of the largest singular value: a combination of muscles that turns the limb less is not shown.
 RANK_TOLERANCE = 1e-6
+MUSCLE_VISCOSITY = "muscles"  # The block of unknowns
+ONE_STEP = Method(iterations=1, reweighted=True)  # Of a linear problem, exact within its bounds
 # A rest farther than this from the mean pose is not believed: there is hardly a spring [rad].
 MAX_SHIFT = 1.5
 
@@ -143,11 +147,85 @@ class MuscleProblem:
         return max(float(shares @ self.g) / square, 0.0) if square > 0.0 else 0.0
 
     def towards(self, common: float, strength: float) -> Array:
-        """(muscles,) values, at least 0, that minimise d H d / 2 - g d + strength |d - common|^2 /
-        2.
+        """Estimate every muscle by itself, held likely near a common value.
+
+        With d at least 0, the minimum of
+
+            d . H d - 2 g . d + strength |d - common|^2
+
+        Parameters
+        ----------
+        common : mean of the prior [N s/m]
+        strength : see `ridge_strength`
+
+        Returns
+        -------
+        (muscles,) [N s/m]
         """
-        L = cholesky(self.H + strength * np.eye(len(self.g)), lower=True)
-        return nnls(L.T, solve_triangular(L, self.g + strength * common, lower=True))[0]
+        unknowns = tuple(
+            Unknown(
+                name=f"viscosity of muscle {number}",
+                unit="N s/m",
+                start=common,
+                sd=strength**-0.5,
+                low=0.0,
+            )
+            for number in range(len(self.g))
+        )
+        block = Block(name=MUSCLE_VISCOSITY, unknowns=unknowns)
+        torques = MuscleTorques(H=self.H, g=self.g)
+        return minimize(Problem(Unknowns((block,)), (torques,)), method=ONE_STEP).x
+
+
+@read_only
+class MuscleTorques:
+    """Residuals of the muscles' torques, condensed to products over the frames.
+
+    Attributes
+    ----------
+    H : (muscles, muscles) of the torques of unit viscosities
+    g : (muscles,) with the torque that is left to the muscles
+    """
+
+    H: Array
+    g: Array
+    name: str = field(default="torques of the muscles", init=False)
+    blocks: tuple[str, ...] = field(default=(MUSCLE_VISCOSITY,), init=False)
+    prior: bool = field(default=False, init=False)
+
+    def at(self, values: Values, before: Evaluation | None = None) -> MuscleTorquesAt:
+        """Residuals at some viscosities."""
+        return MuscleTorquesAt(torques=self, viscosity=values[MUSCLE_VISCOSITY])
+
+
+@read_only
+class MuscleTorquesAt:
+    """Residuals of the muscles' torques at some viscosities.
+
+    Attributes
+    ----------
+    torques : that have to be explained
+    viscosity : (muscles,) [N s/m]
+    """
+
+    torques: MuscleTorques
+    viscosity: Array
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares, less what it is where no muscle resists [N^2 m^2]."""
+        d = self.viscosity
+        return float(d @ self.torques.H @ d - 2.0 * self.torques.g @ d)
+
+    @property
+    def count(self) -> int:
+        """How many numbers say all that the frames do: one a muscle."""
+        return len(self.viscosity)
+
+    def normal(self) -> NormalEquations:
+        """By the products."""
+        H = self.torques.H
+        return NormalEquations(H=H, g=H @ self.viscosity - self.torques.g)
 
 
 def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:

@@ -8,24 +8,20 @@ is compared and in no row, so nothing is differentiated but for the first guess.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student
 
-from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.interval import Interval
 from myomorph.lab.uncertainty.sources import Sources
 from myomorph.swings.viscosity.relaxed.drops import Drop
 from myomorph.swings.viscosity.relaxed.swing_equation import SwingEquation
-from myomorph.swings.viscosity.trust.law import (
-    PassiveLaw,
-    bounded_least_squares,
-    law_columns,
-    resistances,
-)
+from myomorph.swings.viscosity.relaxed.swing_fit import SwingFit, fit_swings, state_at
+from myomorph.swings.viscosity.trust.law import PassiveLaw, law_columns
 
 SPRUNG = ("viscosity", "stiffness")
 LAWS: tuple[tuple[str, ...], ...] = (("viscosity",), SPRUNG, (*SPRUNG, "coulomb"))
@@ -42,13 +38,6 @@ UNITS: Mapping[str, str] = {
 """Of the quantities, in the order of the tables; the spring is slack at its rest angle."""
 AS_GOOD = 1.1  # A simpler law is taken whose held-out error is within this factor of the least.
 MAX_FOLDS = 4
-WIDTH = 0.02
-"""Angular velocity within which friction turns its sign [rad/s]: nothing here is low-passed, which
-would spread it.
-"""
-MAX_STEPS = 30
-SETTLED = 1e-9  # Of the search, and the share of the sum of squares whose gain ends it.
-NEAR = 0.06  # Time either side of a turn over which its angle is fitted [s].
 MISSED = np.deg2rad(2.0)
 MISSED_SHARE = 0.05
 """By how much a half swing may end elsewhere than constant coefficients predict: an angle [rad] and
@@ -124,21 +113,6 @@ class LimbBody:
             ),
             "inertia": (1.0 + options.inertia_sd * central / self.inertia, 1.0),
         }
-
-
-@read_only
-class SwingFit:
-    """A law fitted to drops: coefficients and the states (parts, 2) in which their parts begin
-    [rad], [rad/s]; what is left of the angles (frames,) [rad], its derivatives (frames, free +
-    states), and which half swing each is of.
-    """
-
-    terms: tuple[str, ...]
-    law: PassiveLaw
-    states: Array
-    left: Array
-    slopes: Array
-    block: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -238,139 +212,6 @@ def quantities(fit: SwingFit) -> dict[str, float]:
         known["rest_angle"] = s / k
     asked = {*fit.terms} | ({"zero_torque", "rest_angle"} if "stiffness" in fit.terms else set())
     return {name: float(known[name]) for name in UNITS if name in asked and name in known}
-
-
-def guess(drops: Sequence[Drop], terms: Sequence[str]) -> PassiveLaw:
-    """The law by least squares of torques by inverse dynamics, from angles differentiated twice."""
-    mapping, groups = law_columns(terms, 1)
-    H = np.zeros((mapping.shape[1],) * 2)
-    g = np.zeros(mapping.shape[1])
-    for drop in drops:
-        accelerations = np.gradient(drop.rates, drop.equation.time)
-        torque = drop.equation.torque(drop.angles, drop.rates, accelerations)
-        rows = resistances(
-            drop.angles[:, None], drop.rates[:, None], np.zeros((len(torque), 0, 1)), WIDTH
-        )
-        for part in drop.parts:
-            A = rows[part, 0] @ mapping
-            H = H + A.T @ A
-            g = g - A.T @ torque[part]
-    return PassiveLaw.of(mapping @ bounded_least_squares(H, g, groups)[0], WIDTH)
-
-
-def fit_swings(
-    drops: Sequence[Drop],
-    terms: Sequence[str],
-    start: SwingFit | None = None,
-    law: PassiveLaw | None = None,
-) -> SwingFit:
-    """A law and the states in which parts begin, by least squares of the angles; from `start`, or
-    `guess`. Of a `law` that is given only the states are sought.
-    """
-    mapping = law_columns(terms, 1)[0] if law is None else np.zeros((9, 0))
-    fixed = 0.0 if law is None else law.coefficients
-    free = mapping.shape[1]
-    parts = [(drop, part) for drop in drops for part in drop.parts]
-    if not parts:
-        raise BadData(
-            "no half swing is left to identify a limb from: record it anew, muscles relaxed,"
-            " several drops"
-        )
-    first = start.law if start is not None else law or guess(drops, terms)
-    states = [state_at(drop, part.start) for drop, part in parts] if start is None else start.states
-    low = np.where(mapping[2] == 1.0, -np.inf, 0.0)
-
-    def law_at(x: Array) -> PassiveLaw:
-        return PassiveLaw.of(fixed + mapping @ x[:free], WIDTH)
-
-    def left(x: Array, part: int) -> Array:
-        """Measured less swung angles of a part (frames,), 0 where unknown."""
-        drop, frames = parts[part]
-        angle, rate = x[free + 2 * part : free + 2 * part + 2]
-        return np.nan_to_num(
-            drop.measured[frames]
-            - drop.equation.swing(frames.start, frames.stop, angle, rate, law_at(x))
-        )
-
-    def slopes(x: Array) -> Array:
-        """Each part depends on the law and on its own state only."""
-        rows = []
-        for part in range(len(parts)):
-            at = left(x, part)
-            row = np.zeros((len(at), len(x)))
-            for j in (*range(free), free + 2 * part, free + 2 * part + 1):
-                step = 1e-6 * max(1.0, abs(x[j]))
-                row[:, j] = (left(x + step * np.eye(len(x))[j], part) - at) / step
-            rows.append(row)
-        return np.concatenate(rows)
-
-    x, fun, jac = _least_squares(
-        lambda x: np.concatenate([left(x, part) for part in range(len(parts))]),
-        slopes,
-        np.concatenate(
-            [np.maximum(np.linalg.pinv(mapping) @ first.coefficients, low), np.ravel(states)]
-        ),
-        np.concatenate([low, np.full(2 * len(parts), -np.inf)]),
-    )
-    blocks = [
-        1000 * i + np.searchsorted(drop.turns, np.arange(part.start, part.stop), side="right")
-        for i, (drop, part) in enumerate(parts)
-    ]
-    return SwingFit(
-        terms=tuple(terms),
-        law=law_at(x),
-        states=x[free:].reshape(-1, 2),
-        left=fun,
-        slopes=jac,
-        block=np.concatenate(blocks),
-    )
-
-
-def _least_squares(
-    left: Callable[[Array], Array], slopes: Callable[[Array], Array], x: Array, low: Array
-) -> tuple[Array, Array, Array]:
-    """The x >= low with the least square of `left`, that, and its slopes, by damped Gauss-Newton
-    steps in what is not held at its bound (Levenberg and Marquardt).
-    """
-    damping = 1e-3
-    r = left(x)
-    for _ in range(MAX_STEPS):
-        J = slopes(x)
-        H = J.T @ J
-        g = J.T @ r
-        free = np.flatnonzero((x > low) | (g < 0.0))
-        for _ in range(MAX_STEPS):
-            step = np.zeros(len(x))
-            within = H[np.ix_(free, free)]
-            step[free] = np.linalg.solve(
-                within + damping * np.diag(np.diag(within) + 1e-12), -g[free]
-            )
-            tried = np.maximum(x + step, low)
-            moved = left(tried)
-            gain = float(r @ r - moved @ moved)
-            if gain >= 0.0:
-                break
-            damping *= 8.0
-        if gain < 0.0:
-            break
-        x = tried
-        r = moved
-        damping = max(damping / 8.0, 1e-9)
-        if gain <= SETTLED * float(r @ r):
-            break
-    return x, r, slopes(x)
-
-
-def state_at(drop: Drop, frame: int) -> tuple[float, float]:
-    """Angle and rate at a frame, by a parabola through its neighborhood [rad], [rad/s]."""
-    time = drop.equation.time - drop.equation.time[frame]
-    near = (np.abs(time) <= NEAR) & np.isfinite(drop.measured)
-    if frame in drop.turns[:1]:
-        near &= time >= 0.0
-    if near.sum() < 4:
-        return float(drop.angles[frame]), float(drop.rates[frame])
-    _, rate, angle = np.polyfit(time[near], drop.measured[near], 2)
-    return float(angle), float(rate)
 
 
 def _held_out(drops: Sequence[Drop], terms: Sequence[str]) -> float:
