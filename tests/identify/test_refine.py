@@ -17,10 +17,12 @@ from myomorph.body.refine import fit, trial_data
 from myomorph.body.refine.equations import cost, linearize
 from myomorph.body.refine.fit import far_from_given, markers_left, refine, worse_note
 from myomorph.body.refine.options import RefineOptions
-from myomorph.body.refine.predictions import solve, step, worse
+from myomorph.body.refine.predictions import solve, worse
 from myomorph.body.refine.problem import WIDTH, Basis, MassPrior, changed, moved
 from myomorph.body.refine.refinement import Errors, Prediction, RefinedTrial, SubjectTrial
 from myomorph.body.refine.trial_data import opened, problem_of
+from myomorph.core.fit.banded import reduce_banded
+from myomorph.core.fit.residuals import NormalEquations
 from myomorph.core.io.mjcf.read import model_from_mujoco
 from myomorph.core.model.errors import BadData, BadModel
 from myomorph.core.model.inertia import inertial_parameters, pseudo_inertias
@@ -175,7 +177,10 @@ def test_sparse_step_is_that_of_the_full_matrix(problem):
     full = np.block([[H, one.cross], [one.cross.T, equations.H]])
     full[np.diag_indices_from(full)] *= 1.0 + damping
     expected = -np.linalg.solve(full, np.concatenate([one.right, equations.g]))
-    motions, shared = step(problem, equations, damping)
+    of_shared = NormalEquations(H=equations.H, g=equations.g)
+    reduced = reduce_banded(equations.trials, of_shared, damping)
+    shared = -np.linalg.solve(reduced.equations.H, reduced.equations.g)
+    motions = reduced.own_steps(shared)
     np.testing.assert_allclose(shared, expected[n:], rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(motions[0].ravel(), expected[:n], rtol=1e-4, atol=1e-6)
     # The band does not widen with frames: memory and time grow in proportion to them.

@@ -10,6 +10,7 @@ import numpy as np
 from myomorph.body.identify.pseudo_inertia import tangents
 from myomorph.body.refine.frame_kernels import difference_frames
 from myomorph.body.refine.problem import WIDTH, Problem, Rates, TrialData, Unknowns
+from myomorph.core.fit.banded import BandedEquations
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.series import Motion
 from myomorph.core.rigid.coordinates import Ints
@@ -31,22 +32,6 @@ weight: something that no plate measures, as a chair, carries a part of the body
 
 
 @read_only
-class TrialEquations:
-    """Normal equations of one trial, whose coefficients depend on each other in windows.
-
-    Attributes
-    ----------
-    band : (WIDTH free, coefficients free) lower band of the coefficients' matrix
-    right : (coefficients free,) gradient
-    cross : (coefficients free, shared) with the shared unknowns
-    """
-
-    band: Array
-    right: Array
-    cross: Array
-
-
-@read_only
 class Equations:
     """Normal equations of all unknowns: H step = -g.
 
@@ -56,7 +41,7 @@ class Equations:
     H, g : (shared, shared), (shared,) of the shared unknowns
     """
 
-    trials: tuple[TrialEquations, ...]
+    trials: tuple[BandedEquations, ...]
     H: Array
     g: Array
 
@@ -75,9 +60,25 @@ def cost(problem: Problem, at: Unknowns) -> float:
     -------
     the sum
     """
+    total = float(sum(miss @ miss for _, _, miss in prior_rows(problem, at)))
+    return total + data_cost(problem, at)
+
+
+def data_cost(problem: Problem, at: Unknowns) -> float:
+    """Sum squares of what recordings leave, in standard deviations.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    at : point
+
+    Returns
+    -------
+    the sum, with what is known of motions
+    """
     tree = problem.arrays(at)
     locations = problem.placed(at.factors, at.shifts)
-    total = float(sum(miss @ miss for _, _, miss in _prior_rows(problem, at)))
+    total = 0.0
     for trial, coefficients in zip(problem.trials, at.motions, strict=True):
         rates = problem.rates(trial, coefficients)
         errors, residual = problem.predict(tree, locations, trial, rates)
@@ -158,8 +159,13 @@ def _beyond(problem: Problem, values: Array) -> Array:
     return np.where(values > high, values - high, np.where(values < low, values - low, 0.0))
 
 
-def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Array]]:
+def prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Array]]:
     """Build what is known of the shared unknowns before.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    at : point
 
     Returns
     -------
@@ -223,6 +229,27 @@ def linearize(problem: Problem, at: Unknowns) -> Equations:
     -------
     bands of each trial's coefficients, cross terms and shared unknowns
     """
+    data = linearize_data(problem, at)
+    H = data.H.copy()
+    g = data.g.copy()
+    for columns, rows, miss in prior_rows(problem, at):
+        H[columns, columns] += rows.T @ rows
+        g[columns] += rows.T @ miss
+    return Equations(data.trials, H, g)
+
+
+def linearize_data(problem: Problem, at: Unknowns) -> Equations:
+    """Build the normal equations of what was recorded at a point.
+
+    Parameters
+    ----------
+    problem : with what is unknown
+    at : point
+
+    Returns
+    -------
+    as `linearize`, without what is known of shared unknowns before
+    """
     tree = problem.arrays(at)
     locations = problem.placed(at.factors, at.shifts)
     p = problem.count
@@ -233,9 +260,6 @@ def linearize(problem: Problem, at: Unknowns) -> Equations:
         _trial_equations(problem, at, trial, coefficients, tree, locations, nearby, H, g)
         for trial, coefficients in zip(problem.trials, at.motions, strict=True)
     )
-    for columns, rows, miss in _prior_rows(problem, at):
-        H[columns, columns] += rows.T @ rows
-        g[columns] += rows.T @ miss
     return Equations(trials, H, g)
 
 
@@ -404,7 +428,7 @@ def _trial_equations(
     nearby: list[tuple[TreeArrays, Array]],
     H: Array,
     g: Array,
-) -> TrialEquations:
+) -> BandedEquations:
     """Build the normal equations of a trial, and add its part of the shared unknowns to H, g.
 
     Parameters
@@ -493,7 +517,7 @@ def _trial_equations(
             H += shared_residual.T @ shared_residual
             g[:shared] += flat.T @ misses[f].ravel()
             g += shared_residual.T @ b
-    return TrialEquations(band, right, cross)
+    return BandedEquations(band, right, cross)
 
 
 def _shared_rows(

@@ -9,16 +9,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from myomorph.body.identify.determined import LINK_SD
 from myomorph.body.identify.pseudo_inertia import tangents
 from myomorph.body.identify.recordings import needed_wrench
-from myomorph.body.refine.equations import Equations, cost, linearize, with_trust
+from myomorph.body.refine.equations import linearize, with_trust
+from myomorph.body.refine.estimating import RecordingsAt, as_fit
 from myomorph.body.refine.options import RefineOptions
-from myomorph.body.refine.problem import MassPrior, Problem, Unknowns, moved
+from myomorph.body.refine.problem import MassPrior, Problem, Unknowns
 from myomorph.body.refine.refinement import Errors, Prediction
 from myomorph.body.refine.trial_data import Opened, opened, problem_of, thinned
+from myomorph.core.fit.banded import reduce_banded
+from myomorph.core.fit.residuals import NormalEquations
+from myomorph.core.fit.solver import Method, minimize
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.inertia import with_inertial_parameters
 from myomorph.core.model.model import Model
@@ -28,6 +31,9 @@ from myomorph.core.motion.lengths import factors_of
 from myomorph.core.rigid.regressor import base_wrench
 
 LEAST_GAIN = 1e-3  # A step that lowers the cost by a smaller share is the last
+NEVER = (
+    -1.0
+)  # No change is so small that it ends the search: motions, which move too, are not in it
 
 
 @read_only
@@ -92,82 +98,22 @@ def solve(
     -------
     the optimum, or where steps ended
     """
-    at = start
-    damping = 1e-6
-    costs = [cost(problem, at)]
-    converged = False
-    for _ in range(problem.options.iterations):
-        equations = linearize(problem, at)
-        accepted = False
-        while not accepted and damping < 1e4:
-            motions, shared = step(problem, equations, damping)
-            trial = moved(problem, at, motions, shared)
-            accepted = (
-                bool(trial.factors.min(initial=1.0) > 0.3) and cost(problem, trial) <= costs[-1]
-            )
-            damping = max(damping * 0.1, 1e-9) if accepted else damping * 10.0
-        progress()
-        if not accepted:
-            converged = True
-            break
-        at = trial
-        costs.append(cost(problem, at))
-        if costs[-2] - costs[-1] < LEAST_GAIN * costs[-2]:
-            converged = True
-            break
-    return Solution(problem=problem, at=at, costs=tuple(costs), converged=converged)
-
-
-def step(problem: Problem, equations: Equations, damping: float) -> tuple[tuple[Array, ...], Array]:
-    """Solve the damped normal equations.
-
-    Parameters
-    ----------
-    problem : with what is unknown
-    equations : at a point
-    damping : of the diagonal, relative to it
-
-    Returns
-    -------
-    (coefficients, free) changes of each trial's coefficients, and (shared,) of the shared unknowns
-    """
-    reduced, right, solved = _reduce(equations, damping)
-    shared = (
-        -scipy.linalg.cho_solve(scipy.linalg.cho_factor(reduced), right)
-        if len(right)
-        else np.zeros(0)
+    method = Method(
+        iterations=problem.options.iterations,
+        tolerance=NEVER,
+        min_gain=LEAST_GAIN,
+        min_promise=0.0,
+        kink=LEAST_GAIN,
     )
-    n = len(problem.pose.free)
-    motions = tuple((-block[:, 0] - block[:, 1:] @ shared).reshape(-1, n) for block in solved)
-    return motions, shared
-
-
-def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Array]]:
-    """Eliminate all motions from the normal equations of the shared unknowns.
-
-        (H - sum C^T B^-1 C) ds = -(g - sum C^T B^-1 r)
-
-    with the band B, the gradient r and the cross terms C of each trial.
-
-    Returns
-    -------
-    (shared, shared), (shared,) and for each trial B^-1 [r C]
-    """
-    H = equations.H.copy()
-    g = equations.g.copy()
-    H[np.diag_indices_from(H)] *= 1.0 + damping
-    solved = []
-    for trial in equations.trials:
-        band = trial.band.copy()
-        band[0] = band[0] * (1.0 + damping) + 1e-12 * band[0].max()
-        factor = scipy.linalg.cholesky_banded(band, lower=True, overwrite_ab=True)
-        reduced = scipy.linalg.cho_solve_banded(
-            (factor, True), np.column_stack([trial.right, trial.cross])
-        )
-        H -= trial.cross.T @ reduced[:, 1:]
-        g -= trial.cross.T @ reduced[:, 0]
-        solved.append(reduced)
-    return H, g, solved
+    ended = minimize(as_fit(problem, start), method=method, progress=progress)
+    recordings = ended.at.parts[0]
+    assert isinstance(recordings, RecordingsAt)
+    return Solution(
+        problem=problem,
+        at=recordings.at,
+        costs=ended.search.costs,
+        converged=ended.search.converged,
+    )
 
 
 def covariance(problem: Problem, at: Unknowns) -> Array:
@@ -188,7 +134,10 @@ def covariance(problem: Problem, at: Unknowns) -> Array:
     if not problem.count:
         return np.zeros((0, 0))
     problem = replace(problem, prior=MassPrior.of(problem.prior.reference, LINK_SD))
-    return np.asarray(np.linalg.inv(_reduce(linearize(problem, at), 0.0)[0]), dtype=np.float64)
+    equations = linearize(problem, at)
+    shared = NormalEquations(H=equations.H, g=equations.g)
+    reduced = reduce_banded(equations.trials, shared)
+    return np.asarray(np.linalg.inv(reduced.equations.H), dtype=np.float64)
 
 
 def mass_sd(problem: Problem, at: Unknowns, spread: Array) -> Array:

@@ -488,16 +488,30 @@ def moved(problem: Problem, at: Unknowns, motions: tuple[Array, ...], shared: Ar
             shifts=at.shifts + shared[places].reshape(at.shifts.shape),
         )
     if problem.masses:
-        parameters = at.parameters.copy()
-        links = problem.prior.moved
-        parameters[links] = changed(parameters[links], shared[masses].reshape(-1, 10))
-        # A step keeps the whole mass to first order only; what is left would outweigh all that it
-        # gains.
-        at = replace(
-            at,
-            parameters=parameters * (problem.prior.reference[:, 0].sum() / parameters[:, 0].sum()),
-        )
+        entries = shared[masses].reshape(-1, 10)
+        at = replace(at, parameters=moved_masses(problem, at.parameters, entries))
     return at
+
+
+def moved_masses(problem: Problem, parameters: Array, entries: Array) -> Array:
+    """Change the masses of the links that move; the whole mass stays.
+
+    Parameters
+    ----------
+    problem : with these links
+    parameters : (bodies, 10)
+    entries : (links moved, 10) scaled triangles of E, see `changed`
+
+    Returns
+    -------
+    (bodies, 10)
+    """
+    links = problem.prior.moved
+    parameters = parameters.copy()
+    parameters[links] = changed(parameters[links], entries)
+    # A step keeps the whole mass to first order only; what is left would outweigh all that it
+    # gains.
+    return np.asarray(parameters * (problem.prior.reference[:, 0].sum() / parameters[:, 0].sum()))
 
 
 def motion_of(problem: Problem, at: Unknowns, number: int) -> Motion:

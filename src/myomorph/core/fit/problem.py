@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from myomorph.core.fit.residuals import (
     Evaluation,
+    Following,
     NormalEquations,
     Residuals,
     own_prior,
@@ -89,6 +90,20 @@ class Equations(NamedTuple):
     prior: NormalEquations
 
 
+class Damped(NamedTuple):
+    """Normal equations of all unknowns together, their diagonals raised.
+
+    Attributes
+    ----------
+    H, g : (unknowns, unknowns), (unknowns,); own unknowns of residuals are eliminated
+    gain : what these alone take off the cost
+    """
+
+    H: Array
+    g: Array
+    gain: float
+
+
 @read_only
 class Evaluated:
     """All residuals of a problem at one point.
@@ -124,3 +139,49 @@ class Evaluated:
             data=NormalEquations(H=H[False], g=g[False]),
             prior=NormalEquations(H=H[True], g=g[True]),
         )
+
+    @property
+    def follows(self) -> bool:
+        """Whether residuals have unknowns of their own that step with the others."""
+        return any(isinstance(part, Following) for part in self.parts)
+
+    def damped(self, damping: float) -> Damped:
+        """Add up the equations of all residuals, each with its diagonal raised.
+
+        Parameters
+        ----------
+        damping : share of the diagonals that is added
+        """
+        problem = self.problem
+        H = np.zeros((len(self.x), len(self.x)))
+        g = np.zeros(len(self.x))
+        gain = 0.0
+        for part, index in zip(self.parts, problem.columns, strict=True):
+            if isinstance(part, Following):
+                equations, own_gain = part.damped(damping)
+                raised = equations.H
+                gain += own_gain
+            else:
+                equations = part.normal()
+                raised = equations.H + damping * np.diag(np.diag(equations.H))
+            H[np.ix_(index, index)] += raised
+            g[index] += equations.g
+        return Damped(H=H, g=g, gain=gain)
+
+    def stepped(self, damping: float, step: Array) -> Evaluated:
+        """Move the own unknowns of residuals along with a step.
+
+        Parameters
+        ----------
+        damping : with which the step was found
+        step : (unknowns,)
+
+        Returns
+        -------
+        where the evaluation of the next point begins
+        """
+        parts = [
+            part.stepped(damping, step[index]) if isinstance(part, Following) else part
+            for part, index in zip(self.parts, self.problem.columns, strict=True)
+        ]
+        return replace(self, parts=tuple(parts))

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,6 +52,25 @@ class Evaluation(Protocol):
 
     def normal(self) -> NormalEquations:
         """Return the normal equations of the unknowns of the residuals' blocks, in their order."""
+        ...
+
+
+@runtime_checkable
+class Following(Evaluation, Protocol):
+    """Residuals with unknowns of their own, as the motion of a trial, that step with the others."""
+
+    def damped(self, damping: float) -> tuple[NormalEquations, float]:
+        """Return equations of the shared unknowns without the own ones, all diagonals raised.
+
+        Beside them what the own unknowns alone take off the cost.
+        """
+        ...
+
+    def stepped(self, damping: float, step: Array) -> Evaluation:
+        """Return the residuals with their own unknowns moved along with a step of the shared ones.
+
+        They are where `Residuals.at` begins at the point after the step.
+        """
         ...
 
 

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.core.fit.bounds import bounded_step
-from myomorph.core.fit.problem import Evaluated, Problem
+from myomorph.core.fit.problem import Damped, Evaluated, Problem
 from myomorph.core.fit.residuals import NormalEquations
 from myomorph.core.fit.unknowns import Bools
 from myomorph.core.model.arrays import Array, read_only
@@ -35,6 +35,8 @@ class Method:
     iterations : linearizations at most
     tolerance : the search ends where no unknown moves further, in its `scale`
     min_gain : it ends too where a step lowers the cost by a smaller share
+    min_promise : a step that did not lower the cost is damped further only where it promised a
+        larger share; `min_gain` by default
     kink : where no step lowers the cost although one promised at most this share, the search has
         converged: what is eliminated frame by frame, or a bound there, bends the cost
     max_step : a step that moves an unknown further, in its `scale`, is not tried
@@ -47,6 +49,7 @@ class Method:
     iterations: int = 50
     tolerance: float = 1e-6
     min_gain: float = 1e-12
+    min_promise: float | None = None
     kink: float = 1e-4
     max_step: float = np.inf
     reweighted: bool = False
@@ -147,8 +150,6 @@ class _Model:
     problem: Problem
     at: Evaluated
     free: Bools
-    data: NormalEquations
-    prior: NormalEquations
     hidden_sd: float
 
     @classmethod
@@ -162,22 +163,18 @@ class _Model:
         free : (unknowns,) which are searched for
         hidden_sd : of `Method`
         """
-        data, prior = at.equations
         # What nothing shows stays where it is.
-        shown = np.diag(data.H) + np.diag(prior.H) > 0.0
-        return cls(
-            problem=problem,
-            at=at,
-            free=free & shown,
-            data=data,
-            prior=prior,
-            hidden_sd=hidden_sd,
-        )
+        if at.follows:
+            shown = np.diag(at.damped(DAMPING).H) > 0.0
+        else:
+            shown = np.diag(at.equations.data.H) + np.diag(at.equations.prior.H) > 0.0
+        return cls(problem=problem, at=at, free=free & shown, hidden_sd=hidden_sd)
 
     @cached_property
     def _H(self) -> Array:
         """Curvature (free, free) of all directions."""
-        return (self.data.H + self.prior.H)[np.ix_(self.free, self.free)]
+        data, prior = self.at.equations
+        return (data.H + prior.H)[np.ix_(self.free, self.free)]
 
     @cached_property
     def _scale(self) -> Array:
@@ -197,7 +194,8 @@ class _Model:
     @cached_property
     def g(self) -> Array:
         """Slope of half the cost (free,)."""
-        g = (self.data.g + self.prior.g)[self.free]
+        data, prior = self.at.equations
+        g = (data.g + prior.g)[self.free]
         if self._hidden is None:
             return g
         scaled = self._scale * g
@@ -218,6 +216,18 @@ class _Model:
         raised = shown @ scaled @ shown + np.trace(scaled) * self._hidden
         return raised / self._scale[:, None] / self._scale
 
+    def quadratic(self, damping: float) -> Damped:
+        """Return curvature and slope (free, free), (free,) of half the damped cost.
+
+        Parameters
+        ----------
+        damping : share of the diagonal that is added
+        """
+        if not self.at.follows:
+            return Damped(H=self.damped(damping), g=self.g, gain=0.0)
+        H, g, gain = self.at.damped(damping)
+        return Damped(H=H[np.ix_(self.free, self.free)], g=g[self.free], gain=gain)
+
     def step(self, damping: float) -> Array:
         """Return the step (unknowns,) to the minimum of the damped model within bounds.
 
@@ -230,18 +240,23 @@ class _Model:
         low = (unknowns.low - x)[self.free]
         high = (unknowns.high - x)[self.free]
         step = np.zeros(len(x))
-        step[self.free] = bounded_step(self.damped(damping), self.g, low, high)
+        model = self.quadratic(damping)
+        step[self.free] = bounded_step(model.H, model.g, low, high)
         return step
 
-    def promised(self, step: Array) -> float:
+    def promised(self, step: Array, damping: float) -> float:
         """Return the share of the cost that a step takes off by the quadratic model.
+
+        Own unknowns of residuals count as damped, so that they are eliminated once a step.
 
         Parameters
         ----------
         step : (unknowns,)
+        damping : with which it was found
         """
         part = step[self.free]
-        gain = -float(2.0 * self.g @ part + part @ self.damped(0.0) @ part)
+        model = self.quadratic(damping if self.at.follows else 0.0)
+        gain = model.gain - float(2.0 * model.g @ part + part @ model.H @ part)
         return gain / max(self.at.cost, 1e-300)
 
 
@@ -354,7 +369,8 @@ def _lower(model: _Model, damping: float, method: Method) -> _Tried:
     at = model.at
     change = 0.0
     promised = 1.0
-    while damping < MAX_DAMPING and promised > method.min_gain:
+    min_promise = method.min_gain if method.min_promise is None else method.min_promise
+    while damping < MAX_DAMPING and promised > min_promise:
         try:
             step = model.step(damping)
         except np.linalg.LinAlgError:
@@ -363,11 +379,11 @@ def _lower(model: _Model, damping: float, method: Method) -> _Tried:
             continue
         change = float(np.abs(step / unknowns.scale).max(initial=0.0))
         small = damping <= DAMPING and change <= method.tolerance
-        promised = model.promised(step)
+        promised = model.promised(step, damping)
         accepted = False
         if change <= method.max_step:
             x = np.clip(unknowns.moved(at.x, step), unknowns.low, unknowns.high)
-            trial = model.problem.at(x, at)
+            trial = model.problem.at(x, at.stepped(damping, step))
             accepted = trial.cost <= at.cost * (1.0 + ROUNDING)
         damping = max(damping * 0.1, MIN_DAMPING) if accepted else damping * 10.0
         if accepted or small:
