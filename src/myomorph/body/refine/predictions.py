@@ -31,9 +31,6 @@ from myomorph.core.motion.lengths import factors_of
 from myomorph.core.rigid.regressor import base_wrench
 
 LEAST_GAIN = 1e-3  # A step that lowers the cost by a smaller share is the last
-NEVER = (
-    -1.0
-)  # No change is so small that it ends the search: motions, which move too, are not in it
 
 
 @read_only
@@ -100,7 +97,6 @@ def solve(
     """
     method = Method(
         iterations=problem.options.iterations,
-        tolerance=NEVER,
         min_gain=LEAST_GAIN,
         min_promise=0.0,
         kink=LEAST_GAIN,

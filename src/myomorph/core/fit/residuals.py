@@ -69,7 +69,14 @@ class Following(Evaluation, Protocol):
     def stepped(self, damping: float, step: Array) -> Evaluation:
         """Return the residuals with their own unknowns moved along with a step of the shared ones.
 
-        They are where `Residuals.at` begins at the point after the step.
+        Parameters
+        ----------
+        damping : with which the step was found
+        step : (unknowns of the blocks,)
+
+        Returns
+        -------
+        where `Residuals.at` begins at the point after the step
         """
         ...
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -23,6 +23,7 @@ LIMIT: Status = "iteration limit"
 DAMPING = 1e-6  # Relative to the diagonal, at first
 MIN_DAMPING = 1e-9
 MAX_DAMPING = 1e6
+NEVER = -1.0  # A tolerance that no change meets
 ROUNDING = 1e-12  # Share by which a cost may rise and count as equal
 
 
@@ -33,7 +34,8 @@ class Method:
     Attributes
     ----------
     iterations : linearizations at most
-    tolerance : the search ends where no unknown moves further, in its `scale`
+    tolerance : the search ends where no unknown moves further, in its `scale`; not where residuals
+        have unknowns of their own
     min_gain : it ends too where a step lowers the cost by a smaller share
     min_promise : a step that did not lower the cost is damped further only where it promised a
         larger share; `min_gain` by default
@@ -153,7 +155,14 @@ class _Model:
     hidden_sd: float
 
     @classmethod
-    def of(cls, problem: Problem, at: Evaluated, free: Bools, hidden_sd: float) -> _Model:
+    def of(
+        cls,
+        problem: Problem,
+        at: Evaluated,
+        free: Bools,
+        hidden_sd: float,
+        damping: float = 0.0,
+    ) -> _Model:
         """Build the model at a point.
 
         Parameters
@@ -162,10 +171,11 @@ class _Model:
         at : the residuals at the point
         free : (unknowns,) which are searched for
         hidden_sd : of `Method`
+        damping : that is tried first; own unknowns are eliminated with it
         """
         # What nothing shows stays where it is.
         if at.follows:
-            shown = np.diag(at.damped(DAMPING).H) > 0.0
+            shown = np.diag(at.damped(damping).H) > 0.0
         else:
             shown = np.diag(at.equations.data.H) + np.diag(at.equations.prior.H) > 0.0
         return cls(problem=problem, at=at, free=free & shown, hidden_sd=hidden_sd)
@@ -334,12 +344,15 @@ def minimize(
     at = problem.at() if start is None else start
     if method.reweighted:
         return _reweighted(problem, at, free, method, progress)
+    if at.follows:
+        # Own unknowns of residuals may move on where the shared ones stay.
+        method = replace(method, tolerance=NEVER)
     costs = [at.cost]
     damping = DAMPING
     change = 0.0
     status = LIMIT
     for _ in range(method.iterations):
-        tried = _lower(_Model.of(problem, at, free, method.hidden_sd), damping, method)
+        tried = _lower(_Model.of(problem, at, free, method.hidden_sd, damping), damping, method)
         damping = tried.damping
         change = tried.change
         progress()
