@@ -104,6 +104,7 @@ PAGES: dict[str, dict[str, str]] = {
         "uncertainty_pins": "accuracy.intervals.uncertainty_measured:measure_pins",
         "uncertainty_box": "accuracy.intervals.uncertainty_measured:measure_box",
         "uncertainty_truths": "accuracy.intervals.uncertainty_roots:measure_truths",
+        "coverage": "accuracy.intervals.coverage:measure",
     },
     "emg-and-sound": {
         "emg_held_out": "accuracy.tension.emg:measure_held_out",

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from boxed_leg import BONES, LENGTH, grown, leg, morph_of
-from myomorph.bones.morph.arm_intervals import NINETY, with_arm_intervals
+from myomorph.bones.morph.arm_intervals import with_arm_intervals
 from myomorph.bones.morph.checks.checks import check_morph
 from myomorph.bones.morph.maps.fields import FeaturePoints
 from myomorph.bones.morph.morphed import Morph
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.paths import WrapObject
 from myomorph.core.model.spatial import Transform
 
@@ -62,7 +63,7 @@ def test_a_moment_arm_is_about_as_sure_as_its_points():
     # Both points beside the knee and its center move by one standard deviation of an axis, more or
     # less together.
     sd = radius / 2.5
-    assert 0.3 * NINETY * sd < np.median(found) < 3.0 * NINETY * sd
+    assert 0.3 * half_width(sd) < np.median(found) < 3.0 * half_width(sd)
 
 
 def test_a_muscle_with_a_point_that_is_not_known_has_no_interval():

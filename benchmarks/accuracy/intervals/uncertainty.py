@@ -31,6 +31,7 @@ from benchmarks.accuracy.tension.knee import (
     measured,
 )
 from benchmarks.recordings import RECORDINGS
+from myomorph.core.fit.interval_rule import LEVEL
 from myomorph.core.io.loads import write_external_loads
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.segments import joint_labels
@@ -52,7 +53,7 @@ from myomorph.lab.uncertainty.bodies import Draw, drawn_subject
 from myomorph.lab.uncertainty.drawn_inputs import drawn_markers, drawn_wrenches
 from myomorph.lab.uncertainty.normals import Normals
 from myomorph.lab.uncertainty.sources import Sources
-from myomorph.lab.uncertainty.spread import FACTORS, LEVEL
+from myomorph.lab.uncertainty.spread import FACTORS
 
 Row = dict[str, object]
 
@@ -124,8 +125,8 @@ def _simulated(folder: Path, errors: Sources) -> dict[str, dict[str, tuple[Array
     each person.
     """
     found: dict[str, dict[str, tuple[Array, ...]]] = {}
-    for motion, span in MOTIONS.items():
-        people = [_apart(folder, motion, span, errors, person) for person in range(PEOPLE)]
+    for motion in MOTIONS:
+        people = [distances_from_limits(folder, motion, errors, person) for person in range(PEOPLE)]
         found[motion] = {table: tuple(one[table] for one in people) for table in TITLES}
     return found
 
@@ -156,8 +157,8 @@ def _factor(groups: list[tuple[Array, ...]]) -> float:
     )
 
 
-def _apart(
-    folder: Path, motion: str, span: tuple[float, float], errors: Sources, person: int
+def distances_from_limits(
+    folder: Path, motion: str, errors: Sources, person: int, seed: int = SEED
 ) -> dict[str, Array]:
     """By table, how far the truth of a simulated recording lies from the middle of the limits of
     the study made of it.
@@ -165,8 +166,8 @@ def _apart(
     In half widths, so that limits hold what is at most 1.
     """
     path = folder / HOME / "models" / "manually_scaled.osim"
-    model, moved, wrenches = _recorded(folder, motion, span)
-    draw = Draw(person, errors, Normals(PEOPLE * len(MOTIONS), SEED))
+    model, moved, wrenches = _recorded(folder, motion, MOTIONS[motion])
+    draw = Draw(person, errors, Normals(PEOPLE * len(MOTIONS), seed))
     body = drawn_subject(model, draw)
     truth = _truth(model, body, mm.differentiate(moved, None), wrenches, draw)
     with tempfile.TemporaryDirectory() as work:

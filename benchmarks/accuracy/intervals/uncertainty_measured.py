@@ -23,13 +23,14 @@ from benchmarks.hands_lift_forces import HANDS, holding, plate_on_feet
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
 from benchmarks.recordings import read_markers
 from myomorph.core.contact.sites import body_sites, foot_sites
+from myomorph.core.fit.interval_rule import LEVEL
 from myomorph.core.io.loads import write_external_loads
 from myomorph.core.io.sto import table_from_motion
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.contacts import Site
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
-from myomorph.lab.uncertainty.spread import FACTORS, LEVEL
+from myomorph.lab.uncertainty.spread import FACTORS
 
 Row = dict[str, object]
 

@@ -13,7 +13,8 @@ import numpy as np
 import myomorph as mm
 from benchmarks.accuracy.kinematics.calibration import GAIT, OPENCAP, RAJAGOPAL, recorded, tracked
 from benchmarks.accuracy.kinematics.calibration_static import KNEE, implant_markers, implant_names
-from myomorph.body.calibrate.calibration import NORMAL_90, Calibration
+from myomorph.body.calibrate.calibration import Calibration
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.io.osim.setup_parts import read_marker_set
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.scale import scale
@@ -89,14 +90,14 @@ def compared_zeros(found: Calibration, expert: mm.Model, motion: mm.Markers) -> 
     ]
     apart = np.degrees([_mean_difference(ours, theirs, name) for name in shared])
     sd = np.degrees([zeros[name].sd for name in shared])
-    inside = np.abs(apart) <= NORMAL_90 * sd
+    inside = np.abs(apart) <= half_width(sd)
     ankle = [i for i, name in enumerate(shared) if name.startswith("ankle")]
     worst = int(np.argmax(np.abs(apart)))
     return {
         "angles": len(shared),
         "apart, RMS [deg]": float(np.sqrt(np.mean(apart**2))),
-        "worst": f"{shared[worst]} {apart[worst]:+.1f} (±{NORMAL_90 * sd[worst]:.1f})",
-        "ankles [deg]": ", ".join(f"{apart[i]:+.1f} (±{NORMAL_90 * sd[i]:.1f})" for i in ankle),
+        "worst": f"{shared[worst]} {apart[worst]:+.1f} (±{half_width(sd[worst]):.1f})",
+        "ankles [deg]": ", ".join(f"{apart[i]:+.1f} (±{half_width(sd[i]):.1f})" for i in ankle),
         "in the 90 % interval [%]": 100.0 * float(np.mean(inside)),
         "there or within 5 deg [%]": 100.0 * float(np.mean(inside | (np.abs(apart) <= 5.0))),
     }
@@ -214,7 +215,7 @@ def measure_unequal(folder: Path) -> Iterator[dict[str, object]]:
                 "thighs and shanks off, RMS [mm]": float(np.sqrt(np.mean(error**2))),
                 "largest [mm]": float(np.abs(error).max()),
                 "stated SD [mm]": float(sd.mean()),
-                "in the 90 % interval [%]": 100.0 * float(np.mean(np.abs(error) <= NORMAL_90 * sd)),
+                "in the 90 % interval [%]": 100.0 * float(np.mean(np.abs(error) <= half_width(sd))),
                 "sides reported to differ [%]": 100.0 * warned / PEOPLE,
             }
 
@@ -288,12 +289,12 @@ def measure_simulated(folder: Path) -> Iterator[dict[str, object]]:
     for one in scaled(folder):
         if one.name not in SIMULATED:
             continue
-        walk = _tracked(one, one.motion, SHORT)
-        stand = _tracked(one, one.static, 1)
+        walk = expert_motion(one, one.motion, SHORT)
+        stand = expert_motion(one, one.static, 1)
         for slides in (False, True):
-            drawn = [_drawn(one.generic, (walk, stand), seed, slides) for seed in range(FEW)]
+            drawn = [drawn_walker(one.generic, (walk, stand), seed, slides) for seed in range(FEW)]
             for static in (False, True):
-                rows = [_simulated(one.generic, walk, *person, static) for person in drawn]
+                rows = [_simulated(one.generic, walk, person, static) for person in drawn]
                 apart, sd, lengths = map(np.concatenate, zip(*rows, strict=True))
                 yield {
                     "walk": one.name,
@@ -305,53 +306,86 @@ def measure_simulated(folder: Path) -> Iterator[dict[str, object]]:
                     "largest [deg]": float(np.abs(apart).max()),
                     "stated SD [deg]": float(np.sqrt(np.mean(sd**2))),
                     "in the 90 % interval [%]": 100.0
-                    * float(np.mean(np.abs(apart) <= NORMAL_90 * sd)),
+                    * float(np.mean(np.abs(apart) <= half_width(sd))),
                     "thighs and shanks in theirs [%]": 100.0 * float(np.mean(lengths)),
                 }
 
 
-def _drawn(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DrawnWalker:
+    """A simulated person with recordings.
+
+    Attributes
+    ----------
+    factors : (lengths,) true ones of the generic model's lengths
+    person : with markers where they are
+    walk, stand : recorded markers
+    """
+
+    factors: Array
+    person: mm.Model
+    walk: mm.Markers
+    stand: mm.Markers
+
+    def calibrated(self, generic: mm.Model, static: bool) -> Calibration:
+        """Calibrate the generic model.
+
+        The person's bones are the generic ones, stretched: `zero_sd`, by which real ones are
+        turned, is left out.
+        """
+        still = self.stand if static else None
+        return mm.calibrate(generic, [self.walk], mm.CalibrationOptions(static=still, zero_sd=1e-9))
+
+
+def drawn_walker(
     generic: mm.Model, motions: tuple[mm.Motion, mm.Motion], seed: int, slides: bool
-) -> tuple[Array, mm.Model, mm.Markers, mm.Markers]:
+) -> DrawnWalker:
+    """Draw a person who walks and stands as recorded; if it `slides`, skin also moves as one."""
     rng = np.random.default_rng(seed)
     values, person = _person(generic, 0.0, rng)
     walk_motion, stand_motion = motions
     walk = _on_skin(person, walk_motion, rng, slides)
     stand = _on_skin(person, stand_motion, rng, slides)
-    return values, person, walk, stand
+    return DrawnWalker(factors=values, person=person, walk=walk, stand=stand)
 
 
-def _simulated(
-    generic: mm.Model,
-    walk: mm.Motion,
-    values: Array,
-    person: mm.Model,
-    markers: mm.Markers,
-    still: mm.Markers,
-    static: bool,
-) -> tuple[Array, Array, Array]:
-    """Errors of the mean angles, their SD [deg], and whether lengths lie in their intervals.
+def zero_errors(found: Calibration, walk: mm.Motion, markers: mm.Markers) -> tuple[Array, Array]:
+    """Compare mean angles on the calibrated model with the true ones.
 
-    The person's bones are the generic ones, stretched: `zero_sd`, by which real ones are turned, is
-    left out.
+    Parameters
+    ----------
+    found : of the person who walked so
+    walk : true motion
+    markers : recorded of it
+
+    Returns
+    -------
+    (angles,) errors and their stated standard deviations [rad]
     """
-    options = mm.CalibrationOptions(static=still if static else None, zero_sd=1e-9)
-    found = mm.calibrate(generic, [markers], options)
     ours = tracked(found.model, markers, found.marker_names).motion
     zeros = {one.coordinate: one.sd for one in found.zero_angles}
     names = [
         name for name in ours.names if name in zeros and name in walk.names and name.startswith(LEG)
     ]
-    apart = np.degrees([_mean_difference(ours, walk, name) for name in names])
+    apart = np.array([_mean_difference(ours, walk, name) for name in names])
+    return apart, np.array([zeros[name] for name in names])
+
+
+def _simulated(
+    generic: mm.Model, walk: mm.Motion, drawn: DrawnWalker, static: bool
+) -> tuple[Array, Array, Array]:
+    """Errors of the mean angles, their SD [deg], and whether lengths lie in their intervals."""
+    found = drawn.calibrated(generic, static)
+    apart, sd = zero_errors(found, walk, drawn.walk)
     inside = [
-        abs(one.factor - value) <= NORMAL_90 * one.sd
-        for one, value in zip(found.lengths, values, strict=True)
+        abs(one.factor - value) <= half_width(one.sd)
+        for one, value in zip(found.lengths, drawn.factors, strict=True)
         if one.length.along and one.length.segment.startswith(("femur", "tibia"))
     ]
-    return apart, np.degrees([zeros[name] for name in names]), np.array(inside)
+    return np.degrees(apart), np.degrees(sd), np.array(inside)
 
 
-def _tracked(one: Scaled, markers: mm.Markers, count: int) -> mm.Motion:
+def expert_motion(one: Scaled, markers: mm.Markers, count: int) -> mm.Motion:
     """Of the expert's model, at evenly chosen frames."""
     rows = np.unique(np.linspace(0, len(markers) - 1, count + 2)[1:-1].astype(int))
     part = mm.Markers(markers.time[rows], markers.names, markers.values[rows])

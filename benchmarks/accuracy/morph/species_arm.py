@@ -17,11 +17,12 @@ import myomorph as mm
 from benchmarks.accuracy.morph.species import Compared, Ground, Muscles, arms_row, compare, percent
 from benchmarks.species_cases import MAN, from_arm, given_map, man, mouse, segment_frame
 from myomorph.bones.morph.morphed import Morph, MorphOptions
-from myomorph.bones.morph.species.architecture import QUANTILE, Size, architectures
+from myomorph.bones.morph.species.architecture import Size, architectures
 from myomorph.bones.morph.species.counterparts import Posed
 from myomorph.bones.morph.species.maps import joint_distances
 from myomorph.bones.morph.transfer.model import graft_muscles
 from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.surfaces.linear_maps import Similarity
 
 FORELIMB = "mouse-arm-muscles/akira_muscle.xml"
@@ -218,7 +219,7 @@ def leg_ratios(data: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _spread(name: str, ratio: np.ndarray) -> dict[str, object]:
-    most = float(np.exp(QUANTILE * np.log(ratio).std(ddof=1)))
+    most = float(np.exp(half_width(np.log(ratio).std(ddof=1))))
     return {
         f"{name}, median": float(np.median(ratio)),
         f"{name}, 90 % of the spread": _factors((1.0 / most, most)),

@@ -44,7 +44,7 @@ def measure_plates() -> Iterator[Row]:
         ("rod, 27 pushes", True, 3 * NINE),
     ):
         mass = 5.0 if name.startswith("5") else 20.0
-        found = [calibrate_plate(_placements(places, seed, mass, pushed)) for seed in range(RUNS)]
+        found = [calibrate_plate(placements_of(places, seed, mass, pushed)) for seed in range(RUNS)]
         turns = np.array([vector_from_rotation(one.rotation @ AXES.T) for one in found])
         shifts = np.array([one.center - CENTER for one in found])
         shown = np.isfinite(pose_deviations(found[0])[3:])
@@ -82,12 +82,12 @@ def _found_off(
         channels=np.zeros((1, 6)),
     )
     return sum(
-        check_plate(plate, _placements(places, 100 + seed, mass, pushed)).significant
+        check_plate(plate, placements_of(places, 100 + seed, mass, pushed)).significant
         for seed in range(RUNS)
     )
 
 
-def _placements(
+def placements_of(
     places: list[tuple[float, float]], seed: int, mass: float, pushed: bool
 ) -> list[Placement]:
     """Noise of a placement's means: 0.3 N, 0.05 N m, 0.5 mm, and 1 mrad of a rod's direction."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.core.fit.interval_rule import drawn_limits
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
@@ -32,7 +33,7 @@ from myomorph.lab.study.trial.steps.drawn_trials import POSES, TENSIONS, drawn_c
 from myomorph.lab.uncertainty.bodies import Draw, drawn_subject
 from myomorph.lab.uncertainty.normals import Normals
 from myomorph.lab.uncertainty.sources import Sources
-from myomorph.lab.uncertainty.spread import FACTORS, LEVEL
+from myomorph.lab.uncertainty.spread import FACTORS
 from myomorph.live.online_errors import AngleErrors, MarkerErrors, OnlineInputs
 
 TABLES: Mapping[str, Quantity] = FrozenMap(
@@ -252,7 +253,7 @@ class LiveLimits:
         """(3, columns) how far limits lie from the result, its standard deviation, of its errors
         (draws, columns).
         """
-        low, high = np.quantile(apart, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL), axis=0)
+        low, high = drawn_limits(apart)
         for factor, a, b in zip(self.factors.values(), self._ends, self._ends[1:], strict=False):
             middle = 0.5 * (low[a:b] + high[a:b])
             half = 0.5 * factor * (high[a:b] - low[a:b])

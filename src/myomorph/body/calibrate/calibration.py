@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.core.fit.estimation import Estimate
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.model import Model
@@ -26,8 +27,6 @@ SLIDE_TURN = 0.05
 """How far all markers of a segment of a human body slide [m] and turn [rad] as one, standard
 deviations.
 """
-
-NORMAL_90 = 1.645  # Standard deviations to either side of a 90 % interval
 
 
 @dataclass(frozen=True)
@@ -240,7 +239,8 @@ class ZeroAngle:
     @property
     def interval(self) -> tuple[float, float]:
         """Of the offset, 90 % [rad]."""
-        return self.offset - NORMAL_90 * self.sd, self.offset + NORMAL_90 * self.sd
+        half = float(half_width(self.sd))
+        return self.offset - half, self.offset + half
 
 
 @dataclass(frozen=True)

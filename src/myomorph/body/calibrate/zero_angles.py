@@ -18,13 +18,13 @@ from myomorph.body.calibrate.angle_slopes import angle_slopes
 from myomorph.body.calibrate.calibration import (
     FUNCTIONAL,
     GENERIC,
-    NORMAL_90,
     STATIC,
     SYMMETRY,
     ZeroAngle,
 )
 from myomorph.body.calibrate.frame_sums import reduce
 from myomorph.body.calibrate.shared_problem import Point, SharedProblem
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
@@ -132,10 +132,10 @@ def _precision(S: Array, information: Array) -> Array:
 
 def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
     """Report angles whose zeros are known badly: which, how far, and what would fix them."""
-    wide = sorted((zero for zero in zeros if NORMAL_90 * zero.sd > WIDE), key=lambda zero: -zero.sd)
+    wide = sorted((zero for zero in zeros if half_width(zero.sd) > WIDE), key=lambda zero: -zero.sd)
     if not wide:
         return ()
-    named = ", ".join(f"{zero.coordinate} ±{np.degrees(NORMAL_90 * zero.sd):.0f}°" for zero in wide)
+    named = ", ".join(f"{zero.coordinate} ±{np.degrees(half_width(zero.sd)):.0f}°" for zero in wide)
     generic = sum(zero.source == GENERIC for zero in wide)
     cause = (
         f"{generic} of them fixed by the generic model's marker places"
@@ -160,7 +160,7 @@ def far_zeros(zeros: Sequence[ZeroAngle], static: bool) -> tuple[Finding, ...]:
     -------
     one finding, or none
     """
-    ends = {zero: abs(zero.offset) - NORMAL_90 * zero.sd for zero in zeros}
+    ends = {zero: abs(zero.offset) - half_width(zero.sd) for zero in zeros}
     far = sorted((zero for zero, end in ends.items() if end > FAR), key=lambda zero: -ends[zero])
     if not far:
         return ()

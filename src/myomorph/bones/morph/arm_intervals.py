@@ -23,6 +23,7 @@ from myomorph.bones.morph.transfer.body_transfer import Transfer, scaled_map
 from myomorph.bones.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.bones.morph.transfer.paths import transferred_wrap
 from myomorph.bones.morph.transfer.points import combined, nearest_facing
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.paths import MovingPathPoint, Muscle, PathPoint
@@ -38,7 +39,6 @@ first held best on deformed legs 200 and 201 (`benchmarks/accuracy/morph/deforme
 WAVES = 100  # Cosines of which a displacement is made (Rahimi and Recht 2007).
 NEAR = 0.02  # Points nearer to the surface than this share of the bone's length slide along it.
 TILT = 1e-4  # Distance over which derivatives are taken, as a share of the bone's length.
-NINETY = 1.645
 ON_SURFACE = 2.146
 IN_SPACE = 2.500
 """Standard deviations of an axis within which 90 % of values, points of a plane and points in space
@@ -162,14 +162,14 @@ def with_arm_intervals(
     }
     arms_of_muscles: list[MomentArms] = []
     for sums, arm in zip(squares, checks.arms, strict=True):
-        within = NINETY * np.sqrt(sums / DRAWS)
+        within = half_width(np.sqrt(sums / DRAWS))
         within[:, [muscle in unknown for muscle in arm.muscles]] = np.nan
         arms_of_muscles.append(replace(arm, within=within))
     intervals = tuple(
         WrapInterval(
             wrap,
             IN_SPACE * float(np.sqrt(center / (3.0 * DRAWS))),
-            NINETY * float(np.sqrt(size / DRAWS)),
+            float(half_width(np.sqrt(size / DRAWS))),
         )
         for wrap, center, size in zip(wraps, centers, sizes, strict=True)
     )

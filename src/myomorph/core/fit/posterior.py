@@ -7,9 +7,9 @@ from dataclasses import field
 from functools import cached_property
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
+from myomorph.core.fit.interval_rule import LEVEL, drawn_limits, half_width
 from myomorph.core.fit.solver import Solution
 from myomorph.core.fit.unknowns import Bools, Unknowns, added
 from myomorph.core.model.arrays import Array, read_only
@@ -219,22 +219,16 @@ class Posterior:
     def interval(
         self,
         of: str | ArrayLike | Callable[[Array], float],
-        level: float = 0.9,
+        level: float = LEVEL,
         low: float = -np.inf,
         high: float = np.inf,
     ) -> Interval:
         """Find the interval that holds a number with some probability: the rule of all estimates.
 
-        A linear number w . x has x +- t sd, with t of Student's distribution at `freedom`. Of
-        another one f(x) the draws f(x_d) from the posterior are ranked, and the quantiles
-
-            Phi(2 z_0 + z_p),   z_0 = Phi^-1(share of draws below f(x)),   z_p = Phi^-1(p)
-
-        are taken (Efron's bias-corrected interval). Of monotone f these are f of x's interval; of
-        others, as a distance, that draws make larger, they lie on the other side by as much.
-
-        Source: Efron 1981, Nonparametric standard errors and confidence intervals, Canadian Journal
-        of Statistics 9(2):139.
+        A linear number w . x has x +- t sd (`half_width`). Of another one f(x) the draws f(x_d)
+        from the posterior are ranked (`drawn_limits`), and their bias is corrected. Of monotone f
+        these limits are f of x's interval; of others, as a distance, that draws make larger, they
+        lie on the other side by as much.
 
         Parameters
         ----------
@@ -257,7 +251,7 @@ class Posterior:
             of = np.eye(len(self.x))[index]
         weights = np.asarray(of, np.float64)
         value = float(weights @ self.x)
-        half = self._quantile(0.5 + 0.5 * level) * float(np.sqrt(self.variance_of(weights)))
+        half = float(half_width(np.sqrt(self.variance_of(weights)), level, self.freedom))
         return Interval(value, max(value - half, low), min(value + half, high))
 
     def variance_of(self, weights: Array) -> float:
@@ -303,11 +297,6 @@ class Posterior:
             moved = np.array([self.unknowns.moved(self.x, step) for step in steps])
         return np.clip(moved, self.unknowns.low, self.unknowns.high)
 
-    def _quantile(self, probability: float) -> float:
-        if np.isfinite(self.freedom):
-            return float(scipy.special.stdtrit(self.freedom, probability))
-        return float(scipy.special.ndtri(probability))
-
     def _drawn(
         self, function: Callable[[Array], float], level: float, low: float, high: float
     ) -> Interval:
@@ -323,8 +312,5 @@ class Posterior:
             if abs(other - value) > 1e-9 * max(1.0, abs(value)):
                 return Interval(value, low, high)
         values = np.array([float(function(x)) for x in self.draws()])
-        below = np.mean(values < value) + 0.5 * np.mean(values == value)
-        middle = scipy.special.ndtri(np.clip(below, 0.5 / len(values), 1.0 - 0.5 / len(values)))
-        z = scipy.special.ndtri(0.5 + 0.5 * level)
-        ends = np.quantile(values, scipy.special.ndtr([2.0 * middle - z, 2.0 * middle + z]))
-        return Interval(value, max(float(ends[0]), low), min(float(ends[1]), high))
+        lower, upper = drawn_limits(values, level, value)
+        return Interval(value, max(float(lower), low), min(float(upper), high))

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from myomorph.core.fit.interval_rule import LEVEL
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.provenance import Provenance
 from myomorph.core.model.quantity import Quantity
@@ -25,7 +26,7 @@ from myomorph.lab.store.quantities import get_quantity
 from myomorph.lab.store.results import Stored
 from myomorph.lab.store.uncertainty_store import get_uncertainty
 from myomorph.lab.study.step.step import step_giving
-from myomorph.lab.uncertainty.spread import LEVEL, Spread
+from myomorph.lab.uncertainty.spread import Spread
 
 INTERVALS = "Intervals"  # Ends the label of a table of limits.
 TABLES = (COORDINATE_VALUE, GENERALIZED_FORCE, MUSCLE_FORCE, ACTIVATION, ACTUATOR_FORCE)

@@ -13,6 +13,7 @@ from zlib import crc32
 
 import numpy as np
 
+from myomorph.core.fit.interval_rule import LEVEL, drawn_limits
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.quantity import Bound, Quantity
@@ -22,8 +23,6 @@ from myomorph.core.tension.load_quantities import JOINT_CONTACT_LOAD, JOINT_REAC
 from myomorph.core.tension.quantities import ACTIVATION, MUSCLE_FORCE
 from myomorph.lab.uncertainty.sources import SourceSize
 
-LEVEL = 0.9
-TAILS = (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL)
 # Draws that take more [bytes] are kept on disk, so that memory does not grow with their number
 IN_MEMORY = 100e6
 AT_ONCE = 20e6  # Values that are sorted together [bytes]
@@ -176,7 +175,7 @@ class Draws(ExitStack):
         for start in range(0, frames, step):
             part = slice(start, start + step)
             taken = np.asarray(values[done, part], np.float64)
-            low[part], high[part] = np.quantile(taken, TAILS, axis=0)
+            low[part], high[part] = drawn_limits(taken)
             deviation[part] = taken.std(axis=0, ddof=1)
         return Spread(time=time, names=names, low=low, high=high, deviation=deviation)
 
@@ -235,7 +234,7 @@ class ValueErrors:
         if len(known) < 2:
             none = np.full(len(self.names), np.nan)
             return none, none, none
-        low, high = np.quantile(known, TAILS, axis=0)
+        low, high = drawn_limits(known)
         return low, high, known.std(axis=0, ddof=1)
 
 
@@ -244,7 +243,7 @@ def widened_errors(errors: Array, factors: Array) -> Array:
     known = np.isfinite(errors).all(axis=1)
     if not known.any():
         return errors
-    low, high = np.quantile(errors[known], TAILS, axis=0)
+    low, high = drawn_limits(errors[known])
     middle = 0.5 * (low + high)
     return np.asarray(middle + factors * (errors - middle))
 

@@ -22,6 +22,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.bones.morph.morphed import Architecture
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
@@ -33,7 +34,6 @@ the level.
 """
 
 MIN_COUNT = 5  # Muscles in common that a level is taken from.
-QUANTILE = 1.645  # Standard deviations on either side of a 90 % interval.
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,8 @@ def architectures(
             if name in results or name not in muscles or not np.isfinite(level).all():
                 continue
             fiber, strength = level * (value.fiber, value.strength)
-            low_high = [(float(np.exp(-QUANTILE * s)), float(np.exp(QUANTILE * s))) for s in spread]
+            reach = np.exp(half_width(spread))
+            low_high = [(float(1.0 / factor), float(factor)) for factor in reach]
             results[name] = Architecture(
                 fiber=float(fiber),
                 force=float(strength / fiber),

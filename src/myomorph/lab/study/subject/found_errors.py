@@ -10,13 +10,12 @@ import numpy as np
 
 from myomorph.body.personalize.personalize import FIBER, FORCE, SLACK, Personalized
 from myomorph.body.refine.refinement import Refinement
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.model import Model
 from myomorph.lab.uncertainty.sources import ItemSize
-
-NINETY = 1.645  # Standard deviations of a 90 % interval.
 
 
 def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
@@ -57,17 +56,18 @@ def personal_errors(personalized: Personalized) -> Iterator[ItemSize]:
     members = grouped(
         zip(personalized.strength_groups, personalized.model.muscle_names, strict=False)
     )
+    one_sd = float(half_width(1.0))
     for estimate in personalized.estimates:
         if not (np.isfinite(estimate.low) and estimate.low > 0.0 and estimate.high > estimate.low):
             continue
-        ratio = float(np.log(estimate.high / estimate.low)) / (2.0 * NINETY)
+        ratio = float(np.log(estimate.high / estimate.low)) / (2.0 * one_sd)
         if estimate.parameter == FIBER:
             yield ItemSize("fiber_length", estimate.of, ratio)
         elif estimate.parameter == SLACK:
             yield ItemSize(
                 "slack_length",
                 estimate.of,
-                (estimate.high - estimate.low) / (2.0 * NINETY) / fibers[estimate.of],
+                (estimate.high - estimate.low) / (2.0 * one_sd) / fibers[estimate.of],
             )
         elif estimate.parameter == FORCE:
             for muscle in members.get(estimate.of, ()):

@@ -1,0 +1,472 @@
+"""Coverage of the intervals of every estimator, on simulated truth, in one table.
+
+The truths are those of the other tables, by code that shares nothing with the estimators, with
+seeds that nothing was chosen on. Noise is not what the estimators assume: it is alike over time,
+follows the motion, or moves markers together.
+
+`python -m benchmarks.accuracy.intervals.coverage [ESTIMATOR ...]` measures some alone.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import lfilter
+from scipy.special import stdtrit
+from tests.truths.simulated_sensors import SensorErrors, simulated_sensors
+from threadpoolctl import threadpool_limits
+
+import myomorph as mm
+from benchmarks.accuracy.identification import identification, refine
+from benchmarks.accuracy.identification.identification_runners import HEAVY, drawn_body
+from benchmarks.accuracy.intervals.covered import Covered, Row, joined
+from benchmarks.accuracy.intervals.uncertainty import OTHER, TITLES, distances_from_limits
+from benchmarks.accuracy.kinematics.calibration_zeros import (
+    drawn_walker,
+    expert_motion,
+    scaled,
+    zero_errors,
+)
+from benchmarks.accuracy.kinematics.inertial import BODIES
+from benchmarks.accuracy.tension import personalize
+from benchmarks.accuracy.viscosity import calibrations, limbs, relaxed
+from benchmarks.accuracy.viscosity.faulty_limbs import random_faults
+from benchmarks.recordings import RECORDINGS
+from data_collection import data_folder
+from myomorph.body.identify import base
+from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.recordings import Usable
+from myomorph.body.identify.subject import IdentificationOptions
+from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.body.tension.emg_calibration import calibrate_emg
+from myomorph.body.tension.emg_held_out import EmgTrial
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.spatial import vector_from_rotation
+from myomorph.core.motion.lengths import lengths_of
+from myomorph.core.motion.sensors.mounting import SensorOptions
+from myomorph.core.motion.sync import cut
+from myomorph.core.rigid.regressor import base_regressor, reference_points
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.emg_targets import EmgOptions
+from myomorph.lab.study.subject.body_points import body_points
+from myomorph.lab.study.subject.subject_files import BodyOptions, BodyShape
+from myomorph.lab.uncertainty.sources import Sources
+from myomorph.lab.uncertainty.spread import FACTORS
+from myomorph.swings.plate_calibration import calibrate_plate
+from truths.plate_checks import pose_deviations
+from truths.simulated_muscles import (
+    Errors,
+    all_recorded,
+    as_degroote,
+    smooth_activations,
+    some_gains,
+    swings,
+)
+
+FIRST = 5000
+"""The first seed: no constant was chosen on seeds from here on."""
+ALIKE = 0.1
+"""Time over which errors of coordinates, forces and EMG are alike [s]."""
+COORDINATE_SD = 0.002
+FORCE_SD = 3.0
+MOMENT_SD = 1.0
+"""Errors of coordinates [rad, m], and of forces [N] and moments [N m] on the ground."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """Intervals of one unknown of an estimator.
+
+    Attributes
+    ----------
+    unknown : what the intervals are of
+    noise : of the truth, in words
+    truths : how many were simulated
+    covered : intervals beside the truth
+    promised : share that the intervals promise to hold [%]
+    """
+
+    unknown: str
+    noise: str
+    truths: int
+    covered: Covered
+    promised: int = 90
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def measure(folder: Path, only: Sequence[str] = ()) -> Iterator[Row]:
+    """Measure a row for each estimator, unknown and noise."""
+    for estimator, measured in ESTIMATORS.items():
+        if only and estimator not in only:
+            continue
+        began = time.perf_counter()
+        for case in measured(folder):
+            yield {
+                "estimator": estimator,
+                "unknown": case.unknown,
+                "noise of the truth": case.noise,
+                "truths": case.truths,
+                **case.covered.row(),
+                "promised [%]": case.promised,
+            }
+        print(f"coverage, {estimator}: {time.perf_counter() - began:.0f} s", flush=True)
+
+
+def alike_noise(time: Array, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    """Draw noise of variance 1 whose autocorrelation falls as exp(-lag / `ALIKE`).
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    shape : of the noise, frames first
+
+    Returns
+    -------
+    first-order autoregressive noise in that shape
+    """
+    share = float(np.exp(-np.median(np.diff(time)) / ALIKE))
+    white = rng.normal(size=shape) * np.sqrt(1.0 - share**2)
+    white[0] /= np.sqrt(1.0 - share**2)
+    return np.asarray(lfilter([1.0], [1.0, -share], white, axis=0))
+
+
+WALKS = 6
+WALK_FRAMES = 60
+
+
+def calibrated(folder: Path) -> Iterator[Case]:
+    """Lengths, markers and zero angles of people who walk as recorded."""
+    recordings = {one.name: one for one in scaled(folder)}
+    one = recordings["gait2354 walk"]
+    walk = expert_motion(one, one.motion, WALK_FRAMES)
+    stand = expert_motion(one, one.static, 1)
+    for slides in (False, True):
+        lengths = []
+        markers = []
+        zeros = []
+        for seed in range(FIRST, FIRST + WALKS):
+            drawn = drawn_walker(one.generic, (walk, stand), seed, slides)
+            found = drawn.calibrated(one.generic, static=True)
+            off = np.array([each.factor for each in found.lengths]) - drawn.factors
+            sd = np.array([each.sd for each in found.lengths])
+            before = np.array([each.prior_sd for each in found.lengths])
+            lengths.append(Covered.of_sd(off, sd, before))
+            truth = np.array([drawn.person.marker(each.name).location for each in found.markers])
+            apart = np.array([each.location for each in found.markers]) - truth
+            spread = np.array([each.sd for each in found.markers])
+            markers.append(Covered.of_sd(apart.ravel(), spread.ravel()))
+            zeros.append(Covered.of_sd(*zero_errors(found, walk, drawn.walk)))
+        noise = "skin in waves" + (", and as one piece" if slides else "")
+        for unknown, parts in (
+            ("lengths", lengths),
+            ("places of markers", markers),
+            ("zero angles", zeros),
+        ):
+            yield Case(unknown=unknown, noise=noise, truths=WALKS, covered=joined(parts))
+
+
+SENSOR_SEEDS = 6
+SENSOR_SECONDS = 12.0
+
+
+def mounted(folder: Path) -> Iterator[Case]:
+    """Mounting of sensors on a body that walks as recorded."""
+    files = RECORDINGS["treadmill"]
+    model = mm.read_model(folder / files.model)
+    recorded = mm.read_motion(folder / files.motion, model)
+    values = compile_tree(model).coordinates_of(recorded)
+    motion = mm.Motion(recorded.time, model.coordinate_names, values)
+    motion = cut(motion, motion.time[0], motion.time[0] + SENSOR_SECONDS)
+    for kind in ("pose", "recording"):
+        parts = []
+        for seed in range(FIRST, FIRST + SENSOR_SEEDS):
+            made = simulated_sensors(model, motion, BODIES, SensorErrors(), seed)
+            found = sensor_kinematics(
+                model,
+                SensorRecording(made.sensors, pose=made.pose),
+                sizes=SensorOptions(imu_mounting=kind),
+            ).mounting
+            off = vector_from_rotation(made.rotations @ np.swapaxes(found.rotations, 1, 2))
+            sd = np.sqrt(np.sum(found.factor**2, axis=1))[: off.size]
+            parts.append(Covered.of_sd(off.ravel(), sd))
+        yield Case(
+            unknown=f"rotations, by {kind}",
+            noise="skin that follows the joints, smooth; axes of joints off",
+            truths=SENSOR_SEEDS,
+            covered=joined(parts),
+        )
+
+
+PLATES = 40
+
+
+def placed_plates(folder: Path) -> Iterator[Case]:
+    """Pose of a force plate by a marked weight or a rod."""
+    for name, pushed in (("weight", False), ("rod", True)):
+        turns = []
+        centers = []
+        for seed in range(FIRST, FIRST + PLATES):
+            placements = calibrations.placements_of(calibrations.NINE, seed, 20.0, pushed)
+            found = calibrate_plate(placements)
+            sd = pose_deviations(found)
+            turn = vector_from_rotation(found.rotation @ calibrations.AXES.T)
+            shift = found.center - calibrations.CENTER
+            shown = np.isfinite(sd[3:])
+            turns.append(_student(turn, sd[:3], found.posterior.freedom))
+            centers.append(_student(shift[shown], sd[3:][shown], found.posterior.freedom))
+        for unknown, parts in (("axes", turns), ("center", centers)):
+            yield Case(
+                unknown=f"{unknown}, {name}",
+                noise="white, of each placement's means",
+                truths=PLATES,
+                covered=joined(parts),
+            )
+
+
+BODIES_DRAWN = 6
+"""Bodies that move as a recorded runner."""
+
+
+def identified(folder: Path) -> Iterator[Case]:
+    """Masses and base parameters of bodies that run as recorded."""
+    subject = next(one for one in identification.SUBJECTS if one.name == "Hamner, calibrated")
+    model, trials = identification.opened(folder, subject)
+    heavy = inertial_parameters(model)[:, 0] > HEAVY * model.mass
+    shape = BodyOptions(spacing=identification.SPACING)
+    points, _, _ = body_points(model, BodyShape(), model.mass, shape)
+    masses = []
+    known = []
+    for seed in range(FIRST, FIRST + BODIES_DRAWN):
+        rng = np.random.default_rng(seed)
+        truth = drawn_body(model, heavy, rng)
+        seen = [_measured(model, truth, one, rng) for one in trials.values()]
+        options = IdentificationOptions(compare=False, motion_sd=COORDINATE_SD)
+        found = mm.identify(model, seen, points, mass=model.mass, options=options)
+        off = (found.parameters[found.chosen] - truth)[heavy, 0]
+        masses.append(Covered.of_sd(off, found.sd[heavy, 0], found.known.prior_sd[heavy, 0]))
+        fit = base.fit_base(
+            model, [one.recording for one in seen], options=base.BaseOptions(reference=None)
+        )
+        shown = fit.identifiable
+        known.append(Covered.of_sd((fit.estimate - fit.base.of(truth))[shown], fit.sd[shown]))
+    noise = f"alike over {ALIKE:g} s, of coordinates and forces"
+    for unknown, parts in (("masses", masses), ("base parameters that are identifiable", known)):
+        yield Case(unknown=unknown, noise=noise, truths=BODIES_DRAWN, covered=joined(parts))
+
+
+def _measured(model: mm.Model, truth: Array, one: Usable, rng: np.random.Generator) -> Usable:
+    """Measure a body that moves as recorded: coordinates and forces with noise that is alike.
+
+    Parameters
+    ----------
+    truth : (bodies, 10) parameters
+    one : the recorded motion
+    """
+    motion = one.recording.motion
+    wrench = base_regressor(model, motion) @ truth.ravel()
+    sizes = np.repeat([MOMENT_SD, FORCE_SD], 3)
+    wrench = wrench + sizes * alike_noise(motion.time, wrench.shape, rng)
+    wrenches = mm.Wrenches(
+        motion.time,
+        ("plate",),
+        (model.body_names[0],),
+        wrench[:, None, 3:],
+        reference_points(model, motion)[:, None],
+        wrench[:, None, :3],
+    )
+    off = COORDINATE_SD * alike_noise(motion.time, motion.values.shape, rng)
+    noisy = mm.Motion(motion.time, motion.names, motion.values + off)
+    smooth = mm.differentiate(noisy, identification.CUTOFF)
+    recording = Recording(smooth, wrenches, one.recording.use)
+    return replace(one, recording=recording, notes=())
+
+
+REFINED = 2
+REFINED_SECONDS = 5.0
+
+
+def refined(folder: Path) -> Iterator[Case]:
+    """Lengths and masses of the legs of simulated people with unequal legs."""
+    lengths = []
+    masses = []
+    links = [f"{name}_{side}" for name in ("femur", "tibia") for side in "rl"]
+    for seed in range(FIRST, FIRST + REFINED):
+        person, given, found = refine.simulated(seed, REFINED_SECONDS)
+        rows = [found.model.body_names.index(name) for name in links]
+        off = found.parameters[rows, 0] - [person.body(name).mass for name in links]
+        masses.append(Covered.of_sd(off, found.mass_sd[rows]))
+        extents = {one.name: one.extent for one in lengths_of(person)}
+        named = [one for one in lengths_of(given) if one.along and one.segment in links]
+        at = [found.lengths.index(one.name) for one in named]
+        before = np.array([one.extent for one in named])
+        errors = before * found.factors[at] - [extents[one.name] for one in named]
+        lengths.append(Covered.of_sd(errors, before * found.factors_sd[at]))
+    for unknown, parts in (("lengths of legs", lengths), ("masses of legs", masses)):
+        yield Case(unknown=unknown, noise="skin in waves", truths=REFINED, covered=joined(parts))
+
+
+GAINED = 6
+GAINS = Errors(torque=0.02, emg=0.0, floor=0.0, gain=0.3)
+
+
+def gained(folder: Path) -> Iterator[Case]:
+    """Gains of EMG: forces are integrated with elastic tendons, envelopes err alike over time."""
+    path = folder / "opensim-reference-small/arm26_bounds.osim"
+    model = as_degroote(mm.read_model(path))
+    parts = []
+    for seed in range(FIRST, FIRST + GAINED):
+        rng = np.random.default_rng(seed)
+        clock = np.arange(0.0, 6.0, 0.01)
+        motions = [swings(model, personalize.ARM, clock, rng)]
+        activations = [smooth_activations(clock, len(model.muscles), rng, 0.7)]
+        gains = some_gains(model, GAINS, rng)
+        (trial,) = all_recorded(model, model, motions, activations, GAINS, rng, gains)
+        envelopes = activations[0] / np.array([gains[name] for name in model.muscle_names])
+        envelopes = envelopes * (1.0 + 0.1 * alike_noise(clock, envelopes.shape, rng))
+        emg = mm.Emg(clock, model.muscle_names, np.maximum(envelopes, 0.0))
+        channels = {name: (name,) for name in model.muscle_names}
+        options = EmgOptions(delay=0.0, weight=1.0)
+        given = [EmgTrial(trial.motion, trial.torques, emg)]
+        found = calibrate_emg(model, given, channels, options)
+        truth = np.array([gains[name] for name in found.channels])
+        low, high = found.intervals[found.by_torque].T
+        parts.append(Covered.of_limits(truth[found.by_torque], low, high))
+    yield Case(
+        unknown="gains that torques determine",
+        noise=f"10 % of EMG, alike over {ALIKE:g} s; tendons elastic",
+        truths=GAINED,
+        covered=joined(parts),
+        promised=95,
+    )
+
+
+PERSONAL = 8
+
+
+def personalized(folder: Path) -> Iterator[Case]:
+    """Fiber and slack lengths of people whose arm swings."""
+    cases = personalize.cases()
+    for name in ("arm, two of 5 s, gains unknown",):
+        found = [
+            row
+            for seed in range(FIRST, FIRST + PERSONAL)
+            for row in personalize.simulated_person(folder, cases[name], seed)[0]
+        ]
+        for parameter in personalize.LENGTHS:
+            held = np.array([row[3] for row in found if row[0] == parameter])
+            none = np.full(len(held), np.nan)
+            yield Case(
+                unknown=f"{parameter.replace('_', ' ')}, {name}",
+                noise="slowly varying, of torques and EMG; tendons elastic",
+                truths=PERSONAL,
+                covered=Covered(held=held, width=none, prior_width=none),
+            )
+
+
+LIMBS = 8
+
+
+def swung(folder: Path) -> Iterator[Case]:
+    """Viscosity of joint and muscles of limbs, swung by hand, with faults of all instruments."""
+    runs = []
+    for seed in range(FIRST, FIRST + LIMBS):
+        faults = random_faults(np.random.default_rng(seed))
+        runs.append(limbs.limb_run((seed, faults, None)))
+    for quantity, label in limbs.QUANTITIES.items():
+        own = [(run.found[quantity], run.truth[quantity]) for run in runs if quantity in run.found]
+        if own:
+            yield Case(
+                unknown=label,
+                noise="all instruments off, loose tissue; simulated by MuJoCo",
+                truths=LIMBS,
+                covered=Covered.of_limits(
+                    np.array([truth for _, truth in own]),
+                    np.array([found.low for found, _ in own]),
+                    np.array([found.high for found, _ in own]),
+                ),
+            )
+
+
+RELAXED = 12
+
+
+def dropped(folder: Path) -> Iterator[Case]:
+    """Viscosity, stiffness and dry friction of a knee by drops of the shank."""
+    runs = [
+        relaxed.simulated_run(("masses off at random as assumed", FIRST + seed))
+        for seed in range(RELAXED)
+    ]
+    for name, label in relaxed.QUANTITIES.items():
+        own = [run for run in runs if name in run.leg.truth and name in run.result.estimates]
+        if own:
+            found = [run.result.estimates[name] for run in own]
+            yield Case(
+                unknown=label,
+                noise="masses off; simulated by MuJoCo",
+                truths=len(own),
+                covered=Covered.of_limits(
+                    np.array([run.leg.truth[name] for run in own]),
+                    np.array([one.low for one in found]),
+                    np.array([one.high for one in found]),
+                ),
+                promised=95,
+            )
+
+
+DRAWN_PEOPLE = 1
+
+
+def drawn(folder: Path) -> Iterator[Case]:
+    """Drawn limits of results of a walk, as users get them."""
+    for noise, errors in (("errors as assumed", Sources()), ("skin and plates off twice", OTHER)):
+        people = [
+            distances_from_limits(folder, "walking1", errors, person, seed=FIRST)
+            for person in range(DRAWN_PEOPLE)
+        ]
+        for table, title in TITLES.items():
+            apart = np.concatenate([one[table] for one in people])
+            none = np.full(len(apart), np.nan)
+            yield Case(
+                unknown=title.replace("_", " "),
+                noise=noise,
+                truths=DRAWN_PEOPLE,
+                covered=Covered(
+                    held=np.asarray(apart <= FACTORS[table]), width=none, prior_width=none
+                ),
+            )
+
+
+ESTIMATORS: Mapping[str, Callable[[Path], Iterator[Case]]] = {
+    "calibrate": calibrated,
+    "mounting of sensors": mounted,
+    "pose of a plate": placed_plates,
+    "identify": identified,
+    "refine": refined,
+    "EMG gains": gained,
+    "personalize": personalized,
+    "viscosity, swings": swung,
+    "viscosity, drops": dropped,
+    "drawn limits": drawn,
+}
+
+
+def _student(error: Array, sd: Array, freedom: float) -> Covered:
+    """Compare Student intervals of 90 % with errors (intervals,)."""
+    half = stdtrit(freedom, 0.95) * sd
+    return Covered.of_limits(np.zeros(len(error)), error - half, error + half)
+
+
+def main() -> None:
+    """Measure and print."""
+    for row in measure(data_folder(), sys.argv[1:]):
+        print("; ".join(f"{key}: {value}" for key, value in row.items()), flush=True)
+
+
+if __name__ == "__main__":
+    main()
