@@ -125,6 +125,7 @@ def alike_noise(time: Array, shape: tuple[int, ...], rng: np.random.Generator) -
     ----------
     time : (frames,) [s]
     shape : of the noise, frames first
+    rng : its generator
 
     Returns
     -------
@@ -144,31 +145,35 @@ def calibrated(folder: Path) -> Iterator[Case]:
     """Lengths, markers and zero angles of people who walk as recorded."""
     recordings = {one.name: one for one in scaled(folder)}
     one = recordings["gait2354 walk"]
-    walk = expert_motion(one, one.motion, WALK_FRAMES)
-    stand = expert_motion(one, one.static, 1)
+    motions = expert_motion(one, one.motion, WALK_FRAMES), expert_motion(one, one.static, 1)
     for slides in (False, True):
-        lengths = []
-        markers = []
-        zeros = []
-        for seed in range(FIRST, FIRST + WALKS):
-            drawn = drawn_walker(one.generic, (walk, stand), seed, slides)
-            found = drawn.calibrated(one.generic, static=True)
-            off = np.array([each.factor for each in found.lengths]) - drawn.factors
-            sd = np.array([each.sd for each in found.lengths])
-            before = np.array([each.prior_sd for each in found.lengths])
-            lengths.append(Covered.of_sd(off, sd, before))
-            truth = np.array([drawn.person.marker(each.name).location for each in found.markers])
-            apart = np.array([each.location for each in found.markers]) - truth
-            spread = np.array([each.sd for each in found.markers])
-            markers.append(Covered.of_sd(apart.ravel(), spread.ravel()))
-            zeros.append(Covered.of_sd(*zero_errors(found, walk, drawn.walk)))
+        people = [
+            _calibrated_walker(one.generic, motions, seed, slides)
+            for seed in range(FIRST, FIRST + WALKS)
+        ]
         noise = "skin in waves" + (", and as one piece" if slides else "")
-        for unknown, parts in (
-            ("lengths", lengths),
-            ("places of markers", markers),
-            ("zero angles", zeros),
-        ):
-            yield Case(unknown=unknown, noise=noise, truths=WALKS, covered=joined(parts))
+        for unknown in people[0]:
+            covered = joined([person[unknown] for person in people])
+            yield Case(unknown=unknown, noise=noise, truths=WALKS, covered=covered)
+
+
+def _calibrated_walker(
+    generic: mm.Model, motions: tuple[mm.Motion, mm.Motion], seed: int, slides: bool
+) -> dict[str, Covered]:
+    """Calibrate one walker and compare intervals with the truth, by unknown."""
+    drawn = drawn_walker(generic, motions, seed, slides)
+    found = drawn.calibrated(generic, static=True)
+    factors = np.array([each.factor for each in found.lengths])
+    factors_sd = np.array([each.sd for each in found.lengths])
+    before = np.array([each.prior_sd for each in found.lengths])
+    truth = np.array([drawn.person.marker(each.name).location for each in found.markers])
+    apart = np.array([each.location for each in found.markers]) - truth
+    spread = np.array([each.sd for each in found.markers])
+    return {
+        "lengths": Covered.of_sd(factors - drawn.factors, factors_sd, before),
+        "places of markers": Covered.of_sd(apart.ravel(), spread.ravel()),
+        "zero angles": Covered.of_sd(*zero_errors(found, motions[0], drawn.walk)),
+    }
 
 
 SENSOR_SEEDS = 6
@@ -237,27 +242,37 @@ def identified(folder: Path) -> Iterator[Case]:
     """Masses and base parameters of bodies that run as recorded."""
     subject = next(one for one in identification.SUBJECTS if one.name == "Hamner, calibrated")
     model, trials = identification.opened(folder, subject)
-    heavy = inertial_parameters(model)[:, 0] > HEAVY * model.mass
     shape = BodyOptions(spacing=identification.SPACING)
     points, _, _ = body_points(model, BodyShape(), model.mass, shape)
-    masses = []
-    known = []
-    for seed in range(FIRST, FIRST + BODIES_DRAWN):
-        rng = np.random.default_rng(seed)
-        truth = drawn_body(model, heavy, rng)
-        seen = [_measured(model, truth, one, rng) for one in trials.values()]
-        options = IdentificationOptions(compare=False, motion_sd=COORDINATE_SD)
-        found = mm.identify(model, seen, points, mass=model.mass, options=options)
-        off = (found.parameters[found.chosen] - truth)[heavy, 0]
-        masses.append(Covered.of_sd(off, found.sd[heavy, 0], found.known.prior_sd[heavy, 0]))
-        fit = base.fit_base(
-            model, [one.recording for one in seen], options=base.BaseOptions(reference=None)
-        )
-        shown = fit.identifiable
-        known.append(Covered.of_sd((fit.estimate - fit.base.of(truth))[shown], fit.sd[shown]))
+    found = [
+        _identified_body(model, trials, points, seed) for seed in range(FIRST, FIRST + BODIES_DRAWN)
+    ]
     noise = f"alike over {ALIKE:g} s, of coordinates and forces"
-    for unknown, parts in (("masses", masses), ("base parameters that are identifiable", known)):
-        yield Case(unknown=unknown, noise=noise, truths=BODIES_DRAWN, covered=joined(parts))
+    for unknown in found[0]:
+        covered = joined([one[unknown] for one in found])
+        yield Case(unknown=unknown, noise=noise, truths=BODIES_DRAWN, covered=covered)
+
+
+def _identified_body(
+    model: mm.Model, trials: Mapping[str, Usable], points: Mapping[str, mm.MassPoints], seed: int
+) -> dict[str, Covered]:
+    """Identify one drawn body and compare intervals with the truth, by unknown."""
+    heavy = inertial_parameters(model)[:, 0] > HEAVY * model.mass
+    rng = np.random.default_rng(seed)
+    truth = drawn_body(model, heavy, rng)
+    seen = [_measured(model, truth, one, rng) for one in trials.values()]
+    options = IdentificationOptions(compare=False, motion_sd=COORDINATE_SD)
+    found = mm.identify(model, seen, points, mass=model.mass, options=options)
+    off = (found.parameters[found.chosen] - truth)[heavy, 0]
+    fit = base.fit_base(
+        model, [one.recording for one in seen], options=base.BaseOptions(reference=None)
+    )
+    shown = fit.identifiable
+    base_off = (fit.estimate - fit.base.of(truth))[shown]
+    return {
+        "masses": Covered.of_sd(off, found.sd[heavy, 0], found.known.prior_sd[heavy, 0]),
+        "base parameters that are identifiable": Covered.of_sd(base_off, fit.sd[shown]),
+    }
 
 
 def _measured(model: mm.Model, truth: Array, one: Usable, rng: np.random.Generator) -> Usable:
@@ -317,33 +332,33 @@ GAINS = Errors(torque=0.02, emg=0.0, floor=0.0, gain=0.3)
 
 def gained(folder: Path) -> Iterator[Case]:
     """Gains of EMG: forces are integrated with elastic tendons, envelopes err alike over time."""
-    path = folder / "opensim-reference-small/arm26_bounds.osim"
-    model = as_degroote(mm.read_model(path))
-    parts = []
-    for seed in range(FIRST, FIRST + GAINED):
-        rng = np.random.default_rng(seed)
-        clock = np.arange(0.0, 6.0, 0.01)
-        motions = [swings(model, personalize.ARM, clock, rng)]
-        activations = [smooth_activations(clock, len(model.muscles), rng, 0.7)]
-        gains = some_gains(model, GAINS, rng)
-        (trial,) = all_recorded(model, model, motions, activations, GAINS, rng, gains)
-        envelopes = activations[0] / np.array([gains[name] for name in model.muscle_names])
-        envelopes = envelopes * (1.0 + 0.1 * alike_noise(clock, envelopes.shape, rng))
-        emg = mm.Emg(clock, model.muscle_names, np.maximum(envelopes, 0.0))
-        channels = {name: (name,) for name in model.muscle_names}
-        options = EmgOptions(delay=0.0, weight=1.0)
-        given = [EmgTrial(trial.motion, trial.torques, emg)]
-        found = calibrate_emg(model, given, channels, options)
-        truth = np.array([gains[name] for name in found.channels])
-        low, high = found.intervals[found.by_torque].T
-        parts.append(Covered.of_limits(truth[found.by_torque], low, high))
+    model = as_degroote(mm.read_model(folder / "opensim-reference-small/arm26_bounds.osim"))
     yield Case(
         unknown="gains that torques determine",
         noise=f"10 % of EMG, alike over {ALIKE:g} s; tendons elastic",
         truths=GAINED,
-        covered=joined(parts),
+        covered=joined([_gains(model, seed) for seed in range(FIRST, FIRST + GAINED)]),
         promised=95,
     )
+
+
+def _gains(model: mm.Model, seed: int) -> Covered:
+    """Calibrate the EMG of one swing of the arm and compare intervals of the gains."""
+    rng = np.random.default_rng(seed)
+    clock = np.arange(0.0, 6.0, 0.01)
+    motions = [swings(model, personalize.ARM, clock, rng)]
+    activations = smooth_activations(clock, len(model.muscles), rng, 0.7)
+    gains = some_gains(model, GAINS, rng)
+    (trial,) = all_recorded(model, model, motions, [activations], GAINS, rng, gains)
+    envelopes = activations / np.array([gains[name] for name in model.muscle_names])
+    envelopes = envelopes * (1.0 + 0.1 * alike_noise(clock, envelopes.shape, rng))
+    emg = mm.Emg(clock, model.muscle_names, np.maximum(envelopes, 0.0))
+    channels = {name: (name,) for name in model.muscle_names}
+    options = EmgOptions(delay=0.0, weight=1.0)
+    found = calibrate_emg(model, [EmgTrial(trial.motion, trial.torques, emg)], channels, options)
+    truth = np.array([gains[name] for name in found.channels])
+    low, high = found.intervals[found.by_torque].T
+    return Covered.of_limits(truth[found.by_torque], low, high)
 
 
 PERSONAL = 8

@@ -43,6 +43,10 @@ class Covered:
         ----------
         truth, low, high : (intervals,)
         prior_width : (intervals,) of the interval before anything was measured
+
+        Returns
+        -------
+        which hold the truth, and their widths
         """
         width = np.asarray(high - low)
         before = np.full(len(width), np.nan) if prior_width is None else prior_width
@@ -60,6 +64,10 @@ class Covered:
         error : (intervals,) estimate less truth
         sd, prior_sd : (intervals,) after and before the measurement
         level : that the intervals promise
+
+        Returns
+        -------
+        which hold the truth, and their widths
         """
         half = float(norm.ppf(0.5 + 0.5 * level))
         before = None if prior_sd is None else 2.0 * half * prior_sd

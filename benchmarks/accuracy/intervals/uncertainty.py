@@ -160,10 +160,20 @@ def _factor(groups: list[tuple[Array, ...]]) -> float:
 def distances_from_limits(
     folder: Path, motion: str, errors: Sources, person: int, seed: int = SEED
 ) -> dict[str, Array]:
-    """By table, how far the truth of a simulated recording lies from the middle of the limits of
-    the study made of it.
+    """Run the study of a simulated recording and compare its limits with the truth.
 
-    In half widths, so that limits hold what is at most 1.
+    Parameters
+    ----------
+    folder : of the data
+    motion : among `MOTIONS`
+    errors : sizes of what differs between user's model and truth
+    person : number of the draw that is the truth
+    seed : of the truths
+
+    Returns
+    -------
+    by table, distances of the truth from the middle of the limits in half widths, so that limits
+    hold what is at most 1
     """
     path = folder / HOME / "models" / "manually_scaled.osim"
     model, moved, wrenches = _recorded(folder, motion, MOTIONS[motion])
