@@ -79,12 +79,12 @@ class Covered:
         held = int(self.held.sum())
         low, high = binomial_range(held, count)
         known = np.isfinite(self.prior_width) & (self.prior_width > 0.0)
-        ratio = np.median(self.width[known] / self.prior_width[known]) if known.any() else None
+        ratio = np.median(self.width[known] / self.prior_width[known]) if known.any() else ""
         return {
             "intervals": count,
             "hold the truth [%]": 100.0 * held / max(count, 1),
             "binomial range [%]": f"{100.0 * low:.0f} to {100.0 * high:.0f}",
-            "median width, of the prior's": None if ratio is None else float(ratio),
+            "median width, of the prior's": ratio if ratio == "" else float(ratio),
         }
 
 
