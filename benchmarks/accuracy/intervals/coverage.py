@@ -1,8 +1,8 @@
 """Coverage of the intervals of every estimator, on simulated truth, in one table.
 
 The truths are those of the other tables, by code that shares nothing with the estimators but for
-drawn limits, whose truth is a draw. Nothing was chosen on their seeds. Noise is not what the estimators assume: it is alike over time,
-follows the motion, or moves markers together.
+drawn limits, whose truth is a draw. Nothing was chosen on their seeds. Noise is not what the
+estimators assume: it is alike over time, follows the motion, or moves markers together.
 
 `python -m benchmarks.accuracy.intervals.coverage [ESTIMATOR ...]` measures some alone.
 """
