@@ -1,5 +1,4 @@
-"""The in-vitro experiment: a limb that swings on a force plate, and the viscosity of its joint and
-muscles.
+"""The in-vitro experiment: a limb on a force plate, the viscosity of its joint and muscles.
 
 From the bottom: `specimen` cuts base, joint and limb out of a model, `swings` holds recordings as
 linear equations, `tracking` makes these from markers and plate, `identification` solves them,

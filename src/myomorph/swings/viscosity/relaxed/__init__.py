@@ -1,3 +1,4 @@
-"""A relaxed living limb that swings at one joint, its masses known from a model: what the joint's
-passive torque is.
+"""A relaxed living limb that swings at one joint: the passive torque of the joint.
+
+Its masses are known from a model.
 """

@@ -1,3 +1,4 @@
-"""The specimen: base, joint and limb with bodies and muscles, cut out of a larger model; it knows
-no recording.
+"""The specimen: base, joint and limb with bodies and muscles, cut out of a larger model.
+
+It knows no recording.
 """

@@ -1,3 +1,4 @@
-"""From a study file of specimens to its results: files, steps, tables. It computes nothing and
-draws no page.
+"""From a study file of specimens to its results: files, steps, tables.
+
+It computes nothing and draws no page.
 """

@@ -1,3 +1,4 @@
-"""Swings as numbers: free frames, the plate's clock and wrench, derivatives, sums. It reads and
-identifies nothing.
+"""Swings as numbers: free frames, the plate's clock and wrench, derivatives, sums.
+
+It reads and identifies nothing.
 """

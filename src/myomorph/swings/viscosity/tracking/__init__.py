@@ -1,3 +1,4 @@
-"""From markers and plate of a trial to the joint's motion and its equations; it identifies no
-parameters.
+"""From markers and plate of a trial to the joint's motion and its equations.
+
+It identifies no parameters.
 """

@@ -1,3 +1,4 @@
-"""How far to trust a viscosity: other laws and cutoffs, moment arms in error, faults. It changes no
-result.
+"""How far to trust a viscosity: other laws and cutoffs, moment arms in error, faults.
+
+It changes no result.
 """
