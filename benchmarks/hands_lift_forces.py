@@ -174,7 +174,7 @@ def found(folder: Path, lift: str, way: str) -> Lift:
     asked = task(folder, lift, way)
     tension = mm.solve_tension(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
     assert tension.contacts is not None
-    forces = tension.contacts.forces
+    forces = tension.contacts.contact_force
     feet = [k for k, one in enumerate(asked.contacts.sites) if one.group.startswith("foot")]
     return Lift(-forces[:, :2].sum(axis=1), forces[:, feet].sum(axis=1), tension)
 

@@ -86,8 +86,8 @@ def carried_moment(passing: Spine, found: Lift) -> Array:
     assert found.tension.contacts is not None
     one = found.tension.contacts
     moment = (
-        np.cross(one.points[:, :2] - passing.points[:, None], one.forces[:, :2])
-        + one.torques[:, :2]
+        np.cross(one.contact_point[:, :2] - passing.points[:, None], one.contact_force[:, :2])
+        + one.contact_torque[:, :2]
     )
     return _into(passing.rotations, moment.sum(axis=1))
 

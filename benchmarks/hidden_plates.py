@@ -271,6 +271,6 @@ def foot_wrench(tension: Tension, side: str) -> tuple[np.ndarray, np.ndarray]:
     found = tension.contacts
     assert found is not None
     mine = [k for k, one in enumerate(found.sites) if one.group == f"foot_{side[0]}"]
-    force = found.forces[:, mine]
-    moment = found.torques[:, mine] + np.cross(found.points[:, mine], force)
+    force = found.contact_force[:, mine]
+    moment = found.contact_torque[:, mine] + np.cross(found.contact_point[:, mine], force)
     return force.sum(axis=1), moment.sum(axis=1)

@@ -88,7 +88,7 @@ class Followed:
     @property
     def seen(self) -> NDArray[np.bool_]:
         """(frames,) in which any marker is used."""
-        return np.asarray(np.isfinite(self.fit.errors).any(axis=1))
+        return np.asarray(np.isfinite(self.fit.marker_error).any(axis=1))
 
     @property
     def body(self) -> float:
@@ -241,7 +241,9 @@ class OnOnePaw:
         found = {}
         for joint in JOINTS:
             name = self.coordinate(joint)
-            reserve = self.tension.reserves[:, self.tension.reserve_names.index(f"reserve_{name}")]
+            reserve = self.tension.actuator_force[
+                :, self.tension.reserve_names.index(f"reserve_{name}")
+            ]
             found[joint] = float(np.sqrt(np.mean(reserve**2) / np.mean(self.torques[name] ** 2)))
         return found
 
@@ -250,7 +252,9 @@ class OnOnePaw:
         names = [self.coordinate(joint) for joint in JOINTS]
         columns = [self.tension.reserve_names.index(f"reserve_{name}") for name in names]
         asked = np.stack([self.torques[name] for name in names])
-        return float(np.sqrt(np.mean(self.tension.reserves[:, columns] ** 2) / np.mean(asked**2)))
+        return float(
+            np.sqrt(np.mean(self.tension.actuator_force[:, columns] ** 2) / np.mean(asked**2))
+        )
 
     @property
     def worst(self) -> int:
@@ -259,19 +263,21 @@ class OnOnePaw:
             self.tension.reserve_names.index(f"reserve_{self.coordinate(joint)}")
             for joint in JOINTS
         ]
-        return int(np.argmax(np.linalg.norm(self.tension.reserves[:, names], axis=1)))
+        return int(np.argmax(np.linalg.norm(self.tension.actuator_force[:, names], axis=1)))
 
     def full(self, model: mm.Model) -> tuple[str, ...]:
         """Muscles of that leg that are fully active where reserves are largest, with their
         normalized fiber lengths.
         """
         pose = part_of(self.motion, np.array([self.worst]))
-        lengths = mm.muscle_kinematics(model, pose, moment_arms=False, velocities=False).lengths[0]
+        lengths = mm.muscle_kinematics(
+            model, pose, moment_arms=False, velocities=False
+        ).muscle_length[0]
         found = []
         for k, muscle in enumerate(model.muscles):
             if (
                 muscle.name.endswith(f"_{self.side.lower()}")
-                and self.tension.activations[self.worst, k] > FULL
+                and self.tension.activation[self.worst, k] > FULL
             ):
                 fiber = (lengths[k] - muscle.tendon_slack_length) / muscle.optimal_fiber_length
                 found.append(f"{muscle.name} ({fiber:.2f})")
@@ -281,10 +287,10 @@ class OnOnePaw:
         """(muscles, joints) moment of each fully active muscle where reserves are largest [N m]."""
         pose = part_of(self.motion, np.array([self.worst]))
         found = mm.muscle_kinematics(model, pose)
-        assert found.velocities is not None
-        force = hill_forces(model, found.lengths, found.velocities, "opensim").active[0]
+        assert found.muscle_velocity is not None
+        force = hill_forces(model, found.muscle_length, found.muscle_velocity, "opensim").active[0]
         columns = [model.coordinate_names.index(self.coordinate(joint)) for joint in JOINTS]
-        moments: Array = force[:, None] * found.moment_arms[0][:, columns]
+        moments: Array = force[:, None] * found.moment_arm[0][:, columns]
         return moments
 
 

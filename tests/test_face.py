@@ -231,7 +231,9 @@ def test_values_of_the_steps_become_datasets(worked_example):
     assert (elbow == result.fit.motion["elbow_flexion"]).all()
     tension = result.tension.to_xarray()
     flexor = result.tension.muscles.index("flexor")
-    assert (tension["muscle_force"].sel(muscle="flexor") == result.tension.forces[:, flexor]).all()
+    assert (
+        tension["muscle_force"].sel(muscle="flexor") == result.tension.muscle_force[:, flexor]
+    ).all()
     assert len(result.tension.to_pandas()) == len(result.tension)
 
 
@@ -243,8 +245,8 @@ def test_muscle_kinematics_become_a_dataset(worked_example):
     dataset = found.to_xarray()
     assert set(dataset) == {"muscle_length", "moment_arm"}
     arm = dataset["moment_arm"].sel(muscle="flexor", coordinate="elbow_flexion")
-    assert (arm == found.moment_arm("flexor", "elbow_flexion")).all()
-    assert (found.to_pandas()["muscle_length", "flexor", ""] == found.lengths[:, 0]).all()
+    assert (arm == found.moment_arm_of("flexor", "elbow_flexion")).all()
+    assert (found.to_pandas()["muscle_length", "flexor", ""] == found.muscle_length[:, 0]).all()
 
 
 def test_a_folder_without_results_is_named(tmp_path):

@@ -201,8 +201,8 @@ def fitted(movement: Motion, size: float = 0.01) -> KinematicsFit:
     return KinematicsFit(
         motion=movement,
         marker_names=("RASI", "RKNE"),
-        errors=errors,
-        weights=np.ones(2),
+        marker_error=errors,
+        marker_weight=np.ones(2),
         converged=flags,
         iterations=np.ones(frames, np.int64),
         unused_markers=("extra",),

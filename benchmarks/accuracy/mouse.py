@@ -297,7 +297,7 @@ def _reserves(torques: mm.Series, tension: Tension, side: str) -> tuple[float, f
     """
     joints = [f"{joint}_{side}" for joint in JOINTS]
     given = np.stack(
-        [tension.reserves[:, tension.reserve_names.index(f"reserve_{one}")] for one in joints]
+        [tension.actuator_force[:, tension.reserve_names.index(f"reserve_{one}")] for one in joints]
     )
     asked = np.where(np.isfinite(given), np.stack([torques[one] for one in joints]), np.nan)
     share = float(np.sqrt(np.nanmean(given**2)) / np.sqrt(np.nanmean(asked**2)))

@@ -153,7 +153,7 @@ def measure_tension(folder: Path) -> Iterator[Row]:
             yield {"recording": one.name, "paw": "none alone"}
             continue
         shares = found.shares()
-        strongest = int(np.argmax(found.tension.forces.max(axis=0)))
+        strongest = int(np.argmax(found.tension.muscle_force.max(axis=0)))
         yield {
             "recording": one.name,
             "paw": "right" if found.side == "R" else "left",
@@ -168,7 +168,7 @@ def measure_tension(folder: Path) -> Iterator[Row]:
             **{f"{joint.lower()} [%]": 100.0 * shares[joint] for joint in JOINTS},
             "strongest": (
                 f"{found.tension.muscles[strongest]}:"
-                f" {found.tension.forces[:, strongest].max():.2g} N"
+                f" {found.tension.muscle_force[:, strongest].max():.2g} N"
             ),
             "fully active (fiber length)": ", ".join(found.full(one.model)),
         }
@@ -190,12 +190,14 @@ def measure_reserves(folder: Path) -> Iterator[Row]:
         worst = found.worst
         full = found.moments(one.model)
         free = mm.inverse_dynamics(one.model, found.motion)
-        active = found.tension.activations[worst]
+        active = found.tension.activation[worst]
         for joint, moments in zip(JOINTS, full.T, strict=True):
             name = found.coordinate(joint)
             torque = float(found.torques[name][worst])
             reserve = float(
-                found.tension.reserves[worst, found.tension.reserve_names.index(f"reserve_{name}")]
+                found.tension.actuator_force[
+                    worst, found.tension.reserve_names.index(f"reserve_{name}")
+                ]
             )
             way = moments * np.sign(torque)
             pulling = [k for k in np.argsort(-way) if way[k] > 0.05 * way.max()]
@@ -312,7 +314,7 @@ def measure_keypoints(folder: Path) -> Iterator[Row]:
         standing = dict(zip(one.model.muscle_names, default_path_lengths(one.model), strict=True))
         found = mm.muscle_kinematics(
             one.model, one.fit.motion, moment_arms=False, velocities=False
-        ).lengths
+        ).muscle_length
         finite = np.isfinite(found).all(axis=1)
         row["frames with all muscle lengths"] = int(finite.sum())
         for both in (
@@ -366,7 +368,7 @@ def _arms(model: mm.Model, muscle: str, coordinate: str, count: int = 9) -> np.n
         np.arange(count, dtype=np.float64), (coordinate,), np.linspace(low, high, count)[:, None]
     )
     found = mm.muscle_kinematics(model, motion, velocities=False)
-    arms: np.ndarray = found.moment_arms[
+    arms: np.ndarray = found.moment_arm[
         :, model.muscle_names.index(muscle), model.coordinate_names.index(coordinate)
     ]
     return arms

@@ -153,7 +153,9 @@ def _walk(folder: Path, name: str) -> Walk:
         tension = mm.solve_tension(
             replace(model, muscles=muscles), motion, torques, TensionOptions(passive=passive)
         )
-        choices.append(Activations(of, tension, np.einsum("fmc,fm->fc", arms, tension.forces)))
+        choices.append(
+            Activations(of, tension, np.einsum("fmc,fm->fc", arms, tension.muscle_force))
+        )
     return Walk(
         motion=motion,
         wrenches=wrenches,
@@ -172,7 +174,7 @@ def _mujoco_torques(walk: Walk, tension: Tension) -> Array:
     arms = copy.lengths_and_arms(walk.there)[1]
     for frame in range(len(walk.motion)):
         _start(walk, frame)
-        copy.d.act[:] = tension.activations[frame]
+        copy.d.act[:] = tension.activation[frame]
         mujoco.mj_forward(copy.m, copy.d)
         torques[frame] = -copy.d.actuator_force[: len(tension.muscles)] @ arms[frame]
     return torques
@@ -229,11 +231,11 @@ def _forward(
     m = copy.m
     d = copy.d
     columns = [copy.model.coordinate_names.index(name) for name in copy.free]
-    asked = tension.torques[:, [tension.coordinates.index(name) for name in copy.free]]
+    asked = tension.balanced_torque[:, [tension.coordinates.index(name) for name in copy.free]]
     path = CubicHermiteSpline(time, walk.there[:, columns], walk.rates[:, columns])
     speed = path.derivative()
     applied = CubicSpline(time, asked - choice.torques if muscles else asked)
-    active = CubicSpline(time, tension.activations)
+    active = CubicSpline(time, tension.activation)
     loads = walk.wrenches
     forces = CubicSpline(time, loads.forces)
     moments = CubicSpline(time, loads.torques + np.cross(np.nan_to_num(loads.points), loads.forces))

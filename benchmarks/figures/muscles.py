@@ -84,10 +84,14 @@ def draw_passive(file: Path) -> None:
             m = plain.muscles.index(name)
             for (label, tension), color in zip(found, COLORS, strict=True):
                 axes[0, column].plot(
-                    tension.time[every], tension.forces[every, m], color=color, lw=1.2, label=label
+                    tension.time[every],
+                    tension.muscle_force[every, m],
+                    color=color,
+                    lw=1.2,
+                    label=label,
                 )
                 if tension is not plain:
-                    change = (tension.forces - plain.forces)[every, m]
+                    change = (tension.muscle_force - plain.muscle_force)[every, m]
                     axes[1, column].plot(tension.time[every], change, color=color, lw=1.2)
             axes[0, column].set_title(words, fontsize=9)
             axes[1, column].set_xlabel("time [s]")

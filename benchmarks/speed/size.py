@@ -101,7 +101,7 @@ def _whole(model: mm.Model, markers: mm.Markers, _: mm.Motion | None) -> list[di
     step(
         "muscle tensions",
         lambda: mm.solve_tension(model, moving, torques, mm.TensionOptions(passive=False)),
-        lambda r: nbytes(r.activations, r.forces, r.reserves, r.torques),
+        lambda r: nbytes(r.activation, r.muscle_force, r.actuator_force, r.balanced_torque),
     )
     total = sum(
         float(row["ms/frame"]) for row in rows if not str(row["step"]).startswith("lengths")

@@ -45,8 +45,8 @@ def motion(model):
 @pytest.fixture(scope="module")
 def lengths(model, motion):
     found = muscle_kinematics(model, motion, moment_arms=False)
-    return Series(TIME, model.muscle_names, found.lengths), Series(
-        TIME, model.muscle_names, found.velocities
+    return Series(TIME, model.muscle_names, found.muscle_length), Series(
+        TIME, model.muscle_names, found.muscle_velocity
     )
 
 

@@ -80,10 +80,10 @@ def test_contacts_of_plates_and_of_estimated_forces() -> None:
     forces = ContactForces(
         time=np.arange(50) / 10.0,
         sites=(Site("hand_r", "hand_r", np.zeros((1, 3))),),
-        activations=strength,
-        forces=zero,
-        points=zero,
-        torques=zero,
+        contact_activation=strength,
+        contact_force=zero,
+        contact_point=zero,
+        contact_torque=zero,
     )
     runs = [(one.start, one.stop, one.confidence) for one in solved_contacts(forces).intervals]
     assert runs == [(1.0, 1.9, 0.8), (3.0, 3.0, 0.2)]

@@ -123,11 +123,11 @@ def _forces(moment, pull):
         joints=("knee",),
         points=("in", "out"),
         joint_of=("knee",) * 2,
-        forces=shared,
-        totals=one,
-        shear=zero,
-        unbalanced_forces=zero + pull,
-        unbalanced_moments=zero + moment,
+        joint_contact_force=shared,
+        joint_contact_total=one,
+        joint_contact_shear=zero,
+        joint_contact_unbalanced_force=zero + pull,
+        joint_contact_unbalanced_moment=zero + moment,
         weight=700.0,
     )
 

@@ -139,7 +139,7 @@ def test_simulated_demo_ends_near_its_truth(tmp_path):
     )
     from myomorph.core.model.series import Series
 
-    shares = compared(Series(found.time, tension.muscles, tension.activations), truth["activation"])
+    shares = compared(Series(found.time, tension.muscles, tension.activation), truth["activation"])
     assert np.median([one.rmse for one in shares]) < 0.02
 
 

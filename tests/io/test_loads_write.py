@@ -101,10 +101,10 @@ def test_sites_of_a_body_become_one_load():
     found = ContactForces(
         time=np.zeros(1),
         sites=sites,
-        activations=np.ones((1, 4)),
-        forces=forces,
-        points=points,
-        torques=np.zeros((1, 4, 3)),
+        contact_activation=np.ones((1, 4)),
+        contact_force=forces,
+        contact_point=points,
+        contact_torque=np.zeros((1, 4, 3)),
     ).wrenches()
     assert (found.names, found.bodies) == (("foot",), ("foot",))
     np.testing.assert_allclose(found.forces[0, 0], forces[0].sum(axis=0))
@@ -127,10 +127,10 @@ def test_contacts_between_bodies_give_two_opposite_loads():
     found = ContactForces(
         time=np.zeros(1),
         sites=(site,),
-        activations=np.ones((1, 1)),
-        forces=force,
-        points=point,
-        torques=torque,
+        contact_activation=np.ones((1, 1)),
+        contact_force=force,
+        contact_point=point,
+        contact_torque=torque,
     ).wrenches("group")
     assert found.bodies == ("hand", "sleeve")
     np.testing.assert_allclose(found.forces[:, 0], -found.forces[:, 1])

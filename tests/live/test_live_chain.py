@@ -67,7 +67,7 @@ def test_it_is_the_offline_chain_with_the_same_filter(
     size = np.abs(torques.values).max(axis=0) + 1.0
     np.testing.assert_allclose(kept.all("torques")[known] / size, torques.values / size, atol=2e-3)
     activations = np.array([one.tension.activations for one in kept.frames])[known]
-    np.testing.assert_allclose(activations, tension.activations, atol=2e-3)
+    np.testing.assert_allclose(activations, tension.activation, atol=2e-3)
 
 
 def test_results_are_of_the_time_less_the_delay(walk: tuple[Model, Markers, Wrenches]) -> None:

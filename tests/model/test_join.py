@@ -137,7 +137,7 @@ def test_paths_and_moment_arms_are_those_of_the_parts(data):
         columns = [
             whole.coordinate_names.index(f"{part}_{name}") for name in model.coordinate_names
         ]
-        np.testing.assert_allclose(joined.lengths[:, muscles], own.lengths, atol=1e-12)
+        np.testing.assert_allclose(joined.muscle_length[:, muscles], own.muscle_length, atol=1e-12)
         arms = joined.dense()[:, muscles]
         np.testing.assert_allclose(arms[:, :, columns], own.dense(), atol=1e-10)
         assert not np.delete(arms, columns, axis=2).any()

@@ -37,8 +37,8 @@ def test_onto_a_morphed_skeleton_is_what_morphing_gives(data, name):
         model, replace(whole.model, muscles=(), wrap_objects=(), ligaments=(), kept=()), bones
     )
     motion = poses_of(whole.model, 4)
-    ours = muscle_kinematics(graft.model, motion, velocities=False).lengths
-    theirs = muscle_kinematics(whole.model, motion, velocities=False).lengths
+    ours = muscle_kinematics(graft.model, motion, velocities=False).muscle_length
+    theirs = muscle_kinematics(whole.model, motion, velocities=False).muscle_length
     np.testing.assert_allclose(ours, theirs, atol=1e-12)
     for one, other in zip(graft.model.muscles, whole.model.muscles, strict=True):
         assert one.optimal_fiber_length == pytest.approx(other.optimal_fiber_length, rel=1e-9)
@@ -164,8 +164,8 @@ def test_the_targets_own_coordinate_moves_points_and_fibers():
     theirs = muscle_kinematics(
         source, Motion(time, ("knee_angle",), angles[:, None]), velocities=False
     )
-    np.testing.assert_allclose(ours.lengths, theirs.lengths, atol=1e-12)
-    np.testing.assert_allclose(ours.moment_arms, -theirs.moment_arms, atol=1e-9)
+    np.testing.assert_allclose(ours.muscle_length, theirs.muscle_length, atol=1e-12)
+    np.testing.assert_allclose(ours.moment_arm, -theirs.moment_arm, atol=1e-9)
     change = graft.muscles[0]
     assert (change.fiber, change.tendon) == (pytest.approx(1.0), pytest.approx(1.0))
     np.testing.assert_allclose(change.range_target, change.range_source)

@@ -61,8 +61,10 @@ def differences(model, axis):
     two = muscle_kinematics(other, mirrored_motion(model, motion, axis), velocities=False)
     rows = [two.muscles.index(side.named("muscles", name)) for name in one.muscles]
     columns = [two.coordinates.index(side.named("coordinates", name)) for name in one.coordinates]
-    arms = two.moment_arms[:, rows][:, :, columns] * np.array(side.of(one.coordinates))
-    return abs(two.lengths[:, rows] - one.lengths).max(), abs(arms - one.moment_arms).max()
+    arms = two.moment_arm[:, rows][:, :, columns] * np.array(side.of(one.coordinates))
+    return abs(two.muscle_length[:, rows] - one.muscle_length).max(), abs(
+        arms - one.moment_arm
+    ).max()
 
 
 @pytest.mark.parametrize("name", OSIM)
@@ -148,13 +150,17 @@ def test_the_other_leg_of_a_real_model(data):
     )
     kept = dict(
         zip(
-            model.muscle_names, muscle_kinematics(model, rest, False, False).lengths[0], strict=True
+            model.muscle_names,
+            muscle_kinematics(model, rest, False, False).muscle_length[0],
+            strict=True,
         )
     )
     other = mirrored(model)
     made = dict(
         zip(
-            other.muscle_names, muscle_kinematics(other, rest, False, False).lengths[0], strict=True
+            other.muscle_names,
+            muscle_kinematics(other, rest, False, False).muscle_length[0],
+            strict=True,
         )
     )
     assert max(abs(made[name] - kept[name]) for name in kept) < 1e-3
@@ -205,7 +211,7 @@ def test_opensim_reads_the_other_side(data, tmp_path):
     one = muscle_kinematics(other, motion, velocities=False)
     two = muscle_kinematics(again, motion, velocities=False)
     order = [two.muscles.index(name) for name in one.muscles]
-    np.testing.assert_allclose(two.lengths[:, order], one.lengths, atol=1e-9)
+    np.testing.assert_allclose(two.muscle_length[:, order], one.muscle_length, atol=1e-9)
 
 
 def test_a_joint_on_an_ellipsoid_is_not_written_as_the_wrong_side(data, tmp_path):

@@ -63,7 +63,7 @@ def test_left_muscles_are_the_right_ones_mirrored(model, right):
                 rng.normal(scale=0.3, size=5), *morphed.coordinates[j].range
             )
     motion = Motion(np.arange(5.0), morphed.coordinate_names, values)
-    lengths = muscle_kinematics(morphed, motion, velocities=False, moment_arms=False).lengths
+    lengths = muscle_kinematics(morphed, motion, velocities=False, moment_arms=False).muscle_length
     names = morphed.muscle_names
     pairs = [(i, names.index(f"{one[:-2]}_l")) for i, one in enumerate(names) if one.endswith("_r")]
     ours, theirs = np.array(pairs).T

@@ -57,7 +57,7 @@ read = cache(read_osim)
 def lengths_and_arms(model, motion):
     found = muscle_kinematics(model, motion, velocities=False)
     turning = np.array([one.motion == "rotational" for one in model.coordinates], dtype=bool)
-    return found.lengths, found.moment_arms[:, :, turning]
+    return found.muscle_length, found.moment_arm[:, :, turning]
 
 
 def test_identity_leaves_everything(model):
@@ -192,11 +192,11 @@ def test_a_symmetric_model_stays_so(data):
     morph = morph_model(model, bones)
     motion = poses_of(model, 4)
     other = mirrored_motion(model, motion)
-    found = muscle_kinematics(morph.model, motion, velocities=False).lengths
-    there = muscle_kinematics(morph.model, other, velocities=False).lengths
+    found = muscle_kinematics(morph.model, motion, velocities=False).muscle_length
+    there = muscle_kinematics(morph.model, other, velocities=False).muscle_length
     names = model.muscle_names
-    before = muscle_kinematics(model, motion, velocities=False).lengths
-    beside = muscle_kinematics(model, other, velocities=False).lengths
+    before = muscle_kinematics(model, motion, velocities=False).muscle_length
+    beside = muscle_kinematics(model, other, velocities=False).muscle_length
     for i, name in enumerate(names):
         if name.endswith("_r"):
             j = names.index(name[:-2] + "_l")

@@ -74,7 +74,7 @@ def test_opensim_finds_everything_where_it_was_carried(answers, name):
             place = poses[marker.body].apply(marker.location)
             np.testing.assert_allclose(place, pose["markers"][marker.name], atol=1e-9)
         motion = Motion(np.zeros(1), tuple(values), np.array([list(values.values())]))
-        lengths = muscle_kinematics(model, motion, velocities=False).lengths[0]
+        lengths = muscle_kinematics(model, motion, velocities=False).muscle_length[0]
         for i, muscle in enumerate(model.muscles):
             points = [
                 poses[point.body].apply(point_place(point, values)) for point in muscle.path.points

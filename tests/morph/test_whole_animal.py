@@ -118,9 +118,9 @@ def test_the_other_sides_muscle_moves_as_this_one_does():
         Motion(np.arange(7.0), ("hip_r", "hip_l"), np.stack([angles, angles], 1)),
         velocities=False,
     )
-    assert found.lengths[:, 1] == pytest.approx(found.lengths[:, 0], abs=1e-9)
-    assert np.ptp(found.lengths[:, 0]) > 0.01
-    assert found.moment_arms[:, 1, 1] == pytest.approx(found.moment_arms[:, 0, 0], abs=1e-9)
+    assert found.muscle_length[:, 1] == pytest.approx(found.muscle_length[:, 0], abs=1e-9)
+    assert np.ptp(found.muscle_length[:, 0]) > 0.01
+    assert found.moment_arm[:, 1, 1] == pytest.approx(found.moment_arm[:, 0, 0], abs=1e-9)
     with pytest.raises(BadModel, match="nothing to mirror"):
         with_other_muscles(model, "x")
 
@@ -142,8 +142,8 @@ def test_a_muscle_whose_name_tells_no_side_is_mirrored_by_its_bodies():
     assert {name.name for name in model.wrap_objects} == {"round", "round_l"}
     wanted, _ = with_other_muscles(one, "x")
     motion = Motion(np.arange(3.0), ("hip_l",), np.array([[-0.5], [0.0], [0.5]]))
-    ours = muscle_kinematics(model, motion, velocities=False).lengths[:, -1]
-    theirs = muscle_kinematics(wanted, motion, velocities=False).lengths[:, -1]
+    ours = muscle_kinematics(model, motion, velocities=False).muscle_length[:, -1]
+    theirs = muscle_kinematics(wanted, motion, velocities=False).muscle_length[:, -1]
     assert ours == pytest.approx(theirs, abs=1e-12)
 
 

@@ -79,7 +79,7 @@ def angles(model, markers, posture_weight, *sizes):
     ]
     assert all(fit.converged.all() for fit in fits)
     return [
-        (fit.motion.values[:, turning], fit.errors / size)
+        (fit.motion.values[:, turning], fit.marker_error / size)
         for fit, size in zip(fits, sizes, strict=True)
     ]
 

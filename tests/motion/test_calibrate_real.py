@@ -34,7 +34,9 @@ def test_held_out_motions_of_a_person(data):
             marker_weights=dict.fromkeys(common, 1.0), only_weighted=True
         )
         error = [
-            np.sqrt(np.nanmean(inverse_kinematics(model, recorded[name], options).errors ** 2))
+            np.sqrt(
+                np.nanmean(inverse_kinematics(model, recorded[name], options).marker_error ** 2)
+            )
             for model in (found.model, expert)
         ]
         assert error[0] < error[1]

@@ -22,7 +22,7 @@ def test_bounds_hold_while_the_loop_stays_closed():
     bounded = replace(model, coordinates=tuple(coordinates))
     fit = inverse_kinematics(bounded, markers_of(model, true))
     assert fit.converged.all()
-    assert fit.closure.max() < 1e-9
+    assert fit.loop_closure_error.max() < 1e-9
     rocker = fit.motion["rocker"]
     assert rocker.min() >= low - 1e-9
     assert rocker.max() <= high + 1e-9

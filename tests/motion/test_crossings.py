@@ -89,7 +89,7 @@ def test_inverse_kinematics_waits_through_a_gap(subject):
         assert not part.converged[start:stop].any()
         # Angles may be whole turns apart, and so feel another pull: what they explain is the same,
         # to the noise.
-        np.testing.assert_allclose(part.errors[seen], whole.errors[seen], atol=2e-4)
+        np.testing.assert_allclose(part.marker_error[seen], whole.marker_error[seen], atol=2e-4)
 
 
 def test_what_cannot_be_is_named(subject):

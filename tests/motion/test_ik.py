@@ -164,7 +164,7 @@ def test_a_known_motion_is_recovered():
     fit = inverse_kinematics(model, seen(model, motion))
     assert fit.converged.all()
     np.testing.assert_allclose(fit.motion.values, motion.values, atol=1e-5)
-    assert np.nanmax(fit.errors) < 1e-5
+    assert np.nanmax(fit.marker_error) < 1e-5
 
 
 def test_a_turned_body_is_found_from_the_default_pose():
@@ -175,7 +175,7 @@ def test_a_turned_body_is_found_from_the_default_pose():
     values[:, 3] += 7.0
     turned = Motion(motion.time, motion.names, values)
     fit = inverse_kinematics(model, seen(model, turned))
-    assert np.nanmax(fit.errors) < 1e-5
+    assert np.nanmax(fit.marker_error) < 1e-5
 
 
 def test_the_optimum_is_stationary_in_noise():
@@ -218,7 +218,7 @@ def test_gaps_do_not_move_the_rest():
     assert np.isnan(fit.motion.values[blank]).all()
     assert not fit.converged[blank].any()
     np.testing.assert_allclose(fit.motion.values[~blank], motion.values[~blank], atol=1e-5)
-    assert np.isnan(fit.errors[50:70, :2]).all()
+    assert np.isnan(fit.marker_error[50:70, :2]).all()
 
 
 def test_clamped_coordinates_stay_in_range_and_locked_ones_at_their_value():

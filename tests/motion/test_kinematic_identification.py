@@ -77,7 +77,7 @@ def test_the_model_is_the_stretched_one_with_its_markers(subject, found):
     for one, other in zip(again.joints, found.model.joints, strict=True):
         np.testing.assert_array_equal(one.parent_frame.translation, other.parent_frame.translation)
     fit = inverse_kinematics(found.model, subject.markers, InverseKinematicsOptions())
-    assert np.sqrt(np.mean(fit.errors**2)) < 1.1 * np.sqrt(3.0) * found.noise
+    assert np.sqrt(np.mean(fit.marker_error**2)) < 1.1 * np.sqrt(3.0) * found.noise
     assert found.rms_before > 20.0 * found.rms_after
 
 

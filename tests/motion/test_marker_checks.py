@@ -262,7 +262,7 @@ def test_what_a_marker_left_out_says_is_what_a_fit_without_it_gives():
     fit = inverse_kinematics(model, noisy, InverseKinematicsOptions(tolerance=1e-10))
     tree = compile_tree(model)
     options = InverseKinematicsOptions()
-    arrays = pose_problem(tree, fit.marker_names, fit.weights, options)
+    arrays = pose_problem(tree, fit.marker_names, fit.marker_weight, options)
     columns = [noisy.names.index(name) for name in fit.marker_names]
     frames = marker_frames(tree, arrays, noisy.values[:, columns], fit.motion.values)
     away = left_out(frames, arrays.markers.weight)

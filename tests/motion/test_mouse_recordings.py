@@ -82,6 +82,8 @@ def test_a_paw_that_is_alone_on_the_plate(folder):
     for joint in ("Hip_flexion", "Knee_extension", "Ankle_flexion"):
         assert np.abs(found.torques[f"{joint}_l"]).max() < 0.2 * legs
     assert found.active.optimal.all()
-    given = found.active.reserves[:, found.active.reserve_names.index("reserve_Ankle_flexion_l")]
+    given = found.active.actuator_force[
+        :, found.active.reserve_names.index("reserve_Ankle_flexion_l")
+    ]
     assert np.abs(given).max() < 0.02 * np.abs(found.torques["Ankle_flexion_l"]).max()
     assert motion_of(folder, NAME).accelerations is not None

@@ -69,8 +69,8 @@ def test_segments_without_markers_turn_as_their_sensors_say():
     np.testing.assert_allclose(fit.motion.values, values, atol=1e-5)
     assert fit.largest.max() < 1e-5
     assert fit.sensor_names == tuple(names)
-    assert fit.sensor_errors.shape == (FRAMES, len(names))
-    assert fit.sensor_errors.max() < 1e-5
+    assert fit.sensor_error.shape == (FRAMES, len(names))
+    assert fit.sensor_error.max() < 1e-5
     # What is unknown in some frames is left out there.
     gone = turned["torso"].copy()
     gone[4:6] = np.nan
@@ -115,5 +115,5 @@ def test_what_counts_more_has_the_smaller_error():
     ]
     fit = inverse_kinematics(model, nothing, InverseKinematicsOptions(tasks=tasks, tolerance=1e-9))
     np.testing.assert_allclose(
-        fit.sensor_errors, np.tile([0.25 * angle, 0.75 * angle], (FRAMES, 1)), atol=1e-5
+        fit.sensor_error, np.tile([0.25 * angle, 0.75 * angle], (FRAMES, 1)), atol=1e-5
     )

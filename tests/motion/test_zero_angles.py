@@ -82,7 +82,7 @@ def test_turned_markers_turn_the_angle_and_leave_the_error():
     turned = with_turned_foot(model, TURN, axis=0)
     fits = [inverse_kinematics(one, markers, InverseKinematicsOptions()) for one in (model, turned)]
     # IK settles to a micrometer
-    np.testing.assert_allclose(fits[1].errors, fits[0].errors, atol=1e-5)
+    np.testing.assert_allclose(fits[1].marker_error, fits[0].marker_error, atol=1e-5)
     j = fits[0].motion.names.index("foot_r_r1")
     np.testing.assert_allclose(
         fits[1].motion.values[:, j], fits[0].motion.values[:, j] - TURN, atol=1e-4

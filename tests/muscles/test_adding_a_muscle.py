@@ -50,14 +50,14 @@ def test_forces_on_rigid_tendons_follow_its_formulas(arm):
     model, motion, _ = arm
     paths = muscle_kinematics(model, motion)
     for convention in ("rigid-tendon", "opensim"):
-        forces = hill_forces(model, paths.lengths, paths.velocities, convention)
+        forces = hill_forces(model, paths.muscle_length, paths.muscle_velocity, convention)
         for m, muscle in enumerate(model.muscles):
             height = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
-            along = paths.lengths[:, m] - muscle.tendon_slack_length
+            along = paths.muscle_length[:, m] - muscle.tendon_slack_length
             x = np.hypot(along, height) / muscle.optimal_fiber_length
             cosine = along / np.hypot(along, height)
             v = (
-                paths.velocities[:, m]
+                paths.muscle_velocity[:, m]
                 * cosine
                 / muscle.optimal_fiber_length
                 / muscle.max_contraction_velocity
@@ -81,18 +81,21 @@ def test_tensions_are_found_with_rigid_tendons_and_with_elastic_ones(arm):
     model, motion, torques = arm
     rigid = solve_tension(model, motion, torques, TensionOptions(curves="rigid-tendon"))
     forces = hill_forces(
-        model, *(lambda paths: (paths.lengths, paths.velocities))(muscle_kinematics(model, motion))
+        model,
+        *(lambda paths: (paths.muscle_length, paths.muscle_velocity))(
+            muscle_kinematics(model, motion)
+        ),
     )
     assert rigid.optimal.all()
-    np.testing.assert_allclose(rigid.forces, rigid.activations * forces.active, atol=1e-6)
+    np.testing.assert_allclose(rigid.muscle_force, rigid.activation * forces.active, atol=1e-6)
     elastic = solve_tension(model, motion, torques, TensionOptions(tendons="elastic", passive=True))
     assert elastic.optimal.all()
     assert elastic.fibers.certificate.residual < 1e-3
     assert elastic.fibers.certificate.equilibrium < 1e-5
     assert not elastic.fibers.rigid
     strength = np.array([muscle.max_isometric_force for muscle in model.muscles])
-    strain = 0.05 / 3.0 * np.log(1.0 + np.expm1(3.0) * elastic.forces / strength)
-    np.testing.assert_allclose(elastic.fibers.tendon_strains, strain, atol=1e-9)
+    strain = 0.05 / 3.0 * np.log(1.0 + np.expm1(3.0) * elastic.muscle_force / strength)
+    np.testing.assert_allclose(elastic.fibers.tendon_strain, strain, atol=1e-9)
     np.testing.assert_array_equal(activation_times(model)[:, 0], [0.020, 0.050])
 
 

@@ -74,7 +74,7 @@ def test_crank_arm_is_the_slope_of_length_along_the_linkage():
     # coordinate.
     for j in range(3):
         np.testing.assert_allclose(
-            arms.moment_arms[:, :, j], -slope / rates[:, j, None], rtol=1e-6, atol=1e-8
+            arms.moment_arm[:, :, j], -slope / rates[:, j, None], rtol=1e-6, atol=1e-8
         )
 
 
@@ -91,7 +91,7 @@ def test_virtual_work_along_the_closed_motion(functional):
     c = close_loops(tree, near)
     arms = muscle_kinematics(
         model, poses_of(c, model.coordinate_names), velocities=False
-    ).moment_arms
+    ).moment_arm
     step = 1e-5
     for group in loop_groups(tree):
         couplings = loop_couplings(tree, group, c)
@@ -145,7 +145,7 @@ def test_a_follower_of_a_loop_belongs_to_it():
     values = np.column_stack([2 * angles[:, 0], angles[:, 1:], angles[:, 0]])
     arms = muscle_kinematics(
         model, poses_of(values, model.coordinate_names), velocities=False
-    ).moment_arms[:, 0]
+    ).moment_arm[:, 0]
     np.testing.assert_allclose(arms[:, 3], 2.0 * arms[:, 0])
 
 
@@ -157,7 +157,7 @@ def test_files_and_values_agree(data):
     values = tree.coordinates_of(motion)[::150]
     dense = muscle_kinematics(
         model, poses_of(values, model.coordinate_names), velocities=False
-    ).moment_arms
+    ).moment_arm
     reported = ReportedPaths(model)
     still = poses_of(values, model.coordinate_names)
     found = reported.evaluate(replace(still, velocities=np.zeros_like(values)), slice(None))[2]
@@ -192,7 +192,7 @@ def test_opensim_has_the_same_arms(name, data):
     values = close_loops(tree, tree.coordinates_of(motion)[[100, 400]])
     arms = muscle_kinematics(
         model, poses_of(values, model.coordinate_names), velocities=False
-    ).moment_arms
+    ).moment_arm
     theirs = opensim.Model(str(data(name)))
     state = theirs.initSystem()
     named = theirs.getCoordinateSet()
@@ -234,6 +234,8 @@ def test_a_locked_coordinate_stays_but_for_its_own_arm(data):
     first = path.computeMomentArm(state, named.get("clav_elev"))
     own = path.computeMomentArm(state, named.get("clav_prot"))
     again = path.computeMomentArm(state, named.get("clav_elev"))
-    assert ours.moment_arm("SerratusAnterior_S", "clav_elev")[0] == pytest.approx(first, abs=1e-9)
-    assert ours.moment_arm("SerratusAnterior_S", "clav_prot")[0] == pytest.approx(own, abs=1e-9)
+    assert ours.moment_arm_of("SerratusAnterior_S", "clav_elev")[0] == pytest.approx(
+        first, abs=1e-9
+    )
+    assert ours.moment_arm_of("SerratusAnterior_S", "clav_prot")[0] == pytest.approx(own, abs=1e-9)
     assert abs(again - first) > 1e-3

@@ -49,7 +49,7 @@ def test_viscosity_takes_the_power_of_lengthening():
     made = with_passive_dynamics(model, viscosity=viscosity)
     tree = compile_tree(made)
     _, rates = values_and_rates(tree, motion)
-    lengthening = muscle_kinematics(made, motion).velocities
+    lengthening = muscle_kinematics(made, motion).muscle_velocity
     power = (passive_generalized_forces(made, motion).values * rates).sum(axis=1)
     np.testing.assert_allclose(power, -(lengthening**2 @ np.array([30.0, 70.0, 10.0])), rtol=1e-10)
 

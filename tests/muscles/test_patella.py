@@ -47,7 +47,7 @@ def test_the_arm_of_the_whole_path_is_minus_its_slope(bent) -> None:
     arms = tendon_arms(paths, group, coordinates, pulls, work)
     expected = muscle_kinematics(model, motion, velocities=False)
     for column, muscle in enumerate(group.muscles):
-        slope = expected.moment_arm(model.muscle_names[muscle], "knee_angle_r")
+        slope = expected.moment_arm_of(model.muscle_names[muscle], "knee_angle_r")
         np.testing.assert_allclose(arms.path[:, column], slope, atol=1e-9)
 
 

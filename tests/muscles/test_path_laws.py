@@ -269,7 +269,9 @@ def test_dependent_coordinate_has_the_moment_arm_of_what_it_follows():
     slope = 0.03 - 0.02 * values[:, 8]
     for name in model.muscle_names:
         np.testing.assert_allclose(
-            found.moment_arm(name, "glide") * slope, found.moment_arm(name, "knee"), atol=1e-12
+            found.moment_arm_of(name, "glide") * slope,
+            found.moment_arm_of(name, "knee"),
+            atol=1e-12,
         )
 
 
@@ -392,15 +394,17 @@ def test_sparse_and_dense_agree():
         velocities=np.ones((25, 10)),
     )
     found = muscle_kinematics(model, motion)
-    dense = found.moment_arms
+    dense = found.moment_arm
     values, muscles, coordinates = found.independent()
     np.testing.assert_array_equal(dense[:, muscles, coordinates], values)
     dense[:, muscles, coordinates] = 0.0
     dense[:, :, model.coordinate_names.index("glide")] = 0.0
     assert not dense.any()
-    np.testing.assert_array_equal(found.dense(slice(3, 5)), found.moment_arms[3:5])
-    assert found.velocities is not None
-    np.testing.assert_allclose(found.velocities, -found.dense()[:, :, :9].sum(axis=2), atol=1e-12)
+    np.testing.assert_array_equal(found.dense(slice(3, 5)), found.moment_arm[3:5])
+    assert found.muscle_velocity is not None
+    np.testing.assert_allclose(
+        found.muscle_velocity, -found.dense()[:, :, :9].sum(axis=2), atol=1e-12
+    )
 
 
 def test_bad_input_is_named():
@@ -415,7 +419,7 @@ def test_bad_input_is_named():
     with pytest.raises(BadData, match="moment_arms"):
         muscle_kinematics(model, motion, velocities=False, moment_arms=False).dense()
     with pytest.raises(UnknownName, match="around_egg"):
-        muscle_kinematics(model, motion, velocities=False).moment_arm("around_eg", "knee")
+        muscle_kinematics(model, motion, velocities=False).moment_arm_of("around_eg", "knee")
     point = PathPoint("a", "thigh", np.zeros(3))
     for path, error, what in (
         (Path((point,)), BadModel, "1 points"),
@@ -511,7 +515,9 @@ def test_a_path_wraps_an_ellipsoid_between_it_and_not_where_both_ends_are_on_one
     )
     out = np.linspace(0.05, 0.09, 9)
     motion = Motion(np.arange(9.0), ("out",), out[:, None])
-    lengths = muscle_kinematics(model, motion, velocities=False, moment_arms=False).lengths[:, 0]
+    lengths = muscle_kinematics(model, motion, velocities=False, moment_arms=False).muscle_length[
+        :, 0
+    ]
     straight = np.hypot(0.046, out) if wraps else out - 0.046
     assert (
         (lengths > straight + 1e-7).all() if wraps else np.allclose(lengths, straight, atol=1e-12)

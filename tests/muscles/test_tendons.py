@@ -72,7 +72,7 @@ def compare(m, model, motion):
     couplers = found.paths.tree.arrays
     worst = np.zeros(3)
     for frame, state, d in states(m, model, motion):
-        length = np.abs(found.lengths[frame] - d.ten_length[tendon] * gear)
+        length = np.abs(found.muscle_length[frame] - d.ten_length[tendon] * gear)
         expected = -tendon_jacobian(m, d)[tendon] @ state.basis * gear[:, None]
         # What MuJoCo gives a joint that follows another reaches the other by the equality's slope.
         for k in reversed(range(len(couplers.coupler_coordinate))):
@@ -84,7 +84,7 @@ def compare(m, model, motion):
         free = np.ones(expected.shape[1], dtype=bool)
         free[couplers.coupler_coordinate] = False
         moment_arm = np.abs(ours - expected)[:, free]
-        speed = np.abs(found.velocities[frame] - d.ten_velocity[tendon] * gear)
+        speed = np.abs(found.muscle_velocity[frame] - d.ten_velocity[tendon] * gear)
         worst = np.maximum(worst, [length.max(), moment_arm.max(), speed.max()])
     return worst
 
@@ -134,7 +134,7 @@ def test_moment_arms_are_the_slopes_of_lengths():
             values[:, j] += sign * h
             shifted = Motion(motion.time, motion.names, values)
             ends.append(
-                muscle_kinematics(model, shifted, velocities=False, moment_arms=False).lengths
+                muscle_kinematics(model, shifted, velocities=False, moment_arms=False).muscle_length
             )
         slope = (ends[1] - ends[0]) / (2 * h)
-        np.testing.assert_allclose(found.moment_arms[:, :, j], -slope, atol=2e-6)
+        np.testing.assert_allclose(found.moment_arm[:, :, j], -slope, atol=2e-6)

@@ -284,7 +284,7 @@ def test_muscle_analysis_writes_what_it_names(arm, tmp_path):
     near = [int(np.argmin(np.abs(motion.time - at))) for at in table.time]
     found = read_sto(written["Length"])["BRA"]
     np.testing.assert_allclose(
-        found, lengths.lengths[near, lengths.muscles.index("BRA")], atol=2e-4
+        found, lengths.muscle_length[near, lengths.muscles.index("BRA")], atol=2e-4
     )
 
 

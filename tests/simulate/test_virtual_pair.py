@@ -80,7 +80,7 @@ def test_muscles_give_the_torques_that_the_motion_needs(bout, motion):
 
 def test_tensions_are_those_that_the_model_has_at_the_true_activations(bout, motion):
     kinematics = muscle_kinematics(bout.model, motion)
-    forces = hill_forces(bout.model, kinematics.lengths, kinematics.velocities)
+    forces = hill_forces(bout.model, kinematics.muscle_length, kinematics.muscle_velocity)
     expected = forces.active * bout.truth.activations.values + forces.passive
     true = bout.truth.tensions.values
     assert np.sqrt(np.mean((expected - true) ** 2)) < 0.02 * np.sqrt(np.mean(true**2))
@@ -157,7 +157,7 @@ def test_forces_between_the_fighters_are_equal_and_opposite(bout, motion):
     torques = inverse_dynamics(bout.model, motion, loads)
     left = action_reaction(bout.model, motion, PARTS, loads)
     residuals = [k for k, name in enumerate(found.reserve_names) if name.startswith("residual_")]
-    assert np.abs(found.reserves[:, residuals]).max() < 1.0
+    assert np.abs(found.actuator_force[:, residuals]).max() < 1.0
     assert left.force_error < 1.0
     assert torques.names == bout.model.coordinate_names
 
@@ -170,10 +170,10 @@ def test_each_part_of_the_solution_balances_by_itself(bout, motion, part):
     moved = part_of(motion, part)
     assert own.muscles == alone.muscle_names
     torques = inverse_dynamics(alone, moved, part_of(found.contacts.wrenches(), part))
-    given = np.einsum("fm,fmj->fj", own.forces, muscle_kinematics(alone, moved).dense())
+    given = np.einsum("fm,fmj->fj", own.muscle_force, muscle_kinematics(alone, moved).dense())
     for name in alone.coordinate_names[6:]:
         j = alone.coordinate_names.index(name)
-        reserve = own.reserves[:, own.reserve_names.index(f"reserve_{name}")]
+        reserve = own.actuator_force[:, own.reserve_names.index(f"reserve_{name}")]
         np.testing.assert_allclose(
             given[:, j] + reserve, torques[name], atol=1e-4 * np.abs(torques.values).max()
         )

@@ -69,7 +69,7 @@ def held(specimen: Specimen, exact: Sampled) -> Motion:
 
 
 def lengthening(specimen: Specimen, motion: Motion) -> np.ndarray:
-    speeds = muscle_kinematics(specimen.model, motion, moment_arms=False).velocities
+    speeds = muscle_kinematics(specimen.model, motion, moment_arms=False).muscle_velocity
     assert speeds is not None
     return speeds
 

@@ -46,10 +46,10 @@ def test_forces_at_sites_survive(tmp_path):
     forces = ContactForces(
         time=TIME,
         sites=SITES,
-        activations=activations,
-        forces=forces_at_sites,
-        points=points,
-        torques=torques,
+        contact_activation=activations,
+        contact_force=forces_at_sites,
+        contact_point=points,
+        contact_torque=torques,
     )
     with new_result(tmp_path / "x.nc") as writer:
         put_contact_forces(writer, forces)

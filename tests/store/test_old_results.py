@@ -54,7 +54,7 @@ def test_a_report_is_made_of_them(arm):
     assert given.dynamics.wrenches is not None
     assert given.muscles.lengths is not None
     assert given.tension is not None
-    assert np.isfinite(given.tension.forces).all()
+    assert np.isfinite(given.tension.muscle_force).all()
 
 
 def test_they_are_reused_as_long_as_nothing_has_changed(arm, monkeypatch):

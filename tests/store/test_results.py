@@ -90,8 +90,8 @@ def test_fit_survives_with_gaps(tmp_path, values):
     fit = KinematicsFit(
         motion=Motion(TIME, NAMES, values),
         marker_names=NAMES,
-        errors=errors,
-        weights=np.ones(3),
+        marker_error=errors,
+        marker_weight=np.ones(3),
         converged=np.array([1, 1, 0, 1, 1], bool),
         iterations=np.arange(5),
         unused_markers=("x",),
@@ -100,7 +100,7 @@ def test_fit_survives_with_gaps(tmp_path, values):
     with new_result(tmp_path / "x.nc") as writer:
         store.put_fit(writer, fit, Model())
     back = store.get_fit(read_result(tmp_path / "x.nc"))
-    np.testing.assert_array_equal(back.errors, errors)
+    np.testing.assert_array_equal(back.marker_error, errors)
     np.testing.assert_array_equal(back.converged, fit.converged)
     assert (back.unused_markers, back.missing_markers) == (("x",), ())
 

@@ -54,7 +54,7 @@ def test_forces_of_a_walk_stay_inside_the_ellipse_and_do_not_inside_another(data
         contacts = ContactTask(sites, full(motion, sites), options=ContactOptions(smoothness=0.0))
         tension = solve_tension(model, motion, torques, contacts=contacts)
         assert tension.optimal.all()
-        x, y, z = np.moveaxis(tension.contacts.forces, 2, 0)
+        x, y, z = np.moveaxis(tension.contacts.contact_force, 2, 0)
         assert (np.abs(x) <= 0.8 * y + 1e-6).all()
         sideways[name] = np.abs(z).max()
         if name == "ellipse":

@@ -175,11 +175,11 @@ def test_co_contraction_of_an_antagonist_pair_is_the_optimum_of_the_whole_progra
         bare = frame_program(problem, frame)
         whole = with_cost(bare, unit(bare, soleus_r=1.0, tibant_r=-2.0), 0.0, 8.0)
         theirs = solve_program(whole)[: len(model.muscles)]
-        np.testing.assert_allclose(found.activations[frame], theirs, atol=1e-5)
+        np.testing.assert_allclose(found.activation[frame], theirs, atol=1e-5)
     one = model.muscle_names.index("soleus_r")
     other = model.muscle_names.index("tibant_r")
     apart = [
-        np.abs(each.activations[:, one] - 2.0 * each.activations[:, other]).mean()
+        np.abs(each.activation[:, one] - 2.0 * each.activation[:, other]).mean()
         for each in (found, free)
     ]
     assert apart[0] < 0.7 * apart[1]
@@ -209,9 +209,7 @@ def test_terms_add_up_with_contacts_emg_and_each_other(walker):
         limit = unit(bare, recfem_r=1.0, vaslat_r=1.0)
         whole = replace(whole, G=np.vstack([whole.G, limit]), h=np.append(whole.h, 0.2))
         theirs = solve_program(whole)
-        np.testing.assert_allclose(
-            found.activations[frame], theirs[: len(model.muscles)], atol=1e-4
-        )
+        np.testing.assert_allclose(found.activation[frame], theirs[: len(model.muscles)], atol=1e-4)
         limited += abs(limit @ theirs - 0.2) < 1e-6
     assert limited > 0
 
@@ -224,7 +222,7 @@ def test_an_equation_with_a_right_side_of_each_frame_holds(walker):
     one = model.muscle_names.index("bflh_r")
     other = model.muscle_names.index("bfsh_r")
     np.testing.assert_allclose(
-        found.activations[:, one] - found.activations[:, other], difference, atol=1e-7
+        found.activation[:, one] - found.activation[:, other], difference, atol=1e-7
     )
 
 
@@ -239,9 +237,9 @@ def test_a_term_with_an_unknown_of_its_own_acts_as_the_actuator_that_it_is(walke
         "motor", "coordinate", 40.0, coordinate=name, min_control=-np.inf, max_control=0.0
     )
     same = solve_tension(model, motion, tau, actuators=(*default_reserves(model), motor))
-    np.testing.assert_allclose(found.activations, same.activations, atol=1e-7)
+    np.testing.assert_allclose(found.activation, same.activation, atol=1e-7)
     command = problem.x[:, problem.unknowns.of(suit)]
-    np.testing.assert_allclose(-40.0 * command[:, 0], same.reserves[:, -1], atol=1e-5)
+    np.testing.assert_allclose(-40.0 * command[:, 0], same.actuator_force[:, -1], atol=1e-5)
     assert command.max() > 0.1
 
 

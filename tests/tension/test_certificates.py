@@ -243,7 +243,7 @@ def test_known_activations_narrow_what_is_left_open(walk):
     model, motion, task = walk
     problem, tension = solved(model, motion, task, None)
     free = contact_intervals(problem, tension, None, CertificateOptions(near=0.0))
-    told = EmgTarget(model.muscle_names, tension.activations, "driven", slack=0.01)
+    told = EmgTarget(model.muscle_names, tension.activation, "driven", slack=0.01)
     problem, tension = solved(model, motion, task, None, emg=told)
     bound = contact_intervals(problem, tension, None, CertificateOptions(near=0.0))
     assert set(free.sentences) == {""}, "what was not asked for is not said to be determined"
@@ -263,7 +263,7 @@ def test_solved_frames_are_optima_and_others_are_not(walk):
     assert found.balance.max() < 1e-8
     assert found.bounds.max() == 0.0
     assert found.complementarity.max() < 1e-9
-    moved = np.array(tension.reserves)
+    moved = np.array(tension.actuator_force)
     moved[:, 0] += 5.0
     spoiled = optimality(problem, replace(tension, reserves=moved))
     assert spoiled.stationarity.min() > 1e-3

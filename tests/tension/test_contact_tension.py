@@ -49,7 +49,10 @@ def hidden(walker):
 def residual(tension, letter: str) -> np.ndarray:
     """Residual force ("F") or moment ("M") on the pelvis (frames, 3)."""
     return np.column_stack(
-        [tension.reserves[:, tension.reserve_names.index(f"residual_{letter}{a}")] for a in "XYZ"]
+        [
+            tension.actuator_force[:, tension.reserve_names.index(f"residual_{letter}{a}")]
+            for a in "XYZ"
+        ]
     )
 
 
@@ -80,7 +83,7 @@ def test_contacts_and_residuals_carry_the_body_as_newton_asks(walker, hidden):
 def test_much_that_comes_from_nowhere_is_named_with_its_size_and_time(walker, hidden):
     weight = 9.80665 * walker[0].mass
     assert not missing_support(hidden, weight)
-    reserves = hidden.reserves.copy()
+    reserves = hidden.actuator_force.copy()
     reserves[7, hidden.reserve_names.index("residual_FX")] += 20.0 * weight
     (finding,) = missing_support(replace(hidden, reserves=reserves), weight)
     assert f"at {hidden.time[7]:.2f} s" in finding.text
@@ -105,8 +108,8 @@ def test_the_forces_given_back_as_known_loads_bring_the_same_tensions(walker, fo
         again = solve_tension(
             model, motion, inverse_dynamics(model, motion, found.contacts.wrenches(by))
         )
-        np.testing.assert_allclose(again.activations, found.activations, atol=1e-6)
-        np.testing.assert_allclose(again.reserves, found.reserves, atol=1e-5)
+        np.testing.assert_allclose(again.activation, found.activation, atol=1e-6)
+        np.testing.assert_allclose(again.actuator_force, found.actuator_force, atol=1e-5)
 
 
 @pytest.mark.parametrize("contact_passive", [True, False])
@@ -131,14 +134,16 @@ def test_contact_forces_do_not_depend_on_passive_force_and_tensions_follow_their
         TensionOptions(passive=contact_passive),
         contacts=task(model, motion, contact_passive=contact_passive),
     )
-    assert np.abs(found[True].forces - found[False].forces).max() > 10.0
+    assert np.abs(found[True].muscle_force - found[False].muscle_force).max() > 10.0
     for passive, one in found.items():
         assert one.optimal.all()
         assert one.options.passive is passive
-        np.testing.assert_allclose(one.contacts.forces, alone.contacts.forces, atol=1e-6)
+        np.testing.assert_allclose(
+            one.contacts.contact_force, alone.contacts.contact_force, atol=1e-6
+        )
         loaded = inverse_dynamics(model, motion, one.contacts.wrenches("site"))
         again = solve_tension(model, motion, loaded, TensionOptions(passive=passive))
-        np.testing.assert_allclose(again.activations, one.activations, atol=1e-6)
+        np.testing.assert_allclose(again.activation, one.activation, atol=1e-6)
 
 
 def test_passive_force_beyond_a_muscle_s_strength_is_reported_with_its_name(walker):
@@ -173,7 +178,10 @@ def test_a_contact_costs_the_same_whatever_number_of_sites_it_is_made_of(walker)
         ask = ContactTask(tuple(sites), full(motion, sites), options=ContactOptions(smoothness=0.0))
         found = solve_tension(model, motion, tau, contacts=ask).contacts
         forces.append(
-            [found.forces[:, [s.group == f"foot_{k}" for s in sites]].sum(axis=1) for k in "rl"]
+            [
+                found.contact_force[:, [s.group == f"foot_{k}" for s in sites]].sum(axis=1)
+                for k in "rl"
+            ]
         )
     np.testing.assert_allclose(forces[0], forces[1], atol=0.05)
 
@@ -194,11 +202,11 @@ def test_forces_of_hands_and_thorax_pass_a_closed_loop(data):
     ask = ContactTask(sites, full(motion, sites), options=ContactOptions(smoothness=0.0))
     found = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=ask)
     assert found.optimal.all()
-    assert np.abs(found.contacts.forces).max() > 0.1
+    assert np.abs(found.contacts.contact_force).max() > 0.1
     again = solve_tension(
         model, motion, inverse_dynamics(model, motion, found.contacts.wrenches("site"))
     )
-    np.testing.assert_allclose(again.activations, found.activations, atol=1e-6)
+    np.testing.assert_allclose(again.activation, found.activation, atol=1e-6)
 
 
 def clarabel_solution(problem: Program) -> np.ndarray:
@@ -277,8 +285,8 @@ def test_the_fast_solution_is_that_of_the_readable_program_by_two_solvers(walker
         program = frame_program(problem, frame)
         ours = np.concatenate(
             [
-                found.activations[frame],
-                found.reserves[frame] / problem.actuators.optimal_forces,
+                found.activation[frame],
+                found.actuator_force[frame] / problem.actuators.optimal_forces,
                 problem.amplitudes[frame],
             ]
         )
@@ -311,7 +319,7 @@ def test_every_exponent_is_solved_with_contacts(walker, exponent):
     assert again.optimal.all()
     # Rounding of the forces is all that differs, but reserves of a high power near 0 hardly resist
     # it.
-    np.testing.assert_allclose(again.activations, found.activations, atol=2e-3)
+    np.testing.assert_allclose(again.activation, found.activation, atol=2e-3)
 
 
 def test_a_wrench_measured_for_one_foot_is_what_its_sites_carry(walker):
@@ -320,9 +328,9 @@ def test_a_wrench_measured_for_one_foot_is_what_its_sites_carry(walker):
     sure = replace(shared(loads, sites), force_sd=0.05, moment_sd=0.02)
     found = solve_tension(model, motion, tau, contacts=task(model, motion, sites, [sure]))
     right = [k for k, site in enumerate(sites) if site.group == "foot_r"]
-    carried = found.contacts.forces[:, right].sum(axis=1)
+    carried = found.contacts.contact_force[:, right].sum(axis=1)
     # Where the sole is down as a whole, it can carry any wrench that a plate measures.
-    down = np.min(found.contacts.activations[:, right], axis=1) > 0.5
+    down = np.min(found.contacts.contact_activation[:, right], axis=1) > 0.5
     known = np.isfinite(sure.forces) & down[:, None]
     assert known.any()
     assert np.abs((carried - sure.forces)[known]).max() < 1.0
@@ -334,15 +342,15 @@ def test_no_site_carries_more_than_its_most(walker):
     sites = soles(Cone(most=150.0))
     found = solve_tension(model, motion, tau, contacts=task(model, motion, sites))
     assert found.optimal.all()
-    assert found.contacts.forces[..., 1].max() == pytest.approx(150.0, abs=1e-3)
+    assert found.contacts.contact_force[..., 1].max() == pytest.approx(150.0, abs=1e-3)
     grips = soles(Cone(direction=None, most=40.0))
     held = solve_tension(model, motion, tau, contacts=task(model, motion, grips))
-    assert np.abs(held.contacts.forces).max() < 40.0 + 1e-3
+    assert np.abs(held.contacts.contact_force).max() < 40.0 + 1e-3
 
 
 def test_forces_stay_in_their_cones_and_away_where_nothing_touches(walker, hidden):
     forces = hidden.contacts.forces
-    activations = hidden.contacts.activations
+    activations = hidden.contacts.contact_activation
     assert np.all(forces[activations == 0.0] == 0.0)
     assert forces[..., 1].min() >= 0.0
     assert np.all(np.hypot(forces[..., 0], forces[..., 2]) <= 0.8 * forces[..., 1] + 1e-9)
@@ -394,8 +402,10 @@ def test_missing_coordinates_do_not_spread(walker):
     whole = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=ask)
     found = solve_tension(model, broken, inverse_dynamics(model, broken), contacts=ask)
     kept = np.arange(len(motion)) != 3
-    assert np.isnan(found.contacts.forces[3]).all()
-    np.testing.assert_allclose(found.contacts.forces[kept], whole.contacts.forces[kept], atol=1e-6)
+    assert np.isnan(found.contacts.contact_force[3]).all()
+    np.testing.assert_allclose(
+        found.contacts.contact_force[kept], whole.contacts.contact_force[kept], atol=1e-6
+    )
 
 
 def test_contacts_first_solves_the_equations_of_the_floating_body_alone(walker):
@@ -420,7 +430,7 @@ def test_contacts_first_solves_the_equations_of_the_floating_body_alone(walker):
         forces = together.contacts.forces_of(
             slice(frame, frame + 1), together.coordinates[frame : frame + 1], z[None]
         )[0]
-        np.testing.assert_allclose(found.contacts.forces[frame], forces[0], atol=0.1)
+        np.testing.assert_allclose(found.contacts.contact_force[frame], forces[0], atol=0.1)
 
 
 def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
@@ -465,9 +475,13 @@ def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
     wanted = mass * (acceleration_of_the_center(model, part) - model.gravity)
     passed = found.contacts.of("hold")
     for who, on_it in (("one", passed), ("two", -passed)):
-        ground = found.contacts.forces[:, [name.startswith(who) for name in names]].sum(axis=1)
+        ground = found.contacts.contact_force[:, [name.startswith(who) for name in names]].sum(
+            axis=1
+        )
         letters = [found.reserve_names.index(f"residual_F{a}_{who}_pelvis") for a in "XYZ"]
-        np.testing.assert_allclose(ground + on_it + found.reserves[:, letters], wanted, atol=0.02)
+        np.testing.assert_allclose(
+            ground + on_it + found.actuator_force[:, letters], wanted, atol=0.02
+        )
     # Residuals take what arms cannot hold.
     assert np.all(passed[:, 1] < -200.0)
     assert found.contacts.wrenches("body").bodies.count("two_hand_l") == 1

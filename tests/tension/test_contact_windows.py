@@ -109,12 +109,12 @@ def test_windows_one_after_another_are_as_good_as_one(walker, monkeypatch):
     assert one.window < len(motion)
     weight = sum(body.mass for body in model.bodies) * 9.8
     found = solve_tension(model, motion, noisy(tau), contacts=rolling)
-    assert np.abs(found.contacts.forces - whole.contacts.forces).max() < 2e-3 * weight
+    assert np.abs(found.contacts.contact_force - whole.contacts.contact_force).max() < 2e-3 * weight
     assert found.optimal.all()
     monkeypatch.setenv("MYOMORPH_THREADS", "1")
     single = solve_tension(model, motion, noisy(tau), contacts=rolling)
-    np.testing.assert_array_equal(single.contacts.forces, found.contacts.forces)
-    np.testing.assert_array_equal(single.activations, found.activations)
+    np.testing.assert_array_equal(single.contacts.contact_force, found.contacts.contact_force)
+    np.testing.assert_array_equal(single.activation, found.activation)
 
 
 def test_smoothness_is_that_of_the_force_and_not_of_the_recording(data):
@@ -127,13 +127,13 @@ def test_smoothness_is_that_of_the_force_and_not_of_the_recording(data):
         bumpy[:, :6] += 20.0 * np.sin(2.0 * np.pi * 8.0 * motion.time)[:, None]
         ask = task(model, motion, smoothness=3.0, compliance=1.0)
         found = solve_tension(model, motion, Series(tau.time, tau.names, bumpy), contacts=ask)
-        forces.append(found.contacts.forces[:: 10 // step])
+        forces.append(found.contacts.contact_force[:: 10 // step])
     free = solve_tension(
         model,
         motion,
         Series(tau.time, tau.names, bumpy),
         contacts=task(model, motion, compliance=1.0),
-    ).contacts.forces[::2]
+    ).contacts.contact_force[::2]
     inside = slice(3, -3)
     twice = np.sqrt(np.mean((forces[0] - forces[1])[inside] ** 2))
     assert twice < 0.2 * np.sqrt(np.mean((free - forces[1])[inside] ** 2))
@@ -160,4 +160,6 @@ def test_a_frame_without_input_parts_those_beside_it(walker):
     alone = solve_tension(
         model, before, Series(before.time, tau.names, tau.values[kept]), contacts=part
     )
-    np.testing.assert_allclose(found.contacts.forces[kept], alone.contacts.forces, atol=0.5)
+    np.testing.assert_allclose(
+        found.contacts.contact_force[kept], alone.contacts.contact_force, atol=0.5
+    )

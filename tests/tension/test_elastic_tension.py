@@ -64,8 +64,8 @@ def test_every_class_is_solved_and_certified(data, kind, passive):
     assert found.fibers.certificate.residual < 1e-3
     assert found.fibers.certificate.equilibrium < 1e-5
     assert found.equilibrium_residual.max() < 1e-4
-    assert (found.activations > found.lower - 1e-9).all()
-    assert (found.activations < found.upper + 1e-9).all()
+    assert (found.activation > found.activation_lower - 1e-9).all()
+    assert (found.activation < found.activation_upper + 1e-9).all()
     assert not found.fibers.rigid
 
 
@@ -75,16 +75,17 @@ def test_fibers_and_tendons_are_as_long_as_the_paths_and_share_their_power(data)
     H = compile_hill(model)
     paths = muscle_kinematics(model, motion)
     fibers = found.fibers
-    along = np.sqrt(fibers.lengths**2 - H.height**2)
-    tendon = H.tendon * (1.0 + fibers.tendon_strains)
-    assert np.allclose(along + tendon, paths.lengths, atol=1e-12)
-    whole = -found.forces * paths.velocities
-    assert np.allclose(fibers.fiber_powers + fibers.tendon_powers, whole, atol=1e-9)
+    along = np.sqrt(fibers.fiber_length**2 - H.height**2)
+    tendon = H.tendon * (1.0 + fibers.tendon_strain)
+    assert np.allclose(along + tendon, paths.muscle_length, atol=1e-12)
+    whole = -found.muscle_force * paths.muscle_velocity
+    assert np.allclose(fibers.fiber_power + fibers.tendon_power, whole, atol=1e-9)
     strength = np.array([one.max_isometric_force for one in model.muscles])
     for m, muscle in enumerate(model.muscles):
         assert np.allclose(
             tendon[:, m],
-            H.tendon[m] * muscle_model(muscle).stretch(muscle)(found.forces[:, m] / strength[m]),
+            H.tendon[m]
+            * muscle_model(muscle).stretch(muscle)(found.muscle_force[:, m] / strength[m]),
         )
 
 
@@ -95,7 +96,7 @@ def test_stiffer_tendons_come_nearer_to_rigid_ones(data):
         model, motion, torques = arm(data, tendon_strain_at_one_norm_force=strain)
         rigid = solve_tension(model, motion, torques, TensionOptions(curves="rigid-tendon"))
         found = solve_tension(model, motion, torques, replace(ELASTIC, activation_dynamics=False))
-        far.append(np.sqrt(np.mean((found.activations - rigid.activations)[3:-3] ** 2)))
+        far.append(np.sqrt(np.mean((found.activation - rigid.activation)[3:-3] ** 2)))
     assert far[1] < 0.4 * far[0]
     assert far[1] < 0.01
 
@@ -105,13 +106,13 @@ def test_a_general_solver_finds_no_less_effort(data):
     found = solve_tension(model, motion, torques, replace(ELASTIC, activation_dynamics=False))
     H = compile_hill(model)
     paths = muscle_kinematics(model, motion)
-    L = paths.lengths
-    V = paths.velocities
+    L = paths.muscle_length
+    V = paths.muscle_velocity
     time = motion.time
     dt = np.diff(time)[:, None]
     middle = 0.5 * (L[1:] + L[:-1]) + dt / 8.0 * (V[:-1] - V[1:])
     speed = 1.5 * np.diff(L, axis=0) / dt - 0.25 * (V[1:] + V[:-1])
-    arms = paths.moment_arms[:, :, [model.coordinate_names.index(one) for one in found.coordinates]]
+    arms = paths.moment_arm[:, :, [model.coordinate_names.index(one) for one in found.coordinates]]
     share = np.ones((len(time), 1))
     share[[0, -1]] = 0.5
 
@@ -133,11 +134,11 @@ def test_a_general_solver_finds_no_less_effort(data):
     def cost(flat):
         f = flat.reshape(len(time), 6)
         a = activations(f)
-        left = found.torques - np.einsum("kmj,km->kj", arms, f * H.force)
+        left = found.balanced_torque - np.einsum("kmj,km->kj", arms, f * H.force)
         outside = np.maximum(a - 1.0, 0.0) ** 2 + np.maximum(-a, 0.0) ** 2
         return (a**2).sum() + (share * left**2).sum() + 1e4 * outside.sum()
 
-    ours = found.forces / H.force
+    ours = found.muscle_force / H.force
     start = np.full_like(ours, 0.1)
     bounds = [(1e-3, 2.0)] * ours.size
     options = {"maxiter": 3000, "maxfun": 400000}
@@ -161,8 +162,8 @@ def test_activation_changes_no_faster_than_it_can(data):
         slowest = -middle * (0.5 + 1.5 * middle) / 0.050
         return np.maximum(dt * slowest - np.diff(a, axis=0), 0.0)[1:-1].max()
 
-    assert excess(free.activations) > 0.1
-    assert excess(bound.activations) < 0.02
+    assert excess(free.activation) > 0.1
+    assert excess(bound.activation) < 0.02
 
 
 def test_windows_give_what_the_whole_gives(data, monkeypatch):
@@ -173,8 +174,8 @@ def test_windows_give_what_the_whole_gives(data, monkeypatch):
     parts = solve_tension(model, motion, torques, ELASTIC)
     assert parts.optimal.all()
     assert np.array_equal(parts.fibers.transient, whole.fibers.transient)
-    assert np.abs(parts.activations - whole.activations).max() < 0.01
-    assert np.sqrt(np.mean((parts.activations - whole.activations) ** 2)) < 1e-3
+    assert np.abs(parts.activation - whole.activation).max() < 0.01
+    assert np.sqrt(np.mean((parts.activation - whole.activation) ** 2)) < 1e-3
 
 
 def test_short_gaps_are_bridged_and_long_ones_left_open(data):
@@ -185,15 +186,15 @@ def test_short_gaps_are_bridged_and_long_ones_left_open(data):
     found = solve_tension(model, motion, Series(torques.time, torques.names, values), ELASTIC)
     whole = solve_tension(model, motion, torques, ELASTIC)
     assert list(np.flatnonzero(found.fibers.bridged)) == [10, 11]
-    assert np.isnan(found.activations[25:40]).all()
-    assert np.isfinite(found.activations[:25]).all()
+    assert np.isnan(found.activation[25:40]).all()
+    assert np.isfinite(found.activation[:25]).all()
     assert (found.status[10:12] == 3).all()
     assert (found.status[25:40] == 3).all()
     assert found.optimal[:10].all()
     assert found.fibers.transient[40]
     assert found.fibers.transient[24]
     assert not found.fibers.transient[12]
-    assert np.abs(found.activations[8:14] - whole.activations[8:14]).max() < 0.05
+    assert np.abs(found.activation[8:14] - whole.activation[8:14]).max() < 0.05
 
 
 def test_a_muscle_whose_fibers_cannot_reach_gets_a_rigid_tendon(data):
@@ -205,14 +206,14 @@ def test_a_muscle_whose_fibers_cannot_reach_gets_a_rigid_tendon(data):
     assert found.fibers.unreachable[0].worst <= 0.0
     assert found.fibers.rigid == (long.name,)
     assert found.optimal.all()
-    assert (found.fibers.tendon_strains[:, 0] == 0.0).all()
+    assert (found.fibers.tendon_strain[:, 0] == 0.0).all()
 
 
 def test_torques_that_no_activation_gives_go_to_reserves(data):
     model, motion, torques = arm(data)
     much = Series(torques.time, torques.names, torques.values + 500.0)
     found = solve_tension(model, motion, much, ELASTIC)
-    assert np.abs(found.reserves).max() > 200.0
+    assert np.abs(found.actuator_force).max() > 200.0
     assert found.equilibrium_residual.max() < 0.1
 
 
@@ -236,8 +237,8 @@ def test_emg_draws_activations(data):
     wanted = np.full((len(motion), 1), 0.3)
     emg = EmgTarget((model.muscles[0].name,), wanted, weight=50.0)
     drawn = solve_tension(model, motion, torques, ELASTIC, emg=emg)
-    before = np.abs(plain.activations[5:-5, 0] - 0.3).mean()
-    after = np.abs(drawn.activations[5:-5, 0] - 0.3).mean()
+    before = np.abs(plain.activation[5:-5, 0] - 0.3).mean()
+    after = np.abs(drawn.activation[5:-5, 0] - 0.3).mean()
     assert after < 0.3 * before
 
 
@@ -272,7 +273,7 @@ def test_co_contraction_takes_part_by_tendon_forces(data):
     found = solve_tension(model, motion, torques, ELASTIC, terms=([term]))
     assert found.optimal.all()
     assert found.fibers.certificate.residual < 1e-3
-    arms = muscle_kinematics(model, motion).moment_arms[
+    arms = muscle_kinematics(model, motion).moment_arm[
         :, :, model.coordinate_names.index("r_elbow_flex")
     ]
     strength = np.array([one.max_isometric_force for one in model.muscles])
@@ -282,9 +283,9 @@ def test_co_contraction_takes_part_by_tendon_forces(data):
             *(np.maximum(sign * arms * forces, 0.0).sum(axis=1) for sign in (1.0, -1.0))
         )
 
-    level = weaker(found.forces) / weaker(np.broadcast_to(strength, found.forces.shape))
+    level = weaker(found.muscle_force) / weaker(np.broadcast_to(strength, found.muscle_force.shape))
     assert level[3:-3].min() > 0.9 * 0.05
-    assert weaker(found.forces).mean() > weaker(plain.forces).mean() + 1.0
+    assert weaker(found.muscle_force).mean() > weaker(plain.muscle_force).mean() + 1.0
 
 
 def test_what_elastic_tendons_do_not_take_is_refused(data):
@@ -315,5 +316,8 @@ def test_contacts_take_part(data, smoothness):
     found = solve_tension(model, motion, torques, ELASTIC, contacts=touching)
     assert found.contacts is not None
     assert found.equilibrium_residual.max() < 0.1
-    up = found.contacts.forces[..., 1].sum(axis=1), rigid.contacts.forces[..., 1].sum(axis=1)
+    up = (
+        found.contacts.contact_force[..., 1].sum(axis=1),
+        rigid.contacts.contact_force[..., 1].sum(axis=1),
+    )
     assert np.abs(up[0] - up[1]).max() < 0.05 * np.abs(up[1]).max()

@@ -79,11 +79,11 @@ def test_a_fast_recording_balances_everywhere_and_is_as_a_slower_one(data):
     assert fast.fibers.certificate.residual < 1e-3
     strength = np.array([one.max_isometric_force for one in model.muscles])
     inside = ~slow.fibers.transient
-    assert np.abs((fast.forces[::5] - slow.forces)[inside] / strength).max() < 1e-3
-    assert np.abs((fast.activations[::5] - slow.activations)[inside]).max() < 1e-3
+    assert np.abs((fast.muscle_force[::5] - slow.muscle_force)[inside] / strength).max() < 1e-3
+    assert np.abs((fast.activation[::5] - slow.activation)[inside]).max() < 1e-3
     # Between solved frames nothing jumps: forces of neighbors differ no more than those of the
     # slower recording.
     assert (
-        np.abs(np.diff(fast.forces, axis=0)).max()
-        < 1.5 * np.abs(np.diff(slow.forces, axis=0)).max()
+        np.abs(np.diff(fast.muscle_force, axis=0)).max()
+        < 1.5 * np.abs(np.diff(slow.muscle_force, axis=0)).max()
     )

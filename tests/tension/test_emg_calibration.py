@@ -72,7 +72,7 @@ def pair(data):
     arms = whole[:, row, :2]
     flexor = model.muscle_names.index("BRA")
     extensor = model.muscle_names.index("TRIlat")
-    activations = solve_tension(model, motion, torques, RIGID).activations.copy()
+    activations = solve_tension(model, motion, torques, RIGID).activation.copy()
     activations[:, flexor] += 0.3
     activations[:, extensor] -= 0.3 * arms[:, flexor] / arms[:, extensor]
     assert 0.3 < activations.max() < 1.0
@@ -118,9 +118,9 @@ def test_co_contraction_is_found_by_default(pair, gains, delay):
     informed = solve_tension(model, motion, torques, RIGID, emg=target)
     # Both muscles press the joint together: their forces add up.
     use = slice(10, -10)
-    assert informed.forces[use].sum() == pytest.approx(forces[use].sum(), rel=0.05)
+    assert informed.muscle_force[use].sum() == pytest.approx(forces[use].sum(), rel=0.05)
     alone = solve_tension(model, motion, torques, RIGID)
-    assert alone.forces[use].sum() < 0.5 * forces[use].sum()
+    assert alone.muscle_force[use].sum() < 0.5 * forces[use].sum()
     assert emg_conflicts(model, informed, target) == ()
 
 
@@ -357,7 +357,7 @@ def test_a_real_walk_follows_its_emg_when_told_to(data):
         )
         assert tension.optimal.all()
         apart = (
-            tension.activations[:, [tension.muscles.index(one) for one in told.muscles]]
+            tension.activation[:, [tension.muscles.index(one) for one in told.muscles]]
             - told.activations
         )
         distances.append(np.sqrt(np.mean(apart**2)))

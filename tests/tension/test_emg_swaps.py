@@ -36,7 +36,7 @@ def walk(data):
     torques = Series(motion.time, names, lowpass(table.values, 100.0, 6.0)[span])
     emg = Emg(given.time, given.names, given.values)
     alone = solve_tension(model, motion, torques)
-    means = channel_means({name: (name,) for name in emg.names}, alone.muscles, alone.activations)
+    means = channel_means({name: (name,) for name in emg.names}, alone.muscles, alone.activation)
     return emg.names, shifted(emg, motion.time, np.full(len(emg.names), 0.1)), means
 
 

@@ -42,7 +42,10 @@ def optimality(problem, found, exponent: float) -> float:
         A = np.zeros((len(shape.order), n))
         A[shape.row, np.repeat(np.arange(n), np.diff(shape.start))] = given.values[0]
         x = np.concatenate(
-            [found.activations[frame], found.reserves[frame] / problem.actuators.optimal_forces]
+            [
+                found.activation[frame],
+                found.actuator_force[frame] / problem.actuators.optimal_forces,
+            ]
         )
         slope = exponent * np.sign(x) * np.abs(x) ** (exponent - 1.0)
         drawn = problem.penalties[frame : frame + 1][0]
@@ -86,7 +89,7 @@ def test_emg_without_contacts_is_the_readable_program(walker, mode):
     found = problem.result()
     for frame in range(0, len(motion), 3):
         theirs = solve_program(frame_program(problem, frame))[: len(model.muscles)]
-        np.testing.assert_allclose(found.activations[frame], theirs, atol=1e-4)
+        np.testing.assert_allclose(found.activation[frame], theirs, atol=1e-4)
 
 
 def test_a_soft_target_draws_and_a_driven_muscle_holds(walker):
@@ -94,10 +97,10 @@ def test_a_soft_target_draws_and_a_driven_muscle_holds(walker):
     model, motion, tau, _ = walker
     columns = [model.muscle_names.index(name) for name in MUSCLES]
     free = solve_tension(model, motion, tau)
-    told = solve_tension(model, motion, tau, TensionOptions(exponent=4.0)).activations[:, columns]
+    told = solve_tension(model, motion, tau, TensionOptions(exponent=4.0)).activation[:, columns]
     soft = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told))
     held = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told, "driven", slack=0.03))
-    missed = [np.abs(one.activations[:, columns] - told) for one in (free, soft, held)]
+    missed = [np.abs(one.activation[:, columns] - told) for one in (free, soft, held)]
     assert missed[0].max() > 0.08
     assert missed[1].mean() < 0.7 * missed[0].mean()
     assert missed[2].max() < 0.03 + 1e-3
@@ -108,10 +111,10 @@ def test_what_emg_does_not_tell_changes_nothing(walker):
     model, motion, tau, told = walker
     free = solve_tension(model, motion, tau)
     silent = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, np.full_like(told, np.nan)))
-    np.testing.assert_allclose(silent.activations, free.activations, atol=1e-9)
-    itself = free.activations[:, [model.muscle_names.index(name) for name in MUSCLES]]
+    np.testing.assert_allclose(silent.activation, free.activation, atol=1e-9)
+    itself = free.activation[:, [model.muscle_names.index(name) for name in MUSCLES]]
     same = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, itself, "driven"))
-    np.testing.assert_allclose(same.activations, free.activations, atol=1e-7)
+    np.testing.assert_allclose(same.activation, free.activation, atol=1e-7)
 
 
 def test_emg_reaches_contact_forces(walker):
@@ -124,7 +127,7 @@ def test_emg_reaches_contact_forces(walker):
     free = solve_tension(model, motion, tau, contacts=ask)
     calf = EmgTarget(("soleus_r",), np.full((len(motion), 1), 0.5), weight=100.0)
     told = solve_tension(model, motion, tau, contacts=ask, emg=calf)
-    assert np.abs(told.contacts.forces - free.contacts.forces).max() > 20.0
+    assert np.abs(told.contacts.contact_force - free.contacts.contact_force).max() > 20.0
 
 
 def test_emg_that_does_not_fit_is_refused_by_name(walker):

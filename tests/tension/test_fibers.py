@@ -16,11 +16,11 @@ def joined():
     ends = np.array([True, False, False, False, True])
     unreachable = (Unreachable("two_tibant", 3, -0.4),)
     fibers = Fibers(
-        lengths=lengths,
-        velocities=velocities,
-        tendon_strains=tendon_strains,
-        fiber_powers=fiber_powers,
-        tendon_powers=tendon_powers,
+        fiber_length=lengths,
+        fiber_velocity=velocities,
+        tendon_strain=tendon_strains,
+        fiber_power=fiber_powers,
+        tendon_power=tendon_powers,
         transient=ends,
         bridged=~ends,
         rigid=("one_tibant", "two_tibant"),
@@ -32,17 +32,17 @@ def joined():
     return Tension(
         time=np.arange(5.0),
         muscles=names,
-        activations=zeros,
-        forces=zeros,
+        activation=zeros,
+        muscle_force=zeros,
         reserve_names=(),
-        reserves=none,
+        actuator_force=none,
         coordinates=(),
-        torques=none,
+        balanced_torque=none,
         equilibrium_residual=np.zeros(5),
         status=np.zeros(5, np.int8),
         iterations=np.ones(5, np.int64),
-        lower=np.zeros(4),
-        upper=np.ones(4),
+        activation_lower=np.zeros(4),
+        activation_upper=np.ones(4),
         overstretched=(),
         options=TensionOptions(tendons="elastic"),
         fibers=fibers,
@@ -52,11 +52,11 @@ def joined():
 def test_a_part_of_a_joined_model_has_its_own_fibers(joined):
     part = tension_of(joined, "two").fibers
     whole = joined.fibers
-    assert np.array_equal(part.lengths, whole.lengths[:, 2:])
-    assert np.array_equal(part.velocities, whole.velocities[:, 2:])
-    assert np.array_equal(part.tendon_strains, whole.tendon_strains[:, 2:])
-    assert np.array_equal(part.fiber_powers, whole.fiber_powers[:, 2:])
-    assert np.array_equal(part.tendon_powers, whole.tendon_powers[:, 2:])
+    assert np.array_equal(part.fiber_length, whole.lengths[:, 2:])
+    assert np.array_equal(part.fiber_velocity, whole.velocities[:, 2:])
+    assert np.array_equal(part.tendon_strain, whole.tendon_strain[:, 2:])
+    assert np.array_equal(part.fiber_power, whole.fiber_power[:, 2:])
+    assert np.array_equal(part.tendon_power, whole.tendon_power[:, 2:])
     assert part.rigid == ("tibant",)
     assert part.unreachable == (Unreachable("tibant", 3, -0.4),)
     assert tension_of(joined, "one").fibers.unreachable == ()
@@ -70,6 +70,6 @@ def test_fibers_are_read_only(joined):
 def test_labelled_arrays_of_a_tension_hold_its_fibers(joined):
     found = joined.variables()
     assert found["fiber_length"].unit == "m"
-    assert np.array_equal(found["tendon_strain"].values, joined.fibers.tendon_strains)
+    assert np.array_equal(found["tendon_strain"].values, joined.fibers.tendon_strain)
     pytest.importorskip("xarray")
     assert joined.to_xarray()["fiber_power"].sel(muscle="one_tibant").shape == (5,)

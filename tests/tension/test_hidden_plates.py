@@ -55,7 +55,7 @@ def test_hidden_forces_of_a_walk_are_found(walk, formulation):
     assert tension.optimal.all()
     for foot, group in enumerate(("foot_r", "foot_l")):
         mine = [k for k, one in enumerate(sites) if one.group == group]
-        found = tension.contacts.forces[:, mine].sum(axis=1)
+        found = tension.contacts.contact_force[:, mine].sum(axis=1)
         error = np.sqrt(np.mean((found - wrenches.forces[:, foot]) ** 2, axis=0))
         spread = np.ptp(wrenches.forces[:, foot], axis=0)
         assert error[1] < 0.08 * spread[1]
@@ -79,9 +79,9 @@ def test_leaning_matters_where_physics_does_not_tell(walk):
         tension = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=task)
         assert tension.contacts is not None
         right = [k for k, one in enumerate(sites) if one.group == "foot_r"]
-        found = tension.contacts.forces[:, right].sum(axis=1)
+        found = tension.contacts.contact_force[:, right].sum(axis=1)
         errors.append(np.sqrt(np.mean((found - wrenches.forces[:, 0])[:, 0] ** 2)))
         # What leans is only preferred: no force leaves its friction pyramid.
-        across = np.linalg.norm(tension.contacts.forces[..., [0, 2]], axis=2)
-        assert (across <= 0.8 * tension.contacts.forces[..., 1] + 1e-6).all()
+        across = np.linalg.norm(tension.contacts.contact_force[..., [0, 2]], axis=2)
+        assert (across <= 0.8 * tension.contacts.contact_force[..., 1] + 1e-6).all()
     assert errors[1] < 0.7 * errors[0]

@@ -176,14 +176,14 @@ def test_loads_on_a_body_come_back_at_the_joint_that_holds_it():
         for name, place in zip("ab", PAIR, strict=True)
     ]
     found = joint_contact_forces(model, motion, None, wrenches, points)
-    assert found.forces == pytest.approx(np.tile(pushes, (3, 1)), rel=1e-7)
+    assert found.joint_contact_force == pytest.approx(np.tile(pushes, (3, 1)), rel=1e-7)
     assert found.of(joint.name, "b") == pytest.approx(np.full(3, 300.0))
-    assert found.totals[:, 0] == pytest.approx(np.full(3, 1000.0))
+    assert found.joint_contact_total[:, 0] == pytest.approx(np.full(3, 1000.0))
     assert found.table().names[:3] == (f"total_{joint.name}", f"a_{joint.name}", f"b_{joint.name}")
     grounded = [replace(one, frame=GROUND) for one in points]
-    assert joint_contact_forces(model, motion, None, wrenches, grounded).totals == pytest.approx(
-        found.totals
-    )
+    assert joint_contact_forces(
+        model, motion, None, wrenches, grounded
+    ).joint_contact_total == pytest.approx(found.joint_contact_total)
 
 
 def test_wrong_points_are_named():

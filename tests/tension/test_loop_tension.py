@@ -50,8 +50,8 @@ def test_which_coordinates_follow_does_not_matter(shoulder):
     other = solve_tension(other_model, motion, tau)
     assert one.optimal.all()
     assert set(one.coordinates) != set(other.coordinates)
-    np.testing.assert_allclose(one.forces, other.forces, atol=1e-5)
-    np.testing.assert_allclose(one.reserves, other.reserves, atol=1e-7)
+    np.testing.assert_allclose(one.muscle_force, other.muscle_force, atol=1e-5)
+    np.testing.assert_allclose(one.actuator_force, other.actuator_force, atol=1e-7)
 
 
 def test_muscles_balance_the_power_of_any_closed_motion(shoulder):
@@ -65,13 +65,13 @@ def test_muscles_balance_the_power_of_any_closed_motion(shoulder):
     moved, _ = closed_motion(
         model, replace(motion, velocities=rates, accelerations=np.zeros_like(rates))
     )
-    lengthening = muscle_kinematics(model, moved).velocities
+    lengthening = muscle_kinematics(model, moved).muscle_velocity
     places = [
         model.coordinate_names.index(name.removeprefix("reserve_"))
         for name in tension.reserve_names
     ]
-    given = -(tension.forces * lengthening).sum(axis=1)
-    given += (tension.reserves * moved.velocities[:, places]).sum(axis=1)
+    given = -(tension.muscle_force * lengthening).sum(axis=1)
+    given += (tension.actuator_force * moved.velocities[:, places]).sum(axis=1)
     np.testing.assert_allclose(
         given, (tau.values * moved.velocities).sum(axis=1), rtol=1e-6, atol=1e-6
     )
@@ -135,8 +135,8 @@ def test_opensim_moves_as_wanted_under_these_tensions(shoulder, data):
     forces = theirs.getForceSet()
     for name in names:
         named.get(name).setSpeedValue(state, 0.0)
-    actuators = [*zip(tension.muscles, tension.forces.T, strict=True)]
-    actuators += [*zip(tension.reserve_names, tension.reserves.T, strict=True)]
+    actuators = [*zip(tension.muscles, tension.muscle_force.T, strict=True)]
+    actuators += [*zip(tension.reserve_names, tension.actuator_force.T, strict=True)]
     for frame in range(len(still)):
         for j, name in enumerate(names):
             named.get(name).setValue(state, float(still.values[frame, j]), False)
@@ -156,11 +156,11 @@ def test_viscosity_takes_part_like_any_other_force(shoulder):
     model, motion, tau = shoulder
     thick = with_passive_dynamics(model, viscosity=dict.fromkeys(model.muscle_names, 50.0))
     moved = muscle_kinematics(thick, motion)
-    hill = hill_forces(thick, moved.lengths, moved.velocities)
-    np.testing.assert_allclose(hill.viscous, 50.0 * moved.velocities)
+    hill = hill_forces(thick, moved.muscle_length, moved.muscle_velocity)
+    np.testing.assert_allclose(hill.viscous, 50.0 * moved.muscle_velocity)
     for passive in (True, False):
         tension = solve_tension(thick, motion, tau, TensionOptions(passive=passive))
-        np.testing.assert_allclose(tension.viscous, 50.0 * moved.velocities)
+        np.testing.assert_allclose(tension.muscle_viscous_force, 50.0 * moved.muscle_velocity)
         # Taking its torque off by hand leaves the same problem.
         less = passive_generalized_forces(thick, motion)
         same = solve_tension(
@@ -169,11 +169,15 @@ def test_viscosity_takes_part_like_any_other_force(shoulder):
             replace(tau, values=tau.values - less.values),
             TensionOptions(passive=passive),
         )
-        np.testing.assert_allclose(tension.activations, same.activations, atol=1e-7)
-        np.testing.assert_allclose(tension.forces - tension.viscous, same.forces, atol=1e-4)
+        np.testing.assert_allclose(tension.activation, same.activation, atol=1e-7)
+        np.testing.assert_allclose(
+            tension.muscle_force - tension.muscle_viscous_force, same.muscle_force, atol=1e-4
+        )
     without = solve_tension(thick, motion, tau, TensionOptions(viscous=False))
-    assert not without.viscous.any()
-    np.testing.assert_array_equal(without.forces, solve_tension(model, motion, tau).forces)
+    assert not without.muscle_viscous_force.any()
+    np.testing.assert_array_equal(
+        without.muscle_force, solve_tension(model, motion, tau).muscle_force
+    )
 
 
 def test_muscles_that_push_are_named(shoulder):
@@ -181,7 +185,7 @@ def test_muscles_that_push_are_named(shoulder):
     assert solve_tension(model, motion, tau).pushing == ()
     thick = with_passive_dynamics(model, viscosity={"DeltoideusScapula_M": 1e7})
     found = solve_tension(thick, motion, tau)
-    shortens = (muscle_kinematics(thick, motion).velocities < 0).any(axis=0)
+    shortens = (muscle_kinematics(thick, motion).muscle_velocity < 0).any(axis=0)
     assert shortens[model.muscle_names.index("DeltoideusScapula_M")]
     assert found.pushing == ("DeltoideusScapula_M",)
 

@@ -35,10 +35,10 @@ def test_frame_by_frame_is_the_whole_at_once(data: Callable[[str], Path], passiv
         np.testing.assert_allclose(found, torques.values[frame], atol=1e-8)
         shared = tension.solve(dynamics.coordinates, dynamics.rates, dynamics.torques)
         assert shared.status == whole.status[frame] == 0
-        np.testing.assert_allclose(shared.activations, whole.activations[frame], atol=1e-7)
-        np.testing.assert_allclose(shared.forces, whole.forces[frame], atol=1e-3)
-        np.testing.assert_allclose(shared.reserves, whole.reserves[frame], atol=1e-5)
-        np.testing.assert_allclose(shared.balanced, whole.torques[frame], atol=1e-8)
+        np.testing.assert_allclose(shared.activations, whole.activation[frame], atol=1e-7)
+        np.testing.assert_allclose(shared.forces, whole.muscle_force[frame], atol=1e-3)
+        np.testing.assert_allclose(shared.reserves, whole.actuator_force[frame], atol=1e-5)
+        np.testing.assert_allclose(shared.balanced, whole.balanced_torque[frame], atol=1e-8)
 
 
 def test_a_frame_that_cannot_be_solved_does_not_spoil_the_next(data: Callable[[str], Path]) -> None:

@@ -214,7 +214,7 @@ def test_a_reaction_works_on_its_joints_coordinates_only_through_what_acts_there
         acting = [one.name for one in model.actuators if one.coordinate == name] + [
             f"reserve_{name}"
         ]
-        given = sum(tension.reserves[:, tension.reserve_names.index(one)] for one in acting)
+        given = sum(tension.actuator_force[:, tension.reserve_names.index(one)] for one in acting)
         springs = [one for one in model.passive_torques if one.coordinate == name]
         given = given + sum(
             one.total(motion[name], motion.velocities[:, motion.names.index(name)])

@@ -85,18 +85,22 @@ def test_a_walk_is_recruited_as_linear_programs_say(data):
     problem.solve(0, 6)
     found = problem.result()
     assert found.optimal.all()
-    np.testing.assert_allclose(needed(model, motion, torques, found), found.torques, atol=1e-5)
+    np.testing.assert_allclose(
+        needed(model, motion, torques, found), found.balanced_torque, atol=1e-5
+    )
     A, b = columns(problem, 6)
     count = len(model.muscles)
     for frame in range(6):
         rest = b[frame] - A[frame, :, count:] @ problem.x[frame, count:]
-        beta = least_greatest(A[frame, :, :count], rest, found.lower, found.upper)
-        assert found.activations[frame].max() == pytest.approx(beta, abs=1e-7)
-        capped = np.minimum(found.upper, beta + 1e-9)
-        expected = least_squares_below(
-            A[frame, :, :count], rest, np.ones(count), found.lower, capped
+        beta = least_greatest(
+            A[frame, :, :count], rest, found.activation_lower, found.activation_upper
         )
-        np.testing.assert_allclose(found.activations[frame], expected, atol=2e-4)
+        assert found.activation[frame].max() == pytest.approx(beta, abs=1e-7)
+        capped = np.minimum(found.activation_upper, beta + 1e-9)
+        expected = least_squares_below(
+            A[frame, :, :count], rest, np.ones(count), found.activation_lower, capped
+        )
+        np.testing.assert_allclose(found.activation[frame], expected, atol=2e-4)
 
 
 def test_frames_of_minmax_do_not_depend_on_each_other(data):
@@ -108,18 +112,18 @@ def test_frames_of_minmax_do_not_depend_on_each_other(data):
         )
         problem.solve(k, k + 1)
         np.testing.assert_allclose(
-            problem.result().activations[k], together.activations[k], atol=1e-7
+            problem.result().activation[k], together.activation[k], atol=1e-7
         )
 
 
 def test_a_growing_exponent_ends_at_the_least_greatest_activation(data):
     model, motion, torques = walk(data, 6)
-    limit = solve_tension(model, motion, torques, MINMAX).activations.max(axis=1)
+    limit = solve_tension(model, motion, torques, MINMAX).activation.max(axis=1)
     before = np.inf
     for exponent in (2.0, 4.0, 8.0, 12.0, 20.0):
         found = solve_tension(model, motion, torques, TensionOptions(exponent=exponent))
         assert found.optimal.all()
-        greatest = found.activations.max(axis=1)
+        greatest = found.activation.max(axis=1)
         assert np.all(greatest > limit - 1e-6)
         assert np.all(greatest < before + 1e-6)
         before = greatest
@@ -132,7 +136,7 @@ def test_strength_weighs_the_strong_muscles(data):
     strength = solve_tension(model, motion, torques, TensionOptions(weights="strength"))
     forces = np.array([one.max_isometric_force for one in model.muscles])
     assert strength.optimal.all()
-    assert np.sum(strength.activations**2 * forces) < np.sum(equal.activations**2 * forces)
+    assert np.sum(strength.activation**2 * forces) < np.sum(equal.activation**2 * forces)
 
 
 def test_what_does_not_go_together_is_refused():

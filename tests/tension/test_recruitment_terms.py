@@ -57,12 +57,12 @@ def test_joint_load_falls_with_its_weight_and_effort_rises(data):
     tau = inverse_dynamics(model, motion, wrenches)
     alone = solve_tension(model, motion, tau)
     loads = [knee_load(alone, model, motion, wrenches).mean()]
-    efforts = [(alone.activations**2).sum()]
+    efforts = [(alone.activation**2).sum()]
     for weight in (1e-7, 0.1, 10.0):
         term = joint_load_term(model, motion, wrenches, weight, ("walker_knee_r",))
         found = solve_tension(model, motion, tau, terms=[term])
         loads.append(knee_load(found, model, motion, wrenches).mean())
-        efforts.append((found.activations**2).sum())
+        efforts.append((found.activation**2).sum())
     assert loads[1] == pytest.approx(loads[0], rel=1e-4)
     assert loads[0] > loads[2] * 1.005 > loads[3] * 1.01
     assert efforts[0] < efforts[2] < efforts[3]
@@ -92,9 +92,9 @@ def test_co_contraction_is_at_least_what_is_asked_for(data):
         )
         found = solve_tension(model, motion, tau, terms=[term])
         assert found.optimal.all()
-        full = found.forces / np.maximum(found.activations, 1e-9)
+        full = found.muscle_force / np.maximum(found.activation, 1e-9)
         can = np.minimum(*[np.maximum(sign * own * full, 0.0).sum(axis=1) for sign in (1.0, -1.0)])
-        use = found.activations.min(axis=1) > 1e-8
+        use = found.activation.min(axis=1) > 1e-8
         assert (weaker(found) >= before - 1e-3).all()
         if use.any():
             assert (weaker(found)[use] / can[use] > 0.9 * level).all()
@@ -133,7 +133,7 @@ def test_frames_of_a_walk_are_recruited_as_conic_programs_say(data, name):
     assert found.optimal.all()
     for frame in (0, 4, 8):
         np.testing.assert_allclose(
-            found.activations[frame], solve_program(one, frame, CRITERIA[name]), atol=1e-4
+            found.activation[frame], solve_program(one, frame, CRITERIA[name]), atol=1e-4
         )
 
 
@@ -155,11 +155,13 @@ def test_with_contacts_joint_loads_are_a_cost_of_the_tensions_under_their_forces
     found, solution = task.solved(lambda done: None)
     assert solution is not None
     assert found.optimal.all()
-    np.testing.assert_allclose(found.contacts.forces, plain.contacts.forces, atol=1e-9)
+    np.testing.assert_allclose(
+        found.contacts.contact_force, plain.contacts.contact_force, atol=1e-9
+    )
     loads, carried = task.loads(found)
     term = joint_load_term(model, motion, loads, 1.0, ("walker_knee_r",))
     alone = solve_tension(model, motion, carried, terms=[term])
-    np.testing.assert_allclose(found.activations, alone.activations, atol=1e-6)
+    np.testing.assert_allclose(found.activation, alone.activation, atol=1e-6)
     assert (
         knee_load(found, model, motion, None).mean()
         < 0.98 * knee_load(plain, model, motion, None).mean()

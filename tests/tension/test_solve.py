@@ -77,7 +77,7 @@ def test_activations_of_the_arm_are_those_opensim_found(data, kind):
     most = 0.02 if kind.startswith("Millard") else 0.005
     inside = slice(3, -3)
     for name in model.muscle_names:
-        ours = found.activations[nearest, model.muscle_names.index(name)]
+        ours = found.activation[nearest, model.muscle_names.index(name)]
         theirs = expected.values[:, expected.names.index(name)]
         rms = np.sqrt(np.mean((ours - theirs)[inside] ** 2))
         assert rms < most, name
@@ -103,7 +103,7 @@ def test_activations_of_walking_with_a_spring_are_those_opensim_found(data, tmp_
     assert np.all(found.optimal)
     assert found.reserve_names == tuple(one.name for one in actuators)
     columns = [expected.names.index(name) for name in model.muscle_names]
-    difference = found.activations - expected.values[:, columns]
+    difference = found.activation - expected.values[:, columns]
     assert np.sqrt(np.mean(difference**2)) < 0.01
     without = solve_tension(
         replace(model, passive_torques=()),
@@ -112,7 +112,7 @@ def test_activations_of_walking_with_a_spring_are_those_opensim_found(data, tmp_
         TensionOptions(min_activation="model"),
         actuators,
     )
-    assert np.sqrt(np.mean((without.activations - found.activations) ** 2)) > 0.1
+    assert np.sqrt(np.mean((without.activation - found.activation) ** 2)) > 0.1
 
 
 def generalized(model: Model, motion: Motion, tension: Tension, forces: np.ndarray) -> np.ndarray:
@@ -127,7 +127,7 @@ def generalized(model: Model, motion: Motion, tension: Tension, forces: np.ndarr
     center = model.body("pelvis").mass_center
     pelvis = tree.body_index["pelvis"]
     for r, name in enumerate(tension.reserve_names):
-        force = tension.reserves[:, r]
+        force = tension.actuator_force[:, r]
         if name.startswith("residual_"):
             axis = "XYZ".index(name[-1]) + (3 if name[-2] == "F" else 0)
             points = poses.rotations[:, pelvis] @ center + poses.origins[:, pelvis]
@@ -161,16 +161,19 @@ def test_muscles_and_reserves_together_balance_the_torques(data, passive):
         "missing input": 0,
         "not determined": 0,
     }
-    balanced = generalized(model, motion, found, found.forces)
+    balanced = generalized(model, motion, found, found.muscle_force)
     np.testing.assert_allclose(balanced, needed(model, motion, torques, found), atol=1e-5)
-    np.testing.assert_allclose(balanced, found.torques, atol=1e-5)
+    np.testing.assert_allclose(balanced, found.balanced_torque, atol=1e-5)
     kinematics = muscle_kinematics(model, motion)
-    assert kinematics.velocities is not None
+    assert kinematics.muscle_velocity is not None
     curves = hill_forces(
-        model, kinematics.lengths, kinematics.velocities, "rigid-tendon" if passive else "opensim"
+        model,
+        kinematics.muscle_length,
+        kinematics.muscle_velocity,
+        "rigid-tendon" if passive else "opensim",
     )
-    expected = curves.active * found.activations + (curves.passive if passive else 0.0)
-    np.testing.assert_allclose(found.forces, expected, atol=1e-6)
+    expected = curves.active * found.activation + (curves.passive if passive else 0.0)
+    np.testing.assert_allclose(found.muscle_force, expected, atol=1e-6)
     assert found.equilibrium_residual.max() < 1e-5
 
 
@@ -180,8 +183,8 @@ def test_a_muscle_that_is_switched_off_does_nothing(data):
     muscles = tuple(replace(one, enabled=i != off) for i, one in enumerate(model.muscles))
     found = solve_tension(replace(model, muscles=muscles), motion, torques)
     assert np.all(found.optimal)
-    np.testing.assert_array_equal(found.forces[:, off], 0.0)
-    np.testing.assert_array_equal(found.activations[:, off], 0.0)
+    np.testing.assert_array_equal(found.muscle_force[:, off], 0.0)
+    np.testing.assert_array_equal(found.activation[:, off], 0.0)
 
 
 def test_frames_without_input_are_marked_and_the_rest_is_untouched(data):
@@ -201,8 +204,8 @@ def test_frames_without_input_are_marked_and_the_rest_is_untouched(data):
     found = solve_tension(model, broken, Series(torques.time, torques.names, tau))
     np.testing.assert_array_equal(found.status, [0, 0, 3, 0, 3, 0])
     kept = [0, 1, 3, 5]
-    np.testing.assert_allclose(found.activations[kept], whole.activations[kept], atol=1e-9)
-    for values in (found.activations, found.forces, found.reserves):
+    np.testing.assert_allclose(found.activation[kept], whole.activation[kept], atol=1e-9)
+    for values in (found.activation, found.muscle_force, found.actuator_force):
         assert np.all(np.isnan(values[[2, 4]]))
 
 
@@ -233,10 +236,10 @@ def test_without_reserves_a_weak_model_is_called_infeasible(data):
     weak_model = replace(model, muscles=weak)
     found = solve_tension(weak_model, part, tau, actuators=())
     assert found.summary()["infeasible"] > 0
-    assert (found.activations >= found.upper - 1e-6).any()
+    assert (found.activation >= found.activation_upper - 1e-6).any()
     held = solve_tension(weak_model, part, tau)
     assert np.all(held.optimal)
-    assert np.abs(held.reserves).max() > 1.0
+    assert np.abs(held.actuator_force).max() > 1.0
     assert len(torques) == len(motion)
 
 
@@ -248,14 +251,14 @@ def test_the_exponent_and_volumes_change_who_works(data):
     for one in (cube, volume):
         assert np.all(one.optimal)
         np.testing.assert_allclose(
-            generalized(model, motion, one, one.forces),
+            generalized(model, motion, one, one.muscle_force),
             needed(model, motion, torques, one),
             atol=1e-4,
         )
     # A higher exponent spares the muscle that works hardest.
-    assert np.all(cube.activations.max(axis=1) < square.activations.max(axis=1) + 1e-6)
+    assert np.all(cube.activation.max(axis=1) < square.activation.max(axis=1) + 1e-6)
     sizes = np.array([one.max_isometric_force * one.optimal_fiber_length for one in model.muscles])
-    assert np.sum(volume.activations**2 * sizes) < np.sum(square.activations**2 * sizes)
+    assert np.sum(volume.activation**2 * sizes) < np.sum(square.activation**2 * sizes)
 
 
 def test_given_actuators_replace_those_of_the_same_name(data):
@@ -298,13 +301,13 @@ def test_the_largest_share_of_passive_force_is_told_by_muscle(data):
     model, motion, torques = walk(data, 5)
     without = solve_tension(model, motion, torques)
     assert passive_notes(without) == ()
-    np.testing.assert_array_equal(without.passive_share, 0.0)
+    np.testing.assert_array_equal(without.muscle_passive_share, 0.0)
     found = solve_tension(model, motion, torques, TensionOptions(passive=True))
     kinematics = muscle_kinematics(model, motion)
-    curves = hill_forces(model, kinematics.lengths, kinematics.velocities)
+    curves = hill_forces(model, kinematics.muscle_length, kinematics.muscle_velocity)
     share = curves.passive / np.array([one.max_isometric_force for one in model.muscles])
-    np.testing.assert_allclose(found.passive_share, share.max(axis=0), atol=1e-9)
-    np.testing.assert_array_equal(found.passive_time, motion.time[share.argmax(axis=0)])
+    np.testing.assert_allclose(found.muscle_passive_share, share.max(axis=0), atol=1e-9)
+    np.testing.assert_array_equal(found.muscle_passive_time, motion.time[share.argmax(axis=0)])
     worst = int(share.max(axis=0).argmax())
     assert share.max() > 0.2
     first, second = passive_notes(found)

@@ -97,7 +97,7 @@ class Mouse:
     @property
     def shown(self) -> NDArray[np.bool_]:
         """(frames,) in which any marker is used."""
-        return np.asarray(np.isfinite(self.fit.errors).any(axis=1))
+        return np.asarray(np.isfinite(self.fit.marker_error).any(axis=1))
 
 
 def names(folder: Path) -> tuple[str, ...]:
@@ -164,7 +164,7 @@ def held_out(folder: Path, name: str) -> float:
 def rms(fit: KinematicsFit, leave_out: tuple[str, ...] = ()) -> float:
     """Root mean square of all marker errors [m]."""
     kept = [k for k, name in enumerate(fit.marker_names) if name not in leave_out]
-    return float(np.sqrt(np.nanmean(fit.errors[:, kept] ** 2)))
+    return float(np.sqrt(np.nanmean(fit.marker_error[:, kept] ** 2)))
 
 
 @lru_cache(maxsize=8)
@@ -200,8 +200,8 @@ def lengths_over(model: mm.Model, motion: mm.Motion, strides: Strides) -> Length
     found = mm.muscle_kinematics(model, part_of(motion, np.flatnonzero(known)), moment_arms=False)
     lengths = np.full((len(motion), len(model.muscles)), np.nan)
     rates = np.full((len(motion), len(model.muscles)), np.nan)
-    lengths[known] = found.lengths
-    rates[known] = found.velocities
+    lengths[known] = found.muscle_length
+    rates[known] = found.muscle_velocity
     muscles = model.muscle_names
     return length_analysis(
         model,

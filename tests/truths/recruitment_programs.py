@@ -86,7 +86,7 @@ def walk(folder: Path) -> Walk:
     root = {name for joint in floating_joints(model) for name in joint.coordinates}
     by = {one.coordinate: one.optimal_force for one in default_reserves(model)}
     paths = mm.muscle_kinematics(model, motion)
-    arms = dict(zip(paths.coordinates, np.abs(paths.moment_arms).max(axis=(0, 1)), strict=True))
+    arms = dict(zip(paths.coordinates, np.abs(paths.moment_arm).max(axis=(0, 1)), strict=True))
     # Of the others reserves alone carry the torque, whatever the criterion.
     rows = tuple(name for name in found.coordinates if name not in root and arms[name] > 0.0)
     return Walk(
@@ -95,9 +95,9 @@ def walk(folder: Path) -> Walk:
         wrenches=wrenches,
         torques=torques,
         rows=rows,
-        R=paths.moment_arms[:, :, [paths.coordinates.index(name) for name in rows]],
-        F=hill_forces(model, paths.lengths, paths.velocities, "opensim").active,
-        tau=found.torques[:, [found.coordinates.index(name) for name in rows]],
+        R=paths.moment_arm[:, :, [paths.coordinates.index(name) for name in rows]],
+        F=hill_forces(model, paths.muscle_length, paths.muscle_velocity, "opensim").active,
+        tau=found.balanced_torque[:, [found.coordinates.index(name) for name in rows]],
         reserves=np.array([by[name] for name in rows]),
         weight=model.mass * float(np.linalg.norm(model.gravity)),
     )

@@ -80,7 +80,7 @@ def person(
     """
     lengths = np.vstack(
         [
-            mm.muscle_kinematics(model, one, velocities=False, moment_arms=False).lengths
+            mm.muscle_kinematics(model, one, velocities=False, moment_arms=False).muscle_length
             for one in motions
         ]
     )
@@ -149,8 +149,8 @@ def integrated_forces(model: mm.Model, motion: mm.Motion, activations: Array) ->
     for m, muscle in enumerate(model.muscles):
         if FIBER_LENGTH not in state_names(muscle):
             raise ValueError(f"{muscle.kind}: integrated_degroote takes all its muscles at once")
-        length = CubicSpline(time, moved.lengths[:, m])
-        speed = CubicSpline(time, moved.velocities[:, m])
+        length = CubicSpline(time, moved.muscle_length[:, m])
+        speed = CubicSpline(time, moved.muscle_velocity[:, m])
         a = CubicSpline(time, activations[:, m])
 
         def at(
@@ -304,10 +304,12 @@ def recorded(
     told = tuple(gains)
     moved = mm.muscle_kinematics(person, motion)
     if forces is None and FIBER_LENGTH not in state_names(person.muscles[0]):
-        forces = integrated_degroote(person, moved.lengths, np.array(motion.time), activations)
+        forces = integrated_degroote(
+            person, moved.muscle_length, np.array(motion.time), activations
+        )
     elif forces is None:
         forces = integrated_forces(person, motion, activations)
-    torques = muscle_torques(model, moved.moment_arms, forces)
+    torques = muscle_torques(model, moved.moment_arm, forces)
     tree = compile_tree(model)
     torques = torques + joint_forces(tree, *values_and_rates(tree, motion))
     size = np.sqrt(np.mean(torques**2, axis=0))
@@ -336,7 +338,7 @@ def all_recorded(
 ) -> list[mm.PersonalTrial]:
     """The same of several motions on one clock, of De Groote's class, integrated side by side."""
     lengths = [
-        mm.muscle_kinematics(person, one, velocities=False, moment_arms=False).lengths
+        mm.muscle_kinematics(person, one, velocities=False, moment_arms=False).muscle_length
         for one in motions
     ]
     together = integrated_degroote(
@@ -414,16 +416,18 @@ def resting_torques(model: mm.Model, motion: mm.Motion) -> Array:
     moved = mm.muscle_kinematics(model, motion)
     rest = np.full(len(motion), 1e-4)
     zero = np.zeros(len(motion))
-    forces = np.zeros(moved.lengths.shape)
+    forces = np.zeros(moved.muscle_length.shape)
     whole = np.ones(len(motion), bool)
     for m, muscle in enumerate(model.muscles):
-        state = equilibrium(muscle, moved.lengths[:, m], zero, rest)
+        state = equilibrium(muscle, moved.muscle_length[:, m], zero, rest)
         known = np.isfinite(state)
-        resting = fibers_of(muscle, moved.lengths[:, m], zero, rest, np.where(known, state, 0.01))
+        resting = fibers_of(
+            muscle, moved.muscle_length[:, m], zero, rest, np.where(known, state, 0.01)
+        )
         forces[:, m] = resting.tendon_force
         whole &= known
     tree = compile_tree(model)
-    torques = muscle_torques(model, moved.moment_arms, forces) + joint_forces(
+    torques = muscle_torques(model, moved.moment_arm, forces) + joint_forces(
         tree, *values_and_rates(tree, motion)
     )
     torques[~whole] = np.nan

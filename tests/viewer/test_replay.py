@@ -139,10 +139,10 @@ def test_contact_forces_have_arrows_of_their_own() -> None:
     contacts = ContactForces(
         time=time,
         sites=(site, toe),
-        activations=np.ones((51, 2)),
-        forces=forces,
-        points=points,
-        torques=np.zeros_like(forces),
+        contact_activation=np.ones((51, 2)),
+        contact_force=forces,
+        contact_point=points,
+        contact_torque=np.zeros_like(forces),
     )
     body = PlayedBody(having(given, forces=contacts))
     assert body.at(75).estimated[:, 0] == pytest.approx(np.array([[0.1, 0.0, 0.0]]))
@@ -242,9 +242,9 @@ def test_bands_are_the_limits_of_their_own_column_in_the_units_of_the_curve() ->
     muscles = Spread(
         time=tension.time,
         names=tension.muscles,
-        low=tension.forces - 3.0,
-        high=tension.forces + 5.0,
-        deviation=tension.forces,
+        low=tension.muscle_force - 3.0,
+        high=tension.muscle_force + 5.0,
+        deviation=tension.muscle_force,
     )
     angles = Spread(
         time=motion.time,

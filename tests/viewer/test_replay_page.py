@@ -55,7 +55,7 @@ def with_limits() -> ReportInput:
     given = walker()
     assert given.tension is not None
     time = given.tension.time
-    forces = given.tension.forces
+    forces = given.tension.muscle_force
     spread = Spread(
         time=time,
         names=given.tension.muscles,

@@ -71,10 +71,10 @@ def same_as_source(model: Model, specimen: Specimen, length: float = 1e-9) -> No
     for name in specimen.model.body_names:
         np.testing.assert_allclose(own[name].rotation, source[name].rotation, atol=1e-12)
         np.testing.assert_allclose(own[name].translation, source[name].translation, atol=1e-12)
-    lengths = muscle_kinematics(specimen.model, AT_REST, velocities=False).lengths[0]
+    lengths = muscle_kinematics(specimen.model, AT_REST, velocities=False).muscle_length[0]
     wanted = muscle_kinematics(model, AT_REST, velocities=False)
     chosen = [wanted.muscles.index(name) for name in specimen.model.muscle_names]
-    np.testing.assert_allclose(lengths, wanted.lengths[0, chosen], atol=length)
+    np.testing.assert_allclose(lengths, wanted.muscle_length[0, chosen], atol=length)
 
 
 def test_the_made_arm_stands_as_in_its_model():
@@ -227,7 +227,7 @@ def test_lengthening_is_the_velocity_of_the_muscles():
     J = lengthening(specimen, motion, limb.slopes)
     speeds = np.einsum("fma,fa->fm", J, limb.rates)
     wanted = muscle_kinematics(specimen.model, motion)
-    velocity = dict(zip(wanted.muscles, wanted.velocities.T, strict=True))
+    velocity = dict(zip(wanted.muscles, wanted.muscle_velocity.T, strict=True))
     np.testing.assert_allclose(speeds[:, 0], velocity["front"], atol=1e-12)
     for column, strand in ((1, "back_1"), (2, "back_2")):
         np.testing.assert_allclose(speeds[:, column], np.sqrt(0.5) * velocity[strand], atol=1e-12)
@@ -246,7 +246,8 @@ def test_strands_share_the_viscosity_of_their_muscle():
     of = [viscosity[name] for name, own in specimen.muscles.items() for _ in own]
     wanted = muscle_kinematics(specimen.model, motion)
     power = sum(
-        strands[name] * v**2 for name, v in zip(wanted.muscles, wanted.velocities.T, strict=True)
+        strands[name] * v**2
+        for name, v in zip(wanted.muscles, wanted.muscle_velocity.T, strict=True)
     )
     np.testing.assert_allclose(np.square(speeds) @ of, power, rtol=1e-10)
 

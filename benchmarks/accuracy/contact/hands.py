@@ -198,7 +198,7 @@ def measure_seat(folder: Path) -> Iterator[Row]:
     for words, (plates, first) in known.items():
         tension = solved(folder, plates, first)
         assert tension.contacts is not None
-        ways[words] = tension.contacts.forces[:, 0], tension
+        ways[words] = tension.contacts.contact_force[:, 0], tension
     place = np.column_stack([one.moment[:, 2], -one.moment[:, 0]]) / one.newton[:, 1:2]
     sitting = one.ready[:, 0] > 0.5
     for phase, during in {"sitting": sitting, "standing": one.ready[:, 0] == 0.0}.items():
@@ -249,7 +249,7 @@ def measure_seat_open(folder: Path) -> Iterator[Row]:
 def _residuals(tension: Tension) -> Array:
     """Forces that hold the body up and do not exist (frames, 3) [N]."""
     columns = [k for k, name in enumerate(tension.reserve_names) if name.startswith("residual_F")]
-    return tension.reserves[:, columns]
+    return tension.actuator_force[:, columns]
 
 
 def _millimetre(values: Array) -> float:

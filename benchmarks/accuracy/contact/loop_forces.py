@@ -93,7 +93,7 @@ def _compare_arms(path: Path, tree: Tree, c: np.ndarray) -> ArmCounts:
     model = tree.model
     names = model.coordinate_names
     motion = mm.Motion(np.arange(len(c)) * 1.0, names, c)
-    arms = mm.muscle_kinematics(model, motion, velocities=False).moment_arms
+    arms = mm.muscle_kinematics(model, motion, velocities=False).moment_arm
     slopes = _slopes(tree, c)
     theirs = opensim.Model(str(path))
     state = theirs.initSystem()
@@ -283,15 +283,16 @@ def measure_static(folder: Path) -> Iterator[dict[str, object]]:
     strength = np.array([one.optimal_force for one in actuators])
     for frame in range(len(some)):
         mine = float(
-            (ours.activations[frame] ** 2).sum() + ((ours.reserves[frame] / strength) ** 2).sum()
+            (ours.activation[frame] ** 2).sum()
+            + ((ours.actuator_force[frame] / strength) ** 2).sum()
         )
         yield {
             "time [s]": float(theirs.time[frame]),
             "effort": f"{mine:.5f}",
             "OpenSim's effort": f"{float((theirs.activations[frame, controls] ** 2).sum()):.5f}",
             "greatest difference of force [N]": float(
-                np.abs(theirs.forces[frame, columns] - ours.forces[frame]).max()
+                np.abs(theirs.forces[frame, columns] - ours.muscle_force[frame]).max()
             ),
-            "greatest force [N]": float(ours.forces[frame].max()),
+            "greatest force [N]": float(ours.muscle_force[frame].max()),
             "OpenSim's time a frame [s]": theirs.seconds / len(some),
         }

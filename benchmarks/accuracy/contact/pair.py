@@ -170,7 +170,7 @@ def errors_of(pair: VirtualPair, found: Tension) -> Errors:
     squares: dict[str, float] = {}
     for group in dict.fromkeys(site.group for site in found.contacts.sites):
         own = [k for k, site in enumerate(found.contacts.sites) if site.group == group]
-        miss = found.contacts.forces[:, own].sum(axis=1) - pair.truth.forces[group]
+        miss = found.contacts.contact_force[:, own].sum(axis=1) - pair.truth.forces[group]
         squares[group] = float(np.mean(np.sum(miss**2, axis=1)))
     feet = [value for group, value in squares.items() if group in FEET]
     grips = [value for group, value in squares.items() if group in GRIPS]
@@ -178,9 +178,9 @@ def errors_of(pair: VirtualPair, found: Tension) -> Errors:
         feet=float(np.sqrt(np.mean(feet))) if feet else float("nan"),
         grips=float(np.sqrt(np.mean(grips))),
         activations=float(
-            np.sqrt(np.mean((found.activations - pair.truth.activations.values) ** 2))
+            np.sqrt(np.mean((found.activation - pair.truth.activations.values) ** 2))
         ),
-        tensions=float(np.sqrt(np.mean((found.forces - pair.truth.tensions.values) ** 2))),
+        tensions=float(np.sqrt(np.mean((found.muscle_force - pair.truth.tensions.values) ** 2))),
     )
 
 

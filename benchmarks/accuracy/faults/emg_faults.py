@@ -72,7 +72,7 @@ def _swaps(walk: Walk) -> Row:
     motion, torques = walk.part(walk.tested)
     alone = mm.solve_tension(walk.model, motion, torques)
     activations = channel_means(
-        {name: walk.channels[name] for name in names}, alone.muscles, alone.activations
+        {name: walk.channels[name] for name in names}, alone.muscles, alone.activation
     )
     columns = [walk.emg.names.index(name) for name in names]
     clean = shifted(walk.emg, motion.time, np.full(len(walk.emg.names), delay))[:, columns]

@@ -262,7 +262,7 @@ def _truth(
     return {
         "coordinate_value": (free, np.column_stack([moved[name] for name in free])),
         "generalized_force": (free, np.column_stack([torques[name] for name in free])),
-        "muscle_force": (tension.muscles, tension.forces),
+        "muscle_force": (tension.muscles, tension.muscle_force),
         "joint_reaction": (sizes, np.column_stack([loads[name] for name in sizes])),
     }
 

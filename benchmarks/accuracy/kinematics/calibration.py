@@ -136,7 +136,7 @@ def tracked(model: mm.Model, markers: mm.Markers, names: tuple[str, ...]) -> Kin
 
 def root_mean_square(fit: KinematicsFit) -> float:
     """Of all marker distances [m]."""
-    return float(np.sqrt(np.nanmean(fit.errors**2)))
+    return float(np.sqrt(np.nanmean(fit.marker_error**2)))
 
 
 def splits(folder: Path) -> Iterator[Split]:

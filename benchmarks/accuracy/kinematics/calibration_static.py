@@ -177,7 +177,7 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
         fits = [tracked(model, one.motion, names) for model in (theirs, found.model)]
         legs = [one.generic.marker(name).body.startswith(LEGS) for name in fits[0].marker_names]
         errors = [1e3 * root_mean_square(fit) for fit in fits]
-        lower = [1e3 * float(np.sqrt(np.nanmean(fit.errors[:, legs] ** 2))) for fit in fits]
+        lower = [1e3 * float(np.sqrt(np.nanmean(fit.marker_error[:, legs] ** 2))) for fit in fits]
         expert = None if one.expert is None else implant_names(mm.read_model(one.expert))
         of_expert = (
             () if expert is None else tuple(name for name in names if name in expert.marker_names)

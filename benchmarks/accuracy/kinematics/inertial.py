@@ -413,6 +413,6 @@ def measure_hidden() -> Iterator[Row]:
             away = np.array([(fit.motion[knee] - truth.motion[knee])[gap] for knee in knees])
             row[f"knee, {title} [deg]"] = float(np.degrees(np.sqrt(np.mean(away**2))))
         row["sensors to bodies [deg]"] = float(
-            np.degrees(np.sqrt(np.nanmean(fused.fit.sensor_errors[~gap] ** 2)))
+            np.degrees(np.sqrt(np.nanmean(fused.fit.sensor_error[~gap] ** 2)))
         )
         yield row

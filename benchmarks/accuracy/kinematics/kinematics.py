@@ -87,9 +87,10 @@ def _inverse_kinematics(folder: Path, case: MarkerCase) -> dict[str, object]:
         "case": case.name,
         "frames": len(table),
         "coordinates": len(model.coordinates),
-        "RMSE ours [mm]": 1e3 * marker_rmse(model, fit.marker_names, fit.weights, common, ours_at),
+        "RMSE ours [mm]": 1e3
+        * marker_rmse(model, fit.marker_names, fit.marker_weight, common, ours_at),
         "RMSE OpenSim [mm]": 1e3
-        * marker_rmse(model, fit.marker_names, fit.weights, common, values),
+        * marker_rmse(model, fit.marker_names, fit.marker_weight, common, values),
         "median angle difference [deg]": float(np.median(difference)),
         "converged": float(fit.converged.mean()),
         "ours [ms/frame]": 1e3 * ours / len(markers),

@@ -95,7 +95,7 @@ def measure(folder: Path) -> Iterator[Row]:
                 - _at(motion, torques.values, then)[:, joints]
             )
             activation = np.array([one.tension.activations for one in solved]) - _at(
-                motion, tension.activations, then
+                motion, tension.activation, then
             )
             yield {
                 "recording": name,

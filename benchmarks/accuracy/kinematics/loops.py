@@ -222,7 +222,7 @@ def _row(
     seen = markers_at(markers, theirs.time).values[
         :, [markers.names.index(name) for name in fit.marker_names]
     ]
-    share = fit.weights / fit.weights.sum()
+    share = fit.marker_weight / fit.marker_weight.sum()
     values = fit.motion.values[rows], tree.coordinates_of(theirs)
     squares = [
         ((_places(model, fit.marker_names, one) - seen) ** 2).sum(axis=2) @ share for one in values
@@ -230,7 +230,7 @@ def _row(
     turning = [j for j in free_coordinates(tree) if model.coordinates[j].motion == "rotational"]
     apart = np.degrees(np.abs((values[0] - values[1] + np.pi) % (2 * np.pi) - np.pi))[:, turning]
     worst = int(np.argmax(apart.max(axis=0)))
-    assert fit.closure is not None
+    assert fit.loop_closure_error is not None
     return {
         "case": label,
         "frames": len(theirs),

@@ -278,7 +278,7 @@ def measure(folder: Path) -> Iterator[Row]:
                 "trials": len(results),
                 "markers, RMS [mm]": float("nan")
                 if found is None or found.fit is None
-                else 1e3 * rms_known(found.fit.errors),
+                else 1e3 * rms_known(found.fit.marker_error),
                 **{f"{NAMES[joint]}, r": agreement.get(joint, ("", ""))[0] for joint in JOINTS},
                 **{
                     f"{NAMES[joint]}, RMS [N m/kg]": agreement.get(joint, ("", ""))[1]

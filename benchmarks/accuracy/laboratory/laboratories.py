@@ -148,7 +148,7 @@ def _result(out: Path) -> Row:
     assert trial.motion is not None
     assert trial.torques is not None
     mass = mm.read_model(out / "calibrated.osim").mass
-    error = rms_known(trial.fit.errors)
+    error = rms_known(trial.fit.marker_error)
     odd = ["markers"] if error > ERROR else []
     row: Row = {"markers, RMS [mm]": 1e3 * error}
     for joint, (low, high) in ANGLES.items():

@@ -75,8 +75,8 @@ def identity(model: mm.Model) -> Row:
     theirs = mm.muscle_kinematics(model, motion, velocities=False)
     return {
         "identity: points [bone lengths]": of_bones(morph.points, errors),
-        "identity: lengths [m]": float(np.abs(ours.lengths - theirs.lengths).max()),
-        "identity: moment arms [m]": float(np.abs(ours.moment_arms - theirs.moment_arms).max()),
+        "identity: lengths [m]": float(np.abs(ours.muscle_length - theirs.muscle_length).max()),
+        "identity: moment arms [m]": float(np.abs(ours.moment_arm - theirs.moment_arm).max()),
     }
 
 
@@ -89,9 +89,9 @@ def twin(model: mm.Model) -> Row:
     motion = poses_of(model, POSES)
     ours = mm.muscle_kinematics(morph.model, grown(model, motion, SIZE), velocities=False)
     theirs = mm.muscle_kinematics(model, motion, velocities=False)
-    lengths = np.abs(ours.lengths / SIZE - theirs.lengths).max(axis=0)
+    lengths = np.abs(ours.muscle_length / SIZE - theirs.muscle_length).max(axis=0)
     turning = np.array([one.motion == "rotational" for one in model.coordinates])
-    arms = np.abs(ours.moment_arms / SIZE - theirs.moment_arms)[:, :, turning].max(axis=(0, 2))
+    arms = np.abs(ours.moment_arm / SIZE - theirs.moment_arm)[:, :, turning].max(axis=(0, 2))
     around = np.array(
         [any(isinstance(wrap, PathWrap) for wrap in one.path.wraps) for one in model.muscles]
     )
@@ -181,8 +181,8 @@ def sides(name: str, model: mm.Model) -> Row:
 
 
 def _apart(model: mm.Model, motion: mm.Motion, other: mm.Motion) -> float:
-    here = mm.muscle_kinematics(model, motion, velocities=False).lengths
-    there = mm.muscle_kinematics(model, other, velocities=False).lengths
+    here = mm.muscle_kinematics(model, motion, velocities=False).muscle_length
+    there = mm.muscle_kinematics(model, other, velocities=False).muscle_length
     names = model.muscle_names
     pairs = [
         (i, names.index(other)) for i, name in enumerate(names) if (other := _other(name, names))
@@ -264,5 +264,5 @@ def _changed(
             )
         )
     columns = [found[0].coordinates.index(name) for name in ABOUT]
-    arms = found[1].moment_arms[0][:, columns] - found[0].moment_arms[0][:, columns]
-    return found[1].lengths[0] - found[0].lengths[0], arms
+    arms = found[1].moment_arm[0][:, columns] - found[0].moment_arm[0][:, columns]
+    return found[1].muscle_length[0] - found[0].muscle_length[0], arms

@@ -61,15 +61,17 @@ def measure(folder: Path) -> Iterator[Row]:
         columns = [
             there.coordinates.index(side.named("coordinates", one)) for one in own.coordinates
         ]
-        arms = there.moment_arms[:, rows][:, :, columns] * np.array(side.of(own.coordinates))
+        arms = there.moment_arm[:, rows][:, :, columns] * np.array(side.of(own.coordinates))
         twice = mm.muscle_kinematics(mm.mirrored(other, axis), motion, velocities=False)
         back = [twice.muscles.index(one) for one in own.muscles]
         yield {
             "model": name,
             "muscles": len(model.muscles),
-            "lengths [m]": float(np.abs(there.lengths[:, rows] - own.lengths).max()),
-            "moment arms [m]": float(np.abs(arms - own.moment_arms).max()),
-            "twice, lengths [m]": float(np.abs(twice.lengths[:, back] - own.lengths).max()),
+            "lengths [m]": float(np.abs(there.muscle_length[:, rows] - own.muscle_length).max()),
+            "moment arms [m]": float(np.abs(arms - own.moment_arm).max()),
+            "twice, lengths [m]": float(
+                np.abs(twice.muscle_length[:, back] - own.muscle_length).max()
+            ),
         } | _sides(model, there, turned)
 
 
@@ -96,7 +98,9 @@ def _sides(model: mm.Model, there: MuscleKinematics, turned: mm.Motion) -> Row:
     given = mm.muscle_kinematics(model, turned, velocities=False, moment_arms=False)
     own = [given.muscles.index(name) for name in known]
     other = [there.muscles.index(name) for name in known]
-    apart: Array = 1000.0 * np.abs(given.lengths[:, own] - there.lengths[:, other]).max(axis=0)
+    apart: Array = 1000.0 * np.abs(given.muscle_length[:, own] - there.muscle_length[:, other]).max(
+        axis=0
+    )
     worst = int(np.argmax(apart))
     return {
         "pairs": len(known) // 2,

@@ -97,7 +97,7 @@ class Muscles:
             )
             found = mm.muscle_kinematics(model, motion, velocities=False)
             column = model.coordinate_names.index(name)
-            self.arms[word] = found.moment_arms[:, :, column]
+            self.arms[word] = found.moment_arm[:, :, column]
 
     def ends(self, names: tuple[str, ...], which: int) -> np.ndarray:
         """(3,) in ground, of the middle of several parts [m]."""

@@ -133,8 +133,8 @@ def fine_distances(
     assert other.fibers is not None
     inside = ~one.fibers.transient
     strength = np.array([muscle.max_isometric_force for muscle in model.muscles])
-    a = (one.activations - other.activations[each])[inside]
-    f = ((one.forces - other.forces[each]) / strength)[inside]
+    a = (one.activation - other.activation[each])[inside]
+    f = ((one.muscle_force - other.muscle_force[each]) / strength)[inside]
     return {
         "muscles": len(one.muscles),
         "frames": f"{len(coarse)}, {len(motion)}",
@@ -167,11 +167,11 @@ def forward_distances(
     strength = np.array([model.muscle(name).max_isometric_force for name in names])
     paths = mm.muscle_kinematics(model, motion)
     sliders = SliderMuscles(model_path, names)
-    ours = found.forces[:, columns]
-    start = np.where(sliders.forces_state, ours[0] / strength, fibers.lengths[0, columns])
-    lengths = paths.lengths[:, columns]
-    speeds = paths.velocities[:, columns]
-    middle = between_frames(found.activations[:, columns])
+    ours = found.muscle_force[:, columns]
+    start = np.where(sliders.forces_state, ours[0] / strength, fibers.fiber_length[0, columns])
+    lengths = paths.muscle_length[:, columns]
+    speeds = paths.muscle_velocity[:, columns]
+    middle = between_frames(found.activation[:, columns])
     theirs = forward_forces(sliders, motion.time, lengths, speeds, middle, start)
     inside = ~fibers.transient
     off = (theirs - ours)[inside]
@@ -231,8 +231,8 @@ def compare_moco(
     def on_ours(values: Array) -> Array:
         return np.column_stack([np.interp(at, theirs.time, values[:, k]) for k in other])
 
-    a = found.activations[np.ix_(~fibers.transient, columns)] - on_ours(theirs.activations)
-    f = found.forces[np.ix_(~fibers.transient, columns)] / strength - on_ours(theirs.forces)
+    a = found.activation[np.ix_(~fibers.transient, columns)] - on_ours(theirs.activations)
+    f = found.muscle_force[np.ix_(~fibers.transient, columns)] / strength - on_ours(theirs.forces)
     return {
         "muscles": len(elastic),
         "frames": len(motion),
@@ -309,10 +309,10 @@ def resampled(motion: mm.Motion, torques: mm.Series, rate: float) -> tuple[mm.Mo
 def apart(model: mm.Model, slow: Tension, fast: Tension) -> dict[str, object]:
     """Root mean square differences at the times that both have."""
     every = round(FAST / SLOW)
-    count = min(len(slow), len(fast.activations[::every]))
+    count = min(len(slow), len(fast.activation[::every]))
     strength = np.array([one.max_isometric_force for one in model.muscles])
-    difference = slow.activations[:count] - fast.activations[::every][:count]
-    forces = (slow.forces[:count] - fast.forces[::every][:count]) / strength
+    difference = slow.activation[:count] - fast.activation[::every][:count]
+    forces = (slow.muscle_force[:count] - fast.muscle_force[::every][:count]) / strength
     return dict(
         zip(APART, (float(np.sqrt(np.mean(one**2))) for one in (difference, forces)), strict=True)
     )

@@ -380,7 +380,7 @@ def measure_study(folder: Path) -> Iterator[Row]:
     )
     for way, told in {ALONE: None, "default": targets}.items():
         found = mm.solve_tension(walk.model, motion, torques, emg=told)
-        ours = {name: found.activations[:, found.muscles.index(name)] for name in left}
+        ours = {name: found.activation[:, found.muscles.index(name)] for name in left}
         row: Row = {"ours": way, "muscles": len(ours)}
         apart = np.array([ours[name] - theirs[name] for name in ours])
         row["RMS from the study's"] = float(np.sqrt(np.mean(apart**2)))

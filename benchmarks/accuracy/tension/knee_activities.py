@@ -190,9 +190,11 @@ def _row(folder: Path, activity: Activity, model_name: str, way: str) -> Row:
 
 def _share(found: mm.Tension, frames: Array) -> float:
     lateral = sum(
-        found.forces[frames, found.muscles.index(f"vaslat_{side}")].sum() for side in "rl"
+        found.muscle_force[frames, found.muscles.index(f"vaslat_{side}")].sum() for side in "rl"
     )
-    medial = sum(found.forces[frames, found.muscles.index(f"vasmed_{side}")].sum() for side in "rl")
+    medial = sum(
+        found.muscle_force[frames, found.muscles.index(f"vasmed_{side}")].sum() for side in "rl"
+    )
     return float(lateral / medial)
 
 

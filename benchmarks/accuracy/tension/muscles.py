@@ -183,8 +183,8 @@ def _against_opensim(
     values = paths.tree.coordinates_of(motion)
     speeds = _consistent_speeds(paths, values, motion)
     pairs = list(zip(paths.arm_muscle, paths.arm_coordinate, strict=True))
-    lengths = np.zeros(ours.lengths.shape)
-    rates = np.zeros(ours.lengths.shape)
+    lengths = np.zeros(ours.muscle_length.shape)
+    rates = np.zeros(ours.muscle_length.shape)
     arms = np.zeros((len(motion), len(pairs)))
     beyond = 0
     ours_nearer = 0
@@ -197,7 +197,7 @@ def _against_opensim(
             theirs.paths[m].computeMomentArm(theirs.state, theirs.coordinates[j]) for m, j in pairs
         ]
         seconds += time.perf_counter() - began
-        lengths[f] = np.abs(ours.lengths[f] - expected)
+        lengths[f] = np.abs(ours.muscle_length[f] - expected)
         # Couplers do not occur together with joints whose speeds are not rates.
         change = np.eye(len(row))
         if not model.couplers:

@@ -80,7 +80,7 @@ def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> fl
     E, _, moving = joint_jacobian(tree, *JOINT, coordinates)
     omega = np.einsum("fak,fk->fa", E, rates[:, moving])
     shares = line_viscosity(dict.fromkeys(strands, 1.0), strands)
-    lengthening = mm.muscle_kinematics(lift.model, lift.motion, moment_arms=False).velocities
+    lengthening = mm.muscle_kinematics(lift.model, lift.motion, moment_arms=False).muscle_velocity
     assert lengthening is not None
     each = np.array([shares.get(name, 0.0) for name in lift.model.muscle_names])
     whole = (MEAN.total_viscosity - MEAN.joint_viscosity) * float((omega**2).sum())
@@ -131,10 +131,10 @@ def measure_muscles(folder: Path) -> Iterator[dict[str, object]]:
     for trial, weight in TRIALS:
         before, thick = solved(folder, trial, weight)
         names = before.muscles
-        plain.append(before.forces)
+        plain.append(before.muscle_force)
         kinds = ("d_J", "d_J and fitting d_M", "d_J and printed d_M")
         for kind, (_, tension) in zip(kinds, thick, strict=True):
-            changes.setdefault(kind, []).append(np.abs(tension.forces - before.forces))
+            changes.setdefault(kind, []).append(np.abs(tension.muscle_force - before.muscle_force))
     pooled = {kind: np.vstack(parts) for kind, parts in changes.items()}
     forces = np.vstack(plain)
     order = np.argsort(pooled["d_J and printed d_M"].mean(axis=0))[::-1][:12]
@@ -151,13 +151,13 @@ def measure_muscles(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def _difference(plain: Tension, thick: Tension) -> dict[str, object]:
-    change = np.abs(thick.forces - plain.forces)
+    change = np.abs(thick.muscle_force - plain.muscle_force)
     frame, muscle = np.unravel_index(int(np.argmax(change)), change.shape)
     by_muscle = change.mean(axis=0)
     most = np.argsort(by_muscle)[::-1][:3]
-    pushing = (thick.forces < 0.0).any(axis=1)
+    pushing = (thick.muscle_force < 0.0).any(axis=1)
     return {
-        "mean tension [N]": float(plain.forces.mean()),
+        "mean tension [N]": float(plain.muscle_force.mean()),
         "mean change [N]": float(change.mean()),
         "greatest change [N]": (
             f"{change[frame, muscle]:.3g} ({plain.muscles[muscle]}, {plain.time[frame]:.2f} s)"
@@ -166,7 +166,7 @@ def _difference(plain: Tension, thick: Tension) -> dict[str, object]:
             f"{plain.muscles[i]} {by_muscle[i]:.3g}" for i in most
         ),
         "change of effort [%]": (
-            100.0 * float((thick.activations**2).sum() / (plain.activations**2).sum() - 1.0)
+            100.0 * float((thick.activation**2).sum() / (plain.activation**2).sum() - 1.0)
         ),
         "frames in which a muscle pushes [%]": 100.0 * float(pushing.mean()),
         "not optimal": int((~thick.optimal).sum() + (~plain.optimal).sum()),

@@ -328,16 +328,16 @@ def measure_tensions(folder: Path) -> Iterator[Row]:
     for line in LINES:
         tension, _ = run_line(folder, line)
         reference = np.column_stack([forces[name] for name in tension.muscles])
-        ours = tension.activations[:, [tension.muscles.index(name) for name in emg.muscles]]
+        ours = tension.activation[:, [tension.muscles.index(name) for name in emg.muscles]]
         yield {
             "tensions": line.name,
             "frames": len(tension),
             "activations and EMG, mean correlation": mean_correlation(ours, emg.activations),
             "activations and EMG, RMS": rms(ours - emg.activations),
             "tensions and the study's, correlation of all": float(
-                np.corrcoef(tension.forces.ravel(), reference.ravel())[0, 1]
+                np.corrcoef(tension.muscle_force.ravel(), reference.ravel())[0, 1]
             ),
-            "tensions and the study's, RMS [N]": rms(tension.forces - reference),
+            "tensions and the study's, RMS [N]": rms(tension.muscle_force - reference),
             "optimal": float(tension.optimal.mean()),
         }
 

@@ -105,13 +105,15 @@ def measure_programs(folder: Path) -> Iterator[dict[str, object]]:
             "criterion": name,
             "frames": len(found),
             "optimal": int(found.optimal.sum()),
-            "activations apart at most": float(np.abs(found.activations - theirs).max()),
-            "RMS": rms(found.activations - theirs),
-            "cost above the program's": _above(made, by, found.activations, theirs),
-            "forces apart, RMS [N]": rms(found.forces - theirs * one.F),
-            "greatest activation, mean": float(found.activations.max(axis=1).mean()),
+            "activations apart at most": float(np.abs(found.activation - theirs).max()),
+            "RMS": rms(found.activation - theirs),
+            "cost above the program's": _above(made, by, found.activation, theirs),
+            "forces apart, RMS [N]": rms(found.muscle_force - theirs * one.F),
+            "greatest activation, mean": float(found.activation.max(axis=1).mean()),
             "the program's": float(theirs.max(axis=1).mean()),
-            "knee force, mean [BW]": float(np.linalg.norm(_knee(one, found.forces), axis=1).mean()),
+            "knee force, mean [BW]": float(
+                np.linalg.norm(_knee(one, found.muscle_force), axis=1).mean()
+            ),
         }
 
 
@@ -153,8 +155,8 @@ def _noisy(one: Walk, torques: mm.Series) -> mm.Series:
 
 
 def _errors(one: Walk, found: Tension, activations: Array) -> str:
-    apart = np.linalg.norm(_knee(one, found.forces) - _knee(one, activations * one.F), axis=1)
-    return f"{rms(found.activations - activations):.4f} / {rms(apart):.3f}"
+    apart = np.linalg.norm(_knee(one, found.muscle_force) - _knee(one, activations * one.F), axis=1)
+    return f"{rms(found.activation - activations):.4f} / {rms(apart):.3f}"
 
 
 def _knee(one: Walk, forces: Array) -> Array:

@@ -105,15 +105,15 @@ def measure_shoulder(folder: Path) -> Iterator[dict[str, object]]:
     few = mm.solve_tension(
         one.model, some, mm.inverse_dynamics(one.model, some), None, one.actuators
     )
-    theirs = replace(few, forces=_of_opensim(folder, one, few))
+    theirs = replace(few, muscle_force=_of_opensim(folder, one, few))
     yield {
         "tensions": "OpenSim's static optimization",
-        **_row(one, _force(one, some, theirs), theirs.forces),
+        **_row(one, _force(one, some, theirs), theirs.muscle_force),
     }
     for name, tension in ours.items():
         frames = list(one.frames)
         force = _force(one, one.motion, tension)
-        yield {"tensions": name, **_row(one, force[frames], tension.forces[frames])}
+        yield {"tensions": name, **_row(one, force[frames], tension.muscle_force[frames])}
 
 
 def _row(one: Abduction, force: Array, forces: Array) -> dict[str, object]:

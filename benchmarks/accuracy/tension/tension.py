@@ -219,10 +219,10 @@ def measure_case(folder: Path, case: TensionCase) -> dict[str, object]:
         frames = len(ours(prepared))
         seconds = time.perf_counter() - began
     columns = [reference.names.index(name) for name in found.muscles]
-    difference = found.activations - reference.activations[:, columns]
+    difference = found.activation - reference.activations[:, columns]
     rms = np.sqrt(np.mean(difference**2, axis=0))
     helpers = [reference.names.index(name) for name in found.reserve_names]
-    apart = np.abs(found.reserves - reference.forces[:, helpers])
+    apart = np.abs(found.actuator_force - reference.forces[:, helpers])
     return {
         "case": case.name,
         "frames": len(reference.time),

@@ -105,8 +105,9 @@ def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
                 "activation of these in silence": float(
                     np.mean([_in_silence(found, walk, channel, emg[channel]) for channel in both])
                 ),
-                "largest activation, mean": float(np.nanmax(found.activations, axis=1).mean()),
-                "tension of all muscles, mean [kN]": float(found.forces.sum(axis=1).mean()) / 1e3,
+                "largest activation, mean": float(np.nanmax(found.activation, axis=1).mean()),
+                "tension of all muscles, mean [kN]": float(found.muscle_force.sum(axis=1).mean())
+                / 1e3,
                 "not optimal": int((~found.optimal).sum()),
             }
 
@@ -122,7 +123,7 @@ def _measured(walk: Walk, time: Array) -> dict[str, Array]:
 
 def _fit(found: Tension, walk: Walk, channel: str, measured: Array) -> tuple[float, float]:
     """Correlation of the channel's muscles, and RMS once they are scaled to fit best."""
-    predicted = channel_means({channel: walk.channels[channel]}, found.muscles, found.activations)[
+    predicted = channel_means({channel: walk.channels[channel]}, found.muscles, found.activation)[
         :, 0
     ]
     use = np.isfinite(predicted) & np.isfinite(measured)
@@ -139,7 +140,7 @@ def _is_biarticular(walk: Walk, channel: str) -> bool:
 
 def _in_silence(found: Tension, walk: Walk, channel: str, measured: Array) -> float:
     """Mean activation of a channel's muscles where its EMG is least."""
-    predicted = channel_means({channel: walk.channels[channel]}, found.muscles, found.activations)[
+    predicted = channel_means({channel: walk.channels[channel]}, found.muscles, found.activation)[
         :, 0
     ]
     return float(predicted[measured < np.nanquantile(measured, SILENT)].mean())
@@ -233,7 +234,7 @@ def foot_error(hidden: Hidden, setting: Setting) -> float:
     errors = []
     for side, measured, _ in feet_of(hidden):
         mine = [k for k, one in enumerate(hidden.sites) if one.group == f"foot_{side[0]}"]
-        errors.append(rms((found.forces[:, mine].sum(axis=1) - measured)[hidden.use, 1]))
+        errors.append(rms((found.contact_force[:, mine].sum(axis=1) - measured)[hidden.use, 1]))
     return 100.0 * float(np.mean(errors)) / hidden.weight
 
 
@@ -250,8 +251,8 @@ def lift_errors(folder: Path, lift: str, setting: Setting) -> tuple[float, float
     time = recorded(folder, lift).markers.time
     grasp = time[np.flatnonzero(holding(folder, lift)[1].any(axis=1))[0]]
     during = (time >= grasp) & (time < left_floor(folder, lift))
-    hands = -found.forces[:, :2].sum(axis=1) - hands_measured(folder, lift)
-    feet: Array = found.forces[
+    hands = -found.contact_force[:, :2].sum(axis=1) - hands_measured(folder, lift)
+    feet: Array = found.contact_force[
         :, [k for k, one in enumerate(asked.contacts.sites) if one.group.startswith("foot")]
     ]
     weight = MASS * float(np.linalg.norm(asked.model.gravity))

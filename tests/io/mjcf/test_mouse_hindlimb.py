@@ -42,7 +42,9 @@ def test_opensim_finds_the_same(data, tmp_path):
             i = tree.body_index[name]
             assert kinematics.rotations[0, i] == pytest.approx(rotation, abs=TOLERANCE)
             assert kinematics.origins[0, i] == pytest.approx(place, abs=TOLERANCE)
-        lengths = muscle_kinematics(model, motion, velocities=False, moment_arms=False).lengths[0]
+        lengths = muscle_kinematics(
+            model, motion, velocities=False, moment_arms=False
+        ).muscle_length[0]
         for i, name in enumerate(model.muscle_names):
             assert lengths[i] == pytest.approx(pose["lengths"][name], abs=TOLERANCE), name
 

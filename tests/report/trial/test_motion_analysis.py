@@ -64,10 +64,10 @@ def contact_forces(time: np.ndarray) -> ContactForces:
     return ContactForces(
         time=time,
         sites=sites,
-        activations=np.ones((len(time), 3)),
-        forces=forces,
-        points=points,
-        torques=np.zeros_like(forces),
+        contact_activation=np.ones((len(time), 3)),
+        contact_force=forces,
+        contact_point=points,
+        contact_torque=np.zeros_like(forces),
     )
 
 
@@ -331,10 +331,10 @@ def test_a_measured_force_acts_while_nothing_is_estimated_in_its_place() -> None
     estimated = ContactForces(
         time=time,
         sites=(site,),
-        activations=strength,
-        forces=force * strength[..., None],
-        points=0 * force,
-        torques=0 * force,
+        contact_activation=strength,
+        contact_force=force * strength[..., None],
+        contact_point=0 * force,
+        contact_torque=0 * force,
     )
     plate = Wrenches(
         time=time,
@@ -351,7 +351,8 @@ def test_a_measured_force_acts_while_nothing_is_estimated_in_its_place() -> None
     (foot,) = groups_of(estimated, plate)
     assert not (np.isfinite(foot.measured[:, 1]) & foot.estimated).any()
     hidden = having(
-        given, forces=replace(estimated, activations=np.ones_like(strength), forces=force)
+        given,
+        forces=replace(estimated, contact_activation=np.ones_like(strength), contact_force=force),
     )
     acting = acting_forces(hidden)
     assert acting is not None
@@ -407,7 +408,7 @@ class Open:
     def __init__(self, forces: ContactForces, every: int):
         self.time = forces.time[::every]
         self.names = ("foot_r",)
-        foot = forces.forces[::every, :2].sum(axis=1)[:, None]
+        foot = forces.contact_force[::every, :2].sum(axis=1)[:, None]
         self.lower = foot - 40.0
         self.upper = foot + 40.0
 

@@ -206,12 +206,12 @@ def test_frames_without_a_pose_or_a_solution_are_borne() -> None:
     hidden = replace(
         given.kinematics.fit,
         motion=replace(given.kinematics.fit.motion, values=values),
-        errors=np.full((100, 2), np.nan),
+        marker_error=np.full((100, 2), np.nan),
     )
     tension = given.tension
     assert tension is not None
-    tension.activations[30:] = np.nan
-    tension.forces[30:] = np.nan
+    tension.activation[30:] = np.nan
+    tension.muscle_force[30:] = np.nan
     assert given.dynamics.wrenches is not None
     lost = Wrenches(
         time=given.dynamics.wrenches.time,

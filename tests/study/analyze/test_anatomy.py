@@ -25,7 +25,7 @@ def arms(model, coordinate, angles):
     motion = Motion(0.01 * np.arange(len(angles)), (coordinate,), np.radians(angles)[:, None])
     found = muscle_kinematics(model, motion, velocities=False)
     return {
-        name: found.moment_arm(name, coordinate) for name in found.muscles if name.endswith("_r")
+        name: found.moment_arm_of(name, coordinate) for name in found.muscles if name.endswith("_r")
     }
 
 
@@ -64,9 +64,9 @@ def test_both_sides_are_mirror_images() -> None:
         left = muscle_kinematics(model, left_motion, velocities=False)
         for name in right.muscles:
             if name.endswith("_r"):
-                other = left.moment_arm(f"{name[:-1]}l", f"{coordinate}_l")
+                other = left.moment_arm_of(f"{name[:-1]}l", f"{coordinate}_l")
                 np.testing.assert_allclose(
-                    right.moment_arm(name, f"{coordinate}_r"), other, atol=2e-4, err_msg=name
+                    right.moment_arm_of(name, f"{coordinate}_r"), other, atol=2e-4, err_msg=name
                 )
 
 
@@ -74,7 +74,7 @@ def test_fibers_at_zero_are_those_of_the_table() -> None:
     model, _ = generic_model({})
     lengths = muscle_kinematics(
         model, Motion(np.zeros(1), (), np.zeros((1, 0))), velocities=False
-    ).lengths[0]
+    ).muscle_length[0]
     for muscle, length in zip(model.muscles, lengths, strict=True):
         line = architectures()[muscle.name[:-2]]
         across = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
@@ -87,7 +87,7 @@ def test_vasti_keep_to_the_part_of_the_curve_where_fibers_pull() -> None:
     """Lai et al. 2017: in a deep squat too they are no longer than 1.3 optimal lengths."""
     model, _ = generic_model({})
     motion = Motion(np.zeros(1), ("knee_angle_r",), np.radians([[120.0]]))
-    lengths = muscle_kinematics(model, motion, velocities=False).lengths[0]
+    lengths = muscle_kinematics(model, motion, velocities=False).muscle_length[0]
     for name in ("vasint_r", "vaslat_r", "vasmed_r"):
         muscle = model.muscle(name)
         across = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)

@@ -83,8 +83,8 @@ def test_a_joint_that_turned_over_is_named() -> None:
     fit = KinematicsFit(
         motion=Motion(0.01 * np.arange(5.0), model.coordinate_names, values),
         marker_names=(),
-        errors=np.zeros((5, 0)),
-        weights=np.zeros(0),
+        marker_error=np.zeros((5, 0)),
+        marker_weight=np.zeros(0),
         converged=np.ones(5, bool),
         iterations=np.zeros(5, int),
         unused_markers=(),

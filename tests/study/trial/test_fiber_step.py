@@ -88,10 +88,10 @@ def test_files_hold_fibers_and_tendons(solved, stored):
     held = {
         "fiber_lengths": tension.fibers.lengths,
         "fiber_velocities": tension.fibers.velocities,
-        "tendon_strains": tension.fibers.tendon_strains,
+        "tendon_strains": tension.fibers.tendon_strain,
         "tendon_forces": tension.forces,
-        "fiber_powers": tension.fibers.fiber_powers,
-        "tendon_powers": tension.fibers.tendon_powers,
+        "fiber_powers": tension.fibers.fiber_power,
+        "tendon_powers": tension.fibers.tendon_power,
     }
     for name, values in held.items():
         table = read_sto(folder / f"{name}.sto")
@@ -166,7 +166,7 @@ def test_frames_that_did_not_converge_are_the_first_note(solved):
 def test_clean_data_is_reported_without_a_note(data):
     model, motion, torques = arm(data)
     found = solve_tension(model, motion, torques, ELASTIC)
-    assert found.fibers.tendon_strains.max() < LARGE_STRAIN
+    assert found.fibers.tendon_strain.max() < LARGE_STRAIN
     assert fiber_notes(found) == ()
 
 
@@ -177,7 +177,7 @@ def test_work_of_fibers_and_tendons_is_that_of_the_path(data):
     rows = fiber_work(motion.time, found.muscles, found.fibers, optimal, None)
     paths = muscle_kinematics(model, motion)
     inside = ~found.fibers.transient
-    power = -(found.forces * paths.velocities)[inside]
+    power = -(found.muscle_force * paths.muscle_velocity)[inside]
     for m, row in enumerate(rows):
         whole = np.trapezoid(power[:, m], motion.time[inside])
         assert np.isclose(
@@ -202,7 +202,7 @@ def test_signals_and_numbers_leave_the_ends_out(solved, stored):
     numbers = {one.quantity: one.value for one in fiber_numbers(stored[2])}
     assert numbers["muscles on rigid tendons"] == 1.0
     assert numbers["frames bridged"] == 2.0
-    inside = tension.fibers.tendon_strains[~tension.fibers.transient]
+    inside = tension.fibers.tendon_strain[~tension.fibers.transient]
     assert np.isclose(numbers["tendon strain, largest"], np.nanmax(inside))
 
 

@@ -78,13 +78,13 @@ def test_a_leg_has_tensions_only_where_its_load_is_known(tmp_path, data):
         muscles = unknown[:, [value is side for value in left]]
         np.testing.assert_array_equal(muscles.all(axis=1), muscles.any(axis=1))
         out = muscles.all(axis=1)
-        assert np.isnan(tension.reserve(f"reserve_Knee_extension_{leg}")[out]).all()
+        assert np.isnan(tension.curve("actuator_force", f"reserve_Knee_extension_{leg}")[out]).all()
         assert np.isnan(
-            tension.torques[out, tension.coordinates.index(f"Knee_extension_{leg}")]
+            tension.balanced_torque[out, tension.coordinates.index(f"Knee_extension_{leg}")]
         ).all()
-        given = tension.reserve(f"reserve_Knee_extension_{leg}")
+        given = tension.curve("actuator_force", f"reserve_Knee_extension_{leg}")
         asked = f"Knee_extension_{leg}"
-        torque = tension.torques[:, tension.coordinates.index(asked)]
+        torque = tension.balanced_torque[:, tension.coordinates.index(asked)]
         assert np.sqrt(np.nanmean(given**2) / np.nanmean(torque**2)) < 0.2
     np.testing.assert_array_equal(
         tension.status == STATUS_NAMES.index("not determined"), unknown.all(axis=1)

@@ -247,7 +247,7 @@ def test_tensions_find_what_one_axis_leaves_open(tmp_path):
     assert setting.task.activations.values.min() == 1.0
     torques = inverse_dynamics(model, part)
     solved = solve_tension(model, part, torques, TensionOptions(), contacts=setting.task)
-    pressed = solved.contacts.forces[:, 0]
+    pressed = solved.contacts.contact_force[:, 0]
     np.testing.assert_allclose(pressed[:, 1], WEIGHT, rtol=2e-3)
     assert np.abs(pressed[:, [0, 2]]).max() < 0.01 * WEIGHT
 
@@ -358,4 +358,4 @@ def test_a_study_shares_what_one_axis_measures(tmp_path):
     found = studied(tmp_path, ("fz",), 'contacts = "contacts.toml"')
     forces = get_contact_forces(found)
     quiet = (found.time < 0.3) | (found.time > 0.7)
-    np.testing.assert_allclose(forces.forces[quiet, 0, 1], WEIGHT, rtol=0.02)
+    np.testing.assert_allclose(forces.contact_force[quiet, 0, 1], WEIGHT, rtol=0.02)

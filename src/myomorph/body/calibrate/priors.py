@@ -83,7 +83,7 @@ def spread_postures(
         coordinates.append(values[seen])
         places.append(_seen_from_base(model, values[seen]))
         misfit.append(fit.rms[seen])
-        shown.append(np.isfinite(fit.errors[seen]).sum(axis=1))
+        shown.append(np.isfinite(fit.marker_error[seen]).sum(axis=1))
     table = np.concatenate(places)
     error = np.concatenate(misfit)
     count = np.concatenate(shown)

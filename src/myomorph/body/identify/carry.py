@@ -98,7 +98,7 @@ def carry_motion(
     fit = inverse_kinematics(model, markers, InverseKinematicsOptions(tasks=pulls))
     return CarriedMotion(
         motion=fit.motion,
-        errors=fit.errors,
+        errors=fit.marker_error,
         targets=fit.marker_names,
         known=_known(model, fit.motion, pulls),
     )

@@ -134,9 +134,9 @@ class _Read:
         self.trial = trial
         self.time = np.array(motion.time)
         moved = muscle_kinematics(model, motion, moment_arms=False)
-        assert moved.velocities is not None
-        self.lengths = np.array(moved.lengths)
-        self.speeds = np.array(moved.velocities)
+        assert moved.muscle_velocity is not None
+        self.lengths = np.array(moved.muscle_length)
+        self.speeds = np.array(moved.muscle_velocity)
         # With a force of F0 at any length, columns of A are moment arms times F0: couplers and
         # loops are folded in.
         options = TensionOptions(curves="constant", passive=False)

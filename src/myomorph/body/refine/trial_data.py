@@ -90,7 +90,7 @@ def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
         name=trial.name,
         options=RecordingOptions(cutoff=options.cutoff),
     )
-    return Opened(trial=trial, motion=fit.motion, usable=used, distances=fit.errors)
+    return Opened(trial=trial, motion=fit.motion, usable=used, distances=fit.marker_error)
 
 
 def problem_of(model: Model, recorded: Sequence[Opened], options: RefineOptions) -> Problem:

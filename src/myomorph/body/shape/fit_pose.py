@@ -136,7 +136,7 @@ def pose_model_to_skin(
         marker_weights=weights, iterations=ITERATIONS, posture_weight=pull
     )
     fit = inverse_kinematics(virtual, recorded, options)
-    errors = frozen_array(fit.errors[0])
+    errors = frozen_array(fit.marker_error[0])
     notes = []
     if missed:
         notes.append(

@@ -170,7 +170,7 @@ class HeldOut:
 
     def __post_init__(self) -> None:
         self.alone = [
-            solve_tension(self.model, *recording, *self.settings).activations
+            solve_tension(self.model, *recording, *self.settings).activation
             for recording in self.few
         ]
 
@@ -270,7 +270,7 @@ class HeldOut:
                 solved.append(
                     solve_tension(
                         self.model, motion, torques, *self.settings, emg=target
-                    ).activations
+                    ).activation
                 )
             ways.append(solved)
         envelope = np.concatenate(measured)

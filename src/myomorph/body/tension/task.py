@@ -292,7 +292,7 @@ class TensionTask:
         """
         assert tension.contacts is not None
         sites = tension.contacts.sites
-        forces = tension.contacts.forces
+        forces = tension.contacts.contact_force
         groups = tuple(dict.fromkeys(site.group for site in sites))
         sums = np.stack(
             [forces[:, [site.group == name for site in sites]].sum(axis=1) for name in groups],

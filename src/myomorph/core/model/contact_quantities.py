@@ -13,28 +13,24 @@ FORCES = (
         dims=("time", "contact_site"),
         unit="1",
         meaning="activation of a contact, 0 to 1",
-        attribute="activations",
     ),
     Quantity(
         name="contact_force",
         dims=BY_SITE,
         unit="N",
         meaning="estimated force on the body at a contact site, in ground",
-        attribute="forces",
     ),
     Quantity(
         name="contact_point",
         dims=BY_SITE,
         unit="m",
         meaning="center of pressure of a contact site, in ground",
-        attribute="points",
     ),
     Quantity(
         name="contact_torque",
         dims=BY_SITE,
         unit="N m",
         meaning="free torque about that point, in ground",
-        attribute="torques",
     ),
 )
 

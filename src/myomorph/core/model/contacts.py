@@ -355,21 +355,21 @@ class ContactForces(Labelled):
     ----------
     sites : those that may carry force
     time : (frames,) [s]
-    activations : (frames, sites) how ready each site was to carry force, 0 for no contact
-    forces : (frames, sites, 3) on the site's body (the reaction acts on `Site.against`), 0 without
+    contact_activation : (frames, sites) how ready each site was to carry force, 0 for no contact
+    contact_force : (frames, sites, 3) on the site's body (the reaction acts on `Site.against`), 0 without
         contact [N]
-    points : (frames, sites, 3) center of pressure of each site; the site's middle without force [m]
-    torques : (frames, sites, 3) free torque about it [N m]
+    contact_point : (frames, sites, 3) center of pressure of each site; the site's middle without force [m]
+    contact_torque : (frames, sites, 3) free torque about it [N m]
     """
 
     quantities = FORCES
 
     time: Array
     sites: tuple[Site, ...]
-    activations: Array
-    forces: Array
-    points: Array
-    torques: Array
+    contact_activation: Array
+    contact_force: Array
+    contact_point: Array
+    contact_torque: Array
 
     def __post_init__(self) -> None:
         frames = len(self.time)
@@ -378,10 +378,10 @@ class ContactForces(Labelled):
         freeze(
             self,
             time=(-1,),
-            activations=(frames, sites),
-            forces=vectors,
-            points=vectors,
-            torques=vectors,
+            contact_activation=(frames, sites),
+            contact_force=vectors,
+            contact_point=vectors,
+            contact_torque=vectors,
         )
 
     def __len__(self) -> int:
@@ -416,7 +416,7 @@ class ContactForces(Labelled):
         ------
         UnknownName : there is no such site
         """
-        return self.forces[:, index_of("contact site", site, self.names, "the contacts")]
+        return self.contact_force[:, index_of("contact site", site, self.names, "the contacts")]
 
     def wrenches(self, by: Literal["body", "group", "site"] = "body") -> Wrenches:
         """Turn forces into external loads, sites of one body or group taken together.
@@ -460,8 +460,8 @@ class ContactForces(Labelled):
         """
         cone = self.sites[index].cone
         if cone.direction is None or cone.frame != GROUND:
-            return np.linalg.norm(self.forces[:, index], axis=1)
-        return np.abs(self.forces[:, index] @ cone.direction)
+            return np.linalg.norm(self.contact_force[:, index], axis=1)
+        return np.abs(self.contact_force[:, index] @ cone.direction)
 
     def _together(self, members: Sequence[tuple[int, float]]) -> tuple[Array, Array, Array]:
         """Sum the forces of some sites at their center of pressure.
@@ -476,9 +476,9 @@ class ContactForces(Labelled):
         """
         chosen = [number for number, _ in members]
         sign = np.array([sign for _, sign in members])[:, None]
-        forces = self.forces[:, chosen] * sign
-        points = self.points[:, chosen]
-        torques = self.torques[:, chosen] * sign
+        forces = self.contact_force[:, chosen] * sign
+        points = self.contact_point[:, chosen]
+        torques = self.contact_torque[:, chosen] * sign
         pressed = np.stack([self._pressed(number) for number in chosen], axis=1)
         share = np.where(pressed.sum(axis=1, keepdims=True) > 0.0, pressed, 1.0)
         point = np.einsum("fk,fki->fi", share / share.sum(axis=1, keepdims=True), points)

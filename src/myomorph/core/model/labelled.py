@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from myomorph.core.model.errors import from_extra
+from myomorph.core.model.errors import BadData, check_name, from_extra
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.quantity import CLOCK, Quantity
 
@@ -78,6 +78,47 @@ class Labelled:
         if not self.axes:
             raise TypeError(f"{type(self).__name__} names no labels")
         return {axis: getattr(self, field) for axis, field in self.axes.items()}
+
+    def curve(self, quantity: str, *labels: str) -> np.ndarray:
+        """Return a quantity over time for what is named.
+
+        Parameters
+        ----------
+        quantity : its name, as in result files
+        labels : one for each of its axes after the times, a muscle for instance; the axes that are
+            left out stay
+
+        Returns
+        -------
+        (times, ...) in the quantity's unit
+
+        Raises
+        ------
+        UnknownName : this value has no such quantity, or an axis no such name
+        BadData : more labels than axes
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import myomorph as mm
+        >>> loads = mm.Wrenches(
+        ...     np.arange(2.0), ("plate",), ("calcn_r",), np.ones((2, 1, 3)), np.zeros((2, 1, 3))
+        ... )
+        >>> loads.curve("external_force_vector", "plate", "y")
+        array([1., 1.])
+        """
+        held = {one.name: one for one in self.held if one.dims[0].endswith(CLOCK)}
+        check_name("quantity", quantity, held, type(self).__name__)
+        axes = held[quantity].dims[1:]
+        if len(labels) > len(axes):
+            raise BadData(f"'{quantity}' has the axes {axes}, but {len(labels)} names were given")
+        names = self.labels()
+        place: list[int] = []
+        for axis, label in zip(axes, labels, strict=False):
+            known = [str(name) for name in names[axis]]
+            check_name(axis, label, known, f"'{quantity}'")
+            place.append(known.index(label))
+        return np.asarray(held[quantity].of(self))[:, *place]
 
     def to_xarray(self) -> xarray.Dataset:
         """Put all arrays into one `xarray.Dataset`, with units, named as in result files."""

@@ -77,12 +77,12 @@ class KinematicsFit(Labelled):
     ----------
     motion : all coordinates, NaN in frames that no task shows
     marker_names : the markers used
-    errors : (frames, markers) distance between model and recording [m], NaN where unseen
-    weights : (markers,)
+    marker_error : (frames, markers) distance between model and recording [m], NaN where unseen
+    marker_weight : (markers,)
     converged : (frames,) whether the last step was within the tolerance, or the cost can fall no
         further, see `myomorph.core.motion.newton.solve_poses`
     iterations : (frames,)
-    closure : (frames,) how far loops stand open, the largest gap or turning [m or rad]; None
+    loop_closure_error : (frames,) how far loops stand open, the largest gap or turning [m or rad]; None
         without loops
     unused_markers : recorded markers that the model does not have, or that have no weight
     missing_markers : model markers that the recording does not have
@@ -92,18 +92,18 @@ class KinematicsFit(Labelled):
 
     motion: Motion
     marker_names: tuple[str, ...]
-    errors: Array
-    weights: Array
+    marker_error: Array
+    marker_weight: Array
     converged: np.ndarray
     iterations: Ints
     unused_markers: tuple[str, ...]
     missing_markers: tuple[str, ...]
-    closure: Array | None = None
+    loop_closure_error: Array | None = None
     task_errors: Mapping[str, Array] = field(default_factory=dict)
     sensor_names: tuple[str, ...] = ()
 
     @property
-    def sensor_errors(self) -> Array:
+    def sensor_error(self) -> Array:
         """(frames, sensors) angle between body and sensor [rad], NaN where unknown."""
         return self.task_errors.get(OrientationTask.__name__, np.empty((len(self.motion), 0)))
 
@@ -134,19 +134,21 @@ class KinematicsFit(Labelled):
     def seen(self) -> np.ndarray:
         """(frames,) whether any marker was seen, or any sensor reported."""
         return np.asarray(
-            np.isfinite(self.errors).any(axis=1) | np.isfinite(self.sensor_errors).any(axis=1)
+            np.isfinite(self.marker_error).any(axis=1) | np.isfinite(self.sensor_error).any(axis=1)
         )
 
     @property
     def rms(self) -> Array:
         """(frames,) root mean square of the marker errors [m], NaN where none was seen."""
-        return marker_rms(self.errors)
+        return marker_rms(self.marker_error)
 
     @property
     def largest(self) -> Array:
         """(frames,) largest marker error [m], NaN where none was seen."""
         largest: Array = np.max(
-            np.where(np.isfinite(self.errors), self.errors, -np.inf), axis=1, initial=-np.inf
+            np.where(np.isfinite(self.marker_error), self.marker_error, -np.inf),
+            axis=1,
+            initial=-np.inf,
         )
         return np.where(np.isfinite(largest), largest, np.nan)
 
@@ -223,11 +225,11 @@ def inverse_kinematics(
     return KinematicsFit(
         motion=Motion(markers.time, model.coordinate_names, values),
         marker_names=names,
-        errors=solved.errors[MarkerTask],
-        weights=weights,
+        marker_error=solved.errors[MarkerTask],
+        marker_weight=weights,
         converged=solved.converged,
         iterations=solved.iterations,
-        closure=np.abs(closure(tree, values)).max(axis=1) if model.loops else None,
+        loop_closure_error=np.abs(closure(tree, values)).max(axis=1) if model.loops else None,
         unused_markers=tuple(name for name in markers.names if name not in names),
         missing_markers=tuple(name for name in model.marker_names if name not in markers.names),
         task_errors={

@@ -158,7 +158,7 @@ class FittedMarkers:
         return FittedMarkers(
             names=fit.marker_names,
             observed=markers.values[:, columns],
-            errors=fit.errors,
+            errors=fit.marker_error,
             placed=_placed(model, fit),
             unit=length_unit(compile_tree(model)),
         )
@@ -603,7 +603,7 @@ def _solver(
         for index, positions in enumerate(observed):
             if np.isfinite(positions).all(axis=1).any():
                 single = Markers(markers.time[:1], tuple(names), positions[None])
-                errors[index] = inverse_kinematics(model, single, options).errors[0]
+                errors[index] = inverse_kinematics(model, single, options).marker_error[0]
         return errors
 
     return solve

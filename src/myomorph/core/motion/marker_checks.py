@@ -103,7 +103,7 @@ def checked_kinematics(
     fit = inverse_kinematics(model, used, options, progress)
     fit, swapped = swap_findings(model, used, fit, options, SwapSearch(mend=checks.mend))
     used, swapped = repaired(used, swapped, checks.mend)
-    problem = pose_problem(compile_tree(model), fit.marker_names, fit.weights, options)
+    problem = pose_problem(compile_tree(model), fit.marker_names, fit.marker_weight, options)
     fit, hidden = repaired(fit, hidden_findings(model, used, fit, problem), checks.mend)
     shared = set(model.marker_names)
     unknown = tuple(name for name in fit.unused_markers if name not in shared)

@@ -369,13 +369,13 @@ def hidden_findings(
 def _without(fit: KinematicsFit, lost: np.ndarray) -> KinematicsFit:
     """Make gaps of some frames (frames,) of a fit."""
     values = np.array(fit.motion.values)
-    errors = np.array(fit.errors)
+    errors = np.array(fit.marker_error)
     converged = np.array(fit.converged)
     values[lost] = np.nan
     errors[lost] = np.nan
     converged[lost] = False
     return replace(
-        fit, motion=replace(fit.motion, values=values), errors=errors, converged=converged
+        fit, motion=replace(fit.motion, values=values), marker_error=errors, converged=converged
     )
 
 
@@ -396,7 +396,7 @@ def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PosePro
     -------
     (frames, variables)
     """
-    seen = np.isfinite(fit.errors)
+    seen = np.isfinite(fit.marker_error)
     masks, first, group = np.unique(seen, axis=0, return_index=True, return_inverse=True)
     columns = [markers.names.index(name) for name in fit.marker_names]
     tree = compile_tree(model)
@@ -464,7 +464,7 @@ def _lost(fit: KinematicsFit, lost: np.ndarray) -> Iterator[Finding]:
     if not lost.any():
         return
     spans = spans_of(fit.motion.time, lost)
-    fewest = int(np.isfinite(fit.errors[lost]).sum(axis=1).min())
+    fewest = int(np.isfinite(fit.marker_error[lost]).sum(axis=1).min())
     text = (
         f"{int(lost.sum())} of {len(lost)} frames show too few markers to determine where the body"
         f" is (as few as {fewest} of {len(fit.marker_names)}, first at {spans[0][0]:.2f} s)"

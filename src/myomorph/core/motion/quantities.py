@@ -12,7 +12,6 @@ MARKER_ERROR = Quantity(
     dims=("time", "marker"),
     unit="m",
     meaning="distance between model and recorded marker",
-    attribute="errors",
     file="marker_errors.sto",
 )
 MARKER_WEIGHT = Quantity(
@@ -20,7 +19,6 @@ MARKER_WEIGHT = Quantity(
     dims=("marker",),
     unit="1",
     meaning="weight in inverse kinematics",
-    attribute="weights",
 )
 IK_CONVERGED = Quantity(
     name="ik_converged",
@@ -43,14 +41,12 @@ LOOP_CLOSURE_ERROR = Quantity(
     dims=("time",),
     unit="m or rad",
     meaning="largest loop-closure error",
-    attribute="closure",
 )
 SENSOR_ERROR = Quantity(
     name="sensor_error",
     dims=("time", "sensor"),
     unit="rad",
     meaning="angle between body and sensor",
-    attribute="sensor_errors",
     file="sensor_errors.sto",
     file_unit="deg",
 )

@@ -41,10 +41,10 @@ class MuscleKinematics(Labelled):
     ----------
     time : (frames,) [s]
     muscles, coordinates : names
-    lengths : (frames, muscles) of the muscle-tendon units [m]
-    velocities : (frames, muscles) or None where not requested [m/s]
+    muscle_length : (frames, muscles) of the muscle-tendon units [m]
+    muscle_velocity : (frames, muscles) or None where not requested [m/s]
     arms : (frames, pairs) packed, of the pairs that `paths` lists, or None where not requested;
-        `moment_arms` has (frames, muscles, coordinates)
+        `moment_arm` has (frames, muscles, coordinates)
     coupler_slopes : (frames, couplers, 2) of the dependent coordinates in those they follow
     paths : the compiled paths, which hold the pattern of `arms`
     loops : of each group of coordinates that closed loops tie together, `loop_couplings`
@@ -53,8 +53,8 @@ class MuscleKinematics(Labelled):
     time: FrameValues
     muscles: tuple[str, ...]
     coordinates: tuple[str, ...]
-    lengths: MuscleValues
-    velocities: MuscleValues | None
+    muscle_length: MuscleValues
+    muscle_velocity: MuscleValues | None
     arms: ArmPairs | None
     coupler_slopes: Array
     paths: Paths = field(repr=False)
@@ -65,7 +65,10 @@ class MuscleKinematics(Labelled):
         """Lengths, and velocities and moment arms where they were requested."""
         absent = [
             quantity
-            for quantity, values in ((MUSCLE_VELOCITY, self.velocities), (MOMENT_ARM, self.arms))
+            for quantity, values in (
+                (MUSCLE_VELOCITY, self.muscle_velocity),
+                (MOMENT_ARM, self.arms),
+            )
             if values is None
         ]
         return tuple(quantity for quantity in PATHS if quantity not in absent)
@@ -80,7 +83,7 @@ class MuscleKinematics(Labelled):
         return {"time": self.time, "muscle": self.muscles, "coordinate": self.coordinates}
 
     @property
-    def moment_arms(self) -> MomentArmTable:
+    def moment_arm(self) -> MomentArmTable:
         """(frames, muscles, coordinates) all moment arms; see `dense`."""
         return self.dense()
 
@@ -106,7 +109,7 @@ class MuscleKinematics(Labelled):
         """
         return self._dense(frames, np.arange(len(self.muscles)))
 
-    def moment_arm(self, muscle: str, coordinate: str) -> FrameValues:
+    def moment_arm_of(self, muscle: str, coordinate: str) -> FrameValues:
         """Moment arm of one muscle about one coordinate, as of `dense`.
 
         Parameters
@@ -221,7 +224,7 @@ def muscle_kinematics(
     >>> found = mm.muscle_kinematics(model, mm.read_motion("reach.mot", model), velocities=False)
     >>> found.muscles, found.lengths.shape
     (('flexor', 'extensor'), (61, 2))
-    >>> found.moment_arm("flexor", "elbow_flexion").shape
+    >>> found.moment_arm_of("flexor", "elbow_flexion").shape
     (61,)
     """
     paths = compile_paths(model)
@@ -247,8 +250,8 @@ def muscle_kinematics(
         time=motion.time,
         muscles=model.muscle_names,
         coordinates=model.coordinate_names,
-        lengths=lengths,
-        velocities=lengthening if velocities else None,
+        muscle_length=lengths,
+        muscle_velocity=lengthening if velocities else None,
         arms=arms if moment_arms else None,
         coupler_slopes=slopes,
         paths=paths,
@@ -279,7 +282,9 @@ def default_path_lengths(model: Model) -> Array:
     >>> mm.default_path_lengths(mm.read_model("arm.osim")).round(2).tolist()
     [0.28, 0.24]
     """
-    return muscle_kinematics(model, DEFAULT_POSE, velocities=False, moment_arms=False).lengths[0]
+    return muscle_kinematics(
+        model, DEFAULT_POSE, velocities=False, moment_arms=False
+    ).muscle_length[0]
 
 
 class PathTables(NamedTuple):
@@ -363,9 +368,9 @@ class ReportedPaths:
         kinematics = muscle_kinematics(self.model, known, progress=advance)
         tables = [kinematics.dense(slice(i, i + AT_ONCE)) for i in range(0, len(known), AT_ONCE)]
         arms = np.concatenate([table[:, self._muscle, self._coordinate] for table in tables])
-        assert kinematics.velocities is not None
+        assert kinematics.muscle_velocity is not None
         return PathTables(
-            lengths=np.where(unknown, np.nan, kinematics.lengths),
-            velocities=np.where(unknown, np.nan, kinematics.velocities),
+            lengths=np.where(unknown, np.nan, kinematics.muscle_length),
+            velocities=np.where(unknown, np.nan, kinematics.muscle_velocity),
             arms=np.where(unknown, np.nan, arms),
         )

@@ -100,8 +100,8 @@ def _damper_forces(model: Model, motion: Motion, viscosity: Array) -> Generalize
     """
     kinematics = muscle_kinematics(model, motion)
     assert kinematics.arms is not None
-    assert kinematics.velocities is not None
-    force = viscosity * kinematics.velocities
+    assert kinematics.muscle_velocity is not None
+    force = viscosity * kinematics.muscle_velocity
     tau = np.zeros((len(motion), len(model.coordinates)))
     paths = kinematics.paths
     for pair, (m, j) in enumerate(zip(paths.arm_muscle, paths.arm_coordinate, strict=True)):

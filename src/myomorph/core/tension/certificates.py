@@ -154,13 +154,13 @@ def solved_frames(
     A = problem.separable.dense(balance.values)
     n = A.shape[2]
     muscles = len(tension.muscles)
-    controls = muscles + tension.reserves.shape[1]
+    controls = muscles + tension.actuator_force.shape[1]
     # What the result says counts, and the unknowns of rows follow from the others.
     first = len(problem.unknowns)
     x = np.zeros((len(frames), n))
     x[:, :first] = problem.x_of(frames)[:, :first]
-    x[:, :muscles] = tension.activations[frames]
-    x[:, muscles:controls] = tension.reserves[frames] / problem.actuators.optimal_forces
+    x[:, :muscles] = tension.activation[frames]
+    x[:, muscles:controls] = tension.actuator_force[frames] / problem.actuators.optimal_forces
     if problem.rows:
         missing = np.einsum("frn,fn->fr", A, x) - balance.right
         units = np.concatenate([row.unit for row in problem.rows])

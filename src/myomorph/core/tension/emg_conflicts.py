@@ -59,7 +59,7 @@ def _by_muscle(tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
     """Yield stretches in which muscles leave their EMG."""
     limit = APART + (target.slack if target.mode == "driven" else 0.0)
     for name, measured in zip(target.muscles, target.activations.T, strict=True):
-        result = tension.activations[:, tension.muscles.index(name)]
+        result = tension.activation[:, tension.muscles.index(name)]
         distance = np.abs(result - measured)
         for stretch in _stretches(tension.time, distance, limit):
             yield EmgConflict(
@@ -77,12 +77,12 @@ def _by_reserve(model: Model, tension: Tension, target: EmgTarget) -> Iterator[E
     """Yield stretches in which reserves bear too much of what muscles with EMG should."""
     crossed = _crossed_coordinates(model, target.muscles)
     known = np.isfinite(target.activations).any(axis=1)
-    for name, torques in zip(tension.reserve_names, tension.reserves.T, strict=True):
+    for name, torques in zip(tension.reserve_names, tension.actuator_force.T, strict=True):
         coordinate = name.removeprefix(RESERVE)
         balanced = coordinate in crossed and coordinate in tension.coordinates
         if not (name.startswith(RESERVE) and balanced):
             continue
-        wanted = tension.torques[:, tension.coordinates.index(coordinate)]
+        wanted = tension.balanced_torque[:, tension.coordinates.index(coordinate)]
         largest = float(np.nanmax(np.abs(wanted), initial=0.0))
         borne = np.where(known, np.abs(torques), 0.0)
         for stretch in _stretches(tension.time, borne, max(BORNE * largest, 1e-9)):

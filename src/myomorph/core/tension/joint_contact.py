@@ -86,13 +86,13 @@ class JointContactForces(Labelled):
     joints : that have contact points
     points : names of the points, joint by joint
     joint_of : joint of each point
-    forces : (frames, points) push of each point along its normal, 0 or more [N]; NaN where tensions
+    joint_contact_force : (frames, points) push of each point along its normal, 0 or more [N]; NaN where tensions
         are
-    totals : (frames, joints) size of the joint's whole force [N]
-    shear : (frames, joints) force across the mean normal, which the points do not carry [N]
-    unbalanced_forces : (frames, joints) force along the mean normal that no push can give: above 0
+    joint_contact_total : (frames, joints) size of the joint's whole force [N]
+    joint_contact_shear : (frames, joints) force across the mean normal, which the points do not carry [N]
+    joint_contact_unbalanced_force : (frames, joints) force along the mean normal that no push can give: above 0
         where the bodies are pulled apart [N]
-    unbalanced_moments : (frames, joints) size of the moment that is left where points have lifted
+    joint_contact_unbalanced_moment : (frames, joints) size of the moment that is left where points have lifted
         off [N m]
     weight : of the body [N]
     """
@@ -103,11 +103,11 @@ class JointContactForces(Labelled):
     joints: tuple[str, ...]
     points: tuple[str, ...]
     joint_of: tuple[str, ...]
-    forces: Array
-    totals: Array
-    shear: Array
-    unbalanced_forces: Array
-    unbalanced_moments: Array
+    joint_contact_force: Array
+    joint_contact_total: Array
+    joint_contact_shear: Array
+    joint_contact_unbalanced_force: Array
+    joint_contact_unbalanced_moment: Array
     weight: float
 
     def __post_init__(self) -> None:
@@ -116,11 +116,11 @@ class JointContactForces(Labelled):
         freeze(
             self,
             time=(-1,),
-            forces=(frames, len(self.points)),
-            totals=of_joints,
-            shear=of_joints,
-            unbalanced_forces=of_joints,
-            unbalanced_moments=of_joints,
+            joint_contact_force=(frames, len(self.points)),
+            joint_contact_total=of_joints,
+            joint_contact_shear=of_joints,
+            joint_contact_unbalanced_force=of_joints,
+            joint_contact_unbalanced_moment=of_joints,
         )
 
     def __len__(self) -> int:
@@ -143,10 +143,10 @@ class JointContactForces(Labelled):
         """
         check_name("joint", joint, self.joints, "the contact forces")
         if not point:
-            return self.totals[:, self.joints.index(joint)]
+            return self.joint_contact_total[:, self.joints.index(joint)]
         columns = {self.points[column]: column for column in self._columns_of(joint)}
         check_name("contact point", point, columns, f"joint '{joint}'")
-        return self.forces[:, columns[point]]
+        return self.joint_contact_force[:, columns[point]]
 
     def _columns_of(self, joint: str) -> list[int]:
         """Columns of the points of a joint."""
@@ -169,14 +169,21 @@ class JointContactForces(Labelled):
         for j, joint in enumerate(self.joints):
             of_points = self._columns_of(joint)
             names += [f"total_{joint}", *(self.point_columns[column] for column in of_points)]
-            columns += [self.totals[:, j], *(self.forces[:, column] for column in of_points)]
+            columns += [
+                self.joint_contact_total[:, j],
+                *(self.joint_contact_force[:, column] for column in of_points),
+            ]
         return Series(self.time, tuple(names), np.stack(columns, axis=1))
 
     def table(self) -> Table:
         """Write loads, and beside them what the points do not carry [N], [N m]."""
         loads = self.loads()
         kinds = ("shear", "unbalanced_force", "unbalanced_moment")
-        rest = (self.shear, self.unbalanced_forces, self.unbalanced_moments)
+        rest = (
+            self.joint_contact_shear,
+            self.joint_contact_unbalanced_force,
+            self.joint_contact_unbalanced_moment,
+        )
         names = tuple(f"{kind}_{joint}" for kind in kinds for joint in self.joints)
         facts = {"name": JOINT_CONTACT_LOAD.title, "body_weight": f"{self.weight:.6g}"}
         return Table(
@@ -284,11 +291,11 @@ def joint_contact_forces(  # page: as of `joint_reactions`, and the points
         joints=joints,
         points=tuple(point.name for point in ordered),
         joint_of=tuple(point.joint for point in ordered),
-        forces=np.hstack([of_joint.forces for of_joint in shared]),
-        totals=np.linalg.norm(reactions.forces, axis=2),
-        shear=np.stack([of_joint.shear for of_joint in shared], axis=1),
-        unbalanced_forces=np.stack([of_joint.pulled for of_joint in shared], axis=1),
-        unbalanced_moments=np.stack([of_joint.moment for of_joint in shared], axis=1),
+        joint_contact_force=np.hstack([of_joint.forces for of_joint in shared]),
+        joint_contact_total=np.linalg.norm(reactions.forces, axis=2),
+        joint_contact_shear=np.stack([of_joint.shear for of_joint in shared], axis=1),
+        joint_contact_unbalanced_force=np.stack([of_joint.pulled for of_joint in shared], axis=1),
+        joint_contact_unbalanced_moment=np.stack([of_joint.moment for of_joint in shared], axis=1),
         weight=model.weight,
     )
 

@@ -15,7 +15,6 @@ JOINT_CONTACT_FORCE = Quantity(
     dims=("time", "joint_contact"),
     unit="N",
     meaning="force at a contact point of a joint, along its normal",
-    attribute="forces",
     file="joint_contact_forces.sto",
 )
 JOINT_CONTACT_TOTAL = Quantity(
@@ -23,7 +22,6 @@ JOINT_CONTACT_TOTAL = Quantity(
     dims=BY_JOINT,
     unit="N",
     meaning="size of the joint's whole force",
-    attribute="totals",
     file="joint_contact_forces.sto",
 )
 JOINT_CONTACT_SHEAR = Quantity(
@@ -31,7 +29,6 @@ JOINT_CONTACT_SHEAR = Quantity(
     dims=BY_JOINT,
     unit="N",
     meaning="force across the mean normal, which the contact points do not carry",
-    attribute="shear",
     file="joint_contact_forces.sto",
 )
 JOINT_CONTACT_UNBALANCED_FORCE = Quantity(
@@ -39,7 +36,6 @@ JOINT_CONTACT_UNBALANCED_FORCE = Quantity(
     dims=BY_JOINT,
     unit="N",
     meaning="force along the mean normal that would pull",
-    attribute="unbalanced_forces",
     file="joint_contact_forces.sto",
 )
 JOINT_CONTACT_UNBALANCED_MOMENT = Quantity(
@@ -47,7 +43,6 @@ JOINT_CONTACT_UNBALANCED_MOMENT = Quantity(
     dims=BY_JOINT,
     unit="N m",
     meaning="moment that is left where contact points have lifted off",
-    attribute="unbalanced_moments",
     file="joint_contact_forces.sto",
 )
 JOINT_CONTACTS = (

@@ -560,22 +560,22 @@ class TensionProblem:
         return Tension(
             time=self._time,
             muscles=muscles,
-            activations=self._activations,
-            forces=self._forces,
+            activation=self._activations,
+            muscle_force=self._forces,
             reserve_names=tuple(actuator.name for actuator in self.actuators.actuators),
-            reserves=controls * self.actuators.optimal_forces,
+            actuator_force=controls * self.actuators.optimal_forces,
             coordinates=self.assembly.rows,
-            torques=self._balanced,
+            balanced_torque=self._balanced,
             equilibrium_residual=self._residual,
             status=self._status,
             iterations=self._iterations,
-            lower=self.muscles.lower,
-            upper=self.muscles.upper,
+            activation_lower=self.muscles.lower,
+            activation_upper=self.muscles.upper,
             overstretched=tuple(muscles[i] for i in np.flatnonzero(peaks.share > 1.0)),
             options=self.options,
-            viscous=self._viscous,
-            passive_share=peaks.share,
-            passive_time=peaks.time,
+            muscle_viscous_force=self._viscous,
+            muscle_passive_share=peaks.share,
+            muscle_passive_time=peaks.time,
             contacts=self._contacts_found(),
         )
 
@@ -587,10 +587,10 @@ class TensionProblem:
         return ContactForces(
             time=self._time,
             sites=self.contacts.generators.sites,
-            activations=self.contacts.activations,
-            forces=forces,
-            points=points,
-            torques=torques,
+            contact_activation=self.contacts.activations,
+            contact_force=forces,
+            contact_point=points,
+            contact_torque=torques,
         )
 
 

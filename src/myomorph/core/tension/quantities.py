@@ -17,7 +17,6 @@ ACTIVATION = Quantity(
     dims=BY_MUSCLE,
     unit="1",
     meaning="muscle activation",
-    attribute="activations",
     file="activations.sto",
     title="Muscle tensions: activations",
     label="Muscle activations",
@@ -30,7 +29,6 @@ MUSCLE_FORCE = Quantity(
     dims=BY_MUSCLE,
     unit="N",
     meaning="muscle force along the tendon",
-    attribute="forces",
     file="forces.sto",
     title="Muscle tensions: forces",
     label="Muscle tensions",
@@ -48,14 +46,12 @@ MUSCLE_VISCOUS_FORCE = Quantity(
     dims=BY_MUSCLE,
     unit="N",
     meaning="part of muscle_force that is viscous",
-    attribute="viscous",
 )
 ACTUATOR_FORCE = Quantity(
     name="actuator_force",
     dims=("time", "actuator"),
     unit="N m or N",
     meaning="force or torque of reserve, residual and other actuators",
-    attribute="reserves",
     file="reserves.sto",
     title="Muscle tensions: reserves",
 )
@@ -71,7 +67,6 @@ BALANCED_TORQUE = Quantity(
     dims=("time", "balanced_coordinate"),
     unit="N m or N",
     meaning="what muscles and actuators had to balance",
-    attribute="torques",
 )
 EQUILIBRIUM_RESIDUAL = Quantity(
     name="equilibrium_residual",
@@ -100,21 +95,18 @@ ACTIVATION_LOWER = Quantity(
     dims=MUSCLE,
     unit="1",
     meaning="lower bound of the activation",
-    attribute="lower",
 )
 ACTIVATION_UPPER = Quantity(
     name="activation_upper",
     dims=MUSCLE,
     unit="1",
     meaning="upper bound of the activation",
-    attribute="upper",
 )
 MUSCLE_OVERSTRETCHED = Quantity(
     name="muscle_overstretched",
     dims=MUSCLE,
     unit="1",
     meaning="1 where passive force passes F0",
-    attribute="is_overstretched",
     kind="flag",
 )
 MUSCLE_PASSIVE_SHARE = Quantity(
@@ -122,14 +114,12 @@ MUSCLE_PASSIVE_SHARE = Quantity(
     dims=MUSCLE,
     unit="1",
     meaning="largest passive force over F0",
-    attribute="passive_share",
 )
 MUSCLE_PASSIVE_TIME = Quantity(
     name="muscle_passive_time",
     dims=MUSCLE,
     unit="s",
     meaning="when that was",
-    attribute="passive_time",
 )
 TENSION = (
     ACTIVATION,

@@ -525,12 +525,12 @@ class _AppliedLoads:
         known = {actuator.name: actuator for actuator in (*model.actuators, *added)}
         if isinstance(tension, Tension):
             names = tension.reserve_names
-            forces = tension.reserves
+            forces = tension.actuator_force
             order = [
                 index_of("muscle", name, tension.muscles, "the table of forces")
                 for name in model.muscle_names
             ]
-            tensions = tension.forces[:, order]
+            tensions = tension.muscle_force[:, order]
         else:
             names = tuple(name for name in tension.names if name not in model.muscle_names)
             nothing = np.zeros((len(tension), 0))

@@ -203,7 +203,9 @@ class Roots:
         self.z = np.nan_to_num(problem.amplitudes * contacts.amounts)
         # What muscles and reserves give together is, at a root, what contacts and residuals do.
         names = tree.model.coordinate_names
-        needed = tension.torques[:, [tension.coordinates.index(names[j]) for j in self._rows]]
+        needed = tension.balanced_torque[
+            :, [tension.coordinates.index(names[j]) for j in self._rows]
+        ]
         missing = needed - np.einsum("fre,fe->fr", self.pushes, self.z)
         self.left = np.linalg.solve(self.residuals, missing[..., None])[..., 0]
 

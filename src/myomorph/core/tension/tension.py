@@ -79,10 +79,10 @@ class Fibers:
     Attributes
     ----------
     certificate : distance of the solution from an optimum
-    lengths : of the fibers [m]
-    velocities : lengthening of the fibers [m/s]
-    tendon_strains : length over slack length less 1, 0 of a rigid tendon
-    fiber_powers, tendon_powers : positive where force does work on the outside [W]
+    fiber_length : of the fibers [m]
+    fiber_velocity : lengthening of the fibers [m/s]
+    tendon_strain : length over slack length less 1, 0 of a rigid tendon
+    fiber_power, tendon_power : positive where force does work on the outside [W]
     transient : (frames,) whether a frame is so near to the beginning or to the end that it depends
         on what was before or comes after, which nobody knows
     bridged : (frames,) whether torques or coordinates were missing, so that they were interpolated
@@ -91,11 +91,11 @@ class Fibers:
     unreachable : those whose fibers cannot reach
     """
 
-    lengths: Array
-    velocities: Array
-    tendon_strains: Array
-    fiber_powers: Array
-    tendon_powers: Array
+    fiber_length: Array
+    fiber_velocity: Array
+    tendon_strain: Array
+    fiber_power: Array
+    tendon_power: Array
     transient: np.ndarray
     bridged: np.ndarray
     rigid: tuple[str, ...]
@@ -192,25 +192,25 @@ class Tension(Labelled):
     options : of the problem
     time : (frames,) [s]
     muscles : names
-    activations : (frames, muscles) NaN where the frame was not solved
-    forces : (frames, muscles) along the tendons, with passive and viscous force where they took
+    activation : (frames, muscles) NaN where the frame was not solved
+    muscle_force : (frames, muscles) along the tendons, with passive and viscous force where they took
         part [N]
     reserve_names : names of reserves, residuals and the model's other actuators
-    reserves : (frames, reserves) their forces [N] and torques [N m]
+    actuator_force : (frames, reserves) their forces [N] and torques [N m]
     coordinates : the free coordinates that were balanced
-    torques : (frames, coordinates) what muscles and reserves had to give together: inverse
+    balanced_torque : (frames, coordinates) what muscles and reserves had to give together: inverse
         dynamics, dependent coordinates handed on, passive torques of joints taken off [N m or N]
     equilibrium_residual : (frames,) greatest torque or force left unbalanced [N m or N]
     status : (frames,) index into `STATUS_NAMES`: optimal, infeasible, not converged, missing input,
         not determined (no muscle is left whose limb's load is known)
     iterations : (frames,)
-    lower, upper : (muscles,) bounds of the activations
+    activation_lower, activation_upper : (muscles,) bounds of the activations
     overstretched : muscles whose passive force passes their maximum isometric force in some frame,
         where it takes part: the model's fiber and tendon lengths do not fit the pose, and forces
         mislead
-    viscous : (frames, muscles) that part of `forces` that is the muscles' viscosity [N], 0 where
+    muscle_viscous_force : (frames, muscles) that part of `muscle_force` that is the muscles' viscosity [N], 0 where
         none took part
-    passive_share, passive_time : (muscles,) greatest passive force over the maximum isometric
+    muscle_passive_share, muscle_passive_time : (muscles,) greatest passive force over the maximum isometric
         force, and when [s]; 0 where passive force takes no part
     contacts : forces at contact sites, NaN where the frame was not solved; None where none were
         asked for
@@ -228,28 +228,32 @@ class Tension(Labelled):
 
     time: Array
     muscles: tuple[str, ...]
-    activations: Array
-    forces: Array
+    activation: Array
+    muscle_force: Array
     reserve_names: tuple[str, ...]
-    reserves: Array
+    actuator_force: Array
     coordinates: tuple[str, ...]
-    torques: Array
+    balanced_torque: Array
     equilibrium_residual: Array
     status: np.ndarray
     iterations: np.ndarray
-    lower: Array
-    upper: Array
+    activation_lower: Array
+    activation_upper: Array
     overstretched: tuple[str, ...]
     options: TensionOptions
-    viscous: Array = field(default_factory=lambda: np.zeros((1, 1)))
-    passive_share: Array = field(default_factory=lambda: np.zeros(1))
-    passive_time: Array = field(default_factory=lambda: np.zeros(1))
+    muscle_viscous_force: Array = field(default_factory=lambda: np.zeros((1, 1)))
+    muscle_passive_share: Array = field(default_factory=lambda: np.zeros(1))
+    muscle_passive_time: Array = field(default_factory=lambda: np.zeros(1))
     contacts: ContactForces | None = None
     fibers: Fibers | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "viscous", np.broadcast_to(self.viscous, self.forces.shape))
-        for name in ("passive_share", "passive_time"):
+        object.__setattr__(
+            self,
+            "muscle_viscous_force",
+            np.broadcast_to(self.muscle_viscous_force, self.muscle_force.shape),
+        )
+        for name in ("muscle_passive_share", "muscle_passive_time"):
             object.__setattr__(
                 self, name, np.broadcast_to(getattr(self, name), (len(self.muscles),))
             )
@@ -262,59 +266,8 @@ class Tension(Labelled):
         """Activations, forces, actuators, torques, status of frames, and fibers."""
         return TENSION if self.fibers is None else (*TENSION, *FIBERS_OF_TENSION)
 
-    def activation(self, muscle: str) -> Array:
-        """Activation of one muscle.
-
-        Parameters
-        ----------
-        muscle : by name
-
-        Returns
-        -------
-        (frames,) 0 to 1
-
-        Raises
-        ------
-        UnknownName : no muscle has that name
-        """
-        return self.activations[:, index_of("muscle", muscle, self.muscles)]
-
-    def force(self, muscle: str) -> Array:
-        """Force of one muscle along its tendon.
-
-        Parameters
-        ----------
-        muscle : by name
-
-        Returns
-        -------
-        (frames,) [N]
-
-        Raises
-        ------
-        UnknownName : no muscle has that name
-        """
-        return self.forces[:, index_of("muscle", muscle, self.muscles)]
-
-    def reserve(self, name: str) -> Array:
-        """Torque or force of one reserve.
-
-        Parameters
-        ----------
-        name : of the reserve
-
-        Returns
-        -------
-        (frames,) [N m or N]
-
-        Raises
-        ------
-        UnknownName : no reserve has that name
-        """
-        return self.reserves[:, index_of("reserve", name, self.reserve_names)]
-
     @property
-    def is_overstretched(self) -> np.ndarray:
+    def muscle_overstretched(self) -> np.ndarray:
         """(muscles,) whether a muscle is one of `overstretched`."""
         return np.array([name in self.overstretched for name in self.muscles], bool)
 
@@ -331,7 +284,7 @@ class Tension(Labelled):
     @property
     def undetermined(self) -> np.ndarray:
         """(frames, muscles) whether a muscle has no tension: its limb's load is unmeasured."""
-        return np.isnan(self.activations) & np.isin(self.status, (OPTIMAL, NOT_DETERMINED))[:, None]
+        return np.isnan(self.activation) & np.isin(self.status, (OPTIMAL, NOT_DETERMINED))[:, None]
 
     @property
     def pushing(self) -> tuple[str, ...]:
@@ -339,7 +292,7 @@ class Tension(Labelled):
 
         They shorten against their viscosity faster than they pull.
         """
-        forces = np.where(np.isnan(self.forces), 0.0, self.forces)
+        forces = np.where(np.isnan(self.muscle_force), 0.0, self.muscle_force)
         pushes = np.nanmin(forces, axis=0, initial=0.0) < 0.0
         return tuple(name for name, push in zip(self.muscles, pushes, strict=True) if push)
 
@@ -349,9 +302,17 @@ class Tension(Labelled):
 
         Each by its name, the share of the maximum isometric force, and the time [s].
         """
-        order = [i for i in np.argsort(-self.passive_share) if self.passive_share[i] > LARGE]
+        order = [
+            i
+            for i in np.argsort(-self.muscle_passive_share)
+            if self.muscle_passive_share[i] > LARGE
+        ]
         return tuple(
-            (self.muscles[i], float(self.passive_share[i]), float(self.passive_time[i]))
+            (
+                self.muscles[i],
+                float(self.muscle_passive_share[i]),
+                float(self.muscle_passive_time[i]),
+            )
             for i in order
         )
 
@@ -445,7 +406,7 @@ def missing_support(tension: Tension, weight: float) -> tuple[Finding, ...]:
     weight : of the body [N]
     """
     columns = [tension.reserve_names.index(name) for name in tension.residual_names]
-    residuals = np.linalg.norm(tension.reserves[:, columns], axis=1)
+    residuals = np.linalg.norm(tension.actuator_force[:, columns], axis=1)
     known = np.isfinite(residuals).any()
     size = float(np.sqrt(np.nanmean(residuals**2))) if known else 0.0
     if size <= MAX_MISSING * weight:

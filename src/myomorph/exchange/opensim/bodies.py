@@ -54,7 +54,7 @@ def muscle_analysis(here: Analyzed, analysis: Analysis) -> Result:
         )
         notes += left_out
     columns = [model.muscle_names.index(name) for name in names]
-    quantities: dict[str, Array] = {"Length": here.paths.lengths[:, columns]}
+    quantities: dict[str, Array] = {"Length": here.paths.muscle_length[:, columns]}
     if here.without_fibers:
         classes = ", ".join(here.without_fibers)
         notes.append(

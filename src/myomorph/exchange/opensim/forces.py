@@ -51,8 +51,8 @@ def _speeds(here: Analyzed, names: tuple[str, ...]) -> Array:
     moved: BodyMotion | None = None
     for index, name in enumerate(names):
         if name in model.muscle_names:
-            assert here.paths.velocities is not None
-            result[:, index] = here.paths.velocities[:, model.muscle_names.index(name)]
+            assert here.paths.muscle_velocity is not None
+            result[:, index] = here.paths.muscle_velocity[:, model.muscle_names.index(name)]
         elif actuators[name].kind == "coordinate":
             result[:, index] = arrays[1][
                 :, model.coordinate_names.index(actuators[name].coordinate)

@@ -216,7 +216,7 @@ def error_table(fit: KinematicsFit) -> Table:
     """Marker errors as OpenSim's inverse kinematics reports them: of all markers of a frame
     together.
     """
-    total = np.nansum(fit.errors**2, axis=1)
+    total = np.nansum(fit.marker_error**2, axis=1)
     names = ("total_squared_error", "marker_error_RMS", "marker_error_max")
     facts = FrozenMap({"name": "Model Marker Errors from IK"})
     return Table(
@@ -356,17 +356,19 @@ def static_optimization(
     strength = {
         actuator.name: actuator.optimal_force for actuator in (*model.actuators, *actuators)
     }
-    controls = tension.reserves / np.array(
+    controls = tension.actuator_force / np.array(
         [strength[reserve_name] for reserve_name in tension.reserve_names]
     )
     names = (*tension.muscles, *tension.reserve_names)
     facts = FrozenMap({"name": "Static Optimization"})
     # OpenSim has viscosity as a force beside the muscle's.
-    pulls = tension.forces - tension.viscous
+    pulls = tension.muscle_force - tension.muscle_viscous_force
     tables = {
         "activation": Table(
-            tension.time, names, np.hstack([tension.activations, controls]), facts=facts
+            tension.time, names, np.hstack([tension.activation, controls]), facts=facts
         ),
-        "force": Table(tension.time, names, np.hstack([pulls, tension.reserves]), facts=facts),
+        "force": Table(
+            tension.time, names, np.hstack([pulls, tension.actuator_force]), facts=facts
+        ),
     }
     return tables, f"static optimization: {tension_line(model, tension)}"

@@ -112,9 +112,13 @@ class Analyzed:
 
     @cached_property
     def _fibers(self) -> tuple[FiberStates, States]:
-        assert self.paths.velocities is not None
+        assert self.paths.muscle_velocity is not None
         return fiber_states(
-            self.model, self.paths.lengths, self.paths.velocities, self.stored, self.balanced
+            self.model,
+            self.paths.muscle_length,
+            self.paths.muscle_velocity,
+            self.stored,
+            self.balanced,
         )
 
     @property

@@ -95,8 +95,8 @@ def solved_contacts(forces: ContactForces) -> Contacts:
     """Contacts that estimated forces were allowed at: runs of an activation above 0."""
     touches = []
     for index, site in enumerate(forces.sites):
-        for start, stop in runs(forces.activations[:, index] > 0.0):
-            sure = min(float(forces.activations[start:stop, index].max()), 1.0)
+        for start, stop in runs(forces.contact_activation[:, index] > 0.0):
+            sure = min(float(forces.contact_activation[start:stop, index].max()), 1.0)
             touches.append(
                 Touch(
                     site=site.name,

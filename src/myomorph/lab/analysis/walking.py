@@ -172,7 +172,7 @@ def walking_points(model: Model, motion: Motion, fit: KinematicsFit | None = Non
                 if model.marker(marker).body in bodies
             ]
             if near:
-                places[~np.isfinite(fit.errors[:, near]).any(axis=1), column] = np.nan
+                places[~np.isfinite(fit.marker_error[:, near]).any(axis=1), column] = np.nan
     return Series(motion.time, (*names, root), places)
 
 

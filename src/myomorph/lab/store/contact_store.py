@@ -58,7 +58,7 @@ def put_contact_forces(writer: ResultWriter, contact_forces: ContactForces) -> N
 def get_contact_forces(stored: Stored) -> ContactForces | None:
     """What `put_contact_forces` wrote, or None."""
     fields = get_fields(stored, FORCES)
-    if "forces" not in fields:
+    if "contact_force" not in fields:
         return None
     sites = tuple(_site(load) for load in json.loads(stored.facts[SITES]))
     return value_of(ContactForces, fields, {"time": stored.time, "sites": sites})
@@ -146,7 +146,7 @@ def put_joint_contacts(writer: ResultWriter, contacts: JointContactForces) -> No
 def get_joint_contacts(stored: Stored) -> JointContactForces | None:
     """What `put_joint_contacts` wrote, or None."""
     fields = get_fields(stored, (*JOINT_CONTACTS, JOINT_CONTACT_POINT, JOINT_CONTACT_JOINT))
-    if "forces" not in fields:
+    if "joint_contact_force" not in fields:
         return None
     others = {
         "time": stored.time,

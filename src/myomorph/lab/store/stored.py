@@ -78,8 +78,8 @@ def get_fit(stored: Stored) -> KinematicsFit | None:
     if "converged" not in fields:
         return None
     absent = {
-        "errors": np.empty((len(stored.time), 0)),
-        "weights": np.empty(0),
+        "marker_error": np.empty((len(stored.time), 0)),
+        "marker_weight": np.empty(0),
         "unused_markers": (),
         "missing_markers": (),
     }
@@ -238,7 +238,7 @@ def put_tension(
     silent = []
     if not tension.options.passive:
         silent += [MUSCLE_PASSIVE_SHARE, MUSCLE_PASSIVE_TIME]
-    if not tension.viscous.any():
+    if not tension.muscle_viscous_force.any():
         silent.append(MUSCLE_VISCOUS_FORCE)
     put_value(writer, tension, leave_out=silent)
     labels = {"actuator": tension.reserve_names}
@@ -253,10 +253,10 @@ def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
 
     fields = get_fields(stored, TENSION)
     names = stored.names
-    if "activations" not in fields:
+    if "activation" not in fields:
         return None
     strained = fields.pop(MUSCLE_OVERSTRETCHED.field)
-    without_actuators = {"reserves": np.zeros((len(stored.time), 0))}
+    without_actuators = {"actuator_force": np.zeros((len(stored.time), 0))}
     others = {
         "time": stored.time,
         "muscles": names["muscle"],

@@ -279,13 +279,13 @@ class _Muscles:
                 return values
 
             self.activations, self.tensions = map(
-                of_muscles, (results.tension.activations, results.tension.forces)
+                of_muscles, (results.tension.activation, results.tension.muscle_force)
             )
             if fibers is not None:
                 optimal = np.array([muscle.optimal_fiber_length for muscle in model.muscles])
                 self.fibers = (
-                    of_muscles(fibers.lengths) / optimal,
-                    of_muscles(fibers.tendon_strains),
+                    of_muscles(fibers.fiber_length) / optimal,
+                    of_muscles(fibers.tendon_strain),
                 )
 
     def look(self, frame: int, size: float, chosen: Collection[int]) -> tuple[Array, Array]:

@@ -147,7 +147,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     known = {
         COORDINATE_VALUE.name: Series(truth.time, names, tree.coordinates_of(truth)[:, used]),
         GENERALIZED_FORCE.name: Series(truth.time, names, torques.values[:, used]),
-        ACTIVATION.name: Series(truth.time, tension.muscles, tension.activations),
+        ACTIVATION.name: Series(truth.time, tension.muscles, tension.activation),
     }
     return TrialInputs(
         name="squat",

@@ -412,15 +412,15 @@ class ElasticProblem(TensionProblem):
             lengths=self.lengths,
             speeds=self.speeds,
             normalized=self._tendon_forces,
-            forces=tension.forces,
+            forces=tension.muscle_force,
         )
         motion = fibers_at(self.muscles, self._time, paths)
         fibers = Fibers(
-            lengths=motion.lengths,
-            velocities=motion.velocities,
-            tendon_strains=motion.tendon_strains,
-            fiber_powers=motion.fiber_powers,
-            tendon_powers=motion.tendon_powers,
+            fiber_length=motion.lengths,
+            fiber_velocity=motion.velocities,
+            tendon_strain=motion.tendon_strains,
+            fiber_power=motion.fiber_powers,
+            tendon_power=motion.tendon_powers,
             transient=self._transient,
             bridged=self._bridged,
             rigid=tuple(

@@ -308,7 +308,7 @@ LOAD_HEAD = ("Force", "Stride", "From", "to", "Peak", "Peak, body weights", "at"
 def joint_contact_section(prepared: Prepared) -> Section | None:
     """Whole force of each joint and the force at each of its contact points, in body weights."""
     forces = prepared.results.joint_contacts
-    if forces is None or not len(forces) or not np.isfinite(forces.totals).any():
+    if forces is None or not len(forces) or not np.isfinite(forces.joint_contact_total).any():
         return None
     strides = prepared.strides
     figures = tuple(
@@ -355,8 +355,8 @@ def _not_carried(forces: JointContactForces) -> str:
     """What the points do not carry, joint by joint, as sentences; "" where that is nothing."""
     texts = []
     for j, joint in enumerate(forces.joints):
-        moment = float(np.nanmax(forces.unbalanced_moments[:, j]))
-        pull = float(np.nanmax(forces.unbalanced_forces[:, j]))
+        moment = float(np.nanmax(forces.joint_contact_unbalanced_moment[:, j]))
+        pull = float(np.nanmax(forces.joint_contact_unbalanced_force[:, j]))
         if moment > 0.1:
             texts.append(
                 f"where a point of {joint} lifts off, a moment of up to {number(moment)} N·m is"
@@ -376,7 +376,7 @@ def _joint_chart(
 ) -> str:
     points = [index for index, name in enumerate(forces.joint_of) if name == joint]
     names = ("whole joint", *(forces.points[point] for point in points))
-    columns = [forces.of(joint), *(forces.forces[:, point] for point in points)]
+    columns = [forces.of(joint), *(forces.joint_contact_force[:, point] for point in points)]
     loads = Series(forces.time, names, np.stack(columns, axis=1) / forces.weight)
     steps = own_strides(joint, strides)
     styles = (ORDINAL * (1 + len(names) // len(ORDINAL)))[: len(names)]

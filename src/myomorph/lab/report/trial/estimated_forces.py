@@ -84,7 +84,7 @@ def _instead(forces: ContactForces, measured: Wrenches, model: Model | None) -> 
     bodies = _bodies(forces, model)
     result = np.zeros((len(forces), len(measured.names)), dtype=bool)
     for column, site in enumerate(forces.sites):
-        on = forces.activations[:, column] > 0.0
+        on = forces.contact_activation[:, column] > 0.0
         for j, body in enumerate(measured.bodies):
             if not body or body in bodies[site.group]:
                 result[on, j] = True
@@ -176,8 +176,8 @@ def groups_of(
         label = row_label(name, who) + (
             f" on {row_label(against, who).lower()}" if against != GROUND else ""
         )
-        ready = np.asarray((forces.activations[:, member] > 0.0).any(axis=1))
-        force = forces.forces[:, member].sum(axis=1)
+        ready = np.asarray((forces.contact_activation[:, member] > 0.0).any(axis=1))
+        force = forces.contact_force[:, member].sum(axis=1)
         groups.append(
             Group(
                 name=name,

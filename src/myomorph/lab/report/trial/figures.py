@@ -55,11 +55,11 @@ def marker_figures(
         "name_events": True,
     }
     over_time = time_plot("Marker errors over time", "cm", lines, span, events, levels, **shape)
-    seen = np.isfinite(fit.errors)
-    squares = np.where(seen, fit.errors, 0.0) ** 2
+    seen = np.isfinite(fit.marker_error)
+    squares = np.where(seen, fit.marker_error, 0.0) ** 2
     with np.errstate(invalid="ignore"):
         rms = 100 * np.sqrt(squares.sum(axis=0) / seen.sum(axis=0))
-    largest = 100 * np.max(np.where(seen, fit.errors, -np.inf), axis=0, initial=-np.inf)
+    largest = 100 * np.max(np.where(seen, fit.marker_error, -np.inf), axis=0, initial=-np.inf)
     largest = np.where(np.isfinite(largest), largest, np.nan)
     order = np.argsort(-np.nan_to_num(rms, nan=-1.0))[:MAX_BARS]
     title = "Marker errors by marker"

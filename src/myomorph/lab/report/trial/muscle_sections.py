@@ -67,7 +67,7 @@ def activation_section(prepared: Prepared) -> Section | None:
     series = results.activations
     if tension is None or series is None:
         return None
-    mean = np.nanmean(tension.forces, axis=0) if len(tension.forces) else None
+    mean = np.nanmean(tension.muscle_force, axis=0) if len(tension.muscle_force) else None
     chosen = major_muscles(tension.muscles, mean)
     shown = (prepared.detail, prepared.events)
     strengths = results.strengths
@@ -107,12 +107,12 @@ def tension_section(prepared: Prepared) -> Section | None:
     tension = prepared.results.tension
     if tension is None or not len(tension.time) or not len(tension.muscles):
         return None
-    drawing = tension_map(tension.time, tension.forces, tension.muscles, prepared.events)
-    forces = Series(tension.time, tension.muscles, tension.forces)
+    drawing = tension_map(tension.time, tension.muscle_force, tension.muscles, prepared.events)
+    forces = Series(tension.time, tension.muscles, tension.muscle_force)
     rows = []
     strengths = prepared.results.strengths
     for row in sorted(extremes(forces), key=lambda extreme: -extreme.high):
-        active = number(float(np.nanmax(tension.activations[:, tension.muscles.index(row.name)])))
+        active = number(float(np.nanmax(tension.activation[:, tension.muscles.index(row.name)])))
         most = strengths.get(row.name, 0.0)
         share = f"{number(100 * row.high / most)} %" if most > 0 else "–"
         mean = f"{number(float(np.nanmean(forces[row.name])))} N"
@@ -322,7 +322,7 @@ def fiber_section(prepared: Prepared) -> Section | None:
     ):
         return None
     fibers = tension.fibers
-    mean = np.nan_to_num(tension.forces).mean(axis=0)
+    mean = np.nan_to_num(tension.muscle_force).mean(axis=0)
     elastic = [name for name in tension.muscles if name not in fibers.rigid]
     by_name = dict(zip(tension.muscles, mean, strict=True))
     pairs = (
@@ -370,12 +370,13 @@ def _fiber_charts(
     ]
     optimal = [model.muscle(name).optimal_fiber_length for name, _ in columns]
     normal = [
-        fibers.lengths[:, m] / optimum for (_, m), optimum in zip(columns, optimal, strict=True)
+        fibers.fiber_length[:, m] / optimum
+        for (_, m), optimum in zip(columns, optimal, strict=True)
     ]
-    strains = [100.0 * fibers.tendon_strains[:, m] for _, m in columns]
+    strains = [100.0 * fibers.tendon_strain[:, m] for _, m in columns]
     names = [name for name, _ in columns]
     first, at = columns[0]
-    powers = [fibers.fiber_powers[:, at], fibers.tendon_powers[:, at]]
+    powers = [fibers.fiber_power[:, at], fibers.tendon_power[:, at]]
     charts = (
         # Longer headings, "Biceps femoris, long head: fiber length", run into that of the chart
         # beside.

@@ -246,7 +246,7 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
         )
         if model is not None and torques is not None:
             names = results.reserve_coordinates
-            reserves = tension.reserves
+            reserves = tension.actuator_force
             rows += tables.reserve_verdicts(
                 model, torques, names, reserves, tension.time, results.muscles.driven
             )
@@ -262,5 +262,5 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
                     tension.overstretched, len(tension.muscles), tension.large_passive
                 )
             )
-        rows += tables.saturation_verdicts(tension.muscles, tension.activations, most, tension.time)
+        rows += tables.saturation_verdicts(tension.muscles, tension.activation, most, tension.time)
     return rows

@@ -199,7 +199,7 @@ class ReportInput:
         tension = self.tension
         if tension is None or not len(tension.time):
             return None
-        return Series(tension.time, tension.muscles, tension.activations)
+        return Series(tension.time, tension.muscles, tension.activation)
 
     @property
     def strengths(self) -> Mapping[str, float]:

@@ -92,7 +92,7 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
 def marker_section(prepared: Prepared) -> Section | None:
     """Marker errors over time and one by one."""
     fit = prepared.results.kinematics.fit
-    if fit is None or not len(fit.motion) or not np.isfinite(fit.errors).any():
+    if fit is None or not len(fit.motion) or not np.isfinite(fit.marker_error).any():
         return None
     over_time, *bars = drawings.marker_figures(fit, prepared.span, prepared.events, prepared.scale)
     text = f"{len(fit.marker_names)} markers were followed"

@@ -38,14 +38,16 @@ def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -
         unused = ""
     text = f"{len(fit.motion)} frames, {matched}{unused}"
     sensed = _sensors_text(fit)
-    if not np.isfinite(fit.errors).any():
+    if not np.isfinite(fit.marker_error).any():
         return f"{text}: {sensed or 'no frame shows a marker'}"
     worst, largest, lost, *_ = tables.marker_verdicts(fit, tables.body_scale(markers))
     within = "within" if worst.state == largest.state == "ok" else "over"
     sensors = f"; {sensed}" if sensed else ""
     unconverged = f"; {lost.value:.0f} frames did not converge" if lost.value else ""
     closed = (
-        "" if fit.closure is None else f"; loops closed to {float(np.nanmax(fit.closure)):.1g} m"
+        ""
+        if fit.loop_closure_error is None
+        else f"; loops closed to {float(np.nanmax(fit.loop_closure_error)):.1g} m"
     )
     return (
         f"{text}: root mean square {100 * float(np.nanmean(fit.rms)):.2f} cm (worst frame"
@@ -59,7 +61,7 @@ def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -
 
 def _sensors_text(fit: KinematicsFit) -> str:
     """How well the sensors are explained; "" without any."""
-    errors = np.degrees(fit.sensor_errors)
+    errors = np.degrees(fit.sensor_error)
     if not np.isfinite(errors).any():
         return ""
     rms = np.sqrt(np.nanmean(errors**2, axis=0))
@@ -130,10 +132,12 @@ def tension_line(model: Model, tension: Tension) -> str:
             f", {share:.0f} % of the tensions not determined (no plate measures the load of their"
             " limb alone)"
         )
-    if tension.reserves.size:
+    if tension.actuator_force.size:
         text += _reserves(model, tension)
     if tension.contacts is not None:
-        peak = float(np.linalg.norm(tension.contacts.forces.sum(axis=1), axis=1).max(initial=0.0))
+        peak = float(
+            np.linalg.norm(tension.contacts.contact_force.sum(axis=1), axis=1).max(initial=0.0)
+        )
         groups = len({site.group for site in tension.contacts.sites})
         text += f"; {groups} contacts carry up to {peak:.4g} N together"
     if tension.pushing:
@@ -151,13 +155,13 @@ def _reserves(model: Model, tension: Tension) -> str:
     """
     time = tension.time
     text = ""
-    torques = Series(time, tension.coordinates, tension.torques)
+    torques = Series(time, tension.coordinates, tension.balanced_torque)
     names = [reserve_coordinate(model, name) for name in tension.reserve_names]
     alone = _without_muscles(torques, names, tension)
     driven = [name for name in tension.coordinates if name not in alone]
-    worst = tables.worst_reserve(model, torques, names, tension.reserves, driven)
+    worst = tables.worst_reserve(model, torques, names, tension.actuator_force, driven)
     if worst is not None:
-        value = abs(float(tension.reserves[worst.frame, worst.column]))
+        value = abs(float(tension.actuator_force[worst.frame, worst.column]))
         at = float(time[worst.frame])
         unit = reserve_unit(model, worst.coordinate)
         verdict = "within" if worst.share <= tables.RESERVE else "over"
@@ -172,7 +176,7 @@ def _reserves(model: Model, tension: Tension) -> str:
             for i, name in enumerate(tension.reserve_names)
             if _residual_unit(model, name, names[i]) == unit
         ]
-        values = np.abs(tension.reserves[:, columns])
+        values = np.abs(tension.actuator_force[:, columns])
         if columns and np.isfinite(values).any():
             frame, column = np.unravel_index(int(np.nanargmax(values)), values.shape)
             name = tension.reserve_names[columns[column]]
@@ -196,7 +200,10 @@ def _without_muscles(torques: Series, names: list[str], tension: Tension) -> lis
     for i, name in enumerate(names):
         if name in torques.names and np.isfinite(torques[name]).any():
             peak = float(np.nanmax(np.abs(torques[name])))
-            if float(np.nanmax(np.abs(torques[name] - tension.reserves[:, i]))) <= ALONE * peak:
+            if (
+                float(np.nanmax(np.abs(torques[name] - tension.actuator_force[:, i])))
+                <= ALONE * peak
+            ):
                 result.append(name)
     return result
 

@@ -54,19 +54,19 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
     """Marker errors: RMS of the worst frame under 2 cm, largest under 4 cm (Hicks et al. 2015),
     times `scale`.
     """
-    if not np.isfinite(fit.errors).any():
+    if not np.isfinite(fit.marker_error).any():
         return []
     time = fit.motion.time
     rms = 100 * fit.rms
     frame = int(np.nanargmax(rms))
-    when, who = np.unravel_index(int(np.nanargmax(fit.errors)), fit.errors.shape)
-    detail = f"{100 * float(np.sqrt(np.nanmean(fit.errors**2))):.2f} cm over all frames"
+    when, who = np.unravel_index(int(np.nanargmax(fit.marker_error)), fit.marker_error.shape)
+    detail = f"{100 * float(np.sqrt(np.nanmean(fit.marker_error**2))):.2f} cm over all frames"
     detail += (
         ""
         if scale == 1.0
         else f"; the limit of human size times {scale:.3f}, the size of this body"
     )
-    values = float(rms[frame]), 100 * float(fit.errors[when, who])
+    values = float(rms[frame]), 100 * float(fit.marker_error[when, who])
     limits = 100 * MARKER_RMS * scale, 100 * MARKER_LARGEST * scale
     first = float(time[frame])
     at = float(time[when])
@@ -94,9 +94,9 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
             Quantity.NOT_CONVERGED, fit.seen & ~np.asarray(fit.converged, dtype=bool), time
         ),
     ]
-    if fit.closure is not None:
-        frame = int(np.nanargmax(fit.closure))
-        opened = 1e3 * float(fit.closure[frame])
+    if fit.loop_closure_error is not None:
+        frame = int(np.nanargmax(fit.loop_closure_error))
+        opened = 1e3 * float(fit.loop_closure_error[frame])
         rows.append(
             Verdict(
                 quantity=Quantity.LOOP_CLOSURE,

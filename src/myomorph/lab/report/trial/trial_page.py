@@ -128,8 +128,8 @@ def _tiles(prepared: Prepared) -> list[Tile]:
     results = prepared.results
     tiles = []
     fit = results.kinematics.fit
-    if fit is not None and np.isfinite(fit.errors).any():
-        rms = 100 * float(np.sqrt(np.nanmean(fit.errors**2)))
+    if fit is not None and np.isfinite(fit.marker_error).any():
+        rms = 100 * float(np.sqrt(np.nanmean(fit.marker_error**2)))
         tiles.append(
             Tile(f"{number(rms)} cm", "marker error, RMS", _state(prepared, Quantity.MARKER_RMS))
         )

@@ -134,10 +134,10 @@ def refined_fit(
     fit = replace(
         fit,
         motion=motion,
-        errors=errors,
+        marker_error=errors,
         converged=fit.converged[rows],
         iterations=fit.iterations[rows],
-        closure=None if fit.closure is None else fit.closure[rows],
+        loop_closure_error=None if fit.loop_closure_error is None else fit.loop_closure_error[rows],
     )
     return replace(checked, fit=fit, markers=markers), notes
 

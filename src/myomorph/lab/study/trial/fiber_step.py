@@ -96,12 +96,12 @@ def fiber_work(
         ]
         for number, start, stop in spans or [(0, float(time[0]), float(time[-1]))]:
             inside = (time >= start - 1e-9) & (time <= stop + 1e-9) & ~fibers.transient
-            known = np.flatnonzero(inside & np.isfinite(fibers.fiber_powers[:, m]))
+            known = np.flatnonzero(inside & np.isfinite(fibers.fiber_power[:, m]))
             if len(known) < 2:
                 continue
-            fiber = fibers.fiber_powers[known, m]
-            tendon = fibers.tendon_powers[known, m]
-            lengths = fibers.lengths[known, m] / optimal[name]
+            fiber = fibers.fiber_power[known, m]
+            tendon = fibers.tendon_power[known, m]
+            lengths = fibers.fiber_length[known, m] / optimal[name]
             fiber_done, fiber_absorbed = _work(time[known], fiber)
             tendon_returned, tendon_stored = _work(time[known], tendon)
             result.append(
@@ -116,7 +116,7 @@ def fiber_work(
                     tendon_stored=tendon_stored,
                     fiber_peak=float(fiber.max()),
                     tendon_peak=float(tendon.max()),
-                    max_strain=float(fibers.tendon_strains[known, m].max()),
+                    max_strain=float(fibers.tendon_strain[known, m].max()),
                     shortest=float(lengths.min()),
                     longest=float(lengths.max()),
                 )
@@ -143,7 +143,7 @@ def write_fibers(
     if fibers is None:
         return ()
     values = {quantity: quantity.of(fibers) for quantity in FIBER_TABLES} | {
-        TENDON_FORCE: tension.forces
+        TENDON_FORCE: tension.muscle_force
     }
     for quantity, table in values.items():
         series = Series(tension.time, tension.muscles, table, quantity=quantity)
@@ -198,7 +198,7 @@ def fiber_notes(tension: Tension) -> tuple[str, ...]:
             f" {first:.3f} and {last:.3f} s: interpolated for the tendons' dynamics, without"
             " results there"
         )
-    inside = np.where(fibers.transient[:, None], np.nan, fibers.tendon_strains)
+    inside = np.where(fibers.transient[:, None], np.nan, fibers.tendon_strain)
     most = np.max(np.nan_to_num(inside, nan=-np.inf), axis=0, initial=-np.inf)
     torn = np.flatnonzero(most > LARGE_STRAIN)
     if len(torn):
@@ -226,7 +226,7 @@ def fiber_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
         return ()
     muscles = stored.names["muscle"]
     optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
-    normal = fibers.lengths / np.array([optimal.get(name, np.nan) for name in muscles])
+    normal = fibers.fiber_length / np.array([optimal.get(name, np.nan) for name in muscles])
 
     found = {NORMALIZED_FIBER_LENGTH: normal} | {
         quantity: quantity.of(fibers) for quantity in (TENDON_STRAIN, FIBER_POWER, TENDON_POWER)
@@ -243,7 +243,7 @@ def fiber_numbers(stored: Stored) -> Iterator[Value]:
     fibers = get_fibers(stored)
     if fibers is None:
         return
-    strains = inside_ends(fibers, fibers.tendon_strains)
+    strains = inside_ends(fibers, fibers.tendon_strain)
     if np.isfinite(strains).any():
         yield Value(
             step="tension",

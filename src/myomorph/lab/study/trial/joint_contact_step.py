@@ -66,9 +66,9 @@ def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tupl
     """
     notes = []
     for j, joint in enumerate(contacts.joints):
-        force = contacts.totals[:, j]
-        moment = contacts.unbalanced_moments[:, j]
-        pull = contacts.unbalanced_forces[:, j]
+        force = contacts.joint_contact_total[:, j]
+        moment = contacts.joint_contact_unbalanced_moment[:, j]
+        pull = contacts.joint_contact_unbalanced_force[:, j]
         loaded = force > LOADED * contacts.weight
         bad = loaded & (moment > LEFT * force * half[joint]) & (half[joint] > 0.0)
         if bad.any():
@@ -77,7 +77,7 @@ def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tupl
             up = ", ".join(
                 contacts.points[column]
                 for column in columns
-                if contacts.forces[worst, column] <= 1e-6 * force[worst]
+                if contacts.joint_contact_force[worst, column] <= 1e-6 * force[worst]
             )
             notes.append(
                 f"{joint}: in {int(bad.sum())} of {len(bad)} frames a contact point of the loaded"

@@ -27,9 +27,9 @@ def without_unmeasured_limbs(
     limbs = chains(model, walking_limbs(model))
     joints = {joint.child: joint.coordinates for joint in model.joints}
     paths = [{point.body for point in model.muscle(name).path.points} for name in tension.muscles]
-    muscles = np.zeros(tension.forces.shape, bool)
-    coordinates = np.zeros(tension.torques.shape, bool)
-    reserves = np.zeros(tension.reserves.shape, bool)
+    muscles = np.zeros(tension.muscle_force.shape, bool)
+    coordinates = np.zeros(tension.balanced_torque.shape, bool)
+    reserves = np.zeros(tension.actuator_force.shape, bool)
     for finding in findings:
         if finding.kind == UNDETERMINED and finding.place in limbs:
             bodies = limbs[finding.place]
@@ -45,9 +45,9 @@ def without_unmeasured_limbs(
         return tension
     return replace(
         tension,
-        activations=np.where(muscles, np.nan, tension.activations),
-        forces=np.where(muscles, np.nan, tension.forces),
-        torques=np.where(coordinates, np.nan, tension.torques),
-        reserves=np.where(reserves, np.nan, tension.reserves),
+        activation=np.where(muscles, np.nan, tension.activation),
+        muscle_force=np.where(muscles, np.nan, tension.muscle_force),
+        balanced_torque=np.where(coordinates, np.nan, tension.balanced_torque),
+        actuator_force=np.where(reserves, np.nan, tension.actuator_force),
         status=np.where(muscles.all(axis=1), NOT_DETERMINED, tension.status),
     )

@@ -88,7 +88,7 @@ def lengthening(specimen: Specimen, motion: Motion, slopes: Array) -> Array:
     if not specimen.muscles or not seen.any():
         return result
     part = Motion(motion.time[seen], motion.names, motion.values[seen])
-    arms = muscle_kinematics(specimen.model, part, velocities=False).moment_arms
+    arms = muscle_kinematics(specimen.model, part, velocities=False).moment_arm
     columns = [specimen.model.coordinate_names.index(name) for name in specimen.joint_coordinates]
     rows = [specimen.model.muscle_names.index(strand) for strand, _ in strands]
     roots = np.sqrt([count for _, count in strands])

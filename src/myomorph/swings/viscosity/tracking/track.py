@@ -256,7 +256,7 @@ def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
     """(frames,) weight in means: 1 where all markers are seen that the trial ever shows, `PARTIAL`
     where two of each bone are, else 0; `PARTIAL` wherever any is seen if that is nowhere so.
     """
-    seen = np.isfinite(fit.errors)
+    seen = np.isfinite(fit.marker_error)
     ever = seen.any(axis=0)
     bodies = np.array([specimen.model.marker(name).body for name in fit.marker_names])
     enough = np.ones(len(seen), bool)
@@ -311,7 +311,7 @@ def _joint_alone(
     fit = inverse_kinematics(specimen.model, markers, options, progress)
     columns = [fit.motion.names.index(name) for name in specimen.joint_coordinates]
     values = fit.motion.values[:, columns].copy()
-    values[np.isfinite(fit.errors).sum(axis=1) < 2] = np.nan
+    values[np.isfinite(fit.marker_error).sum(axis=1) < 2] = np.nan
     return replace(
         fit,
         motion=on_one_branch(specimen, Motion(fit.motion.time, specimen.joint_coordinates, values)),

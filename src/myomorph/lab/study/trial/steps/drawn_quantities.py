@@ -179,7 +179,7 @@ class Strength:
 
 def _peaks(tension: Tension) -> tuple[dict[str, float], dict[str, float]]:
     """Largest torque of every coordinate, and what its reserve gives at most."""
-    tables = (tension.torques, tension.reserves)
+    tables = (tension.balanced_torque, tension.actuator_force)
     torques_table, reserves_table = tables
     torques = np.abs(np.nan_to_num(torques_table)).max(axis=0, initial=0.0).tolist()
     reserves = np.abs(np.nan_to_num(reserves_table)).max(axis=0, initial=0.0).tolist()

@@ -326,7 +326,7 @@ def chain_of(
             span = float(recorded.time[0]), float(recorded.time[-1])
             markers = cut(markers, *span)
             base = cut(base, *span)
-        errors = np.sqrt(np.nanmean(checked.fit.errors**2, axis=0))
+        errors = np.sqrt(np.nanmean(checked.fit.marker_error**2, axis=0))
         residuals = dict(zip(checked.fit.marker_names, errors.tolist(), strict=True))
     elif trial.model.markers:
         markers = marker_positions(trial.model, recorded)

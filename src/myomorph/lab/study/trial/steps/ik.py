@@ -131,7 +131,7 @@ def used_markers(trial: TrialInputs, markers: Markers) -> Markers:
 
 def error_table(fit: KinematicsFit) -> Table:
     """Marker errors as a table: root mean square, largest, and each marker's [m]."""
-    values = np.column_stack([fit.rms, fit.largest, fit.errors])
+    values = np.column_stack([fit.rms, fit.largest, fit.marker_error])
     return Table(fit.motion.time, ("rms", "largest", *fit.marker_names), values)
 
 
@@ -149,7 +149,7 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
         of_sensors = Series(
             checked.fit.motion.time,
             checked.fit.sensor_names,
-            checked.fit.sensor_errors,
+            checked.fit.sensor_error,
             quantity=SENSOR_ERROR,
         )
         write_series(output.folder, of_sensors)
@@ -219,24 +219,24 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
             step="ik", quantity="duration", value=float(stored.time[-1] - stored.time[0]), unit="s"
         )
     fit = store.get_fit(stored)
-    if fit is not None and np.isfinite(fit.errors).any():
+    if fit is not None and np.isfinite(fit.marker_error).any():
         yield Value(
             step="ik",
             quantity="marker error, RMS",
-            value=float(np.sqrt(np.nanmean(fit.errors**2))),
+            value=float(np.sqrt(np.nanmean(fit.marker_error**2))),
             unit="m",
         )
         yield Value(
             step="ik",
             quantity="marker error, largest",
-            value=float(np.nanmax(fit.errors)),
+            value=float(np.nanmax(fit.marker_error)),
             unit="m",
         )
-    if fit is not None and np.isfinite(fit.sensor_errors).any():
+    if fit is not None and np.isfinite(fit.sensor_error).any():
         yield Value(
             step="ik",
             quantity="sensor error, RMS",
-            value=float(np.degrees(np.sqrt(np.nanmean(fit.sensor_errors**2)))),
+            value=float(np.degrees(np.sqrt(np.nanmean(fit.sensor_error**2)))),
             unit="deg",
         )
     if fit is not None and fit.seen.any():
@@ -255,7 +255,7 @@ def _outcome(outcome: Outcome, poses: Poses) -> Outcome:
     texts = tuple(map(str, poses.findings))
     outcome = replace(outcome, frames=len(poses.recorded), findings=(*outcome.findings, *texts))
     fit = poses.fit
-    if fit is not None and np.isfinite(fit.errors).any():
+    if fit is not None and np.isfinite(fit.marker_error).any():
         rms = float(np.nanmean(fit.rms))
         largest = float(np.nanmax(fit.largest))
         outcome = replace(outcome, rms=rms, largest=largest)

@@ -401,7 +401,7 @@ def _residuals(tension: Tension | None) -> Series | None:
     if tension is None or not tension.residual_names:
         return None
     columns = [tension.reserve_names.index(name) for name in tension.residual_names]
-    return Series(tension.time, tension.residual_names, tension.reserves[:, columns])
+    return Series(tension.time, tension.residual_names, tension.actuator_force[:, columns])
 
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
