@@ -7,9 +7,15 @@ import sys
 import numpy as np
 import pytest
 
-from myomorph.core.model.errors import MissingPackage
+from myomorph.core.model.contacts import ContactForces
+from myomorph.core.model.errors import BadData, MissingPackage, UnknownName
 from myomorph.core.model.series import Markers, Motion, Series, Wrenches
 from myomorph.core.model.surface import Surface, turned_outward
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.muscles.kinematics import MuscleKinematics
+from myomorph.core.tension.joint_contact import JointContactForces
+from myomorph.core.tension.quantities import TENSION
+from myomorph.core.tension.tension import Tension
 
 TIME = np.arange(5) / 10.0
 VALUES = np.random.default_rng(0).normal(size=(5, 2))
@@ -70,3 +76,35 @@ def test_a_missing_package_is_named_with_its_extra(monkeypatch):
     pillow = Surface(np.eye(3), np.array([[0, 1, 2], [0, 1, 2]]))
     with pytest.raises(MissingPackage, match=r"needs the package 'libigl': .*myomorph\[morph\]"):
         turned_outward(pillow.vertices, pillow.faces)
+
+
+def test_a_curve_is_found_by_name():
+    motion = Motion(time=TIME, names=("a", "b"), values=VALUES, velocities=2.0 * VALUES)
+    np.testing.assert_array_equal(motion.curve("coordinate_velocity", "b"), 2.0 * VALUES[:, 1])
+    np.testing.assert_array_equal(motion.curve("coordinate_value"), VALUES)
+
+
+@pytest.mark.parametrize(
+    ("labels", "error"),
+    [(("coordinate_velocity", "a"), UnknownName), (("coordinate_value", "c"), UnknownName)],
+)
+def test_a_curve_that_is_not_there_is_said(labels, error):
+    with pytest.raises(error):
+        Motion(time=TIME, names=("a", "b"), values=VALUES).curve(*labels)
+
+
+def test_a_curve_has_no_more_labels_than_axes():
+    with pytest.raises(BadData, match="axes"):
+        Motion(time=TIME, names=("a", "b"), values=VALUES).curve("coordinate_value", "a", "b")
+
+
+@pytest.mark.parametrize(
+    "value", [ContactForces, JointContactForces, KinematicsFit, MuscleKinematics, Tension]
+)
+def test_results_call_their_numbers_as_files_do(value):
+    numbers = [*value.quantities, *TENSION] if value is Tension else value.quantities
+    assert all(
+        quantity.field == quantity.name
+        for quantity in numbers
+        if quantity.kind == "number" and quantity.dims[0] == "time"
+    )

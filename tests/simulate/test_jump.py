@@ -83,12 +83,12 @@ def test_the_model_is_as_long_as_the_jumper(study, fit):
 def test_markers_are_followed(study, fit):
     assert fit.converged.all()
     recorded = [i for i, name in enumerate(fit.marker_names) if "mirrored" not in name]
-    rms = np.sqrt((fit.errors[:, recorded] ** 2).mean(axis=1))
+    rms = np.sqrt((fit.marker_error[:, recorded] ** 2).mean(axis=1))
     assert rms[fit.motion.time <= QUIET[1]].max() < 0.004
     assert rms.max() < 0.02
     # The shoulder moves on a trunk that neither bends sideways nor twists.
     on_bones = [i for i in recorded if fit.marker_names[i] != SHOULDER]
-    assert fit.errors[:, on_bones].max() < 0.04
+    assert fit.marker_error[:, on_bones].max() < 0.04
 
 
 def test_quiet_standing_is_in_balance(study, fit):

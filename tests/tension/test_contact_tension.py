@@ -73,7 +73,7 @@ def test_contacts_and_residuals_carry_the_body_as_newton_asks(walker, hidden):
     model, motion, _, _ = walker
     mass = sum(body.mass for body in model.bodies)
     wanted = mass * (acceleration_of_the_center(model, motion) - model.gravity)
-    given = hidden.contacts.forces.sum(axis=1) + residual(hidden, "F")
+    given = hidden.contacts.contact_force.sum(axis=1) + residual(hidden, "F")
     assert hidden.optimal.all()
     np.testing.assert_allclose(given, wanted, atol=0.02)
     # Residuals are dear enough that contacts carry the weight.
@@ -349,12 +349,12 @@ def test_no_site_carries_more_than_its_most(walker):
 
 
 def test_forces_stay_in_their_cones_and_away_where_nothing_touches(walker, hidden):
-    forces = hidden.contacts.forces
+    forces = hidden.contacts.contact_force
     activations = hidden.contacts.contact_activation
     assert np.all(forces[activations == 0.0] == 0.0)
     assert forces[..., 1].min() >= 0.0
     assert np.all(np.hypot(forces[..., 0], forces[..., 2]) <= 0.8 * forces[..., 1] + 1e-9)
-    inside = hidden.contacts.points[..., 1][activations > 0.9]
+    inside = hidden.contacts.contact_point[..., 1][activations > 0.9]
     assert np.ptp(inside) < 0.1
 
 

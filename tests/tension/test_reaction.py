@@ -107,7 +107,7 @@ def test_muscles_do_on_bodies_what_their_moment_arms_say(walk, data):
     """
     model, motion, _, tension = walk
     work, lost = check_virtual_work(
-        model, compile_tree(model).coordinates_of(motion), tension.forces
+        model, compile_tree(model).coordinates_of(motion), tension.muscle_force
     )
     assert lost.max() < 0.5
     for name in (
@@ -202,7 +202,7 @@ def test_a_reaction_works_on_its_joints_coordinates_only_through_what_acts_there
     model, motion, wrenches, tension = walk
     found = joint_reactions(model, motion, tension, wrenches, frame="ground")
     assert tension.optimal.all()
-    lost = left_over(model, compile_tree(model).coordinates_of(motion), tension.forces)
+    lost = left_over(model, compile_tree(model).coordinates_of(motion), tension.muscle_force)
     for name in ("hip_flexion_r", "ankle_angle_l", "elbow_flex_r", "lumbar_extension"):
         joint = next(one for one in model.joints if name in one.coordinates)
         tree = compile_tree(model)
@@ -435,7 +435,7 @@ def test_what_is_missing_or_unknown_is_named(walk):
     late = replace(tension, time=tension.time + 1.0)
     with pytest.raises(BadData, match="both must have the same times"):
         joint_reactions(model, motion, late)
-    unsolved = replace(tension, forces=np.where(np.arange(6)[:, None] == 2, np.nan, tension.forces))
+    unsolved = replace(tension, forces=np.where(np.arange(6)[:, None] == 2, np.nan, tension.muscle_force))
     found = joint_reactions(model, motion, unsolved, wrenches, ["hip_r"])
     assert np.isnan(found.forces[2]).all()
     assert np.isfinite(found.forces[[0, 1, 3, 4, 5]]).all()

@@ -86,10 +86,10 @@ def test_files_hold_fibers_and_tendons(solved, stored):
     tension = solved[2]
     folder = stored[0]
     held = {
-        "fiber_lengths": tension.fibers.lengths,
-        "fiber_velocities": tension.fibers.velocities,
+        "fiber_lengths": tension.fibers.fiber_length,
+        "fiber_velocities": tension.fibers.fiber_velocity,
         "tendon_strains": tension.fibers.tendon_strain,
-        "tendon_forces": tension.forces,
+        "tendon_forces": tension.muscle_force,
         "fiber_powers": tension.fibers.fiber_power,
         "tendon_powers": tension.fibers.tendon_power,
     }

@@ -43,7 +43,7 @@ def test_slopes_are_those_of_finite_differences(case, elastic):
     model, _, moved, a = case
     shapes = muscle_shapes(model, elastic)
     sizes = sizes_of(model)
-    given = moved.lengths[None], moved.velocities[None]
+    given = moved.muscle_length[None], moved.velocities[None]
     found = follow(shapes, sizes, *given, a[None], 0.01)
     for name, slope in (
         ("fiber", found.by_fiber),
@@ -76,14 +76,14 @@ def test_slopes_are_those_of_finite_differences(case, elastic):
 def test_forces_are_those_of_an_independent_integrator(case):
     model, motion, moved, a = case
     if model.muscles[0].kind.startswith("DeGroote"):
-        theirs = integrated_degroote(model, moved.lengths, TIME, a)
+        theirs = integrated_degroote(model, moved.muscle_length, TIME, a)
     else:
         theirs = integrated_forces(model, motion, a)
     ours = follow(
         muscle_shapes(model),
         sizes_of(model),
-        moved.lengths[None],
-        moved.velocities[None],
+        moved.muscle_length[None],
+        moved.muscle_velocity[None],
         a[None],
         0.01,
     ).force[0]
@@ -95,13 +95,13 @@ def test_forces_are_those_of_an_independent_integrator(case):
 
 def test_rigid_tendons_give_the_forces_of_hill_forces(case):
     model, _, moved, a = case
-    known = hill_forces(model, moved.lengths, moved.velocities)
+    known = hill_forces(model, moved.muscle_length, moved.velocities)
     wanted = a * known.active + known.passive
     found = follow(
         muscle_shapes(model, False),
         sizes_of(model),
-        moved.lengths[None],
-        moved.velocities[None],
+        moved.muscle_length[None],
+        moved.muscle_velocity[None],
         a[None],
         0.01,
     )
@@ -115,7 +115,7 @@ def test_frames_held_still_are_in_equilibrium(case):
     model, _, moved, a = case
     shapes = muscle_shapes(model)
     sizes = sizes_of(model)
-    found = follow(shapes, sizes, moved.lengths[None], 0.0 * moved.lengths[None], a[None], np.inf)
+    found = follow(shapes, sizes, moved.muscle_length[None], 0.0 * moved.muscle_length[None], a[None], np.inf)
     x = found.length[0]
     w = np.sqrt(x**2 - shapes.sine**2)
     pull = (
@@ -123,8 +123,8 @@ def test_frames_held_still_are_in_equilibrium(case):
         * w
         / x
     )
-    tendon = shapes.tendon((moved.lengths - sizes.fiber * w) / sizes.slack - 1.0)[0]
-    reaches = moved.lengths > 1.02 * sizes.slack + sizes.fiber * shapes.shortest
+    tendon = shapes.tendon((moved.muscle_length - sizes.fiber * w) / sizes.slack - 1.0)[0]
+    reaches = moved.muscle_length > 1.02 * sizes.slack + sizes.fiber * shapes.shortest
     assert np.abs(pull - tendon)[reaches].max() < 1e-8
     np.testing.assert_allclose(found.force[0], sizes.force * tendon, atol=1e-9 * sizes.force.max())
 

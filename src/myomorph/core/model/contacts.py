@@ -356,9 +356,10 @@ class ContactForces(Labelled):
     sites : those that may carry force
     time : (frames,) [s]
     contact_activation : (frames, sites) how ready each site was to carry force, 0 for no contact
-    contact_force : (frames, sites, 3) on the site's body (the reaction acts on `Site.against`), 0 without
-        contact [N]
-    contact_point : (frames, sites, 3) center of pressure of each site; the site's middle without force [m]
+    contact_force : (frames, sites, 3) on the site's body (the reaction acts on `Site.against`), 0
+        without contact [N]
+    contact_point : (frames, sites, 3) center of pressure of each site; the site's middle without
+        force [m]
     contact_torque : (frames, sites, 3) free torque about it [N m]
     """
 

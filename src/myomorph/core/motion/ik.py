@@ -82,8 +82,8 @@ class KinematicsFit(Labelled):
     converged : (frames,) whether the last step was within the tolerance, or the cost can fall no
         further, see `myomorph.core.motion.newton.solve_poses`
     iterations : (frames,)
-    loop_closure_error : (frames,) how far loops stand open, the largest gap or turning [m or rad]; None
-        without loops
+    loop_closure_error : (frames,) how far loops stand open, the largest gap or turning [m or rad];
+        None without loops
     unused_markers : recorded markers that the model does not have, or that have no weight
     missing_markers : model markers that the recording does not have
     task_errors : by name of a kind of task (frames, ...) the residuals that it stores
@@ -204,7 +204,7 @@ def inverse_kinematics(
     >>> import myomorph as mm
     >>> model, markers = mm.read_model("arm.osim"), mm.read_recording("reach.trc").markers
     >>> fit = mm.inverse_kinematics(model, markers)
-    >>> fit.motion.names, fit.errors.shape
+    >>> fit.motion.names, fit.marker_error.shape
     (('shoulder_flexion', 'elbow_flexion'), (61, 4))
     >>> bool(fit.largest.max() < 1e-4)
     True

@@ -222,7 +222,7 @@ def muscle_kinematics(
     >>> import myomorph as mm
     >>> model = mm.read_model("arm.osim")
     >>> found = mm.muscle_kinematics(model, mm.read_motion("reach.mot", model), velocities=False)
-    >>> found.muscles, found.lengths.shape
+    >>> found.muscles, found.muscle_length.shape
     (('flexor', 'extensor'), (61, 2))
     >>> found.moment_arm_of("flexor", "elbow_flexion").shape
     (61,)

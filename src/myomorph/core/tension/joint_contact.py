@@ -86,14 +86,15 @@ class JointContactForces(Labelled):
     joints : that have contact points
     points : names of the points, joint by joint
     joint_of : joint of each point
-    joint_contact_force : (frames, points) push of each point along its normal, 0 or more [N]; NaN where tensions
-        are
+    joint_contact_force : (frames, points) push of each point along its normal, 0 or more [N]; NaN
+        where tensions are
     joint_contact_total : (frames, joints) size of the joint's whole force [N]
-    joint_contact_shear : (frames, joints) force across the mean normal, which the points do not carry [N]
-    joint_contact_unbalanced_force : (frames, joints) force along the mean normal that no push can give: above 0
-        where the bodies are pulled apart [N]
-    joint_contact_unbalanced_moment : (frames, joints) size of the moment that is left where points have lifted
-        off [N m]
+    joint_contact_shear : (frames, joints) force across the mean normal, which the points do not
+        carry [N]
+    joint_contact_unbalanced_force : (frames, joints) force along the mean normal that no push can
+        give: above 0 where the bodies are pulled apart [N]
+    joint_contact_unbalanced_moment : (frames, joints) size of the moment that is left where points
+        have lifted off [N m]
     weight : of the body [N]
     """
 

@@ -84,7 +84,7 @@ def solve_tension(  # page: the terms of one problem, most of them optional
     >>> model = mm.read_model("arm.osim")
     >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
     >>> tension = mm.solve_tension(model, motion, mm.inverse_dynamics(model, motion))
-    >>> tension.muscles, tension.forces.shape, bool(tension.optimal.all())
+    >>> tension.muscles, tension.muscle_force.shape, bool(tension.optimal.all())
     (('flexor', 'extensor'), (61, 2), True)
     """
     inputs = TensionInputs(

@@ -13,7 +13,6 @@ from myomorph.core.model.errors import BadData, check_choices
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.labelled import Labelled
-from myomorph.core.model.model import index_of
 from myomorph.core.model.quantity import Quantity
 from myomorph.core.muscles.hill import Convention
 from myomorph.core.tension.dual import MISSING, NOT_DETERMINED, OPTIMAL, STATUS_NAMES
@@ -193,8 +192,8 @@ class Tension(Labelled):
     time : (frames,) [s]
     muscles : names
     activation : (frames, muscles) NaN where the frame was not solved
-    muscle_force : (frames, muscles) along the tendons, with passive and viscous force where they took
-        part [N]
+    muscle_force : (frames, muscles) along the tendons, with passive and viscous force where they
+        took part [N]
     reserve_names : names of reserves, residuals and the model's other actuators
     actuator_force : (frames, reserves) their forces [N] and torques [N m]
     coordinates : the free coordinates that were balanced
@@ -208,10 +207,10 @@ class Tension(Labelled):
     overstretched : muscles whose passive force passes their maximum isometric force in some frame,
         where it takes part: the model's fiber and tendon lengths do not fit the pose, and forces
         mislead
-    muscle_viscous_force : (frames, muscles) that part of `muscle_force` that is the muscles' viscosity [N], 0 where
-        none took part
-    muscle_passive_share, muscle_passive_time : (muscles,) greatest passive force over the maximum isometric
-        force, and when [s]; 0 where passive force takes no part
+    muscle_viscous_force : (frames, muscles) that part of `muscle_force` that is the muscles'
+        viscosity [N], 0 where none took part
+    muscle_passive_share, muscle_passive_time : (muscles,) greatest passive force over the maximum
+        isometric force, and when [s]; 0 where passive force takes no part
     contacts : forces at contact sites, NaN where the frame was not solved; None where none were
         asked for
     fibers : fibers and tendons, where tendons were elastic; None with rigid ones
