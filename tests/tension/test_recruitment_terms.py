@@ -80,7 +80,9 @@ def test_co_contraction_is_at_least_what_is_asked_for(data):
     own[:, arms.arm_muscle[use]] = values[:, use]
 
     def weaker(found):
-        sides = [np.maximum(sign * own * found.muscle_force, 0.0).sum(axis=1) for sign in (1.0, -1.0)]
+        sides = [
+            np.maximum(sign * own * found.muscle_force, 0.0).sum(axis=1) for sign in (1.0, -1.0)
+        ]
         return np.minimum(*sides)
 
     alone = solve_tension(model, motion, tau)

@@ -115,7 +115,9 @@ def test_frames_held_still_are_in_equilibrium(case):
     model, _, moved, a = case
     shapes = muscle_shapes(model)
     sizes = sizes_of(model)
-    found = follow(shapes, sizes, moved.muscle_length[None], 0.0 * moved.muscle_length[None], a[None], np.inf)
+    found = follow(
+        shapes, sizes, moved.muscle_length[None], 0.0 * moved.muscle_length[None], a[None], np.inf
+    )
     x = found.length[0]
     w = np.sqrt(x**2 - shapes.sine**2)
     pull = (
