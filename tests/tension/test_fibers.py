@@ -52,8 +52,8 @@ def joined():
 def test_a_part_of_a_joined_model_has_its_own_fibers(joined):
     part = tension_of(joined, "two").fibers
     whole = joined.fibers
-    assert np.array_equal(part.fiber_length, whole.lengths[:, 2:])
-    assert np.array_equal(part.fiber_velocity, whole.velocities[:, 2:])
+    assert np.array_equal(part.fiber_length, whole.fiber_length[:, 2:])
+    assert np.array_equal(part.fiber_velocity, whole.fiber_velocity[:, 2:])
     assert np.array_equal(part.tendon_strain, whole.tendon_strain[:, 2:])
     assert np.array_equal(part.fiber_power, whole.fiber_power[:, 2:])
     assert np.array_equal(part.tendon_power, whole.tendon_power[:, 2:])
@@ -64,7 +64,7 @@ def test_a_part_of_a_joined_model_has_its_own_fibers(joined):
 
 def test_fibers_are_read_only(joined):
     with pytest.raises(ValueError, match="read-only"):
-        joined.fibers.lengths[0, 0] = 1.0
+        joined.fibers.fiber_length[0, 0] = 1.0
 
 
 def test_labelled_arrays_of_a_tension_hold_its_fibers(joined):

@@ -43,7 +43,7 @@ def test_slopes_are_those_of_finite_differences(case, elastic):
     model, _, moved, a = case
     shapes = muscle_shapes(model, elastic)
     sizes = sizes_of(model)
-    given = moved.muscle_length[None], moved.velocities[None]
+    given = moved.muscle_length[None], moved.muscle_velocity[None]
     found = follow(shapes, sizes, *given, a[None], 0.01)
     for name, slope in (
         ("fiber", found.by_fiber),
@@ -95,7 +95,7 @@ def test_forces_are_those_of_an_independent_integrator(case):
 
 def test_rigid_tendons_give_the_forces_of_hill_forces(case):
     model, _, moved, a = case
-    known = hill_forces(model, moved.muscle_length, moved.velocities)
+    known = hill_forces(model, moved.muscle_length, moved.muscle_velocity)
     wanted = a * known.active + known.passive
     found = follow(
         muscle_shapes(model, False),

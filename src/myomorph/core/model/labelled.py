@@ -118,7 +118,8 @@ class Labelled:
             known = [str(name) for name in names[axis]]
             check_name(axis, label, known, f"'{quantity}'")
             place.append(known.index(label))
-        return np.asarray(held[quantity].of(self))[:, *place]
+        values: np.ndarray = np.asarray(held[quantity].of(self))
+        return values[(slice(None), *place)]
 
     def to_xarray(self) -> xarray.Dataset:
         """Put all arrays into one `xarray.Dataset`, with units, named as in result files."""
