@@ -137,7 +137,7 @@ def force_errors(bout, found):
     errors = {}
     for name in (*FEET, *GRIPS):
         own = [k for k, site in enumerate(found.contacts.sites) if site.group == name]
-        miss = found.contacts.contact_force[:, own].sum(axis=1) - bout.truth.contact_force[name]
+        miss = found.contacts.contact_force[:, own].sum(axis=1) - bout.truth.forces[name]
         errors[name] = np.sqrt(np.mean(np.sum(miss**2, axis=1)))
     return errors
 

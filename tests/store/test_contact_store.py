@@ -54,7 +54,7 @@ def test_forces_at_sites_survive(tmp_path):
     with new_result(tmp_path / "x.nc") as writer:
         put_contact_forces(writer, forces)
     found = get_contact_forces(read_result(tmp_path / "x.nc"))
-    for name in ("time", "activations", "forces", "points", "torques"):
+    for name in ("time", "contact_activation", "contact_force", "contact_point", "contact_torque"):
         np.testing.assert_array_equal(getattr(found, name), getattr(forces, name))
     for one, other in zip(found.sites, SITES, strict=True):
         assert (one.name, one.body, one.against, one.group) == (

@@ -118,8 +118,8 @@ class Labelled:
             known = [str(name) for name in names[axis]]
             check_name(axis, label, known, f"'{quantity}'")
             place.append(known.index(label))
-        values: np.ndarray = np.asarray(held[quantity].of(self))
-        return values[(slice(None), *place)]
+        index: tuple[slice | int, ...] = (slice(None), *place)
+        return np.asarray(held[quantity].of(self))[index]
 
     def to_xarray(self) -> xarray.Dataset:
         """Put all arrays into one `xarray.Dataset`, with units, named as in result files."""
