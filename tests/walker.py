@@ -182,9 +182,11 @@ class Tension:
         self.time = time
         self.muscles = body.muscle_names
         phase = np.arange(len(self.muscles))
-        self.activations = 0.5 + 0.4 * np.sin(2 * np.pi * time[:, None] + phase)
-        self.forces = self.activations * np.array([one.max_isometric_force for one in body.muscles])
-        self.reserves = np.stack([0.5 * np.sin(time), 2.0 * np.cos(time)], axis=1)
+        self.activation = 0.5 + 0.4 * np.sin(2 * np.pi * time[:, None] + phase)
+        self.muscle_force = self.activation * np.array(
+            [one.max_isometric_force for one in body.muscles]
+        )
+        self.actuator_force = np.stack([0.5 * np.sin(time), 2.0 * np.cos(time)], axis=1)
         self.optimal = np.ones(len(time), dtype=bool)
         self.asked = np.ones(len(time), dtype=bool)
         self.overstretched: tuple[str, ...] = ()

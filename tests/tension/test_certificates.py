@@ -265,7 +265,7 @@ def test_solved_frames_are_optima_and_others_are_not(walk):
     assert found.complementarity.max() < 1e-9
     moved = np.array(tension.actuator_force)
     moved[:, 0] += 5.0
-    spoiled = optimality(problem, replace(tension, reserves=moved))
+    spoiled = optimality(problem, replace(tension, actuator_force=moved))
     assert spoiled.stationarity.min() > 1e-3
     assert spoiled.balance.min() > 1e-3
 

@@ -85,7 +85,7 @@ def test_much_that_comes_from_nowhere_is_named_with_its_size_and_time(walker, hi
     assert not missing_support(hidden, weight)
     reserves = hidden.actuator_force.copy()
     reserves[7, hidden.reserve_names.index("residual_FX")] += 20.0 * weight
-    (finding,) = missing_support(replace(hidden, reserves=reserves), weight)
+    (finding,) = missing_support(replace(hidden, actuator_force=reserves), weight)
     assert f"at {hidden.time[7]:.2f} s" in finding.text
     assert finding.size == pytest.approx(20.0 * weight / np.sqrt(len(hidden)), rel=0.1)
 

@@ -436,7 +436,7 @@ def test_what_is_missing_or_unknown_is_named(walk):
     with pytest.raises(BadData, match="both must have the same times"):
         joint_reactions(model, motion, late)
     unsolved = replace(
-        tension, forces=np.where(np.arange(6)[:, None] == 2, np.nan, tension.muscle_force)
+        tension, muscle_force=np.where(np.arange(6)[:, None] == 2, np.nan, tension.muscle_force)
     )
     found = joint_reactions(model, motion, unsolved, wrenches, ["hip_r"])
     assert np.isnan(found.forces[2]).all()

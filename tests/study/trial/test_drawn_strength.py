@@ -14,9 +14,9 @@ def tension(hip, toes, hip_reserve, toe_reserve):
     """Peaks of torques and of reserves [N m], each reached in one of two frames."""
     return SimpleNamespace(
         coordinates=("hip", "toes"),
-        torques=np.array([[hip, 0.0], [0.0, toes]]),
+        balanced_torque=np.array([[hip, 0.0], [0.0, toes]]),
         reserve_names=("reserve_hip", "reserve_toes", "residual_FX"),
-        reserves=np.array([[-hip_reserve, toe_reserve, 900.0], [0.0, 0.0, 0.0]]),
+        actuator_force=np.array([[-hip_reserve, toe_reserve, 900.0], [0.0, 0.0, 0.0]]),
     )
 
 

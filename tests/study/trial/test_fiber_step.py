@@ -103,11 +103,11 @@ def test_a_result_gives_back_its_fibers(solved, stored):
     tension = solved[2]
     found = get_tension(stored[2], ELASTIC)
     for name in (
-        "lengths",
-        "velocities",
-        "tendon_strains",
-        "fiber_powers",
-        "tendon_powers",
+        "fiber_length",
+        "fiber_velocity",
+        "tendon_strain",
+        "fiber_power",
+        "tendon_power",
         "transient",
         "bridged",
     ):

@@ -302,7 +302,7 @@ def _put_certificate(writer: ResultWriter, fibers: Fibers, muscles: tuple[str, .
 def get_fibers(stored: Stored) -> Fibers | None:
     """Fibers and tendons of a result, or None where tendons were rigid."""
     fields = get_fields(stored, FIBERS)
-    if "tendon_strains" not in fields:
+    if "tendon_strain" not in fields:
         return None
     muscles = stored.names["muscle"]
     rigid = get_quantity(stored, MUSCLE_RIGID_TENDON)
