@@ -567,6 +567,7 @@ def bone_surface(body: Body, surfaces: Mapping[str, Surface]) -> Surface:
     return joined_surfaces(parts)
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BoneScan:
     """A bone in a CT, or a part of it, with markers on it.

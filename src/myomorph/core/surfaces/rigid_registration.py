@@ -211,6 +211,7 @@ class _Pairs(NamedTuple):
         return _Pairs(*(values[kept] for values in self))
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Step:
     """A step of the moved source.
