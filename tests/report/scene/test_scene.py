@@ -189,11 +189,11 @@ def test_activations_outside_the_solution_are_unknown() -> None:
     body = model()
     movement = motion(body)
     tension = Tension(body, movement.time[50:100])
-    series = Series(tension.time, tension.muscles, tension.activations)
+    series = Series(tension.time, tension.muscles, tension.activation)
     scene = make_scene(body, movement, [0, 60, 150], activations=series)
     active = scene.muscles[0].activation
     assert np.isnan(active[[0, 2]]).all()
-    assert active[1] == pytest.approx(tension.activations[10, 0])
+    assert active[1] == pytest.approx(tension.activation[10, 0])
 
 
 def test_pictures_share_one_scale() -> None:

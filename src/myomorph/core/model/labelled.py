@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from myomorph.core.model.errors import BadData, check_name, from_extra
+from myomorph.core.model.errors import BadData, UnknownName, check_name, from_extra
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.quantity import CLOCK, Quantity
 
@@ -109,6 +109,10 @@ class Labelled:
         """
         held = {one.name: one for one in self.held if one.dims[0].endswith(CLOCK)}
         check_name("quantity", quantity, held, type(self).__name__)
+        values = held[quantity].of(self)
+        if values is None:
+            others = [name for name in held if name != quantity]
+            raise UnknownName("quantity", quantity, others, where=type(self).__name__)
         axes = held[quantity].dims[1:]
         if len(labels) > len(axes):
             raise BadData(f"'{quantity}' has the axes {axes}, but {len(labels)} names were given")
@@ -119,7 +123,7 @@ class Labelled:
             check_name(axis, label, known, f"'{quantity}'")
             place.append(known.index(label))
         index: tuple[slice | int, ...] = (slice(None), *place)
-        return np.asarray(held[quantity].of(self))[index]
+        return np.asarray(values)[index]
 
     def to_xarray(self) -> xarray.Dataset:
         """Put all arrays into one `xarray.Dataset`, with units, named as in result files."""
