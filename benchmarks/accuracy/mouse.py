@@ -46,7 +46,7 @@ def measure_markers(folder: Path) -> Iterator[Row]:
     for name in recordings(folder):
         one = mouse(folder, name)
         used = int(one.shown.sum())
-        seen = np.isfinite(one.fit.errors[one.shown]).mean()
+        seen = np.isfinite(one.fit.marker_error[one.shown]).mean()
         knees = tuple(LOOSE)
         yield {
             "recording": name,
@@ -186,7 +186,7 @@ def measure_plate(folder: Path) -> Iterator[Row]:
             stretched = [
                 one for one in found.passive.overstretched if one.endswith("_l") == (side == "l")
             ]
-            strongest = int(np.argmax(tension.forces.max(axis=0)))
+            strongest = int(np.argmax(tension.muscle_force.max(axis=0)))
             row |= {
                 "paw alone": "right" if side == "r" else "left",
                 "frames": len(found.frames),
@@ -202,7 +202,8 @@ def measure_plate(folder: Path) -> Iterator[Row]:
                     np.rad2deg(-np.median(motion_of(folder, name)[knee][found.frames]))
                 ),
                 "strongest muscle": (
-                    f"{tension.muscles[strongest]}: {tension.forces[:, strongest].max():.2g} N"
+                    f"{tension.muscles[strongest]}: "
+                    f"{tension.muscle_force[:, strongest].max():.2g} N"
                 ),
                 "largest reserve [N mm]": worst,
                 "reserves [% of torque]": share,
@@ -227,7 +228,7 @@ def measure_commands(folder: Path) -> Iterator[Row]:
         row: Row = {"recording": name, "frames with a pose": int(posed.sum())}
         for side, word in (("r", "right"), ("l", "left")):
             muscle = tension.muscles.index("SOL" if side == "r" else "SOL_l")
-            solved = posed & np.isfinite(tension.forces[:, muscle])
+            solved = posed & np.isfinite(tension.muscle_force[:, muscle])
             bodies = [body == f"Foot_{side}" for body in one.wrenches.bodies]
             pushed = (
                 np.nan_to_num(one.wrenches.forces[:, bodies, 1]).sum(axis=1)
