@@ -78,6 +78,22 @@ FORCE_SD = 3.0
 MOMENT_SD = 1.0
 """Errors of coordinates [rad, m], and of forces [N] and moments [N m] on the ground."""
 
+WALKS = 6
+WALK_FRAMES = 60
+SENSOR_SEEDS = 6
+SENSOR_SECONDS = 12.0
+PLATES = 40
+BODIES_DRAWN = 6
+REFINED = 2
+REFINED_SECONDS = 5.0
+GAINED = 6
+PERSONAL = 8
+LIMBS = 8
+RELAXED = 12
+DRAWN_PEOPLE = 1
+"""Truths of each estimator, frames of a walk, seconds of recordings: few, for the table's time."""
+GAINS = Errors(torque=0.02, emg=0.0, floor=0.0, gain=0.3)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
@@ -137,10 +153,6 @@ def alike_noise(time: Array, shape: tuple[int, ...], rng: np.random.Generator) -
     return np.asarray(lfilter([1.0], [1.0, -share], white, axis=0))
 
 
-WALKS = 6
-WALK_FRAMES = 60
-
-
 def calibrated(folder: Path) -> Iterator[Case]:
     """Lengths, markers and zero angles of people who walk as recorded."""
     recordings = {one.name: one for one in scaled(folder)}
@@ -176,10 +188,6 @@ def _calibrated_walker(
     }
 
 
-SENSOR_SEEDS = 6
-SENSOR_SECONDS = 12.0
-
-
 def mounted(folder: Path) -> Iterator[Case]:
     """Mounting of sensors on a body that walks as recorded."""
     files = RECORDINGS["treadmill"]
@@ -208,9 +216,6 @@ def mounted(folder: Path) -> Iterator[Case]:
         )
 
 
-PLATES = 40
-
-
 def placed_plates(folder: Path) -> Iterator[Case]:
     """Pose of a force plate by a marked weight or a rod."""
     for name, pushed in (("weight", False), ("rod", True)):
@@ -232,10 +237,6 @@ def placed_plates(folder: Path) -> Iterator[Case]:
                 truths=PLATES,
                 covered=joined(parts),
             )
-
-
-BODIES_DRAWN = 6
-"""Bodies that move as a recorded runner."""
 
 
 def identified(folder: Path) -> Iterator[Case]:
@@ -302,10 +303,6 @@ def _measured(model: mm.Model, truth: Array, one: Usable, rng: np.random.Generat
     return replace(one, recording=recording, notes=())
 
 
-REFINED = 2
-REFINED_SECONDS = 5.0
-
-
 def refined(folder: Path) -> Iterator[Case]:
     """Lengths and masses of the legs of simulated people with unequal legs."""
     lengths = []
@@ -324,10 +321,6 @@ def refined(folder: Path) -> Iterator[Case]:
         lengths.append(Covered.of_sd(errors, before * found.factors_sd[at]))
     for unknown, parts in (("lengths of legs", lengths), ("masses of legs", masses)):
         yield Case(unknown=unknown, noise="skin in waves", truths=REFINED, covered=joined(parts))
-
-
-GAINED = 6
-GAINS = Errors(torque=0.02, emg=0.0, floor=0.0, gain=0.3)
 
 
 def gained(folder: Path) -> Iterator[Case]:
@@ -361,9 +354,6 @@ def _gains(model: mm.Model, seed: int) -> Covered:
     return Covered.of_limits(truth[found.by_torque], low, high)
 
 
-PERSONAL = 8
-
-
 def personalized(folder: Path) -> Iterator[Case]:
     """Fiber and slack lengths of people whose arm swings."""
     cases = personalize.cases()
@@ -382,9 +372,6 @@ def personalized(folder: Path) -> Iterator[Case]:
                 truths=PERSONAL,
                 covered=Covered(held=held, width=none, prior_width=none),
             )
-
-
-LIMBS = 8
 
 
 def swung(folder: Path) -> Iterator[Case]:
@@ -408,9 +395,6 @@ def swung(folder: Path) -> Iterator[Case]:
             )
 
 
-RELAXED = 12
-
-
 def dropped(folder: Path) -> Iterator[Case]:
     """Viscosity, stiffness and dry friction of a knee by drops of the shank."""
     runs = [
@@ -432,9 +416,6 @@ def dropped(folder: Path) -> Iterator[Case]:
                 ),
                 promised=95,
             )
-
-
-DRAWN_PEOPLE = 1
 
 
 def drawn(folder: Path) -> Iterator[Case]:

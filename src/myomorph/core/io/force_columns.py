@@ -68,7 +68,7 @@ class _Column:
 
     Attributes
     ----------
-    force : what tells its force from others
+    force : word that distinguishes its force from others
     part : "force", "point" or "torque"
     axis : "x", "y" or "z"
     title : of the force, as the column's name has it

@@ -16,7 +16,8 @@ class Interval:
     Attributes
     ----------
     value : the estimate
-    low, high : its 95 % interval
+    low, high : ends of the interval; what makes it says how often it holds the value: 90 % from
+        `Posterior.interval` and 95 % from `of_draws`, unless another level is given
     """
 
     value: float

@@ -105,6 +105,18 @@ class _System:
     polynomials: Array
 
     def solved(self, rest: Array, penalty: float) -> tuple[Array, Array]:
+        """Solve for the weights of kernels and polynomials.
+
+        Parameters
+        ----------
+        rest : (points, 3) values to interpolate
+        penalty : added to the diagonal of the kernels
+
+        Returns
+        -------
+        (points, 3) weights of the kernels
+        (polynomials, 3) weights of the polynomials
+        """
         count, width = self.polynomials.shape
         full = np.zeros((count + width, count + width))
         full[:count, :count] = self.values + penalty * np.eye(count)

@@ -49,10 +49,12 @@ class _PlateParameters:
 
     @property
     def number(self) -> int:
+        """Number of the plate, from 1."""
         return self.index + 1
 
     @property
     def name(self) -> str:
+        """Name of the plate in the wrenches that are read."""
         return f"plate_{self.number}"
 
     def numbers(self, parameter: str, count: int) -> Array:

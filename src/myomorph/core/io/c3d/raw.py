@@ -176,7 +176,7 @@ def claimed_frames(head: bytes) -> tuple[int, float]:
 
 
 def _without_samples(header: _Header, groups: Mapping[str, Mapping[str, Value]]) -> RawC3d:
-    """Make a file of no frames, whose parameters can be asked."""
+    """Make a file of no frames, whose parameters can be read."""
     return RawC3d(
         groups=groups,
         first_frame=header.first,
@@ -201,6 +201,7 @@ class _Order:
 
     @property
     def end(self) -> str:
+        """Order of bytes as NumPy calls it, ">" with the highest first."""
         return ">" if self.processor == SGI else "<"
 
     def ints(self, data: bytes, signed: bool = True) -> np.ndarray:
@@ -452,6 +453,7 @@ class _FrameLayout:
 
     @property
     def real(self) -> bool:
+        """Whether numbers are 32-bit reals; a negative scale says so."""
         return self.scale < 0
 
     @property

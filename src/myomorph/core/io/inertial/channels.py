@@ -189,7 +189,7 @@ def _acceleration_unit(median: float) -> str:
 
 
 def _rate_unit(largest: float, notes: list[str]) -> str:
-    """Guess the unit of speeds of rotation by the largest; `notes` gets a warning of doubt."""
+    """Guess the unit of speeds of rotation by the largest; `notes` says where that is not sure."""
     if largest < MAX_RADIANS:
         return "rad/s"
     if largest < MIN_DEGREES:
