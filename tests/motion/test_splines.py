@@ -59,3 +59,12 @@ def test_one_point_gives_one_value():
 def test_what_has_no_spline_is_refused(time, values, text):
     with pytest.raises(BadData, match=text):
         natural_spline(time, values)
+
+
+@pytest.mark.parametrize("shape", [(0,), (0, 3)])
+def test_nothing_has_a_spline_of_nothing(shape):
+    """A recording whose forces were all set aside is filtered like any other."""
+    time = np.arange(8) / 100.0
+    spline = natural_spline(time, np.zeros((8, *shape)))
+    for order in range(3):
+        assert spline(time, order).shape == (8, *shape)

@@ -126,7 +126,9 @@ def natural_spline(time: Array, values: Array, degree: int = 5) -> Spline:
     coefficients[ends : ends + len(time)] = values.reshape(len(time), -1)
     solve_banded(rows, coefficients, degree)
     return Spline(
-        knots=knots, coefficients=coefficients.reshape(-1, *values.shape[1:]), degree=degree
+        knots=knots,
+        coefficients=coefficients.reshape(len(coefficients), *values.shape[1:]),
+        degree=degree,
     )
 
 
