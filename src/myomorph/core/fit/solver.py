@@ -25,6 +25,31 @@ MIN_DAMPING = 1e-9
 MAX_DAMPING = 1e6
 NEVER = -1.0  # A tolerance that no change meets
 ROUNDING = 1e-12  # Share by which a cost may rise and count as equal
+RELEASE = 0.7  # Factor on the stiffness of an unknown whose steps do not turn back
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reweighting:
+    """How steps are held back whose weights are made anew, and when they end.
+
+    Weights that follow the residuals can turn from step to step, as where what is eliminated
+    reaches a bound and leaves it in turns.
+
+    Attributes
+    ----------
+    changes_in : what the method's tolerance is measured in: the unknowns' "scales", or the
+        "standard deviations" that data and priors leave them
+    min_iterations : the search does not end before
+    calm_steps : so many steps below the tolerance, one after the other, end it
+    stiffness, max_stiffness : share of its curvature that is added to an unknown whose steps go
+        back and forth: at first, doubled as long as they do, and at most; 0 adds none
+    """
+
+    changes_in: Literal["scales", "standard deviations"] = "scales"
+    min_iterations: int = 1
+    calm_steps: int = 1
+    stiffness: float = 0.0
+    max_stiffness: float = 64.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,9 +66,10 @@ class Method:
         larger share; `min_gain` by default
     kink : where no step lowers the cost although one promised at most this share, the search has
         converged: what is eliminated frame by frame, or a bound there, bends the cost
-    max_step : a step that moves an unknown further, in its `scale`, is not tried
-    reweighted : weights are made anew at each linearization, so that costs cannot be compared:
-        every Gauss-Newton step is taken, undamped
+    max_step : a step that moves an unknown further, in its `scale`, is not tried; a reweighted one
+        is shortened
+    reweighting : weights are made anew at each linearization, so that costs cannot be compared:
+        every Gauss-Newton step is taken; None where weights stay
     hidden_sd : no step moves along directions whose standard deviation is larger than this, in the
         unknowns' scales: they stay where they are; see `Posterior.of`
     """
@@ -54,7 +80,7 @@ class Method:
     min_promise: float | None = None
     kink: float = 1e-4
     max_step: float = np.inf
-    reweighted: bool = False
+    reweighting: Reweighting | None = None
     hidden_sd: float = np.inf
 
 
@@ -211,12 +237,19 @@ class _Model:
         scaled = self._scale * g
         return (scaled - self._hidden @ scaled) / self._scale
 
-    def damped(self, damping: float) -> Array:
+    @property
+    def sd(self) -> Array:
+        """Standard deviations (unknowns,) of the free unknowns; infinite for the others."""
+        sd = np.full(len(self.free), np.inf)
+        sd[self.free] = np.sqrt(np.diag(np.linalg.inv(self._H)))
+        return sd
+
+    def damped(self, damping: float | Array) -> Array:
         """Return the curvature of half the cost (free, free), its diagonal raised.
 
         Parameters
         ----------
-        damping : share of the diagonal that is added
+        damping : share of the diagonal that is added, of all or (free,) of each
         """
         H = self._H + damping * np.diag(np.diag(self._H))
         if self._hidden is None:
@@ -226,24 +259,25 @@ class _Model:
         raised = shown @ scaled @ shown + np.trace(scaled) * self._hidden
         return raised / self._scale[:, None] / self._scale
 
-    def quadratic(self, damping: float) -> Damped:
+    def quadratic(self, damping: float | Array) -> Damped:
         """Return curvature and slope (free, free), (free,) of half the damped cost.
 
         Parameters
         ----------
-        damping : share of the diagonal that is added
+        damping : share of the diagonal that is added, of all or (free,) of each; of all alone where
+            residuals have unknowns of their own
         """
         if not self.at.follows:
             return Damped(H=self.damped(damping), g=self.g, gain=0.0)
-        H, g, gain = self.at.damped(damping)
+        H, g, gain = self.at.damped(float(damping))
         return Damped(H=H[np.ix_(self.free, self.free)], g=g[self.free], gain=gain)
 
-    def step(self, damping: float) -> Array:
+    def step(self, damping: float | Array) -> Array:
         """Return the step (unknowns,) to the minimum of the damped model within bounds.
 
         Parameters
         ----------
-        damping : share of the diagonal that is added
+        damping : share of the diagonal that is added, of all or (free,) of each
         """
         unknowns = self.problem.unknowns
         x = self.at.x
@@ -342,8 +376,8 @@ def minimize(
     method = method or Method()
     free = problem.unknowns.free(fit)
     at = problem.at() if start is None else start
-    if method.reweighted:
-        return _reweighted(problem, at, free, method, progress)
+    if method.reweighting is not None:
+        return _reweighted(at, free, method, method.reweighting, progress)
     if at.follows:
         # Own unknowns of residuals may move on where the shared ones stay.
         method = replace(method, tolerance=NEVER)
@@ -395,7 +429,7 @@ def _lower(model: _Model, damping: float, method: Method) -> _Tried:
         promised = model.promised(step, damping)
         accepted = False
         if change <= method.max_step:
-            x = np.clip(unknowns.moved(at.x, step), unknowns.low, unknowns.high)
+            x = unknowns.within(unknowns.moved(at.x, step))
             trial = model.problem.at(x, at.stepped(damping, step))
             accepted = trial.cost <= at.cost * (1.0 + ROUNDING)
         damping = max(damping * 0.1, MIN_DAMPING) if accepted else damping * 10.0
@@ -411,23 +445,79 @@ def _lower(model: _Model, damping: float, method: Method) -> _Tried:
 
 
 def _reweighted(
-    problem: Problem, at: Evaluated, free: Bools, method: Method, progress: Callable[[], None]
+    at: Evaluated,
+    free: Bools,
+    method: Method,
+    reweighting: Reweighting,
+    progress: Callable[[], None],
 ) -> Solution:
-    """Take Gauss-Newton steps with weights that follow the residuals; see `minimize`."""
+    """Take Gauss-Newton steps with weights that follow the residuals; see `minimize`.
+
+    Parameters
+    ----------
+    at : the point to begin at
+    free : (unknowns,) which are searched for
+    method, reweighting : how steps are held back, and when they end
+    progress : called after each linearization
+    """
+    problem = at.problem
     unknowns = problem.unknowns
     costs = [at.cost]
     status = LIMIT
-    for number in range(method.iterations):
+    calm = 0
+    stiffness = np.zeros(len(unknowns))
+    last_step = np.zeros(len(unknowns))
+    for number in range(1, method.iterations + 1):
         model = _Model.of(problem, at, free, method.hidden_sd)
-        step = model.step(0.0)
-        change = float(np.abs(step / unknowns.scale).max(initial=0.0))
-        x = np.clip(unknowns.moved(at.x, step), unknowns.low, unknowns.high)
+        wanted = _shortened(model.step(stiffness[model.free]), unknowns.scale, method.max_step)
+        x = unknowns.within(unknowns.moved(at.x, wanted))
+        step = unknowns.taken(wanted, at.x, x)
+
+        units = unknowns.scale if reweighting.changes_in == "scales" else model.sd
+        change = float(np.abs(step / units).max(initial=0.0))
+        calm = calm + 1 if change < method.tolerance else 0
         progress()
-        if change < method.tolerance:
+        if calm >= reweighting.calm_steps and number >= reweighting.min_iterations:
             status = CONVERGED
-        if status == CONVERGED or number + 1 == method.iterations:
+        if status == CONVERGED or number == method.iterations:
             break
+        stiffness = _stiffened(stiffness, turned=step * last_step < 0.0, reweighting=reweighting)
+        last_step = step
         at = problem.at(x, at)
         costs.append(at.cost)
     search = Search(status=status, costs=tuple(costs), change=change)
     return Solution(x=x, free=free, at=at, search=search)
+
+
+def _shortened(step: Array, scale: Array, max_step: float) -> Array:
+    """Shorten a step that moves an unknown further than trusted.
+
+    Parameters
+    ----------
+    step, scale : (unknowns,)
+    max_step : in scales
+
+    Returns
+    -------
+    (unknowns,)
+    """
+    farthest = float(np.abs(step / scale).max(initial=0.0))
+    return step * (max_step / farthest) if farthest > max_step else step
+
+
+def _stiffened(stiffness: Array, turned: Bools, reweighting: Reweighting) -> Array:
+    """Hold unknowns whose steps turned back, and release the others.
+
+    Only these, for all would be slow for the sake of two.
+
+    Parameters
+    ----------
+    stiffness : (unknowns,) before, shares of the curvature
+    turned : (unknowns,) whether the last step went back on the one before
+
+    Returns
+    -------
+    (unknowns,)
+    """
+    held = np.clip(2.0 * stiffness, reweighting.stiffness, reweighting.max_stiffness)
+    return np.where(turned & (reweighting.stiffness > 0.0), held, RELEASE * stiffness)

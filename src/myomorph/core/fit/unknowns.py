@@ -161,11 +161,15 @@ class Block:
     name : as residuals and `fit = [...]` call it: "lengths"
     unknowns : in the order of their values
     chart : how a step moves the values: `added`, or `turned` for rotation vectors
+    limit : from values of all blocks, within their bounds, to the nearest values (unknowns of the
+        block,) that those of other blocks allow; None where bounds say all. Only where every chart
+        adds
     """
 
     name: str
     unknowns: tuple[Unknown, ...]
     chart: Chart = added
+    limit: Callable[[Values], Array] | None = None
 
     def __len__(self) -> int:
         return len(self.unknowns)
@@ -322,6 +326,38 @@ class Unknowns:
             for block in self.blocks
         ]
         return np.concatenate([np.zeros(0), *parts])
+
+    def within(self, x: Array) -> Array:
+        """Bring values within their bounds, and within what blocks allow each other.
+
+        Parameters
+        ----------
+        x : (unknowns,)
+
+        Returns
+        -------
+        (unknowns,)
+        """
+        inside = np.clip(x, self.low, self.high)
+        for block in self.blocks:
+            if block.limit is not None:
+                inside[self.slices[block.name]] = block.limit(Values(self, inside))
+        return inside
+
+    def taken(self, step: Array, before: Array, after: Array) -> Array:
+        """Find the step that was taken, where `within` may have changed it.
+
+        Parameters
+        ----------
+        step : (unknowns,) that was wanted, within the bounds
+        before, after : (unknowns,) values
+
+        Returns
+        -------
+        (unknowns,)
+        """
+        limited = any(block.limit is not None for block in self.blocks)
+        return after - before if limited else step
 
     def _column(self, values: Iterable[float]) -> Array:
         return frozen_array([float(value) for value in values])
