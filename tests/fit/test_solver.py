@@ -20,7 +20,7 @@ from myomorph.core.fit import (
 )
 from myomorph.core.fit.bounds import bounded_step
 from myomorph.core.fit.elimination import eliminated
-from myomorph.core.fit.solver import Reweighting, minimize
+from myomorph.core.fit.solver import minimize
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.spatial import rotation_from_vector
 
@@ -295,7 +295,7 @@ def test_reweighted_steps_find_the_median_by_absolute_errors():
             return KernelAt(kernel, values_["x"])
 
     unknowns = Unknowns((block("x", [2.0]),))
-    method = Method(reweighting=Reweighting(), iterations=500, tolerance=1e-9)
+    method = Method(reweighted=True, iterations=500, tolerance=1e-9)
     found = minimize(Problem(unknowns, (Absolute(None, None),)), method=method)
     assert found.search.converged
     np.testing.assert_allclose(found.x, 0.2, atol=1e-3)
@@ -314,7 +314,7 @@ def test_reweighted_steps_that_go_back_and_forth_are_held(stiffness, converged):
     unknowns = Unknowns((block("x", [1.0]),))
     problem = Problem(unknowns, (Turning(None, None),))
     method = Method(
-        reweighting=Reweighting(stiffness=stiffness), iterations=30, tolerance=1e-6, max_step=100.0
+        reweighted=True, stiffness=stiffness, iterations=30, tolerance=1e-6, max_step=100.0
     )
     assert minimize(problem, method=method).search.converged == converged
 
@@ -322,8 +322,14 @@ def test_reweighted_steps_that_go_back_and_forth_are_held(stiffness, converged):
 def test_reweighted_steps_are_shortened_and_end_in_standard_deviations():
     far = Unknowns((block("x", [0.0]),))
     rows = Measured(name="first", blocks=("x",), function=lambda values: values["x"] - 2.0, sd=0.1)
-    calm = Reweighting(changes_in="standard deviations", min_iterations=6, calm_steps=3)
-    method = Method(reweighting=calm, max_step=0.5, tolerance=0.02)
+    method = Method(
+        reweighted=True,
+        changes_in="standard deviations",
+        min_iterations=6,
+        calm_steps=3,
+        max_step=0.5,
+        tolerance=0.02,
+    )
     found = minimize(Problem(far, (rows,)), method=method)
     assert found.search.converged
     # Four steps of 0.5, then three that are short.
@@ -340,9 +346,7 @@ def test_values_of_a_block_stay_within_what_another_allows():
         Measured(name=name, blocks=(name,), function=lambda values, name=name: values[name] - 0.8)
         for name in ("first", "second")
     )
-    found = minimize(
-        Problem(Unknowns((first, second)), rows), method=Method(reweighting=Reweighting())
-    )
+    found = minimize(Problem(Unknowns((first, second)), rows), method=Method(reweighted=True))
     assert found.search.converged
     np.testing.assert_allclose(found.x, [0.8, 0.2], atol=1e-9)
 

@@ -24,7 +24,7 @@ from myomorph.core.fit.estimation import Estimate, estimate_of
 from myomorph.core.fit.noise import residual_sd
 from myomorph.core.fit.problem import Problem
 from myomorph.core.fit.residuals import LinearPrior, NormalEquations, Residuals
-from myomorph.core.fit.solver import Method, Reweighting, Solution, minimize
+from myomorph.core.fit.solver import Method, Solution, minimize
 from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values, turned
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.inertial_sensors import InertialSensors
@@ -188,7 +188,7 @@ class MountingFit:
         ]
         if self.pose is not None:
             residuals.append(PoseResiduals(fit=self, start=start, pose=self.pose))
-        method = Method(iterations=STEPS, tolerance=SETTLED, reweighting=Reweighting())
+        method = Method(iterations=STEPS, tolerance=SETTLED, reweighted=True)
         problem = Problem(unknowns, tuple(residuals))
         return self._estimated(start, minimize(problem, fit=self._open(), method=method))
 

@@ -12,7 +12,6 @@ from .residuals import Measured as Measured
 from .residuals import NormalEquations as NormalEquations
 from .residuals import Residuals as Residuals
 from .solver import Method as Method
-from .solver import Reweighting as Reweighting
 from .solver import Search as Search
 from .unknowns import Block as Block
 from .unknowns import Unknown as Unknown

@@ -29,30 +29,6 @@ RELEASE = 0.7  # Factor on the stiffness of an unknown whose steps do not turn b
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reweighting:
-    """How steps are held back whose weights are made anew, and when they end.
-
-    Weights that follow the residuals can turn from step to step, as where what is eliminated
-    reaches a bound and leaves it in turns.
-
-    Attributes
-    ----------
-    changes_in : what the method's tolerance is measured in: the unknowns' "scales", or the
-        "standard deviations" that data and priors leave them
-    min_iterations : the search does not end before
-    calm_steps : so many steps below the tolerance, one after the other, end it
-    stiffness, max_stiffness : share of its curvature that is added to an unknown whose steps go
-        back and forth: at first, doubled as long as they do, and at most; 0 adds none
-    """
-
-    changes_in: Literal["scales", "standard deviations"] = "scales"
-    min_iterations: int = 1
-    calm_steps: int = 1
-    stiffness: float = 0.0
-    max_stiffness: float = 64.0
-
-
-@dataclass(frozen=True, kw_only=True)
 class Method:
     """When the search ends, and how far it trusts its quadratic model.
 
@@ -68,8 +44,15 @@ class Method:
         converged: what is eliminated frame by frame, or a bound there, bends the cost
     max_step : a step that moves an unknown further, in its `scale`, is not tried; a reweighted one
         is shortened
-    reweighting : weights are made anew at each linearization, so that costs cannot be compared:
-        every Gauss-Newton step is taken; None where weights stay
+    reweighted : weights are made anew at each linearization, so that costs cannot be compared:
+        every Gauss-Newton step is taken
+    changes_in : of reweighted steps, what `tolerance` is measured in: the unknowns' "scales", or
+        the "standard deviations" that data and priors leave them
+    min_iterations : reweighted steps do not end before
+    calm_steps : so many reweighted steps below the tolerance, one after the other, end the search
+    stiffness, max_stiffness : share of its curvature that is added to an unknown whose reweighted
+        steps go back and forth, as where what is eliminated reaches a bound and leaves it in turns:
+        at first, doubled as long as they do, and at most; 0 adds none
     hidden_sd : no step moves along directions whose standard deviation is larger than this, in the
         unknowns' scales: they stay where they are; see `Posterior.of`
     """
@@ -80,7 +63,12 @@ class Method:
     min_promise: float | None = None
     kink: float = 1e-4
     max_step: float = np.inf
-    reweighting: Reweighting | None = None
+    reweighted: bool = False
+    changes_in: Literal["scales", "standard deviations"] = "scales"
+    min_iterations: int = 1
+    calm_steps: int = 1
+    stiffness: float = 0.0
+    max_stiffness: float = 64.0
     hidden_sd: float = np.inf
 
 
@@ -376,8 +364,8 @@ def minimize(
     method = method or Method()
     free = problem.unknowns.free(fit)
     at = problem.at() if start is None else start
-    if method.reweighting is not None:
-        return _reweighted(at, free, method, method.reweighting, progress)
+    if method.reweighted:
+        return _reweighted(at, free, method, progress)
     if at.follows:
         # Own unknowns of residuals may move on where the shared ones stay.
         method = replace(method, tolerance=NEVER)
@@ -445,11 +433,7 @@ def _lower(model: _Model, damping: float, method: Method) -> _Tried:
 
 
 def _reweighted(
-    at: Evaluated,
-    free: Bools,
-    method: Method,
-    reweighting: Reweighting,
-    progress: Callable[[], None],
+    at: Evaluated, free: Bools, method: Method, progress: Callable[[], None]
 ) -> Solution:
     """Take Gauss-Newton steps with weights that follow the residuals; see `minimize`.
 
@@ -457,7 +441,7 @@ def _reweighted(
     ----------
     at : the point to begin at
     free : (unknowns,) which are searched for
-    method, reweighting : how steps are held back, and when they end
+    method : how steps are held back, and when they end
     progress : called after each linearization
     """
     problem = at.problem
@@ -473,15 +457,15 @@ def _reweighted(
         x = unknowns.within(unknowns.moved(at.x, wanted))
         step = unknowns.taken(wanted, at.x, x)
 
-        units = unknowns.scale if reweighting.changes_in == "scales" else model.sd
+        units = unknowns.scale if method.changes_in == "scales" else model.sd
         change = float(np.abs(step / units).max(initial=0.0))
         calm = calm + 1 if change < method.tolerance else 0
         progress()
-        if calm >= reweighting.calm_steps and number >= reweighting.min_iterations:
+        if calm >= method.calm_steps and number >= method.min_iterations:
             status = CONVERGED
         if status == CONVERGED or number == method.iterations:
             break
-        stiffness = _stiffened(stiffness, turned=step * last_step < 0.0, reweighting=reweighting)
+        stiffness = _stiffened(stiffness, turned=step * last_step < 0.0, method=method)
         last_step = step
         at = problem.at(x, at)
         costs.append(at.cost)
@@ -505,7 +489,7 @@ def _shortened(step: Array, scale: Array, max_step: float) -> Array:
     return step * (max_step / farthest) if farthest > max_step else step
 
 
-def _stiffened(stiffness: Array, turned: Bools, reweighting: Reweighting) -> Array:
+def _stiffened(stiffness: Array, turned: Bools, method: Method) -> Array:
     """Hold unknowns whose steps turned back, and release the others.
 
     Only these, for all would be slow for the sake of two.
@@ -519,5 +503,5 @@ def _stiffened(stiffness: Array, turned: Bools, reweighting: Reweighting) -> Arr
     -------
     (unknowns,)
     """
-    held = np.clip(2.0 * stiffness, reweighting.stiffness, reweighting.max_stiffness)
-    return np.where(turned & (reweighting.stiffness > 0.0), held, RELEASE * stiffness)
+    held = np.clip(2.0 * stiffness, method.stiffness, method.max_stiffness)
+    return np.where(turned & (method.stiffness > 0.0), held, RELEASE * stiffness)

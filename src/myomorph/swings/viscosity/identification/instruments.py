@@ -19,7 +19,7 @@ from myomorph.core.fit.elimination import eliminated
 from myomorph.core.fit.posterior import Posterior
 from myomorph.core.fit.problem import Problem
 from myomorph.core.fit.residuals import Evaluation, Rows
-from myomorph.core.fit.solver import Method, Reweighting, minimize
+from myomorph.core.fit.solver import Method, minimize
 from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.swings.viscosity.identification.budget import AXES, ErrorOptions, disturbed, thinned
@@ -52,7 +52,7 @@ UNIT_OF = {
 }
 # Weights once by what no error leaves, once by what the first estimate does. Laws are linear, so
 # that each step is whole.
-METHOD = Method(iterations=2, tolerance=0.0, reweighting=Reweighting())
+METHOD = Method(iterations=2, tolerance=0.0, reweighted=True)
 MIN_VARIANCE = 1e-18  # Of a law's residuals [N^2] or [(N m)^2], so that none has no noise
 
 

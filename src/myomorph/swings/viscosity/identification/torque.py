@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.core.fit.problem import Problem
 from myomorph.core.fit.residuals import Evaluation, NormalEquations
-from myomorph.core.fit.solver import Method, Reweighting, minimize
+from myomorph.core.fit.solver import Method, minimize
 from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
@@ -37,9 +37,7 @@ then one a muscle.
 # Of the largest singular value: a combination of muscles that turns the limb less is not shown.
 RANK_TOLERANCE = 1e-6
 MUSCLE_VISCOSITY = "muscles"  # The block of unknowns
-ONE_STEP = Method(
-    iterations=1, reweighting=Reweighting()
-)  # Of a linear problem, exact within its bounds
+ONE_STEP = Method(iterations=1, reweighted=True)  # Of a linear problem, exact within its bounds
 # A rest farther than this from the mean pose is not believed: there is hardly a spring [rad].
 MAX_SHIFT = 1.5
 
