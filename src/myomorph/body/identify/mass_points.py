@@ -18,7 +18,7 @@ and 0 on its bound, are of the size of the base parameters whatever the number o
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy
@@ -213,6 +213,49 @@ def solve_mass_points(
     return problem.result(y, iterations)
 
 
+class Ascent(NamedTuple):
+    """Where Newton steps on the dual ended.
+
+    Attributes
+    ----------
+    y : (rows,) multipliers
+    steps : that were taken
+    settled : whether the rows balance
+    """
+
+    y: Array
+    steps: int
+    settled: bool
+
+
+class FreeSums:
+    """Sums over the free points of `PointSums.pairs`, of which each call changes a few."""
+
+    def __init__(self, sums: PointSums, points: int):
+        self.sums = sums
+        self.factors = np.zeros(points)
+        self.blocks = np.zeros_like(sums.pairs(self.factors))
+
+    def of(self, factors: Array) -> Array:
+        """Sum with other factors.
+
+        Parameters
+        ----------
+        factors : (points,) 0 for points that are not free
+
+        Returns
+        -------
+        sums of products of the moments of the links that share points
+        """
+        changed = factors != self.factors
+        if np.count_nonzero(changed) < np.count_nonzero(factors):
+            self.blocks += self.sums.pairs(factors - self.factors)
+        else:
+            self.blocks = self.sums.pairs(factors)
+        self.factors = factors
+        return self.blocks
+
+
 @dataclass(eq=False)
 class _Problem:
     """The problem in the moments of the links: B = C G with G of `PointSums`.
@@ -295,18 +338,18 @@ class _Problem:
             target = np.append(target, mass - reference.sum())
             soft = np.append(soft, 0.0)
         return _Problem(
-            points,
-            sums,
-            A,
-            b,
-            C,
-            target,
-            soft,
-            reference,
-            prior_variances(points, options),
-            floor,
-            mass,
-            options,
+            points=points,
+            sums=sums,
+            A=A,
+            b=b,
+            C=C,
+            target=target,
+            soft=soft,
+            reference=reference,
+            freedom=prior_variances(points, options),
+            floor=floor,
+            mass=mass,
+            options=options,
         )
 
     def solve(self) -> tuple[Array, int]:
@@ -320,17 +363,20 @@ class _Problem:
         (rows,) multipliers y, and number of steps
         """
         most = self.options.iterations
-        y, taken, settled = self._ascend(np.zeros(len(self.C)), self.soft, most)
-        if settled:
-            return y, taken
+        none = np.zeros(len(self.C))
+        ascent = self._ascend(none, self.soft, most)
+        if ascent.settled:
+            return ascent.y, ascent.steps
+        taken = ascent.steps
         stiffness = np.square(self.C).sum(axis=1) * self.freedom.mean() * len(self.freedom)
-        y = np.zeros_like(y)
+        y = none
         for slack in SLACKS:
-            y, more, settled = self._ascend(y, self.soft + slack * stiffness, most)
-            taken += more
+            ascent = self._ascend(y, self.soft + slack * stiffness, most)
+            y = ascent.y
+            taken += ascent.steps
         return y, taken
 
-    def _ascend(self, y: Array, soft: Array, most: int) -> tuple[Array, int, bool]:
+    def _ascend(self, y: Array, soft: Array, most: int) -> Ascent:
         """Take Newton steps on the dual until the rows balance or no step gains anything.
 
         Parameters
@@ -338,15 +384,11 @@ class _Problem:
         y : (rows,) to begin with
         soft : (rows,) softness of each row, 0 for one that must be met
         most : at most so many steps
-
-        Returns
-        -------
-        (rows,) y, number of steps, and whether the rows do balance
         """
-        y, s = y.copy(), self.sums.pull(self.C.T @ y)
+        y = y.copy()
+        s = self.sums.pull(self.C.T @ y)
         size = np.abs(self.target).max(initial=0.0) + 1e-300
-        blocks = np.zeros_like(self.sums.pairs(np.zeros_like(s)))
-        factors = np.zeros_like(s)
+        free_sums = FreeSums(self.sums, len(s))
         best = np.inf
         before = np.inf
         taken = 0
@@ -358,14 +400,9 @@ class _Problem:
             # Near the optimum steps end in rounding: stop where they gain nothing any more.
             settled = before <= 1e-13 * size or (before <= 1e-7 * size and before > 0.3 * best)
             if settled or taken == most:
-                return y, taken, settled
+                return Ascent(y=y, steps=taken, settled=bool(settled))
             taken += 1
-            wanted = np.where(free, self.freedom, 0.0)
-            if np.count_nonzero(wanted != factors) < np.count_nonzero(wanted):
-                blocks += self.sums.pairs(wanted - factors)
-            else:
-                blocks = self.sums.pairs(wanted)
-            factors = wanted
+            blocks = free_sums.of(np.where(free, self.freedom, 0.0))
             direction = self._newton(blocks, soft, left)
             ds = self.sums.pull(self.C.T @ direction)
             t = self._step(y, s, soft, direction, ds)
@@ -478,16 +515,16 @@ class _Problem:
         residual = self.soft * (self.target - self.C @ self.sums.push(masses - self.reference) - y)
         gap = self.freedom * s - (masses - self.reference)
         mean = float(self.reference.mean())
+        largest_miss = np.abs(self.soft * y).max(initial=1.0)
+        off_total = 0.0
+        if self.mass is not None:
+            off_total = abs(float(masses.sum()) - self.mass) / self.mass
         optimality = Optimality(
-            balance=float(
-                np.abs(residual).max(initial=0.0) / np.abs(self.soft * y).max(initial=1.0)
-            ),
+            balance=float(np.abs(residual).max(initial=0.0) / largest_miss),
             stationarity=float(np.abs(gap[free]).max(initial=0.0)) / mean,
             complementarity=float(gap[~free].max(initial=0.0)) / mean,
             positivity=max(float((self.floor - masses).max()), 0.0) / mean,
-            total=(
-                abs(float(masses.sum()) - self.mass) / self.mass if self.mass is not None else 0.0
-            ),
+            total=off_total,
             distance=float(np.sqrt(self.freedom.max()) * np.linalg.norm(residual)) / mean,
         )
         parameters = self.points.parameters(masses)

@@ -25,7 +25,7 @@ LENGTH = 0.3  # Typical size of a segment, so that masses, first moments and ine
 SCALE = np.array([1.0, *[LENGTH] * 3, *[LENGTH**2] * 6])
 # Singular values below this share of the largest are zero: poses are exact to about 1e-14
 TOLERANCE = 1e-9
-_PREFERENCE = np.array([9.0, *[3.0] * 3, *[1.0] * 6])
+PREFERENCE = np.array([9.0, *[3.0] * 3, *[1.0] * 6])
 """Masses go to the parent rather than first moments, and those rather than inertias."""
 
 
@@ -43,6 +43,47 @@ class NullSpace(NamedTuple):
     vectors: Array
     dependent: np.ndarray
     gap: tuple[float, float] = (1.0, 0.0)
+
+
+class JointMotion(NamedTuple):
+    """Random states of a model.
+
+    Attributes
+    ----------
+    poses : of (frames,)
+    twists : (frames, axes, 6) what each axis adds to the twist of the bodies beyond it: angular
+        velocity, and velocity of the point at the ground's origin [rad/s], [m/s]
+    """
+
+    poses: Poses
+    twists: Array
+
+
+class BodyInAncestor(NamedTuple):
+    """Unit parameters of a body, in the frame of the body that its cluster hangs on.
+
+    Attributes
+    ----------
+    parameters : (frames, 10, 10) L, what they are there
+    momentum : (frames, 6, 10) what the joints between both give them: angular momentum about the
+        ancestor's origin and linear momentum
+    """
+
+    parameters: Array
+    momentum: Array
+
+
+class Exchange(NamedTuple):
+    """Parameters that bodies of a cluster may give to their ancestor.
+
+    Attributes
+    ----------
+    leaving : (10 cluster bodies, k) what goes
+    received : (10, k) what the ancestor receives
+    """
+
+    leaving: Array
+    received: Array
 
 
 class Cluster(NamedTuple):
@@ -85,32 +126,24 @@ def tree_null_space(model: Model, held: Mapping[str, float] | None = None) -> Nu
     tree = compile_tree(model)
     fixed = held_values(model, held)
     together = clusters(tree, fixed)
-    moving = random_states(
-        model, fixed, frames=24 + 4 * max(len(cluster.bodies) for cluster in together)
-    )
-    c = np.array(moving.values)
-    cdot = np.array(moving.velocities)
-    poses = forward_kinematics(tree, c)
-    twists = _twists(poses, cdot)
-    vectors: list[Array] = []
-    dependent: list[int] = []
+    largest = max(len(cluster.bodies) for cluster in together)
+    states = random_states(model, fixed, frames=24 + 4 * largest)
+    poses = forward_kinematics(tree, np.array(states.values))
+    twists = _twists(poses, np.array(states.velocities))
+    motion = JointMotion(poses=poses, twists=twists)
+
+    size = 10 * len(model.bodies)
+    vectors = [np.zeros((size, 0))]
+    dependent = [np.zeros(0, np.int64)]
     for cluster in together:
         if cluster.ancestor == 0:
             continue
-        moving_part, fixed_part = _cluster_null_space(poses, twists, cluster)
-        if not moving_part.shape[1]:
-            continue
-        columns = np.concatenate([10 * (b - 1) + np.arange(10) for b in cluster.bodies])
-        chosen = _nicest(moving_part)
-        whole = np.zeros((10 * len(model.bodies), moving_part.shape[1]))
-        whole[columns] = moving_part
-        whole[10 * (cluster.ancestor - 1) : 10 * cluster.ancestor] -= fixed_part
-        whole = whole @ np.linalg.inv(moving_part[chosen])
-        whole[np.abs(whole) < 1e-11 * np.abs(whole).max()] = 0.0
-        vectors.append(whole)
-        dependent += list(columns[chosen])
-    empty = np.zeros((10 * len(model.bodies), 0))
-    return NullSpace(np.hstack([empty, *vectors]), np.array(dependent, np.int64))
+        exchange = _exchange(motion, cluster)
+        if exchange.leaving.shape[1]:
+            part = _null_space_of(exchange, cluster, size)
+            vectors.append(part.vectors)
+            dependent.append(part.dependent)
+    return NullSpace(np.hstack(vectors), np.concatenate(dependent))
 
 
 def numerical_null_space(
@@ -320,43 +353,76 @@ def _twists(poses: Poses, cdot: Array) -> Array:
     return np.concatenate([angular, linear], axis=2)
 
 
-def _cluster_null_space(poses: Poses, twists: Array, cluster: Cluster) -> tuple[Array, Array]:
-    """Find parameters of a cluster that may go to its ancestor.
+def _exchange(motion: JointMotion, cluster: Cluster) -> Exchange:
+    """Find parameters v of a cluster that may go to its ancestor unseen.
+
+        (L(X) - L(X_0)) v = 0,   M S v = 0
+
+    for all states X: the ancestor receives the same in each of them, and the joints' own velocities
+    S give them no momentum.
 
     Parameters
     ----------
-    twists : (frames, axes, 6) of `_twists`
-
-    Returns
-    -------
-    (10 cluster bodies, k) vectors that may go, and (10, k) what the ancestor receives
+    motion : random states
+    cluster : of the model
     """
-    tree = poses.tree
-    a = cluster.ancestor
-    back = poses.rotations[:, a].transpose(0, 2, 1)
-    moved = []
-    momenta = []
-    for b in cluster.bodies:
-        rotation = back @ poses.rotations[:, b]
-        origin = np.einsum("fij,fj->fi", back, poses.origins[:, b] - poses.origins[:, a])
-        moved.append(parameters_in_parent(rotation, origin))
-        axes = tree.supports[b] & ~tree.supports[a]
-        twist = twists[:, axes].sum(axis=1)
-        # About the ancestor's origin and along its axes.
-        linear = twist[:, 3:] + np.cross(twist[:, :3], poses.origins[:, a])
-        velocity = np.concatenate([_turned(back, twist[:, :3]), _turned(back, linear)], axis=1)
-        momenta.append(momentum_rows(velocity) @ moved[-1])
-    L = np.concatenate(moved, axis=2)
-    P = np.concatenate(momenta, axis=2)
-    conditions = np.concatenate([(L[1:] - L[:1]) / SCALE[:, None], P[1:] / LENGTH], axis=1)
+    moved = [_body_in_ancestor(motion, body, cluster.ancestor) for body in cluster.bodies]
+    L = np.concatenate([one.parameters for one in moved], axis=2)
+    momentum = np.concatenate([one.momentum for one in moved], axis=2)
+
+    changes = (L[1:] - L[:1]) / SCALE[:, None]
     scale = np.tile(SCALE, len(cluster.bodies))
+    conditions = np.concatenate([changes, momentum[1:] / LENGTH], axis=1)
     conditions = conditions.reshape(-1, len(scale)) * scale
     R = np.linalg.qr(conditions, mode="r")
     _, values, right = np.linalg.svd(R)
     # A weld meets no condition at all; the unit of comparison is then the size of L itself.
     rank = int(np.sum(values > TOLERANCE * max(values[0], 1.0)))
-    vectors = right[rank:].T * scale[:, None]
-    return vectors, L[0] @ vectors
+    leaving = right[rank:].T * scale[:, None]
+    return Exchange(leaving=leaving, received=L[0] @ leaving)
+
+
+def _body_in_ancestor(motion: JointMotion, body: int, ancestor: int) -> BodyInAncestor:
+    """Bring unit parameters of a body into the frame of its cluster's ancestor.
+
+    Parameters
+    ----------
+    motion : random states
+    body, ancestor : numbers in the tree's arrays
+    """
+    poses = motion.poses
+    tree = poses.tree
+    back = poses.rotations[:, ancestor].transpose(0, 2, 1)
+    rotation = back @ poses.rotations[:, body]
+    offset = poses.origins[:, body] - poses.origins[:, ancestor]
+    parameters = parameters_in_parent(rotation, _turned(back, offset))
+
+    between = tree.supports[body] & ~tree.supports[ancestor]
+    twist = motion.twists[:, between].sum(axis=1)
+    angular = twist[:, :3]
+    # About the ancestor's origin and along its axes.
+    linear = twist[:, 3:] + np.cross(angular, poses.origins[:, ancestor])
+    velocity = np.concatenate([_turned(back, angular), _turned(back, linear)], axis=1)
+    return BodyInAncestor(parameters=parameters, momentum=momentum_rows(velocity) @ parameters)
+
+
+def _null_space_of(exchange: Exchange, cluster: Cluster, size: int) -> NullSpace:
+    """Write what a cluster may give away as changes of all standard parameters.
+
+    Parameters
+    ----------
+    exchange : of the cluster, with something that may go
+    cluster : with the numbers of its bodies
+    size : number of standard parameters of the model
+    """
+    columns = np.concatenate([10 * (b - 1) + np.arange(10) for b in cluster.bodies])
+    chosen = _nicest(exchange.leaving)
+    vectors = np.zeros((size, exchange.leaving.shape[1]))
+    vectors[columns] = exchange.leaving
+    vectors[10 * (cluster.ancestor - 1) : 10 * cluster.ancestor] -= exchange.received
+    vectors = vectors @ np.linalg.inv(exchange.leaving[chosen])
+    vectors[np.abs(vectors) < 1e-11 * np.abs(vectors).max()] = 0.0
+    return NullSpace(vectors, columns[chosen])
 
 
 def _turned(rotations: Array, vectors: Array) -> Array:
@@ -374,9 +440,10 @@ def _nicest(vectors: Array) -> np.ndarray:
     -------
     (k,) row numbers, ascending
     """
-    scaled = (vectors / np.tile(SCALE, len(vectors) // 10)[:, None]) * np.tile(
-        _PREFERENCE, len(vectors) // 10
-    )[:, None]
+    bodies = len(vectors) // 10
+    scale = np.tile(SCALE, bodies)[:, None]
+    preference = np.tile(PREFERENCE, bodies)[:, None]
+    scaled = (vectors / scale) * preference
     _, order = scipy.linalg.qr(scaled.T, mode="r", pivoting=True)
     return np.sort(order[: vectors.shape[1]])
 

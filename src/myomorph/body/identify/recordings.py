@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from myomorph.body.identify.least_squares import Finer, Recording
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import inertial_parameters
@@ -98,7 +98,55 @@ class Usable:
         return np.ones(len(self.recording.motion), bool) if used is None else used
 
 
-def usable(
+@read_only
+class Balance:
+    """The wrench about the base that a motion needs, and the one that was measured.
+
+    Attributes
+    ----------
+    needed, measured : (frames, 6) moment about the base and force [N m], [N]; needed by the model's
+        masses, brought to the body's
+    needed_up, measured_up : (frames,) upward force of each [N]
+    weight : of the body [N]
+    """
+
+    needed: Array
+    measured: Array
+    needed_up: Array
+    measured_up: Array
+    weight: float
+
+    @classmethod
+    def of(cls, model: Model, recording: Recording, mass: float) -> Balance:
+        """Compute both wrenches.
+
+        Parameters
+        ----------
+        model : scaled to the body
+        recording : on one clock
+        mass : of the body [kg]
+
+        Raises
+        ------
+        BadData : the model has no gravity
+        """
+        needed = needed_wrench(model, recording.motion) * (mass / model.mass)
+        measured = base_wrench(model, recording.motion, recording.wrenches)
+        return cls(
+            needed=needed,
+            measured=measured,
+            needed_up=_up(model, needed),
+            measured_up=_up(model, measured),
+            weight=mass * float(np.linalg.norm(model.gravity)),
+        )
+
+    @property
+    def missing_up(self) -> Array:
+        """(frames,) upward force that nothing measured [N]."""
+        return self.needed_up - self.measured_up
+
+
+def usable(  # page: a recording, and what is known of it, all of it optional
     model: Model,
     motion: Motion,
     wrenches: Wrenches,
@@ -152,7 +200,54 @@ def usable(
     whole = differentiate(motion, options.cutoff)
     if time is not None:
         whole = cut(whole, *time)
-    frames = len(whole)
+    recording = _on_one_clock(name, motion, whole, wrenches, options.cutoff)
+    outside = {OUTSIDE: len(whole) - len(recording.motion)}
+    balance = Balance.of(model, recording, mass)
+
+    marks = _marked(motion, wrenches, recording, balance, options.cutoff)
+    so_far = ~np.any(list(marks.values()), axis=0)
+    if not so_far.any():
+        left_out = _listed(_counted(outside, marks))
+        raise BadData(f"{name}: none of the {len(whole)} frames can be used: {left_out}")
+    _refuse_tared(name, balance.needed_up[so_far], balance.measured_up[so_far], balance.weight)
+    known = ~(marks[NO_MOTION] | marks[NO_FORCE])
+    clock = recording.motion.time
+    marks[UNMEASURED] = _unmeasured(clock, balance.missing_up, known, balance.weight)
+    use = ~np.any(list(marks.values()), axis=0)
+    _refuse_elsewhere(name, model, recording.motion, balance, use)
+
+    flight = use & (np.abs(balance.measured_up) < FLIGHT * balance.weight)
+    # Where every frame seems to lack a contact, the best carried ones say what the mass may be.
+    say = use if use.any() else _best_carried(clock, balance, known)
+    weighs = mass * _mean_ratio(balance, say)
+    return Usable(
+        recording=replace(recording, use=use),
+        left_out=FrozenMap(_counted(outside, marks)),
+        frames=len(whole),
+        flight=int(flight.sum()),
+        weighs=weighs,
+        name=name,
+        notes=_notes_of_mass(name, weighs, mass),
+    )
+
+
+def _on_one_clock(
+    name: str, motion: Motion, whole: Motion, wrenches: Wrenches, cutoff: float | None
+) -> Recording:
+    """Bring motion and forces through the same filter to the motion's times.
+
+    Parameters
+    ----------
+    name : of the recording
+    motion : coordinates as recorded
+    whole : the same with derivatives, as far as it is to be used
+    wrenches : as recorded, on their own clock; NaN where missing
+    cutoff : of the filter [Hz]; None filters nothing
+
+    Raises
+    ------
+    BadData : no common time, or no force at all
+    """
     common = _in_common(name, whole, wrenches)
     lacking = _lacking(wrenches)
     if lacking.all():
@@ -160,53 +255,69 @@ def usable(
             f"{name}: the forces hold no finite value: give the file that the plates wrote"
         )
     filled = _filled(wrenches, lacking)
-    finer = None
-    at = resample_wrenches(filled, common.time, options.cutoff)
-    if options.cutoff is not None:
-        little = FINER * options.cutoff
-        fine = cut(differentiate(motion, little), common.time[0], common.time[-1])
-        finer = Finer(fine, resample_wrenches(filled, common.time, little), options.cutoff)
+    at = resample_wrenches(filled, common.time, cutoff)
+    if cutoff is None:
+        return Recording(motion=common, wrenches=at)
+    little = FINER * cutoff
+    fine = cut(differentiate(motion, little), common.time[0], common.time[-1])
+    fine_wrenches = resample_wrenches(filled, common.time, little)
+    finer = Finer(motion=fine, wrenches=fine_wrenches, cutoff=cutoff)
+    return Recording(motion=common, wrenches=at, finer=finer)
 
-    margin = 0.0 if options.cutoff is None else REACH / options.cutoff
-    wanted = needed_wrench(model, common) * (mass / model.mass)
-    recorded = base_wrench(model, common, at)
-    needed = _up(model, wanted)
-    measured = _up(model, recorded)
-    weight = mass * float(np.linalg.norm(model.gravity))
-    marks = {
-        NO_MOTION: ~np.isfinite(needed),
-        NO_FORCE: _near(common.time, wrenches.time[lacking], margin),
-        EDGE: (
-            _near(common.time, _ends(motion, wrenches), margin)
-            if margin
-            else np.zeros(len(common), bool)
-        ),
+
+def _marked(
+    motion: Motion,
+    wrenches: Wrenches,
+    recording: Recording,
+    balance: Balance,
+    cutoff: float | None,
+) -> dict[str, np.ndarray]:
+    """Mark frames without motion, without a force, or near an end that the filter blurs.
+
+    Parameters
+    ----------
+    motion, wrenches : as recorded
+    recording : both on one clock
+    balance : of the recording
+    cutoff : of the filter [Hz]; None for none
+
+    Returns
+    -------
+    reason to (frames,) whether it applies
+    """
+    clock = recording.motion.time
+    margin = 0.0 if cutoff is None else REACH / cutoff
+    edge = np.zeros(len(clock), bool)
+    if margin:
+        edge = _near(clock, _ends(motion, wrenches), margin)
+    return {
+        NO_MOTION: ~np.isfinite(balance.needed_up),
+        NO_FORCE: _near(clock, wrenches.time[_lacking(wrenches)], margin),
+        EDGE: edge,
     }
-    so_far = ~np.any(list(marks.values()), axis=0)
-    if not so_far.any():
-        left_out = _counted({OUTSIDE: frames - len(common)}, marks)
-        raise BadData(f"{name}: none of the {frames} frames can be used: {_listed(left_out)}")
-    _refuse_tared(name, needed[so_far], measured[so_far], weight)
-    known = ~(marks[NO_MOTION] | marks[NO_FORCE])
-    marks[UNMEASURED] = _unmeasured(common.time, needed - measured, known, weight)
-    use = ~np.any(list(marks.values()), axis=0)
-    _refuse_elsewhere(name, model, common, (wanted - recorded)[:, :3], weight, use)
-    flight = use & (np.abs(measured) < FLIGHT * weight)
-    # Where every frame seems to lack a contact, the best carried ones say what the mass may be.
-    say = use if use.any() else _best_carried(common.time, needed, measured, known)
-    weighs = mass * measured[say].mean() / needed[say].mean() if say.any() else float("nan")
-    note = (
+
+
+def _mean_ratio(balance: Balance, frames: np.ndarray) -> float:
+    """Divide the mean measured force by the needed one, in chosen frames (frames,)."""
+    if not frames.any():
+        return float("nan")
+    return float(balance.measured_up[frames].mean() / balance.needed_up[frames].mean())
+
+
+def _notes_of_mass(name: str, weighs: float, mass: float) -> tuple[str, ...]:
+    """Report forces that weigh the body otherwise than stated.
+
+    Parameters
+    ----------
+    name : of the recording
+    weighs : mass that the forces say [kg]
+    mass : that was stated [kg]
+    """
+    if not abs(weighs / mass - 1.0) > MASS_TOLERANCE:
+        return ()
+    return (
         f"{name}: the forces correspond to {weighs:.1f} kg, but the specified mass is {mass:.1f}: a"
-        " plate's zero or gain is off, a load is carried, or the mass is wrong"
-    )
-    return Usable(
-        recording=Recording(motion=common, wrenches=at, use=use, finer=finer),
-        left_out=FrozenMap(_counted({OUTSIDE: frames - len(common)}, marks)),
-        frames=frames,
-        flight=int(flight.sum()),
-        weighs=float(weighs),
-        name=name,
-        notes=(note,) if abs(weighs / mass - 1.0) > MASS_TOLERANCE else (),
+        " plate's zero or gain is off, a load is carried, or the mass is wrong",
     )
 
 
@@ -403,7 +514,7 @@ def _refuse_tared(name: str, needed: Array, measured: Array, weight: float) -> N
 
 
 def _refuse_elsewhere(
-    name: str, model: Model, motion: Motion, missing: Array, weight: float, use: np.ndarray
+    name: str, model: Model, motion: Motion, balance: Balance, use: np.ndarray
 ) -> None:
     """Refuse forces so far from the body that they belong elsewhere.
 
@@ -411,8 +522,7 @@ def _refuse_elsewhere(
 
     Parameters
     ----------
-    missing : (frames, 3) moment about the base [N m]
-    weight : of the body [N]
+    balance : of the recording
     use : (frames,) which frames are used
 
     Raises
@@ -421,11 +531,11 @@ def _refuse_elsewhere(
     """
     if not use.any():
         return
-    arm = float(np.median(np.linalg.norm(missing[use], axis=1))) / weight
+    missing_moments = (balance.needed - balance.measured)[use, :3]
+    arm = float(np.median(np.linalg.norm(missing_moments, axis=1))) / balance.weight
     tree = compile_tree(model)
-    origins = forward_kinematics(
-        tree, tree.coordinates_of(motion)[np.flatnonzero(use)[:1]]
-    ).origins[0, 1:]
+    first = tree.coordinates_of(motion)[np.flatnonzero(use)[:1]]
+    origins = forward_kinematics(tree, first).origins[0, 1:]
     size = float(np.linalg.norm(origins - origins[0], axis=1).max())
     if arm > MAX_FORCE_DISTANCE * size:
         raise BadData(
@@ -463,13 +573,13 @@ def _unmeasured(time: Array, lacking: Array, known: np.ndarray, weight: float) -
     )
 
 
-def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray) -> np.ndarray:
+def _best_carried(time: Array, balance: Balance, known: np.ndarray) -> np.ndarray:
     """Find the tenth of the known frames around which plates carry most of what the body needs.
 
     Parameters
     ----------
     time : (frames,) [s]
-    needed, measured : (frames,) upward force [N]
+    balance : of the recording
     known : (frames,) whether motion and forces are known
 
     Returns
@@ -477,8 +587,8 @@ def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray
     (frames,)
     """
     frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
-    carried = scipy.ndimage.uniform_filter1d(np.where(known, measured, 0.0), frames)
-    weighed = scipy.ndimage.uniform_filter1d(np.where(known, needed, 1.0), frames)
+    carried = scipy.ndimage.uniform_filter1d(np.where(known, balance.measured_up, 0.0), frames)
+    weighed = scipy.ndimage.uniform_filter1d(np.where(known, balance.needed_up, 1.0), frames)
     share = np.where(known, carried / np.maximum(weighed, 1.0), -np.inf)
     return known & (share >= np.quantile(share[known], 0.9)) if known.any() else known
 

@@ -161,24 +161,14 @@ def transfer(
     options = options or TransferOptions()
     ours = Standing(lower, first_frame(pose, lower), regions_of(lower, options.lower_segments))
     generic = Standing(higher, DEFAULT_POSE, regions_of(higher, options.higher_segments))
-    shared = _shared_centers(ours, generic)
-    rotation = between_grounds(ours, generic, shared)
-    targets = {key: rotation @ ours.places[key] for key in shared}
-    cues = hinge_cues(ours, generic, shared, rotation)
-    fit = CenterFit(
-        model=skeleton(higher),
-        regions=generic.regions,
-        centers={key: generic.centers[key] for key in shared},
-        targets=targets,
-        cues=cues,
-    )
+    rotation = between_grounds(ours, generic, _shared_centers(ours, generic))
+    fit = _center_fit(ours, generic, rotation)
     factors, higher_pose = fit.solve(options.rounds, options.tolerance)
     shifts, shifted = fit.shifts(higher, factors, higher_pose)
-    theirs = Standing(_scaled(higher, shifted, factors, path_lengths), higher_pose, generic.regions)
+    scaled = _scaled(higher, shifted, factors, path_lengths)
+    theirs = Standing(scaled, higher_pose, generic.regions)
     model, masses = _with_masses(ours, theirs, rotation)
     markers, notes = _markers(ours, theirs, rotation, options)
-    places = theirs.places
-    both = (ours.regions, generic.regions)
     return Transfer(
         model=replace(model, markers=markers),
         lower_pose=ours.pose,
@@ -186,20 +176,49 @@ def transfer(
         rotation=rotation,
         factors=FrozenMap(factors),
         joint_shifts=FrozenMap(shifts),
-        joint_errors=FrozenMap(
-            {key: float(np.linalg.norm(places[key] - targets[key])) for key in shared}
-        ),
-        lengths=fit.lengths(places),
+        joint_errors=FrozenMap(_joint_errors(fit, theirs.places)),
+        lengths=fit.lengths(theirs.places),
         masses=masses,
         without_center=tuple(sorted(set(ours.centers) ^ set(generic.centers))),
-        without_counterpart=tuple(
-            name
-            for table in both
-            for name, region in table.items()
-            if region not in _common(ours, generic)
-        ),
+        without_counterpart=_without_counterpart(ours, generic),
         notes=tuple(notes),
     )
+
+
+def _center_fit(lower: Standing, higher: Standing, rotation: Array) -> CenterFit:
+    """Set up the problem of laying the higher model's joint centers onto the lower one's.
+
+    Parameters
+    ----------
+    lower, higher : each in its own pose
+    rotation : (3, 3) from the lower model's ground axes to the higher's
+    """
+    shared = _shared_centers(lower, higher)
+    return CenterFit(
+        model=skeleton(higher.model),
+        regions=higher.regions,
+        centers={key: higher.centers[key] for key in shared},
+        targets={key: rotation @ lower.places[key] for key in shared},
+        cues=hinge_cues(lower, higher, shared, rotation),
+    )
+
+
+def _joint_errors(fit: CenterFit, places: Mapping[str, Array]) -> dict[str, float]:
+    """Compute the distance of each pair of joint centers that is left [m].
+
+    Parameters
+    ----------
+    fit : with the targets
+    places : name to (3,) joint center of the higher model in its ground [m]
+    """
+    return {key: float(np.linalg.norm(places[key] - target)) for key, target in fit.targets.items()}
+
+
+def _without_counterpart(lower: Standing, higher: Standing) -> tuple[str, ...]:
+    """Name the bodies of regions that the other model lacks."""
+    common = _common(lower, higher)
+    regions = (*lower.regions.items(), *higher.regions.items())
+    return tuple(name for name, region in regions if region not in common)
 
 
 def _common(lower: Standing, higher: Standing) -> set[Region]:
@@ -264,57 +283,107 @@ def _with_masses(
     the model, and how well each region took its mass
     """
     turn = np.eye(4)
-    model = higher.model
     turn[:3, :3] = rotation
     wanted = turn @ lower.pseudo_inertias() @ turn.T
     masses = higher.pseudo_inertias()
-    both = lower, higher
-    heavy = [
-        {region for body, region in side.regions.items() if side.model.body(body).mass > 0.0}
-        for side in both
-    ]
-    common = heavy[0] & heavy[1]
-    members = [
-        [common_region(side.regions[name], common) for name in side.model.body_names]
-        for side in both
-    ]
-    spread_ = masses.copy()
+    common = _heavy_regions(lower) & _heavy_regions(higher)
+    lower_regions = _region_of_each_body(lower, common)
+    higher_regions = _region_of_each_body(higher, common)
+
+    after = masses.copy()
     matches = []
-    for region in dict.fromkeys(members[1]):
-        their_members, our_members = members
-        theirs = np.flatnonzero([other == region for other in their_members])
-        ours = np.flatnonzero([other == region for other in our_members])
-        target = wanted[theirs].sum(axis=0)
-        try:
-            spread_[ours] = spread(masses[ours], target)
-            note = ""
-        except BadData as error:
-            spread_[ours] = spread_mass(masses[ours], target)
-            note = f"only mass and mass center: {error}"
-        total = spread_[ours].sum(axis=0)
-        heavy_ours = ours[masses[ours, 3, 3] > 0.0]
-        before = masses[heavy_ours, :3, 3] / masses[heavy_ours, 3, 3, None]
-        after = spread_[heavy_ours, :3, 3] / spread_[heavy_ours, 3, 3, None]
+    for region in dict.fromkeys(higher_regions):
+        of_lower = np.flatnonzero([other == region for other in lower_regions])
+        of_higher = np.flatnonzero([other == region for other in higher_regions])
+        target = wanted[of_lower].sum(axis=0)
+        after[of_higher], note = _spread_over(masses[of_higher], target)
+        match = _mass_match(region, target, masses[of_higher], after[of_higher])
         matches.append(
-            MassMatch(
-                region=region,
-                lower_bodies=tuple(lower.model.body_names[i] for i in theirs),
-                higher_bodies=tuple(model.body_names[i] for i in ours),
-                mass=float(target[3, 3]),
-                mass_error=float(abs(total[3, 3] - target[3, 3])),
-                center_error=float(
-                    np.linalg.norm(total[:3, 3] / total[3, 3] - target[:3, 3] / target[3, 3])
-                ),
-                inertia_error=float(np.abs(total[:3, :3] - target[:3, :3]).max()),
-                largest_shift=float(np.linalg.norm(after - before, axis=1).max(initial=0.0)),
+            replace(
+                match,
+                lower_bodies=tuple(lower.model.body_names[i] for i in of_lower),
+                higher_bodies=tuple(higher.model.body_names[i] for i in of_higher),
                 note=note,
             )
         )
-    back = np.linalg.inv(np.array(list(higher.frames.values())))
-    parameters = parameters_of(back @ spread_ @ np.swapaxes(back, 1, 2))
-    massless = inertial_parameters(model)[:, 0] == 0.0
-    parameters[massless] = inertial_parameters(model)[massless]
-    return with_inertial_parameters(model, parameters), tuple(matches)
+    return _with_pseudo_inertias(higher, after), tuple(matches)
+
+
+def _heavy_regions(standing: Standing) -> set[Region]:
+    """Find the regions with a body of positive mass."""
+    bodies = standing.model.body
+    return {region for name, region in standing.regions.items() if bodies(name).mass > 0.0}
+
+
+def _region_of_each_body(standing: Standing, common: set[Region]) -> list[Region]:
+    """List the region that each body counts to: one of those that both models have."""
+    return [common_region(standing.regions[name], common) for name in standing.model.body_names]
+
+
+def _spread_over(masses: Array, target: Array) -> tuple[Array, str]:
+    """Change bodies of a region so that they sum to a target, as far as bodies can.
+
+    Parameters
+    ----------
+    masses : (bodies, 4, 4) pseudo-inertias in ground
+    target : (4, 4) that they shall sum to
+
+    Returns
+    -------
+    (bodies, 4, 4), and why mass center and inertia are not met, "" where they are
+    """
+    try:
+        return spread(masses, target), ""
+    except BadData as error:
+        return spread_mass(masses, target), f"only mass and mass center: {error}"
+
+
+def _mass_match(region: Region, target: Array, before: Array, after: Array) -> MassMatch:
+    """Compare a region's mass with what it shall be.
+
+    Parameters
+    ----------
+    region : of the body
+    target : (4, 4) pseudo-inertia that its bodies shall sum to
+    before, after : (bodies, 4, 4) pseudo-inertias of its bodies
+
+    Returns
+    -------
+    the match, without names of bodies
+    """
+    total = after.sum(axis=0)
+    heavy = before[:, 3, 3] > 0.0
+    centers_before = before[heavy, :3, 3] / before[heavy, 3, 3, None]
+    centers_after = after[heavy, :3, 3] / after[heavy, 3, 3, None]
+    shifts = np.linalg.norm(centers_after - centers_before, axis=1)
+    center_error = total[:3, 3] / total[3, 3] - target[:3, 3] / target[3, 3]
+    return MassMatch(
+        region=region,
+        lower_bodies=(),
+        higher_bodies=(),
+        mass=float(target[3, 3]),
+        mass_error=float(abs(total[3, 3] - target[3, 3])),
+        center_error=float(np.linalg.norm(center_error)),
+        inertia_error=float(np.abs(total[:3, :3] - target[:3, :3]).max()),
+        largest_shift=float(shifts.max(initial=0.0)),
+    )
+
+
+def _with_pseudo_inertias(standing: Standing, masses: Array) -> Model:
+    """Give the model pseudo-inertias; bodies without mass stay as they are.
+
+    Parameters
+    ----------
+    standing : the model in its pose
+    masses : (bodies, 4, 4) in ground
+    """
+    model = standing.model
+    back = np.linalg.inv(np.array(list(standing.frames.values())))
+    parameters = parameters_of(back @ masses @ np.swapaxes(back, 1, 2))
+    own = inertial_parameters(model)
+    massless = own[:, 0] == 0.0
+    parameters[massless] = own[massless]
+    return with_inertial_parameters(model, parameters)
 
 
 def common_region(region: Region, common: set[Region]) -> Region:

@@ -232,6 +232,7 @@ class CenterFit:
 
     Attributes
     ----------
+    targets : name to (3,) joint center of the lower model, in the higher model's ground [m]
     pairs : (region, center, center) whose distances the factors of the region set
     free : regions with factors of their own: one, or three where three centers or more bound the
         region
@@ -248,7 +249,7 @@ class CenterFit:
         self._model = model
         self._regions = regions
         self._centers = centers
-        self._targets = targets
+        self.targets = targets
         self._cues = cues
         joint_of = {name: joint for joint in model.joints for name in joint.coordinates}
         self._started = tuple(
@@ -294,7 +295,7 @@ class CenterFit:
             places = self._places(model, pose)
             errors = {
                 key: float(np.linalg.norm(places[key] - target))
-                for key, target in self._targets.items()
+                for key, target in self.targets.items()
             }
             if max(abs(errors[key] - before.get(key, np.inf)) for key in errors) < tolerance:
                 break
@@ -345,7 +346,7 @@ class CenterFit:
         (unknowns,) log factors of the free regions
         """
         wanted = {
-            pair: float(np.linalg.norm(self._targets[pair[1]] - self._targets[pair[2]]))
+            pair: float(np.linalg.norm(self.targets[pair[1]] - self.targets[pair[2]]))
             for pair in self.pairs
         }
 
@@ -423,19 +424,19 @@ class CenterFit:
     def _off(self, model: Model, pose: Motion, keys: Sequence[str]) -> float:
         """Compute the largest distance of some centers from the lower model's [m]."""
         places = self._places(model, pose)
-        return max(float(np.linalg.norm(places[key] - self._targets[key])) for key in keys)
+        return max(float(np.linalg.norm(places[key] - self.targets[key])) for key in keys)
 
     def _posed(self, model: Model, coordinates: tuple[Coordinate, ...]) -> Motion:
         """Run inverse kinematics of the joint centers from the defaults of coordinates."""
         centers = centers_of(model, self._regions)
         virtual = [
-            Marker(key, centers[key].joint.child, centers[key].location) for key in self._targets
+            Marker(key, centers[key].joint.child, centers[key].location) for key in self.targets
         ]
         scaled = {joint.child: joint.parent_frame.translation for joint in model.joints}
         origins = {joint.child: joint.parent_frame.translation for joint in self._model.joints}
-        points = list(self._targets.values())
+        points = list(self.targets.values())
         weights = {}
-        for key in self._targets:
+        for key in self.targets:
             weights[key] = ROOT_WEIGHT if ROOT in (centers[key].inner, centers[key].outer) else 1.0
         for cue in self._cues:
             child = self._centers[cue.name.removesuffix(" axis")].joint.child
@@ -476,7 +477,7 @@ class CenterFit:
             larger = Standing(
                 scale(replace(self._model, joints=model.joints), factors), pose, self._regions
             )
-            missing = self._targets[center.key] - larger.places[center.key]
+            missing = self.targets[center.key] - larger.places[center.key]
             local = larger.frames[center.joint.parent][:3, :3].T @ missing
             distances[center.key] = float(np.linalg.norm(missing))
             model = replace(
@@ -499,7 +500,7 @@ class CenterFit:
             LengthMatch(
                 region=region,
                 centers=(a, b),
-                lower=float(np.linalg.norm(self._targets[a] - self._targets[b])),
+                lower=float(np.linalg.norm(self.targets[a] - self.targets[b])),
                 higher=float(np.linalg.norm(places[a] - places[b])),
             )
             for region, a, b in self.pairs
