@@ -58,6 +58,7 @@ PAGES: dict[str, dict[str, str]] = {
         "session": "accuracy.laboratory.sessions:measure",
         "session_movements": "accuracy.laboratory.sessions:measure_movements",
         "session_people": "accuracy.laboratory.sessions:measure_people",
+        "session_statements": "accuracy.laboratory.session_statements:measure",
     },
     "opensim-setups": {
         "scale": "accuracy.kinematics.scale:measure",

@@ -82,6 +82,20 @@ class SeenBody:
             if (site.segment in parts or site.key in parts) and side in (None, site.side)
         ]
 
+    def place(self, landmark: str, side: str) -> Array | None:
+        """Path of the first marker on a landmark.
+
+        Parameters
+        ----------
+        landmark, side : as `foot.heel` and `right`
+
+        Returns
+        -------
+        (frames, 3) [m], NaN where unseen; None where no marker is on it
+        """
+        labels = self.labels(landmark, side=side)
+        return self.places[labels[0]] if labels else None
+
     def mean(self, *parts: str, side: str | None = None) -> Array | None:
         """Mean of markers, gaps of single markers filled.
 

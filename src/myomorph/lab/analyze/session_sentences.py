@@ -9,7 +9,15 @@ from myomorph.lab.study.inputs.session import TrialSession
 
 
 def people_sentences(session: Session) -> list[str]:
-    """Sentences on who was recorded; none on the only one, whom nothing names."""
+    """Sentences on who was recorded, and on what cannot be told of it."""
+    unresolved = [
+        f"{text[0].upper()}{text[1:]}." for person in session.people for text in person.unresolved
+    ]
+    return [*_who(session), *unresolved]
+
+
+def _who(session: Session) -> list[str]:
+    """Name who was recorded; none where nothing names the only one."""
     if len(session.people) == 1:
         (person,) = session.people
         if person.name.origin == "not known":

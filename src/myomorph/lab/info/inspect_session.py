@@ -33,8 +33,14 @@ def inspect_session(session: Session, reasons: bool = False) -> Inspection:
     if reasons:
         facts += [(trial.name, trial.movement.explained) for trial in session.trials]
         facts += [(f"{trial.name} shows", ", ".join(trial.segments)) for trial in session.trials]
-    warnings = [f"{trial.name}: {text}" for trial in session.trials for text in trial.warnings]
-    return Inspection("session", tuple(facts), (*warnings, *session.passed_over))
+    return Inspection("session", tuple(facts), (*_warnings(session), *session.passed_over))
+
+
+def _warnings(session: Session) -> list[str]:
+    """List what cannot be told of people, and what contradicts in trials."""
+    unresolved = [text for person in session.people for text in person.unresolved]
+    contradicts = [f"{trial.name}: {text}" for trial in session.trials for text in trial.warnings]
+    return [*unresolved, *contradicts]
 
 
 def _people(session: Session) -> str:

@@ -41,6 +41,26 @@ MOVEMENT_WORDS: tuple[tuple[Movement, re.Pattern[str]], ...] = (
     ),
 )
 """Words of files and folders on a movement."""
+CONDITION_WORDS = frozenset(
+    (
+        *(
+            "pre",
+            "post",
+            "before",
+            "after",
+            "baseline",
+            "follow",
+            "day",
+            "session",
+            "visit",
+            "week",
+        ),
+        *("barefoot", "shod", "shoe", "shoes", "brace", "orthosis", "left", "right", "both"),
+        *("fast", "slow", "normal", "self", "level", "trial", "take", "rec", "recording", "data"),
+        *("test", "task", "markers", "marker", "motion", "capture", "mocap", "std", "raw", "file"),
+    )
+)
+"""First words of names of files that name no person."""
 BIDS_ENTITY = re.compile(r"(?P<key>sub|ses|task|run|acq|tracksys)-(?P<value>[A-Za-z0-9]+)")
 CODE = re.compile(
     r"(?P<code>(sub(j|ject)?|s|p|pt|pp|pat|patient|part|participant|animal|mouse|rat|id|hc)"
@@ -101,6 +121,16 @@ def subject_code(path: Path) -> SubjectCode:
         if leading is not None and leading["letters"].lower() not in NO_CODES:
             return SubjectCode(text=leading["code"], origin=origin)
     return SubjectCode()
+
+
+def first_word(path: Path) -> str:
+    """First word of a file's name, "" where it is one on a movement or a condition."""
+    words = WORDS.findall(path.stem)
+    word = words[0].lower() if words else ""
+    if word in CONDITION_WORDS or word in NO_NAMES or word in NO_CODES:
+        return ""
+    moves = any(pattern.fullmatch(word) for _, pattern in MOVEMENT_WORDS)
+    return "" if moves else word
 
 
 def _named(path: Path) -> Iterator[tuple[str, Origin]]:

@@ -3,56 +3,28 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from myomorph.core.model.known import Known
-from myomorph.lab.session.body_measures import (
-    MIN_CHANCE,
-    BodyMeasures,
-    Comparison,
-    compared,
-)
-from myomorph.lab.session.names import SubjectCode
+from myomorph.lab.session.evidence import Evidence
+from myomorph.lab.session.placements import Placement, placements_of
 
-OTHER_CODE = 0.05
-"""Bodies whose files have codes of different subjects differ by chance with less than this."""
-SAME_NAME = 1e-5  # Bodies that have one name in their headers are of two people below this chance.
-ALIKE = 0.15
-"""Mean squared deviation below which markers are where they were: one body in one session, whatever
-programs call it.
-"""
-MANY_LENGTHS = 6  # Measures that must agree so.
-
-
-@dataclass(frozen=True, kw_only=True)
-class Evidence:
-    """What one recording says of who it is of.
-
-    Attributes
-    ----------
-    path : of the recording
-    header : who it is by its header
-    code : of a subject, in names of files and folders
-    measures : of the body
-    """
-
-    path: Path
-    header: Known[str]
-    code: SubjectCode
-    measures: BodyMeasures
-
-    @property
-    def named(self) -> bool:
-        """Whether any name says who it is."""
-        return bool(self.header) or bool(self.code.text)
-
-    def shares_name(self, other: Evidence) -> bool:
-        """Whether a code, or without codes a header, names both alike."""
-        if self.code.text and other.code.text:
-            return self.code.text == other.code.text
-        return bool(self.header) and self.header.value == other.header.value
+DECISIVE = 2.0
+"""Decadic logarithm of the odds from which on recordings are of two people: 100 to 1."""
+MIN_ROBUST = 1.0  # The same, without the bone that says most.
+# What speaks for two people before bodies are compared, as decadic logarithms of odds.
+SAME_NAME = -4.0  # Headers have one name.
+SAME_CODE = -2.0  # Names of files or folders have one code.
+OTHER_CODE = 1.0  # They have different ones that may be codes of subjects.
+OTHER_WORD = 0.5  # Names of files begin with different words, as `anna_walk` and `ben_walk`.
+SAME_DAY = 0.5  # Markers are seldom placed twice on one day.
+OTHER_DAY = -0.5  # Whoever is recorded on another day is marked anew.
+# What speaks for one person where several may be it.
+ONE_NAME = -10.0
+ONE_MARKER_SET = -1.0
+ONE_FOLDER = -0.3
+CLEAR = 0.7  # Odds by which one person is better than another: 5 to 1.
+MAX_UNRESOLVED = 3  # Placements that a person's sentences name.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,42 +35,59 @@ class Group:
     ----------
     members : numbers of recordings, ascending
     why : what tells them from the others before them, "" for the first
+    unresolved : what cannot be told, one sentence each
     """
 
     members: tuple[int, ...]
     why: str = ""
+    unresolved: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Whether a placement of markers is of another person.
+
+    Attributes
+    ----------
+    why : what tells them apart, "" where nothing does
+    rank : decadic logarithm of the odds for another person, with what speaks for this one
+    """
+
+    why: str
+    rank: float
 
 
 def people_of(recordings: Sequence[Evidence]) -> tuple[Group, ...]:
     """Group recordings by who they are of.
 
-    Recordings with different names are of two people, unless markers show that they are of one body
-    in one session. Without names they are of one, unless their bodies differ more than one body
-    does by chance. A recording joins the group that it is nearest to.
+    Recordings whose markers are where they were are of one body, whatever they are called. Others
+    are of two people where their names say so, or where odds are decisive: those of the bodies, by
+    lengths and weight, times those that names and days speak for. What is not decisive is taken as
+    one person, and said to be unresolved unless a name ties it.
     """
-    groups: list[list[int]] = []
+    people: list[list[Placement]] = []
     reasons: list[str] = []
-    recordings = _with_sure_codes(recordings)
-    # Those first that say most of who they are of, so that the others join them.
-    order = sorted(range(len(recordings)), key=lambda index: _says_little(recordings[index], index))
-    for index in order:
-        fits = [_apart(recordings, group, index) for group in groups]
-        joined = [number for number, fit in enumerate(fits) if not fit.why]
-        if joined:
-            best = max(joined, key=lambda number: fits[number].rank)
-            groups[best].append(index)
-        else:
-            groups.append([index])
-            reasons.append(next((fit.why for fit in fits if fit.why), ""))
-    together = sorted(zip(groups, reasons, strict=True), key=lambda pair: min(pair[0]))
-    return tuple(
-        Group(members=tuple(sorted(members)), why=reason if number else "")
-        for number, (members, reason) in enumerate(together)
-    )
-
-
-def _says_little(recording: Evidence, index: int) -> tuple[bool, int, int]:
-    return not recording.named, -len(recording.measures.lengths), index
+    doubtful: list[list[str]] = []
+    for placement in placements_of(_with_sure_codes(recordings)):
+        verdicts = [_verdict_of(group, placement) for group in people]
+        joined = sorted(
+            (number for number, verdict in enumerate(verdicts) if not verdict.why),
+            key=lambda number: verdicts[number].rank,
+        )
+        if not joined:
+            people.append([placement])
+            doubtful.append([])
+            reasons.append(next((verdict.why for verdict in verdicts), ""))
+            continue
+        best, *others = joined
+        if others and verdicts[others[0]].rank - verdicts[best].rank < CLEAR:
+            doubtful[best].append(placement.names)
+        people[best].append(placement)
+    groups = [
+        _group(person, why, names)
+        for person, why, names in zip(people, reasons, doubtful, strict=True)
+    ]
+    return _in_order(groups)
 
 
 def _with_sure_codes(recordings: Sequence[Evidence]) -> list[Evidence]:
@@ -110,52 +99,93 @@ def _with_sure_codes(recordings: Sequence[Evidence]) -> list[Evidence]:
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
-    """Whether a recording may belong to a group.
+def _verdict_of(person: Sequence[Placement], placement: Placement) -> Verdict:
+    """Whether a placement is of another person: by one of its name, else by the farthest."""
+    verdicts = [_verdict(other, placement) for other in person]
+    tied = any(
+        other.shares_name(placement) and not verdict.why
+        for other, verdict in zip(person, verdicts, strict=True)
+    )
+    why = next((verdict.why for verdict in verdicts if verdict.why), "")
+    return Verdict(why="" if tied else why, rank=max(verdict.rank for verdict in verdicts))
 
-    Attributes
+
+def _verdict(first: Placement, second: Placement) -> Verdict:
+    """Whether two placements are of two people, by names, and by names and bodies."""
+    odds = first.odds(second)
+    one, other, before = _names_odds(first, second)
+    rank = odds.evidence + before + ONE_MARKER_SET * first.shared_labels(second)
+    rank += ONE_NAME * first.shares_name(second) + ONE_FOLDER * first.is_beside(second)
+    why = one.named_apart(other)
+    apart = odds.evidence + before >= DECISIVE and odds.robust + before >= MIN_ROBUST
+    if not why and apart:
+        why = f"another body than in {one.path.name}: {odds.farthest}"
+    return Verdict(why=why, rank=rank)
+
+
+def _names_odds(first: Placement, second: Placement) -> tuple[Evidence, Evidence, float]:
+    """Find the recordings of two placements whose names say most, and the odds for two people."""
+    pairs = [
+        (_odds_of_names(one, other, first.same_markers(second)), one, other)
+        for one in first.recordings.values()
+        for other in second.recordings.values()
+    ]
+    odds, one, other = max(pairs, key=lambda pair: abs(pair[0]))
+    return one, other, odds
+
+
+def _odds_of_names(one: Evidence, other: Evidence, same_markers: bool) -> float:
+    """Decadic logarithm of the odds for two people, before their bodies are compared."""
+    if one.header and other.header:
+        return SAME_NAME if one.header.value == other.header.value else -SAME_NAME
+    if one.code.text and other.code.text:
+        return SAME_CODE if one.code.text == other.code.text else OTHER_CODE
+    odds = 0.0
+    if one.word and other.word:
+        odds += OTHER_WORD if one.word != other.word else -OTHER_WORD
+    if one.day is not None and other.day is not None:
+        if one.day != other.day:
+            odds += OTHER_DAY
+        elif same_markers:
+            odds += SAME_DAY
+    return odds
+
+
+def _group(person: Sequence[Placement], why: str, doubtful: Sequence[str]) -> Group:
+    """Group of a person's placements.
+
+    Parameters
     ----------
-    why : what keeps it apart, "" where nothing does
-    rank : how well it fits: same name, same folder, chance
+    doubtful : names of recordings that may as well be of another person
     """
-
-    why: str
-    rank: tuple[bool, bool, float]
-
-
-def _apart(recordings: Sequence[Evidence], group: Sequence[int], index: int) -> Fit:
-    """Whether a recording belongs to a group: by a member of its name, else by the farthest."""
-    own = recordings[index]
-    others = [recordings[member] for member in group]
-    comparisons = [compared(other.measures, own.measures) for other in others]
-    reasons = [_why(other, own, one) for other, one in zip(others, comparisons, strict=True)]
-    same = [own.shares_name(other) for other in others]
-    if any(alike and not why for alike, why in zip(same, reasons, strict=True)):
-        reasons = []
-    beside = any(other.path.parent == own.path.parent for other in others)
-    chance = min(one.chance for one in comparisons)
-    return Fit(why=next((why for why in reasons if why), ""), rank=(any(same), beside, chance))
+    numbers = [number for placement in person for number in placement.recordings]
+    texts = [*_unresolved(person)][:MAX_UNRESOLVED]
+    texts += [
+        f"{names}: of this person or of another one of these, not known" for names in doubtful
+    ]
+    return Group(members=tuple(sorted(numbers)), why=why, unresolved=tuple(texts))
 
 
-def _why(first: Evidence, second: Evidence, comparison: Comparison) -> str:
-    """Say what tells two recordings apart, "" where nothing does."""
-    if comparison.count >= MANY_LENGTHS and comparison.squares < ALIKE * comparison.count:
-        return ""
-    codes = (first.code, second.code)
-    other_code = all(code.text for code in codes) and codes[0].text != codes[1].text
-    headers = bool(first.header) and bool(second.header)
-    same_header = headers and first.header.value == second.header.value
-    if headers and not same_header:
-        return f"its header names {second.header}, not {first.header}"
-    if other_code and all(code.sure for code in codes):
-        return f"its {codes[1].origin} begins with {codes[1].text}, not {codes[0].text}"
-    if other_code:
-        limit = OTHER_CODE
-    elif same_header:
-        limit = SAME_NAME
-    else:
-        limit = MIN_CHANCE
-    if comparison.chance >= limit:
-        return ""
-    return f"another body than in {first.path.name}: {comparison.farthest}"
+def _unresolved(person: Sequence[Placement]) -> Iterator[str]:
+    """Placements of a person that no name ties to those before, and that may be of another one."""
+    for number, placement in enumerate(person):
+        others = person[:number]
+        odds = [other.odds(placement) for other in others]
+        tied = any(other.shares_name(placement) for other in others)
+        if tied or not any(one.count for one in odds):
+            continue
+        nearest = min(range(number), key=lambda index: odds[index].mean_square)
+        difference = odds[nearest].farthest
+        how = f" ({difference})" if difference else ""
+        yield (
+            f"markers lie elsewhere in {placement.names} than in {others[nearest].names}{how}: one"
+            " person who was marked twice and two people of like build cannot be told apart, taken"
+            " as one"
+        )
+
+
+def _in_order(groups: Sequence[Group]) -> tuple[Group, ...]:
+    """Sort groups by their recordings; all but the first say what tells them apart."""
+    first, *others = sorted(groups, key=lambda group: group.members[0])
+    # Where another group was found first, its reason holds for both.
+    return (replace(first, why=""), *(replace(one, why=one.why or first.why) for one in others))

@@ -19,10 +19,17 @@ from myomorph.lab.analysis.arm_labels import is_arm
 from myomorph.lab.analysis.found_movement import found_movement
 from myomorph.lab.analysis.seen_body import SeenBody
 from myomorph.lab.session.body_measures import BodyMeasures, measures_of
-from myomorph.lab.session.names import header_name, named_movement, stated_date, subject_code
-from myomorph.lab.session.people import Evidence, Group, people_of
+from myomorph.lab.session.evidence import Evidence
+from myomorph.lab.session.names import (
+    first_word,
+    header_name,
+    named_movement,
+    stated_date,
+    subject_code,
+)
+from myomorph.lab.session.people import Group, people_of
 from myomorph.lab.session.plate_cover import mass_on_plates
-from myomorph.lab.session.recordings import Recording, files_of, look_at
+from myomorph.lab.session.recordings import Recording, bare, files_of, look_at
 from myomorph.lab.session.session import Kind, Person, RecordedClock, Session, SessionTrial
 from myomorph.lab.store.settings import ForceOptions
 
@@ -140,6 +147,9 @@ def evidence_of(recording: Recording, trial: SessionTrial) -> Evidence:
         header=header_name(recording.trial),
         code=subject_code(recording.path),
         measures=trial.measures,
+        word=first_word(recording.path),
+        day=trial.date.value,
+        labels=frozenset(map(bare, recording.found.sites)),
     )
 
 
@@ -228,7 +238,15 @@ def _people(
             name = Known(value=NOBODY, sentence="no name or header says who")
         name = replace(name, value=_free(str(name.value), taken))
         taken.add(str(name.value))
-        people.append(Person(name=name, kind=_kind(own), mass=_mass(own), why=group.why))
+        people.append(
+            Person(
+                name=name,
+                kind=_kind(own),
+                mass=_mass(own),
+                why=group.why,
+                unresolved=group.unresolved,
+            )
+        )
     return tuple(people)
 
 

@@ -92,12 +92,14 @@ class Person:
     kind : a person or an animal
     mass : by plates [kg]
     why : what tells this person from the others
+    unresolved : what cannot be told of who it is, one sentence each
     """
 
     name: Known[str]
     kind: Known[Kind]
     mass: Known[float]
     why: str = ""
+    unresolved: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"Person({self.name})"
