@@ -6,13 +6,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.body.calibrate.priors import _seen_from_base, spread_postures
+from myomorph.body.calibrate.postures import seen_from_base, spread_postures
+from myomorph.body.calibrate.recorded import RecordedMarkers
 from myomorph.core.model.scale import scale
 from myomorph.core.model.series import Markers
-from myomorph.core.motion.ik import InverseKinematicsOptions
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
+
+
+def recorded(recordings, static=False):
+    names = recordings[0].names
+    return RecordedMarkers(
+        recordings=tuple(recordings), names=names, weights=np.ones(len(names)), static=static
+    )
 
 
 def test_a_posture_is_the_same_wherever_the_first_body_stands():
@@ -23,7 +30,7 @@ def test_a_posture_is_the_same_wherever_the_first_body_stands():
     rng = np.random.default_rng(0)
     values = np.tile(rng.normal(scale=0.3, size=len(model.coordinates)), (4, 1))
     values[:, :6] = rng.normal(scale=2.0, size=(4, 6))
-    found = _seen_from_base(model, values).reshape(4, -1, 3)
+    found = seen_from_base(model, values).reshape(4, -1, 3)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, values)
     for k, marker in enumerate(model.markers):
@@ -60,7 +67,7 @@ def test_a_small_body_shows_the_postures_that_a_larger_one_does():
             np.array([marker.location for marker in body.markers]),
         )
         markers = Markers(np.arange(30) / 10.0, body.marker_names, places)
-        ((frames, _),) = spread_postures(body, [markers], InverseKinematicsOptions(), 12)
+        ((frames, _),) = spread_postures(body, recorded([markers]), 12)
         chosen.append(frames.tolist())
     assert chosen[0] == chosen[1]
     assert 1 < len(chosen[0]) < 12
@@ -81,5 +88,5 @@ def test_the_first_posture_is_the_mean_of_all_unless_the_last_recording_is_stati
         for part in (places[:20], places[20:])
     ]
     for static, expected in ((False, [1, 0]), (True, [0, 1])):
-        chosen = spread_postures(model, trials, InverseKinematicsOptions(), 1, static)
+        chosen = spread_postures(model, recorded(trials, static), 1)
         assert [len(frames) for frames, _ in chosen] == expected

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.body.calibrate.angle_slopes import angle_slopes, sliding
+from myomorph.body.calibrate.angle_slopes import angle_slopes
 from myomorph.body.calibrate.calibrate import calibrate
 from myomorph.body.calibrate.calibration import STATIC, CalibrationOptions
 from myomorph.body.calibrate.frame_sums import reduce, settle
-from myomorph.body.calibrate.priors import symmetric_posture
+from myomorph.body.calibrate.mean_posture import symmetric_posture
 from myomorph.body.calibrate.shared_problem import BLOCKS, FrameSet, SharedProblem
+from myomorph.body.calibrate.sliding_skin import Slide, sliding
 from myomorph.core.fit.residuals import LinearPrior
 from myomorph.core.model.model import Model
 from myomorph.core.model.scale import scale
@@ -196,7 +197,7 @@ def test_sliding_skin_adds_the_spread_of_its_gradients():
                     )
                 )
     expected = np.array(moves).T @ np.array(moves)
-    found = sliding(problem, at, shift, turn, 1)
+    found = sliding(problem, at, Slide(shift=shift, turn=turn), 1)
     for part in (slice(None, len(x)), slice(len(x), None)):
         np.testing.assert_allclose(
             found[part, part], expected[part, part], atol=0.03 * expected[part, part].max()

@@ -7,20 +7,24 @@ the implicit function theorem; see `frame_slopes`.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from myomorph.body.calibrate.shared_problem import Point, SharedProblem
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.motion.frame_blocks import TIED
 from myomorph.core.motion.pose_problem import PoseProblem
-from myomorph.core.motion.stretch import slopes_of_frame, with_travel
+from myomorph.core.motion.stretch import Stretch, slopes_of_frame, with_travel
+from myomorph.core.motion.tasks.markers import MarkerArrays
+from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import Tree
 
-SEEN = 1e-9  # A coordinate whose curvature is less than this share of the largest moves no marker
-
-
+# A coordinate whose curvature is less than this share of the largest moves no marker
+MIN_CURVATURE = 1e-9
+AT_BOUND = 1e-9  # Share of 1 plus its size by which a coordinate may be off the bound it lies at
 # Frames of all recordings that are looked at, evenly chosen: a mean derivative needs no more of
 # them
 MAX_COUNT = 120
@@ -59,7 +63,7 @@ class FrameSlopes:
     """
 
     share: float
-    free: Array
+    free: Ints
     rotations: Array
     weight: Array
     by_length: Array
@@ -84,7 +88,7 @@ def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
     for frame in frame_slopes(problem, at):
         mean[frame.free, :-1] += frame.share * frame.angles
         seen[frame.free] += frame.share
-    return AngleSlopes(mean, seen)
+    return AngleSlopes(mean=mean, seen=seen)
 
 
 def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
@@ -106,56 +110,134 @@ def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
     ------
     slopes of at most `MAX_COUNT` frames, evenly chosen from each recording
     """
-    total = sum(len(angle) for angle in at.angles)
+    total = sum(len(angles) for angles in at.angles)
+    stride = max(-(-total // MAX_COUNT), 1)
     stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
     tied, tied_stretch = problem.tied(at.tree, stretch)
-    bodies = problem.pose.markers.body
-    every = max(-(-total // MAX_COUNT), 1)
     for group, pose, angles in zip(problem.sets, at.poses, at.angles, strict=True):
-        chosen = slice(len(angles) % every // 2, None, every)
-        angles, frames = angles[chosen], len(angles)
-        share = frames / (total * max(len(angles), 1))
-        rotations = (
-            forward_kinematics(at.tree, angles).rotations if len(angles) else np.zeros((0, 1, 3, 3))
+        looked = slice(len(angles) % stride // 2, None, stride)
+        chosen = angles[looked]
+        if not len(chosen):
+            continue
+        setting = _Setting(
+            tree=at.tree,
+            pose=pose,
+            stretch=stretch,
+            tied=tied,
+            tied_stretch=tied_stretch,
+            posture_weight=problem.posture_weight,
+            share=len(angles) / (total * len(chosen)),
         )
-        for observed, c, R in zip(group.observed[chosen], angles, rotations, strict=True):
-            _, by_length, by_coordinate = slopes_of_frame(at.tree.arrays, pose.markers, stretch, c)
-            weight = np.where(np.isfinite(observed).all(axis=1), pose.markers.weight, 0.0)
-            free = _moving(pose, by_coordinate, np.repeat(weight, 3), c)
-            root = np.sqrt(np.repeat(weight, 3))[:, None]
-            Jq = by_coordinate[:, free] * root
-            A = Jq.T @ Jq + weight.sum() * np.diag(pose.coordinates.weight[free])
-            # Shifts move their own marker by its body's rotation.
-            by_shift = (R[bodies].transpose(0, 2, 1) @ Jq.reshape(-1, 3, len(free))).transpose(
-                2, 0, 1
-            )
-            by_shift = by_shift * np.sqrt(weight)[None, :, None]
-            b = np.hstack([Jq.T @ (by_length * root), by_shift.reshape(len(free), -1)])
-            if len(tied.body):
-                _, gap_length, gap_coordinate = slopes_of_frame(
-                    at.tree.arrays, tied, tied_stretch, c
-                )
-                gap = _between(gap_coordinate)[:, free]
-                A += TIED**2 * gap.T @ gap
-                b[:, : gap_length.shape[1]] += TIED**2 * gap.T @ _between(gap_length)
-            unit = pose.unit[free]
-            scaled = A * unit[:, None] * unit
-            stiff = problem.posture_weight * float(np.trace(scaled)) / max(len(free), 1)
-            slope = -unit[:, None] * np.linalg.solve(
-                scaled + stiff * np.eye(len(free)), b * unit[:, None]
-            )
-            yield FrameSlopes(
-                share=share,
-                free=free,
-                rotations=R,
-                weight=weight,
-                by_length=by_length,
-                by_angle=by_coordinate[:, free],
-                angles=slope,
-            )
+        rotations = forward_kinematics(at.tree, chosen).rotations
+        for observed, c, R in zip(group.observed[looked], chosen, rotations, strict=True):
+            yield setting.slopes_of(observed, c, R)
 
 
-def _moving(pose: PoseProblem, by_coordinate: Array, weight: Array, c: Array) -> Array:
+class _AngleEquations(NamedTuple):
+    """Equations A dq = -B ds that the best angles q of a frame follow.
+
+    Attributes
+    ----------
+    A : (free, free) curvature in the angles
+    B : (free, unknowns but the size) between angles and shared unknowns
+    """
+
+    A: Array
+    B: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Setting:
+    """What frames of one recording have in common.
+
+    Attributes
+    ----------
+    tree : of the model at the point
+    pose : markers, and what may move
+    stretch, tied_stretch : how markers, and points that loops tie, move with the lengths
+    tied : points that loops tie, in pairs, as markers
+    posture_weight : of the pull to the posture relative to the mean curvature
+    share : of a frame in the mean over all frames
+    """
+
+    tree: Tree
+    pose: PoseProblem
+    stretch: Stretch
+    tied: MarkerArrays
+    tied_stretch: Stretch
+    posture_weight: float
+    share: float
+
+    def slopes_of(self, observed: Array, c: Array, R: Array) -> FrameSlopes:
+        """Differentiate the best angles of a frame.
+
+        Parameters
+        ----------
+        observed : (markers, 3) [m], NaN where unseen
+        c : (coordinates,) the best angles [rad or m]
+        R : (bodies, 3, 3) rotations to ground
+        """
+        markers = self.pose.markers
+        _, by_length, by_coordinate = slopes_of_frame(self.tree.arrays, markers, self.stretch, c)
+        weight = np.where(np.isfinite(observed).all(axis=1), markers.weight, 0.0)
+        free = _moving(self.pose, by_coordinate, np.repeat(weight, 3), c)
+        equations = self._of_markers(by_length, by_coordinate[:, free], weight, R[markers.body])
+        pulled = weight.sum() * np.diag(self.pose.coordinates.weight[free])
+        equations = equations._replace(A=equations.A + pulled)
+        if len(self.tied.body):
+            self._add_ties(equations, c, free)
+        return FrameSlopes(
+            share=self.share,
+            free=free,
+            rotations=R,
+            weight=weight,
+            by_length=by_length,
+            by_angle=by_coordinate[:, free],
+            angles=self._solved(equations, free),
+        )
+
+    @staticmethod
+    def _of_markers(by_length: Array, by_angle: Array, weight: Array, R: Array) -> _AngleEquations:
+        """Sum J_q^T W J_q and J_q^T W J_s over the markers.
+
+        Shifts move their own marker by its body's rotation.
+
+        Parameters
+        ----------
+        by_length, by_angle : (3 markers, lengths), (3 markers, free) derivatives of positions
+        weight : (markers,)
+        R : (markers, 3, 3) rotations of their bodies to ground
+        """
+        free = by_angle.shape[1]
+        root = np.sqrt(np.repeat(weight, 3))[:, None]
+        Jq = by_angle * root
+        in_body = R.transpose(0, 2, 1) @ Jq.reshape(-1, 3, free)  # (markers, 3, free)
+        by_shift = in_body.transpose(2, 0, 1) * np.sqrt(weight)[None, :, None]
+        with_lengths = Jq.T @ (by_length * root)
+        return _AngleEquations(A=Jq.T @ Jq, B=np.hstack([with_lengths, by_shift.reshape(free, -1)]))
+
+    def _add_ties(self, equations: _AngleEquations, c: Array, free: Ints) -> None:
+        """Add the gaps of closed loops, changed in place, as residuals of the weight `TIED`."""
+        _, by_length, by_coordinate = slopes_of_frame(
+            self.tree.arrays, self.tied, self.tied_stretch, c
+        )
+        gap_by_angle = _between(by_coordinate)[:, free]
+        gap_by_length = _between(by_length)
+        A, B = equations
+        A += TIED**2 * gap_by_angle.T @ gap_by_angle
+        B[:, : by_length.shape[1]] += TIED**2 * gap_by_angle.T @ gap_by_length
+
+    def _solved(self, equations: _AngleEquations, free: Ints) -> Array:
+        """Solve for dq/ds (free, unknowns but the size), the angles in their units."""
+        unit = self.pose.unit[free]
+        scaled = equations.A * unit[:, None] * unit
+        mean_curvature = float(np.trace(scaled))
+        stiffness = self.posture_weight * mean_curvature / max(len(free), 1)
+        posed = scaled + stiffness * np.eye(len(free))
+        return -unit[:, None] * np.linalg.solve(posed, equations.B * unit[:, None])
+
+
+def _moving(pose: PoseProblem, by_coordinate: Array, weight: Array, c: Array) -> Ints:
     """Select coordinates that are solved for, move a seen marker, and lie at no bound.
 
     Parameters
@@ -168,12 +250,13 @@ def _moving(pose: PoseProblem, by_coordinate: Array, weight: Array, c: Array) ->
     -------
     (free,) indices of coordinates
     """
-    curvature = (by_coordinate[:, pose.free] ** 2 * weight[:, None]).sum(axis=0) * pose.unit[
-        pose.free
-    ] ** 2
-    slack = 1e-9 * (1.0 + np.abs(c[pose.free]))
-    inside = (c[pose.free] > pose.lower + slack) & (c[pose.free] < pose.upper - slack)
-    return pose.free[inside & (curvature > SEEN * curvature.max(initial=0.0))]
+    free = pose.free
+    squares = (by_coordinate[:, free] ** 2 * weight[:, None]).sum(axis=0)
+    curvature = squares * pose.unit[free] ** 2
+    slack = AT_BOUND * (1.0 + np.abs(c[free]))
+    inside = (c[free] > pose.lower + slack) & (c[free] < pose.upper - slack)
+    moves = curvature > MIN_CURVATURE * curvature.max(initial=0.0)
+    return free[inside & moves]
 
 
 def _between(slopes: Array) -> Array:
@@ -189,84 +272,3 @@ def _between(slopes: Array) -> Array:
     """
     pairs = slopes.reshape(-1, 2, 3, slopes.shape[1])
     return (pairs[:, 1] - pairs[:, 0]).reshape(-1, slopes.shape[1])
-
-
-def sliding(
-    problem: SharedProblem, at: Point, shift: float, turn: float, independent_frames: int
-) -> Array:
-    """Compute what skin that slides as one piece does to the gradient and to the zero angles.
-
-    A slide u of a segment's markers moves them by E u, and so the gradient by J^T W E u, where J
-    are the markers' slopes with the angles at their best. The angles follow the markers as well.
-    Slides of neighboring frames are alike: all frames count as `independent_frames`. Source: Barré
-    et al. 2017, Fiorentino et al. 2017 (docs/references.md).
-
-    Parameters
-    ----------
-    problem : of all frames
-    at : point at which frames are settled
-    shift : standard deviation by which all markers of a segment slide along each axis [m]
-    turn : the same about each axis through the middle of the markers [rad]
-    independent_frames : number of frames that all frames together are worth
-
-    Returns
-    -------
-    (unknowns + coordinates, same) covariance of the gradient [m^2 per unknown], then of the mean
-        angles [rad or m]; 0 where nothing slides
-    """
-    unknowns = len(at.x)
-    n = len(problem.lengths)
-    size = unknowns + len(problem.posture)
-    result = np.zeros((size, size))
-    if shift <= 0.0 and turn <= 0.0:
-        return result
-    bodies = problem.pose.markers.body
-    places = problem.placed(at.x)
-    modes = [_modes(places, bodies == body, shift, turn) for body in np.unique(bodies)]
-    frames = sum(len(angle) for angle in at.angles)
-    alike = max(1.0, frames / independent_frames)
-    for frame in frame_slopes(problem, at):
-        R = frame.rotations[bodies]
-        moved = []
-        for of, mode in modes:
-            # (markers of the body, 3, modes) in their body; a marker's own shift has the body's
-            # rotation, too.
-            moves = frame.weight[of][:, None, None] * mode
-            ground = (R[of] @ moves).reshape(-1, mode.shape[2])
-            rows = np.repeat(3 * of, 3) + np.tile(np.arange(3), len(of))
-            both = np.zeros((size, mode.shape[2]))
-            both[:n] = frame.by_length[rows].T @ ground
-            both[n + rows] = moves.reshape(-1, mode.shape[2])
-            both[: unknowns - 1] += frame.angles.T @ (frame.by_angle[rows].T @ ground)
-            # A seen marker moved one way is its place moved the other way.
-            both[unknowns + frame.free] = (
-                -frame.angles[:, n + rows] @ mode.reshape(-1, mode.shape[2]) / frames
-            )
-            moved.append(both)
-        every = np.hstack(moved)
-        # A frame stands for `share * frames` of them where not all are looked at.
-        result += alike * frame.share * frames * every @ every.T
-    return result
-
-
-def _modes(
-    places: Array, of: NDArray[np.bool_], shift: float, turn: float
-) -> tuple[NDArray[np.int64], Array]:
-    """Build the moves of one body's markers that slide as one piece.
-
-    Parameters
-    ----------
-    places : (markers, 3) of all markers on their bodies [m]
-    of : (markers,) which are on the body
-    shift, turn : standard deviations [m], [rad]
-
-    Returns
-    -------
-    (chosen,) indices of its markers, and (chosen, 3, 6) their moves in the body's axes [m]: three
-        shifts, then three rotations about their mean position
-    """
-    chosen = np.flatnonzero(of)
-    apart = places[chosen] - places[chosen].mean(axis=0)
-    shifts = np.repeat(shift * np.eye(3)[None], len(chosen), axis=0)
-    turns = turn * np.cross(np.eye(3)[None], apart[:, None]).transpose(0, 2, 1)
-    return chosen, np.concatenate([shifts, turns], axis=2)

@@ -22,6 +22,11 @@ FUNCTIONAL = "joint centers and axes"
 SYMMETRY = "symmetric posture"
 GENERIC = "generic model"
 SOURCES = (STATIC, FUNCTIONAL, SYMMETRY, GENERIC)
+MARKER_SD = 0.02
+FIXED_SD = 0.01
+"""How far a marker, and one on a bony landmark, usually lies from the model's along one axis of a
+human body [m].
+"""
 SLIDE = 0.005
 SLIDE_TURN = 0.05
 """How far all markers of a segment of a human body slide [m] and turn [rad] as one, standard
@@ -104,7 +109,7 @@ class CalibrationOptions:
     posture_weight: float = 1e-10
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Distances:
     """Distances that the options state, on a body of some size.
 
@@ -143,22 +148,20 @@ class Distances:
 
         noise = specified(options.noise, SLIDE)
         slide = noise if options.slide_sd is None else options.slide_sd
-        turn = (
-            SLIDE_TURN * slide / (SLIDE * unit)
-            if options.slide_turn_sd is None
-            else options.slide_turn_sd
-        )
+        turn = options.slide_turn_sd
+        if turn is None:
+            turn = SLIDE_TURN * slide / (SLIDE * unit)
         return cls(
-            specified(options.marker_sd, 0.02),
-            specified(options.fixed_sd, 0.01),
-            noise,
-            unit,
-            slide,
-            turn,
+            marker=specified(options.marker_sd, MARKER_SD),
+            fixed=specified(options.fixed_sd, FIXED_SD),
+            noise=noise,
+            unit=unit,
+            slide=slide,
+            turn=turn,
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LengthEstimate:
     """A length as the recordings show it.
 
@@ -214,7 +217,7 @@ class MarkerEstimate:
     after: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ZeroAngle:
     """The zero of one coordinate.
 
@@ -243,7 +246,7 @@ class ZeroAngle:
         return self.offset - half, self.offset + half
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SideEstimate:
     """A length of both sides, as the data show it without the assumption that sides are alike.
 
@@ -261,7 +264,7 @@ class SideEstimate:
     differs: bool
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
     """A model of the recorded body, and how far to trust it.
 
@@ -334,7 +337,7 @@ def root_mean_square(errors: Sequence[Array]) -> float:
     -------
     root mean square [m], NaN where no distance is known
     """
-    everything = np.concatenate([error.ravel() for error in errors]) if errors else np.zeros(0)
-    return (
-        float(np.sqrt(np.nanmean(everything**2))) if np.isfinite(everything).any() else float("nan")
-    )
+    distances = np.concatenate([error.ravel() for error in errors]) if errors else np.zeros(0)
+    if not np.isfinite(distances).any():
+        return float("nan")
+    return float(np.sqrt(np.nanmean(distances**2)))

@@ -26,15 +26,15 @@ from myomorph.core.rigid.loops import loop_basis
 from myomorph.core.rigid.tree import Tree, compile_tree
 
 SETTLED = 1e-6  # A frame is settled when its last step moves no coordinate further [rad or m]
+MAX_STEPS = 50  # Of a frame
+MIN_IMPROVEMENT = 0.01  # Share by which the cost from another frame's angles must be lower
 RESTARTS = 8  # Frames from whose angles all others are tried
 # Partial sums over frames: memory does not grow with frames, and the order of summation is always
 # the same
 SLOTS = 16
 
 
-def settle(
-    problem: SharedProblem, x: Array, angles: Sequence[Array], variance: float, most: int = 50
-) -> Point:
+def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: float) -> Point:
     """Solve inverse kinematics of all frames on the model that x makes.
 
     Parameters
@@ -43,22 +43,40 @@ def settle(
     x : (unknowns,)
     angles : of each recording, where its frames begin (frames, coordinates) [rad or m]
     variance : of a marker along one axis [m^2]
-    most : iterations of a frame
 
     Returns
     -------
     the unknowns with every frame at its best angles
     """
-    tree = compile_tree(problem.stretched(x))
+    return settle_on(compile_tree(problem.stretched(x)), problem, x, angles, variance)
+
+
+def settle_on(
+    tree: Tree, problem: SharedProblem, x: Array, angles: Sequence[Array], variance: float
+) -> Point:
+    """Solve inverse kinematics of all frames on a model that was compiled before.
+
+    Parameters
+    ----------
+    tree : of the model that x makes
+    problem : with the recordings
+    x : (unknowns,)
+    angles : of each recording, where its frames begin (frames, coordinates) [rad or m]
+    variance : of a marker along one axis [m^2]
+
+    Returns
+    -------
+    the unknowns with every frame at its best angles
+    """
+    settings = Settings(
+        posture_weight=problem.posture_weight, tolerance=SETTLED, max_steps=MAX_STEPS, chained=False
+    )
     poses = []
     solutions = []
     costs = []
     converged = 0
     for group, start in zip(problem.sets, angles, strict=True):
         pose = _pose_of(problem, x, group, variance, tree)
-        settings = Settings(
-            posture_weight=problem.posture_weight, tolerance=SETTLED, max_steps=most, chained=False
-        )
         solved = solve_poses(tree, pose, start, settings)
         poses.append(pose)
         solutions.append(solved.values)
@@ -89,7 +107,8 @@ def _pose_of(
     """
     seen = _seen_weight(problem, group)
     # Markers count as a mean, and tasks beside it.
-    weight = group.known * variance / max(float(np.median(seen)) if len(seen) else 1.0, 1e-12)
+    usual_weight = float(np.median(seen)) if len(seen) else 1.0
+    weight = group.known * variance / max(usual_weight, 1e-12)
     errors = np.empty(group.observed.shape[:2])
     moved = problem.pose.with_markers(
         location=problem.placed(x), observed=group.observed, errors=errors
@@ -106,10 +125,9 @@ def _seen_weight(problem: SharedProblem, group: FrameSet) -> Array:
     -------
     (frames,)
     """
-    seen: Array = np.where(
-        np.isfinite(group.observed).all(axis=2), problem.pose.markers.weight, 0.0
-    ).sum(axis=1)
-    return seen
+    seen = np.isfinite(group.observed).all(axis=2)
+    weight = np.where(seen, problem.pose.markers.weight, 0.0)
+    return np.asarray(weight.sum(axis=1))
 
 
 @read_only
@@ -267,21 +285,20 @@ def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance
     -------
     the same unknowns, every frame at the best angles found
     """
-    every = np.concatenate(at.angles)
-    if len(every) < 2:
+    angles = np.concatenate(at.angles)
+    if len(angles) < 2:
         return at
-    ends = np.cumsum([len(angle) for angle in at.angles])[:-1]
-    order = np.argsort(np.concatenate(at.data))
-    best = [angle.copy() for angle in at.angles]
-    cost = [costs.copy() for costs in at.data]
-    for index in range(min(RESTARTS, len(every))):
-        start = np.repeat(every[order[index * len(order) // RESTARTS]][None], len(every), axis=0)
-        start[:, list(root)] = every[:, list(root)]
-        settled = settle(problem, at.x, np.split(start, ends), variance)
-        for mine, theirs, least, other in zip(
-            best, settled.angles, cost, settled.data, strict=True
-        ):
-            better = other < 0.99 * least
-            mine[better] = theirs[better]
-            least[better] = other[better]
-    return settle(problem, at.x, best, variance)
+    ends = np.cumsum([len(part) for part in at.angles])[:-1]
+    by_cost = np.argsort(np.concatenate(at.data))
+    best = angles.copy()
+    least = np.concatenate(at.data)
+    for restart in range(min(RESTARTS, len(angles))):
+        other = by_cost[restart * len(by_cost) // RESTARTS]
+        start = np.repeat(angles[other][None], len(angles), axis=0)
+        start[:, list(root)] = angles[:, list(root)]
+        settled = settle_on(at.tree, problem, at.x, np.split(start, ends), variance)
+        cost = np.concatenate(settled.data)
+        better = cost < (1.0 - MIN_IMPROVEMENT) * least
+        best[better] = np.concatenate(settled.angles)[better]
+        least[better] = cost[better]
+    return settle_on(at.tree, problem, at.x, np.split(best, ends), variance)

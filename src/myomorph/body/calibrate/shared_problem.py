@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.core.fit.residuals import LinearPrior
+from myomorph.core.fit.unknowns import Bools
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Model
 from myomorph.core.model.scale import scale
@@ -75,7 +76,7 @@ class MeanPosture:
         return self.rows @ np.concatenate(angles).mean(axis=0) - self.right
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SharedProblem:
     """The problem of all frames.
 
@@ -169,12 +170,68 @@ class SharedProblem:
         -------
         (markers, 3) on their bodies [m]
         """
-        n = len(self.lengths)
-        factors = np.append(x[:n], 1.0)[self.stretch.column[self.pose.markers.body]]
-        return self.stretch.location * factors + x[n:-1].reshape(-1, 3)
+        count = len(self.lengths)
+        # A body axis that no length scales has the number -1, that of the factor 1.
+        padded = np.append(x[:count], 1.0)
+        factors = padded[self.stretch.column[self.pose.markers.body]]
+        return self.stretch.location * factors + self.shifts(x)
+
+    def shifts(self, x: Array) -> Array:
+        """Take the shifts of the markers out of the unknowns.
+
+        Parameters
+        ----------
+        x : (unknowns,)
+
+        Returns
+        -------
+        (markers, 3) along the axes of their bodies [m]
+        """
+        return x[len(self.lengths) : -1].reshape(-1, 3)
+
+    def of_size(self, size: float) -> Array:
+        """Give all lengths one factor and no marker a shift.
+
+        Parameters
+        ----------
+        size : the factor
+
+        Returns
+        -------
+        (unknowns,) but for the overall size, which is 0: it moves no marker
+        """
+        x = np.zeros(self.prior.rows.shape[1])
+        x[: len(self.lengths)] = size
+        return x
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stage:
+    """One stage of a search: the problem with its priors, and what is taken as known in it.
+
+    Attributes
+    ----------
+    problem : recordings, lengths and priors
+    noise : standard deviation of a marker along one axis [m]
+    free : (unknowns,) which may change
+    """
+
+    problem: SharedProblem
+    noise: float
+    free: Bools
+
+    @property
+    def variance(self) -> float:
+        """Of a marker along one axis [m^2]."""
+        return self.noise**2
+
+    @property
+    def prior_rows(self) -> Array:
+        """(rows, free) of the prior over the free unknowns."""
+        return self.problem.prior.rows[:, self.free]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Point:
     """The problem at some x, every frame at its best angles.
 
@@ -201,7 +258,7 @@ class Point:
         return float(sum(costs.sum() for costs in self.data))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Reduced:
     """Normal equations of the shared unknowns.
 

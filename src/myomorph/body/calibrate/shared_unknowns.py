@@ -22,6 +22,7 @@ from myomorph.body.calibrate.shared_problem import (
     Point,
     Reduced,
     SharedProblem,
+    Stage,
 )
 from myomorph.core.fit.problem import Problem
 from myomorph.core.fit.residuals import NormalEquations, Residuals
@@ -81,7 +82,7 @@ def calibration_unknowns(problem: SharedProblem, free: Bools) -> Unknowns:
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MarkersAt:
     """Distances of markers on the model of a point, every frame at its best angles.
 
@@ -118,7 +119,7 @@ class MarkersAt:
         return NormalEquations(H=self.reduced.H / self.variance, g=self.reduced.g / self.variance)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MarkerResiduals:
     """Recorded markers as residuals of lengths, marker positions and size.
 
@@ -154,7 +155,7 @@ class MarkerResiduals:
         return MarkersAt(problem=self.problem, variance=self.variance, point=point)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PostureAt:
     """The mean posture at a point, in standard deviations.
 
@@ -190,7 +191,7 @@ class PostureAt:
         return NormalEquations(H=slopes.T @ slopes, g=slopes.T @ self.residuals)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PostureResiduals:
     """The symmetry of the mean posture, which is likely beforehand, as residuals.
 
@@ -248,20 +249,20 @@ def posed(problem: SharedProblem, values: Values, begin: Point, variance: float)
     return values.shared("poses", lambda: settle(problem, x, begin.angles, variance))
 
 
-def as_fit(problem: SharedProblem, begin: Point, variance: float, free: Bools) -> Problem:
+def as_fit(stage: Stage, begin: Point) -> Problem:
     """State the problem as unknowns and residuals.
 
     Parameters
     ----------
-    problem : recordings, lengths, priors
+    stage : recordings, lengths, priors, noise, and which unknowns may change
     begin : with every frame at its best angles
-    variance : of a marker along one axis [m^2]
-    free : (unknowns,) which may change
 
     Returns
     -------
     residuals of markers first
     """
+    problem = stage.problem
+    variance = stage.variance
     markers = MarkerResiduals(problem=problem, variance=variance, begin=begin)
     residuals: list[Residuals] = [markers, problem.prior]
     if problem.mean_posture is not None:
@@ -269,4 +270,4 @@ def as_fit(problem: SharedProblem, begin: Point, variance: float, free: Bools) -
             problem=problem, posture=problem.mean_posture, variance=variance, begin=begin
         )
         residuals.append(posture)
-    return Problem(calibration_unknowns(problem, free), tuple(residuals))
+    return Problem(calibration_unknowns(problem, stage.free), tuple(residuals))

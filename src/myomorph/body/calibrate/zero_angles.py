@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from myomorph.body.calibrate.angle_slopes import angle_slopes
 from myomorph.body.calibrate.calibration import (
@@ -20,30 +20,47 @@ from myomorph.body.calibrate.calibration import (
     GENERIC,
     STATIC,
     SYMMETRY,
+    CalibrationOptions,
     ZeroAngle,
 )
 from myomorph.body.calibrate.frame_sums import reduce
+from myomorph.body.calibrate.shared_fit import Search
 from myomorph.body.calibrate.shared_problem import Point, SharedProblem
 from myomorph.core.fit.interval_rule import half_width
+from myomorph.core.fit.unknowns import Bools
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
 
+ORDER = (GENERIC, SYMMETRY, FUNCTIONAL, STATIC)
+"""Sources in the order in which what they add is counted."""
 WIDE = np.radians(10.0)  # An interval wider than this to either side is not left unsaid [rad]
+MIN_VARIANCE = 1e-18  # Of a zero, so that its precision stays finite [rad^2]
 # As far as zeros of calibrated models lie from experts' at most: beyond it they are named [rad]
 FAR = np.radians(16.0)
 REFUTED = np.radians(25.0)  # Beyond it a static trial takes the motion's place [rad]
 
 
+class _Known(NamedTuple):
+    """What is known of the zeros once all sources are counted.
+
+    Attributes
+    ----------
+    precision : (sources, zeros) after each of `ORDER` [1/rad^2]
+    information : (unknowns at a given size, same) of all sources
+    """
+
+    precision: Array
+    information: Array
+
+    @property
+    def shares(self) -> Array:
+        """(sources, zeros) of what is known that each source adds."""
+        return np.diff(self.precision, axis=0, prepend=0.0) / self.precision[-1]
+
+
 def zero_angles(
-    problem: SharedProblem,
-    at: Point,
-    start: Point,
-    variance: float,
-    free: NDArray[np.bool_],
-    static: bool,
-    zero_sd: float,
-    skin: Array,
+    search: Search, generic: Point, skin: Array, options: CalibrationOptions
 ) -> tuple[ZeroAngle, ...]:
     """Find what fixes the zero of every angle that markers show, and its standard deviation.
 
@@ -52,63 +69,110 @@ def zero_angles(
 
     Parameters
     ----------
-    problem : of all frames, the static trial's last
-    at : point that was found
-    start : the generic model at the body's size
-    variance : of a marker along one axis [m^2]
-    free : (unknowns,) that were estimated
-    static : whether the last set of frames is a static trial
-    zero_sd : of the generic bones' axes against the person's [rad]
+    search : where it ended; the static trial's frames are its problem's last
+    generic : the generic model at the body's size
     skin : (unknowns + coordinates, same) result of `sliding`
+    options : whether there is a static trial, and how far axes of generic bones are turned
 
     Returns
     -------
     one for each rotational coordinate that markers show
     """
+    problem = search.problem
+    at = search.found.point
     slopes = angle_slopes(problem, at)
-    motion = slice(0, len(problem.sets) - 1) if static else slice(None)
-    means = [np.concatenate(point.angles).mean(axis=0) for point in (at, start)]
+    coordinates = problem.model.coordinates
     chosen = [
         j
-        for j in map(int, problem.pose.free)
-        if problem.model.coordinates[j].motion == "rotational" and slopes.seen[j] > 0.0
+        for j in problem.pose.free.tolist()
+        if coordinates[j].motion == "rotational" and slopes.seen[j] > 0.0
     ]
-    given_size = free.copy()
-    given_size[-1] = False
-    S = slopes.mean[chosen][:, given_size]
-    rows = problem.prior.rows[:, given_size]
-    information = rows.T @ rows
-    precision = {GENERIC: _precision(S, information)}
-    if problem.mean_posture is not None:
-        symmetry = problem.mean_posture.rows @ slopes.mean[:, given_size]
-        information = information + symmetry.T @ symmetry
-    precision[SYMMETRY] = _precision(S, information)
-    for name, part in (
-        (FUNCTIONAL, motion),
-        (STATIC, slice(len(problem.sets) - 1, None) if static else None),
-    ):
-        if part is not None and problem.sets[part]:
-            H = reduce(replace(problem, sets=problem.sets[part]), _part(at, part)).H
-            information = information + H[np.ix_(given_size, given_size)] / variance
-        precision[name] = _precision(S, information)
-    order = (GENERIC, SYMMETRY, FUNCTIONAL, STATIC)
-    known = np.array([precision[name] for name in order])
-    # All information is A / variance: a gradient g moves the zeros by S A^-1 g, and the slides turn
-    # them themselves.
-    pulled = np.zeros((len(chosen), len(skin)))
-    pulled[:, np.flatnonzero(given_size)] = np.linalg.solve(information, S.T).T / variance
-    pulled[np.arange(len(chosen)), len(free) + np.array(chosen, np.intp)] = 1.0
-    slid = np.einsum("ki,ij,kj->k", pulled, skin, pulled)
-    shares = np.diff(known, axis=0, prepend=0.0) / known[-1]
+    known = _known(search, slopes.mean, chosen, static=options.static is not None)
+    slid = _slid(search, slopes.mean[chosen], chosen, known.information, skin)
+    offset = _mean_angles(at) - _mean_angles(generic)
+    variance = 1.0 / known.precision[-1] + slid + options.zero_sd**2
+    shares = known.shares
     return tuple(
         ZeroAngle(
-            coordinate=problem.model.coordinates[j].name,
-            offset=float(means[0][j] - means[1][j]),
-            sd=float(np.sqrt(1.0 / known[-1, column] + slid[column] + zero_sd**2)),
-            shares=FrozenMap({name: float(shares[row, column]) for row, name in enumerate(order)}),
+            coordinate=coordinates[j].name,
+            offset=float(offset[j]),
+            sd=float(np.sqrt(variance[column])),
+            shares=FrozenMap(dict(zip(ORDER, shares[:, column].tolist(), strict=True))),
         )
         for column, j in enumerate(chosen)
     )
+
+
+def _mean_angles(at: Point) -> Array:
+    """Average all frames: (coordinates,) [rad or m]."""
+    return np.concatenate(at.angles).mean(axis=0)
+
+
+def _at_given_size(search: Search) -> Bools:
+    """Select the unknowns that were estimated, but for the overall size: (unknowns,) flags."""
+    free = search.stage.free.copy()
+    free[-1] = False
+    return free
+
+
+def _known(search: Search, slopes: Array, chosen: Sequence[int], static: bool) -> _Known:
+    """Count up what is known of the zeros, source by source.
+
+    Parameters
+    ----------
+    slopes : (coordinates, unknowns) of the mean angles
+    chosen : coordinates whose zeros are wanted
+    static : whether the last set of frames is a static trial
+    """
+    problem = search.problem
+    free = _at_given_size(search)
+    S = slopes[chosen][:, free]
+    rows = problem.prior.rows[:, free]
+    information = rows.T @ rows
+    precision = [_precision(S, information)]
+    if problem.mean_posture is not None:
+        symmetry = problem.mean_posture.rows @ slopes[:, free]
+        information = information + symmetry.T @ symmetry
+    precision.append(_precision(S, information))
+
+    standing = len(problem.sets) - 1 if static else len(problem.sets)
+    for part in (slice(0, standing), slice(standing, None)):
+        if problem.sets[part]:
+            H = reduce(_part_of_problem(problem, part), _part(search.found.point, part)).H
+            information = information + H[np.ix_(free, free)] / search.stage.variance
+        precision.append(_precision(S, information))
+    return _Known(precision=np.array(precision), information=information)
+
+
+def _slid(
+    search: Search, S: Array, chosen: Sequence[int], information: Array, skin: Array
+) -> Array:
+    """Compute the variance that sliding skin adds to the zeros.
+
+    All information is A / variance: a gradient g moves the zeros by S A^-1 g, and the slides turn
+    them themselves.
+
+    Parameters
+    ----------
+    S : (zeros, unknowns) slopes of the mean angles
+    chosen : coordinates of the zeros
+    information : (unknowns at a given size, same)
+    skin : (unknowns + coordinates, same) covariance of gradient and mean angles
+
+    Returns
+    -------
+    (zeros,) [rad^2]
+    """
+    free = _at_given_size(search)
+    pulled = np.zeros((len(chosen), len(skin)))
+    by_gradient = np.linalg.solve(information, S[:, free].T).T
+    pulled[:, np.flatnonzero(free)] = by_gradient / search.stage.variance
+    pulled[np.arange(len(chosen)), len(free) + np.array(chosen, np.intp)] = 1.0
+    return np.einsum("ki,ij,kj->k", pulled, skin, pulled)
+
+
+def _part_of_problem(problem: SharedProblem, part: slice) -> SharedProblem:
+    return replace(problem, sets=problem.sets[part])
 
 
 def _part(at: Point, part: slice) -> Point:
@@ -127,7 +191,8 @@ def _precision(S: Array, information: Array) -> Array:
     -------
     (rows,) inverse variance
     """
-    return 1.0 / np.maximum(np.einsum("ij,ji->i", S, np.linalg.solve(information, S.T)), 1e-18)
+    variance = np.einsum("ij,ji->i", S, np.linalg.solve(information, S.T))
+    return 1.0 / np.maximum(variance, MIN_VARIANCE)
 
 
 def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
@@ -137,11 +202,9 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
         return ()
     named = ", ".join(f"{zero.coordinate} ±{np.degrees(half_width(zero.sd)):.0f}°" for zero in wide)
     generic = sum(zero.source == GENERIC for zero in wide)
-    cause = (
-        f"{generic} of them fixed by the generic model's marker places"
-        if generic
-        else "90 % intervals"
-    )
+    cause = "90 % intervals"
+    if generic:
+        cause = f"{generic} of them fixed by the generic model's marker places"
     cure = "" if static else "; a static trial (--static) with known angles fixes them"
     return (f"zero angles known to no better than {np.degrees(WIDE):g}°: {named} ({cause}{cure})",)
 
@@ -160,18 +223,17 @@ def far_zeros(zeros: Sequence[ZeroAngle], static: bool) -> tuple[Finding, ...]:
     -------
     one finding, or none
     """
-    ends = {zero: abs(zero.offset) - half_width(zero.sd) for zero in zeros}
-    far = sorted((zero for zero, end in ends.items() if end > FAR), key=lambda zero: -ends[zero])
+    at_least = {zero: abs(zero.offset) - half_width(zero.sd) for zero in zeros}
+    beyond = [zero for zero, angle in at_least.items() if angle > FAR]
+    far = sorted(beyond, key=lambda zero: -at_least[zero])
     if not far:
         return ()
-    mended = static and bool(ends[far[0]] > REFUTED)
+    mended = static and bool(at_least[far[0]] > REFUTED)
     named = ", ".join(f"{zero.coordinate} {np.degrees(zero.offset):.0f}°" for zero in far)
     cure = "" if static else " (--static shows them)"
-    then = (
-        "calibrated on the static trial alone"
-        if mended
-        else f"their angles may be off by as much{cure}"
-    )
+    then = f"their angles may be off by as much{cure}"
+    if mended:
+        then = "calibrated on the static trial alone"
     text = (
         f"zero angles are far from the generic model's ({named}), for the motion turns bones as the"
         f" model's joints cannot (a foot that bends, a shank that twists): {then}"
