@@ -17,9 +17,9 @@ import myomorph as mm
 from benchmarks.recordings import RECORDINGS, read_torques
 from benchmarks.speed.timing import alternate
 from data_collection import data_folder
-from myomorph.core.tension.dual import solve_separable
-from myomorph.core.tension.problem import TensionInputs, tension_problem
-from myomorph.core.tension.separable import Separable, no_links
+from myomorph.core.tension.dual import OPTIMAL
+from myomorph.core.tension.problem import TensionInputs, solve_frames, tension_problem
+from myomorph.core.tension.separable import Separable
 from myomorph.core.tension.terms.actuators import balanced_coordinates
 
 
@@ -123,32 +123,14 @@ def frames_of(folder: Path, case: QpCase) -> QuadraticFrames:
 def by_dual(frames: QuadraticFrames, warm: bool) -> np.ndarray:
     """Ours; warm-started from frame to frame, or each frame cold."""
     count = len(frames.values)
-    n = len(frames.separable.weight)
-    rows = frames.right.shape[1]
-    x = np.empty((count, n))
-    y = np.empty((count, rows))
-    residual = np.empty(count)
-    iterations = np.empty(count, np.int64)
-    status = np.empty(count, np.int8)
-    targets = np.zeros((count, n))
+    penalties = np.zeros((1, 3, len(frames.separable.weight)))
     parts = [slice(0, count)] if warm else [slice(k, k + 1) for k in range(count)]
-    for part in parts:
-        solve_separable(
-            frames.separable,
-            frames.values[part],
-            frames.right[part],
-            targets[part],
-            np.zeros((1, 3, n)),
-            no_links(),
-            np.zeros(rows),
-            x[part],
-            y[part],
-            residual[part],
-            iterations[part],
-            status[part],
-        )
-    assert np.all(status == 0)
-    return x
+    solved = [
+        solve_frames(frames.separable, frames.values[part], frames.right[part], penalties)
+        for part in parts
+    ]
+    assert all((found.status == OPTIMAL).all() for found in solved)
+    return np.vstack([found.x for found in solved])
 
 
 def by_piqp(frames: QuadraticFrames, sparse: bool) -> Callable[[], np.ndarray]:

@@ -10,8 +10,9 @@ from readable import balance, effort, nearness, program, solve_program
 
 from myomorph.core.model.arrays import frozen_array
 from myomorph.core.rigid.kernels import kernel
-from myomorph.core.tension.dual import INFEASIBLE, MISSING, OPTIMAL, _step, solve_separable
-from myomorph.core.tension.separable import Separable, no_links, pattern
+from myomorph.core.tension.dual import INFEASIBLE, MISSING, OPTIMAL, Line, _step
+from myomorph.core.tension.problem import solve_frames
+from myomorph.core.tension.separable import Separable, SeparableFrame, pattern
 
 
 def muscles(seed: int, rows: int = 12, count: int = 40, reserve: float = 1.0, lower: float = 0.01):
@@ -48,7 +49,6 @@ def solve(
     torques = np.atleast_2d(torques)
     rows, columns = np.nonzero(directions)
     shape = pattern(rows, columns, directions.shape)
-    n = len(directions)
     count = directions.shape[1]
     frames = len(torques)
     weights = np.ones(count) if weights is None else weights
@@ -65,32 +65,12 @@ def solve(
     )
     values = np.empty((frames, len(rows)))
     values[:, shape.place] = directions[rows, columns]
-    x = np.empty((frames, count))
-    y = np.empty((frames, n))
-    residual = np.empty(frames)
-    iterations = np.empty(frames, np.int64)
-    status = np.empty(frames, np.int8)
-    targets = np.zeros((frames, count)) if targets is None else targets
     right = np.ascontiguousarray(torques[:, shape.order])
     penalties = np.zeros((1, 3, count)) if penalties is None else penalties
-    warm = np.zeros(n)
-    solve_separable(
-        fixed,
-        values,
-        right,
-        targets,
-        penalties,
-        no_links(),
-        warm,
-        x,
-        y,
-        residual,
-        iterations,
-        status,
-    )
-    multipliers = np.empty_like(y)
-    multipliers[:, shape.order] = y
-    return x, status, residual, multipliers, iterations
+    found = solve_frames(fixed, values, right, penalties, targets=targets)
+    multipliers = np.empty_like(found.multipliers)
+    multipliers[:, shape.order] = found.multipliers
+    return found.x, found.status, found.residual, multipliers, found.iterations
 
 
 @pytest.mark.parametrize("reserve", [0.0, 1.0, 50.0])
@@ -235,15 +215,22 @@ def _bisected_on(wide):
         lower=np.array([0.0]),
         upper=np.array([1.0]),
     )
-    return _stepped(
-        fixed, np.zeros(1), np.zeros((3, 1)), np.array([-1.0 / 3.0]), np.ones(1), 0.5, 0.0
+    frame = SeparableFrame(
+        values=np.ones(1),
+        right=np.zeros(1),
+        targets=np.zeros(1),
+        low=np.zeros(1),
+        high=np.zeros(1),
+        pull=np.zeros(1),
     )
+    line = Line(s=np.array([-1.0 / 3.0]), ds=np.ones(1), constant=0.5, linear=0.0)
+    return _stepped(fixed, frame, line)
 
 
 @kernel
-def _stepped(S, targets, penalty, s, ds, constant, linear):
+def _stepped(shared, frame, line):
     """`_step`, which only kernels may call."""
-    return _step(S, targets, penalty, s, ds, constant, linear)
+    return _step(shared, frame, line)
 
 
 @pytest.mark.parametrize("wide", [1e-2, 1e-6, 1e-10])

@@ -32,7 +32,7 @@ from myomorph.core.rigid.frames import over_frames
 from myomorph.core.tension.dual import OPTIMAL
 from myomorph.core.tension.problem import Balance, TensionProblem, solve_frames
 from myomorph.core.tension.separable import Separable
-from myomorph.core.tension.simplex import least_values
+from myomorph.core.tension.simplex import Polytope, least_values
 from myomorph.core.tension.tension import RESIDUAL, Tension
 from myomorph.core.tension.terms.cones import ConeGenerators, subject_weight
 
@@ -680,15 +680,13 @@ def _extremes(
             costs = both.reshape(-1, functions.shape[-1])
             values = np.empty(len(costs))
             points = np.empty(costs.shape)
-            least_values(
-                solved.A[number],
-                solved.x[number],
-                bounds.lower[number],
-                bounds.upper[number],
-                costs,
-                values,
-                points,
+            polytope = Polytope(
+                A=solved.A[number],
+                x=solved.x[number],
+                lower=bounds.lower[number],
+                upper=bounds.upper[number],
             )
+            least_values(polytope, costs, values, points)
             extremes[number] = values.reshape(groups, 2, 4)
 
     over_frames(extend, len(good), chunk=4)

@@ -22,7 +22,13 @@ from myomorph.core.rigid.loops import loop_basis, loop_slopes, refuse_open
 from myomorph.core.rigid.tree import Tree, compile_tree
 from myomorph.core.tension.assembly import assemble, fold
 from myomorph.core.tension.dual import OPTIMAL, solve_separable
-from myomorph.core.tension.separable import FrameLinks, Separable, no_links
+from myomorph.core.tension.separable import (
+    FrameLinks,
+    Separable,
+    SeparableFrames,
+    SolvedSeparable,
+    no_links,
+)
 from myomorph.core.tension.tension import PassivePeaks, Tension, TensionOptions, passive_peaks
 from myomorph.core.tension.terms.actuators import (
     ActuatorTerm,
@@ -147,25 +153,6 @@ class Balance(NamedTuple):
         return Balance._make(array[frames] for array in self)
 
 
-class SolvedSeparable(NamedTuple):
-    """Solution of the separable problem in some frames.
-
-    Attributes
-    ----------
-    x : (frames, unknowns)
-    multipliers : (frames, rows)
-    residual : (frames,) equilibrium residual max |b - A x|
-    iterations : (frames,)
-    status : (frames,) index into `STATUS_NAMES`
-    """
-
-    x: Array
-    multipliers: Array
-    residual: Array
-    iterations: np.ndarray
-    status: np.ndarray
-
-
 def solve_frames(  # page: what `solve_separable` takes, most of it optional
     shared: Separable,
     values: Array,
@@ -207,7 +194,8 @@ def solve_frames(  # page: what `solve_separable` takes, most of it optional
         links = no_links()
     if warm is None:
         warm = np.zeros(right.shape[1])
-    solve_separable(shared, values, right, targets, penalties, links, warm, *solved)
+    data = SeparableFrames(values=values, right=right, targets=targets, penalties=penalties)
+    solve_separable(shared, data, links, warm, solved)
     return solved
 
 
