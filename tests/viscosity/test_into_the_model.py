@@ -26,7 +26,11 @@ from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.show.demo.arm import osim_text
-from myomorph.swings.viscosity.identified_model import dampers_of, joint_bushing
+from myomorph.swings.viscosity.identified_model import (
+    ViscosityValues,
+    dampers_of,
+    joint_bushing,
+)
 from truths.coordinate_dampers import coordinate_damping, coordinate_stiffness
 
 SHOULDER = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
@@ -128,9 +132,10 @@ def turning_against(model, motion, base, limb):
 
 def test_any_model_gets_a_joint_s_damping_and_its_muscles():
     model = ball("xyz")
-    bushing = dampers_of(model, "base", "limb", 0.06, {})
+    viscosity = ViscosityValues(joint=0.06)
+    bushing = dampers_of(model, "base", "limb", viscosity)
     assert not bushing.coordinates
-    single = dampers_of(model, "base", "limb", 0.06, {}, by_coordinate=True)
+    single = dampers_of(model, "base", "limb", viscosity, by_coordinate=True)
     assert single.bushing is None
     assert set(single.coordinates) == {"q0", "q1", "q2"}
     assert all(0.03 < value < 0.09 for value in single.coordinates.values())
@@ -138,7 +143,8 @@ def test_any_model_gets_a_joint_s_damping_and_its_muscles():
     hinge = replace(
         model, joints=(model.joints[0], replace(model.joints[1], axes=model.joints[1].axes[:1]))
     )
-    assert dampers_of(hinge, "base", "limb", 0.06, {}).coordinates == pytest.approx({"q0": 0.06})
+    damped = dampers_of(hinge, "base", "limb", viscosity)
+    assert damped.coordinates == pytest.approx({"q0": 0.06})
 
 
 def test_dampers_of_mujoco_act_as_they_should(tmp_path):

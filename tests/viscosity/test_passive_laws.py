@@ -14,7 +14,7 @@ from myomorph.core.model.errors import UnknownName
 from myomorph.core.motion.filters import lowpass
 from myomorph.swings.viscosity.identification.inertia import InertiaOptions
 from myomorph.swings.viscosity.trust.forward import angles_apart, measured_motion, swing_forward
-from myomorph.swings.viscosity.trust.freed import DRY, acting_law
+from myomorph.swings.viscosity.trust.freed import DRY, Bootstrap, acting_law
 from myomorph.swings.viscosity.trust.law import (
     PassiveLaw,
     PassiveProblem,
@@ -119,7 +119,7 @@ def test_what_acts_is_found_though_the_inertia_is_off(ball, name, form, friction
     ]
     problem = PassiveProblem.of(bare, 0.1, InertiaOptions())
     off = problem.parameters(np.ones(len(problem.sums))) * np.linspace(0.98, 1.02, 10)
-    acting = acting_law(problem, off, (), 20, 0)
+    acting = acting_law(problem, off, (), Bootstrap(draws=20, seed=0))
     if not form:
         assert acting is None
         return

@@ -7,6 +7,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.interval import Interval
 
 LEVEL = 0.9
 """Share of true values that intervals hold, where nothing else is said."""
@@ -79,3 +80,31 @@ def drawn_limits(
         low, high = scipy.special.ndtr([2.0 * middle - z, 2.0 * middle + z])
     lower, upper = np.quantile(draws, (low, high), axis=0)
     return np.asarray(lower), np.asarray(upper)
+
+
+def interval_of_draws(value: float, draws: Array, level: float = LEVEL) -> Interval:
+    """Put the limits that hold a share of draws around a value.
+
+    Parameters
+    ----------
+    value : the estimate
+    draws : (draws,) of it; those that are not finite do not count
+    level : share of the draws between the limits
+
+    Returns
+    -------
+    the interval, NaN where no draw is finite
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from myomorph.core.fit.interval_rule import interval_of_draws
+    >>> interval = interval_of_draws(5.0, np.arange(11.0), 0.8)
+    >>> interval.low, interval.high
+    (1.0, 9.0)
+    """
+    known = draws[np.isfinite(draws)]
+    if not len(known):
+        return Interval(value=float(value), low=float("nan"), high=float("nan"))
+    low, high = drawn_limits(known, level)
+    return Interval(value=float(value), low=float(low), high=float(high))

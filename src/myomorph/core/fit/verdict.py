@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 
 WORSE = 1.02  # Ratio of misfits from which one part counts as predicted worse
+MIN_RATIO = 1e-150  # Of misfits whose logarithm is taken
+Name = TypeVar("Name")
 
 
 @read_only
@@ -75,6 +78,11 @@ class Verdict:
         return float(np.sqrt(np.mean(np.square(self.ratios))))
 
     @property
+    def log_squares(self) -> float:
+        """Logarithm of the squares left over those of the generic values, added over all kinds."""
+        return float(2.0 * np.log(np.maximum(self.ratios, MIN_RATIO)).sum())
+
+    @property
     def better(self) -> bool:
         """Whether the estimate predicts better; where nothing was held out, it is not judged."""
         return self.known and self.ratio < self.limit
@@ -101,6 +109,39 @@ class Verdict:
         )
         verb = "better" if self.better else "not better"
         return f"predicts {self.what} {verb} than the generic values: {numbers}"
+
+
+def simplest(verdicts: Mapping[Name, Verdict], factor: float) -> Name:
+    """Choose the simplest estimate that predicts about as well as the best one.
+
+    Parameters
+    ----------
+    verdicts : by name, the simplest first, all against the same generic values
+    factor : by which its misfit may be above the least
+
+    Returns
+    -------
+    its name
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from myomorph.core.fit.verdict import Verdict, simplest
+    >>> verdicts = {
+    ...     name: Verdict(
+    ...         kinds=(("angle", "rad"),),
+    ...         parts=("swing",),
+    ...         estimate=np.array([[misfit]]),
+    ...         generic=np.array([[1.0]]),
+    ...         weights=np.ones(1),
+    ...     )
+    ...     for name, misfit in {"line": 1.0, "parabola": 0.42, "cubic": 0.4}.items()
+    ... }
+    >>> simplest(verdicts, 1.1)
+    'parabola'
+    """
+    least = min(verdict.ratio for verdict in verdicts.values())
+    return next(name for name, verdict in verdicts.items() if verdict.ratio <= factor * least)
 
 
 def held_out(

@@ -15,6 +15,7 @@ from dataclasses import field
 
 import numpy as np
 
+from myomorph.core.fit.interval_rule import interval_of_draws
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
@@ -186,7 +187,7 @@ def _estimate(strides: Array, drawn: Array | None) -> Interval:
     if not len(known):
         return NONE
     if drawn is not None:
-        return Interval.of_draws(float(known.mean()), drawn, LEVEL)
+        return interval_of_draws(float(known.mean()), drawn, LEVEL)
     limits = band(known[:, None], LEVEL)
     value = float(known.mean())
     # Of the logarithm, by its first derivative: no score is below 0.

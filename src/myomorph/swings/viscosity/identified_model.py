@@ -1,26 +1,30 @@
-"""The identified damping of a joint in a model's own forms: a bushing, dampers of coordinates,
-viscosity of muscles.
+"""The identified damping of a joint in a model's own forms.
 
-A swing tells the passive torque along axes of the limb's first body, tau = -D omega, with omega the
-angular velocity of the limb against its base ([S] eq. 1). A BushingForce damps the rates of three
-body-fixed angles x, y, z of one frame in another: along the axes of the first frame the torque
--E^-T C E^-1 omega, with omega = E(x, y) (xdot, ydot, zdot). For equal damping in all directions
-this is -d omega but for what sin y couples, so frames are sought in which y stays small over a
-motion.
+These are a bushing, dampers of coordinates and viscosity of muscles. Swings show the passive torque
+along axes of the limb's first body, tau = -D omega, with omega the angular velocity of the limb
+against its base ([S] eq. 1). A BushingForce damps the rates of three body-fixed angles x, y, z of
+one frame in another: along the axes of the first frame the torque -E^-T C E^-1 omega, with
+omega = E(x, y) (xdot, ydot, zdot). For equal damping in all directions this is -d omega but for
+what sin y couples, so frames are sought in which y stays small over a motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.fit.problem import Problem
+from myomorph.core.fit.residuals import Measured
+from myomorph.core.fit.solver import Method, minimize
+from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values, turned
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, BadModel
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.passive_dynamics import line_viscosity, with_passive_dynamics
 from myomorph.core.model.paths import Bushing
@@ -36,34 +40,127 @@ from myomorph.swings.viscosity.identification.identify import SpecimenViscosity
 from myomorph.swings.viscosity.specimen.muscles import fig1_muscles
 from myomorph.swings.viscosity.tracking.tracked import TrackedSpecimen
 
-STARTS = 6  # Frames the search begins from; several, because it ends in the nearest minimum.
+STARTS = 8  # Frames the search begins from; several, because it ends in the nearest minimum.
 POSES = 150  # Frames of the motion that the search looks at.
 RATE = 25.0  # Frames a second that the bushing is fitted to [Hz].
 EXCURSION = 0.6  # How far a joint is turned about its default pose where no motion is known [rad].
 LOSSY = 0.05  # Share of the joint's torque that a bushing may miss without being named.
+MIN_TURN = 1e-9  # Of a joint by a unit of a coordinate that turns it [rad/rad]
+MAX_SINE = 0.999  # Of the middle angle, short of where a bushing is singular
+MIN_DAMPING = 1e-3  # At which the search begins, over the largest of the three
+LOG_RANGE = 15.0  # Of the logarithm of damping about that
+FRAMES = "frames"
+DAMPING = "damping"
+"""Blocks of unknowns of a bushing."""
+METHOD = Method(iterations=40, tolerance=1e-8, min_gain=1e-8)
+
+
+class JointMotion(NamedTuple):
+    """A joint between two bodies in some poses.
+
+    Attributes
+    ----------
+    rates : (frames, 3, moving) E, the angular velocity along the limb's axes by rates of the
+        coordinates that turn the joint
+    rotations : (frames, 3, 3) of the limb in its base
+    moving : (moving,) places of these coordinates
+    """
+
+    rates: Array
+    rotations: Array
+    moving: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class JointBushing:
+    """A ball joint's damping as a bushing for `model.passive_dynamics.with_passive_dynamics`.
+
+    Attributes
+    ----------
+    bushing : with the frames that were found
+    residual : root mean square of the generalized torque that it does not express, as a share of
+        the whole, comparable with that of `CoordinateDamping`
+    middle : greatest middle angle over the motion [rad]; at a quarter turn a bushing is singular
+    """
+
+    bushing: Bushing
+    residual: float
+    middle: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViscosityValues:
+    """What a joint and its muscles resist with.
+
+    Attributes
+    ----------
+    joint : viscosity about all axes [N m s/rad]
+    muscles : by the model's names or those of [S] figure 1 [N s/m]
+    """
+
+    joint: float
+    muscles: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+
+
+@dataclass(frozen=True, eq=False)
+class Dampers:
+    """A joint's damping in the parts of a model, and that of its muscles.
+
+    Attributes
+    ----------
+    bushing : of the joint; None where coordinates are damped
+    coordinates : damping of coordinates [N m s/rad]
+    muscles : viscosity of muscles' lines [N s/m]
+    residual : share of the joint's torque that they do not express
+    """
+
+    bushing: Bushing | None
+    coordinates: Mapping[str, float]
+    muscles: Mapping[str, float]
+    residual: float
 
 
 def along_axes(what: str, values: ArrayLike) -> Array:
-    """Three values along a body's axes of one or three; `BadData` where they cannot be damping or
-    stiffness.
+    """Spread one number, or three, over a body's axes.
+
+    Parameters
+    ----------
+    what : of a joint, for the message
+    values : () or (1,) or (3,) damping or stiffness
+
+    Returns
+    -------
+    (3,)
+
+    Raises
+    ------
+    BadData : they cannot be damping or stiffness
     """
     numbers = np.asarray(values, dtype=np.float64)
-    if (
-        numbers.shape not in ((), (1,), (3,))
-        or not (numbers >= 0.0).all()
-        or not np.isfinite(numbers).all()
-    ):
+    possible = (numbers >= 0.0).all() and np.isfinite(numbers).all()
+    if numbers.shape not in ((), (1,), (3,)) or not possible:
         raise BadData(
             f"{what} of a joint is {numbers.tolist()}: expected one number or three, 0 or more"
         )
     return np.array(np.broadcast_to(numbers, (3,)))
 
 
-def joint_jacobian(
-    tree: Tree, base: str, first: str, coordinates: Array
-) -> tuple[Array, Array, np.ndarray]:
-    """E (frames, 3, moving), rotations (frames, 3, 3) of `first` in `base`, and the coordinates
-    that turn it there.
+def joint_jacobian(tree: Tree, base: str, first: str, coordinates: Array) -> JointMotion:
+    """Find how coordinates turn one body against another.
+
+    Parameters
+    ----------
+    tree : of the model
+    base, first : the bodies
+    coordinates : (frames, coordinates)
+
+    Returns
+    -------
+    the joint in these poses
+
+    Raises
+    ------
+    BadModel : no coordinate turns the one against the other
     """
     model = tree.model
     for body in (base, first):
@@ -73,113 +170,186 @@ def joint_jacobian(
     b = tree.body_index[first]
     nowhere = np.zeros((len(coordinates), 3))
     moved = poses.jacobian(b, nowhere) - poses.jacobian(a, nowhere)
-    turned = np.swapaxes(poses.rotations[:, b], 1, 2) @ moved[:, :3]
+    turning = np.swapaxes(poses.rotations[:, b], 1, 2) @ moved[:, :3]
     for frame, c in enumerate(np.array(coordinates)):
-        gather_dependents(tree.arrays, c, turned[frame])
-    stays = set(model.dependent_coordinates)
-    moves = np.abs(turned).max(axis=(0, 1), initial=0.0) > 1e-9
-    able = [j for j, name in enumerate(model.coordinate_names) if name not in stays and moves[j]]
+        gather_dependents(tree.arrays, c, turning[frame])
+    dependent = set(model.dependent_coordinates)
+    moves = np.abs(turning).max(axis=(0, 1), initial=0.0) > MIN_TURN
+    able = [
+        place
+        for place, name in enumerate(model.coordinate_names)
+        if name not in dependent and moves[place]
+    ]
     if not able:
         raise BadModel(f"model '{model.name}': no coordinate turns '{first}' against '{base}'")
-    R = np.swapaxes(poses.rotations[:, a], 1, 2) @ poses.rotations[:, b]
-    return turned[:, :, able], R, np.array(able, np.int64)
+    rotations = np.swapaxes(poses.rotations[:, a], 1, 2) @ poses.rotations[:, b]
+    return JointMotion(
+        rates=turning[:, :, able], rotations=rotations, moving=np.array(able, np.int64)
+    )
 
 
 def share(lost: Array, whole: Array) -> float:
-    """Root mean square of what is lost, relative to that of the whole."""
+    """Compare what is lost with the whole, by root mean squares.
+
+    Parameters
+    ----------
+    lost, whole : of any shape
+
+    Returns
+    -------
+    0 where there is nothing to lose
+    """
     total = float(np.sqrt((whole**2).sum()))
     return float(np.sqrt((lost**2).sum())) / total if total > 0.0 else 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class JointBushing:
-    """A ball joint's damping as a bushing for `model.passive_dynamics.with_passive_dynamics`.
-    `residual`: root mean square of the generalized torque that it does not express, as a share of
-    the whole, comparable with that of `CoordinateDamping`; `middle`: greatest middle angle over the
-    motion [rad], at a quarter turn a bushing is singular.
-    """
-
-    bushing: Bushing
-    residual: float
-    middle: float
-
-
 def joint_bushing(
-    model: Model, base: str, first: str, viscosity: ArrayLike, motion: Motion, name: str = ""
+    model: Model, base: str, first: str, viscosity: ArrayLike, motion: Motion
 ) -> JointBushing:
-    """The rotational bushing between two bodies nearest to the damping of the joint between them,
-    over a motion such as the model will be used for. The viscosity is one value, or three along the
-    axes of `first` [N m s/rad].
+    """Find the rotational bushing nearest to the damping of the joint between two bodies.
+
+    Parameters
+    ----------
+    model : with the joint
+    base, first : the bodies
+    viscosity : one value, or three along the axes of `first` [N m s/rad]
+    motion : such as the model will be used for
+
+    Returns
+    -------
+    the bushing, and what it does not express
     """
     D = along_axes("viscosity", viscosity)
     tree = compile_tree(model)
     coordinates, rates = values_and_rates(tree, motion)
-    E, R, moving = joint_jacobian(tree, base, first, coordinates)
-    omega = np.einsum("fak,fk->fa", E, rates[:, moving])
-    some = np.unique(np.linspace(0, len(R) - 1, POSES).astype(int))
-    lost = _lost(R[some], omega[some], D)
-    begun = np.log(np.maximum(D, 1e-3 * max(D.max(), 1e-12)))
-    fits = [
-        least_squares(
-            lost,
-            np.concatenate([*Rotation.random(2, random_state=index).as_rotvec(), begun]),
-            max_nfev=60,
-        )
-        for index in range(STARTS)
-    ]
-    best = min(fits, key=lambda fit: float(fit.cost)).x
-    turns = Rotation.from_rotvec(best[:6].reshape(2, 3)).as_matrix()
-    turn_1, turn_2 = turns
-    pose_1 = Transform(turn_1, np.zeros(3))
-    pose_2 = Transform(turn_2, np.zeros(3))
-    damping = np.exp(best[6:]) * (D.max() > 0.0)
+    joint = joint_jacobian(tree, base, first, coordinates)
+    omega = np.einsum("fak,fk->fa", joint.rates, rates[:, joint.moving])
+    some = np.unique(np.linspace(0, len(omega) - 1, POSES).astype(int))
+    damped = DampedJoint(rotations=joint.rotations[some], omega=omega[some], viscosity=D)
+    frames, damping = _nearest(damped)
     bushing = Bushing(
-        name=name or f"passive_{base}_{first}",
+        name=f"passive_{base}_{first}",
         body_1=base,
         body_2=first,
-        pose_1=pose_1,
-        pose_2=pose_2,
+        pose_1=Transform(frames[0], np.zeros(3)),
+        pose_2=Transform(frames[1], np.zeros(3)),
         rotational_damping=damping,
     )
     torque = np.zeros_like(coordinates)
-    torque[:, moving] = -np.einsum("fak,fa->fk", E, D * omega)
+    torque[:, joint.moving] = -np.einsum("fak,fa->fk", joint.rates, D * omega)
     produced = bushing_forces(tree, [bushing], coordinates, rates)
-    q, _ = deflection(tree, forward_kinematics(tree, coordinates), bushing)
+    deflections, _ = deflection(tree, forward_kinematics(tree, coordinates), bushing)
+    lost = (produced - torque)[:, joint.moving]
     return JointBushing(
-        bushing,
-        share((produced - torque)[:, moving], torque[:, moving]),
-        float(np.abs(q[:, 1]).max()),
+        bushing=bushing,
+        residual=share(lost, torque[:, joint.moving]),
+        middle=float(np.abs(deflections[:, 1]).max()),
     )
 
 
-def _lost(R: Array, omega: Array, D: Array) -> Callable[[Array], Array]:
-    """What a bushing's torque lacks, of frames' rotation vectors and logarithms of its damping
-    (9,); R (frames, 3, 3) of the limb in its base, omega (frames, 3) along the limb's axes [rad/s].
-    """
-    turned = np.einsum("fab,fb->fa", R, omega)
-    torque = np.einsum("fab,fb->fa", R, D * omega)
-    scale = float(np.sqrt((torque**2).sum())) or 1.0
+@read_only
+class DampedJoint:
+    """A joint's damping over a motion, as residuals of a bushing.
 
-    def lost(x: Array) -> Array:
-        first, second = Rotation.from_rotvec(x[:6].reshape(2, 3)).as_matrix()
-        Q = first.T @ R @ second
-        E = angular_velocities(
-            np.arctan2(-Q[:, 1, 2], Q[:, 2, 2]), np.arcsin(np.clip(Q[:, 0, 2], -0.999, 0.999))
-        )
-        rates = np.linalg.solve(E, (turned @ first)[:, :, None])[:, :, 0]
-        damped = np.linalg.solve(np.swapaxes(E, 1, 2), (np.exp(x[6:]) * rates)[:, :, None])[:, :, 0]
+    Attributes
+    ----------
+    rotations : (frames, 3, 3) R of the limb in its base
+    omega : (frames, 3) along the limb's axes [rad/s]
+    viscosity : (3,) D along the limb's axes [N m s/rad]
+    """
+
+    rotations: Array
+    omega: Array
+    viscosity: Array
+
+    def lost(self, values: Values) -> Array:
+        """Compare a bushing's torque with that of the joint, both along the base's frame.
+
+        With frames F_1 in the base and F_2 in the limb, Q = F_1^T R F_2 has the angles x, y, z, and
+
+            E^-T C E^-1 F_1^T R omega - F_1^T R D omega
+
+        Parameters
+        ----------
+        values : rotation vectors of the frames, logarithms of C
+
+        Returns
+        -------
+        (3 frames,) over the root of the sum of squares of the joint's torque
+        """
+        vectors = np.array(values[FRAMES]).reshape(2, 3)
+        first, second = Rotation.from_rotvec(vectors).as_matrix()
+        in_base = np.einsum("fab,fb->fa", self.rotations, self.omega)
+        torque = np.einsum("fab,fb->fa", self.rotations, self.viscosity * self.omega)
+        scale = float(np.sqrt((torque**2).sum())) or 1.0
+
+        Q = first.T @ self.rotations @ second
+        x = np.arctan2(-Q[:, 1, 2], Q[:, 2, 2])
+        y = np.arcsin(np.clip(Q[:, 0, 2], -MAX_SINE, MAX_SINE))
+        E = angular_velocities(x, y)
+        rates = np.linalg.solve(E, (in_base @ first)[:, :, None])[:, :, 0]
+        resisted = (np.exp(values[DAMPING]) * rates)[:, :, None]
+        damped = np.linalg.solve(np.swapaxes(E, 1, 2), resisted)[:, :, 0]
         return ((damped - torque @ first) / scale).ravel()
 
-    return lost
+
+def _nearest(joint: DampedJoint) -> tuple[Array, Array]:
+    """Find the frames (2, 3, 3) and damping (3,) of the bushing nearest to a joint's damping."""
+    largest = joint.viscosity.max()
+    begin = np.maximum(joint.viscosity, MIN_DAMPING * max(largest, 1e-12))
+    torque = Measured(name="torque of the joint", blocks=(FRAMES, DAMPING), function=joint.lost)
+    solutions = []
+    for start in range(STARTS):
+        frames = Rotation.random(2, random_state=start).as_rotvec()
+        unknowns = Unknowns((_frames_block(frames), _damping_block(begin)))
+        solutions.append(minimize(Problem(unknowns, (torque,)), method=METHOD))
+    best = min(solutions, key=lambda solution: solution.search.cost)
+    values = Values(best.problem.unknowns, best.x)
+    turns = Rotation.from_rotvec(np.array(values[FRAMES]).reshape(2, 3)).as_matrix()
+    return turns, np.exp(values[DAMPING]) * (largest > 0.0)
+
+
+def _frames_block(vectors: Array) -> Block:
+    """Rotation vectors (2, 3) of a bushing's frames in base and limb [rad]."""
+    unknowns = tuple(
+        Unknown(name=f"frame in {body} {axis}", unit="rad", start=value)
+        for body, vector in zip(("base", "limb"), vectors.tolist(), strict=True)
+        for axis, value in zip("xyz", vector, strict=True)
+    )
+    return Block(name=FRAMES, unknowns=unknowns, chart=turned)
+
+
+def _damping_block(damping: Array) -> Block:
+    """Logarithms of a bushing's damping (3,) [N m s/rad]."""
+    unknowns = tuple(
+        Unknown(
+            name=f"log damping {axis}",
+            start=value,
+            low=value - LOG_RANGE,
+            high=value + LOG_RANGE,
+        )
+        for axis, value in zip("xyz", np.log(damping).tolist(), strict=True)
+    )
+    return Block(name=DAMPING, unknowns=unknowns)
 
 
 def identified_model(
     tracked: TrackedSpecimen, specimen_viscosity: SpecimenViscosity, cutoff: float
 ) -> tuple[Model, tuple[str, ...]] | None:
-    """The specimen as it stood, its joint damped as found and every muscle with the common
-    viscosity, and what that does not express; None where the joint's viscosity is not known. A
-    hinge gets a damper of its coordinate, a ball the bushing nearest to its damping over the first
-    trial. Masses stay those of the model.
+    """Put what was identified into the specimen's model, as it stood.
+
+    A hinge gets a damper of its coordinate, a ball the bushing nearest to its damping over the
+    first trial, every muscle the common viscosity. Masses stay those of the model.
+
+    Parameters
+    ----------
+    tracked : the specimen and its motion
+    specimen_viscosity : what was found
+    cutoff : of the low-pass of the motion [Hz]
+
+    Returns
+    -------
+    the model and what it does not express; None where the joint's viscosity is not known
     """
     if specimen_viscosity.without is None:
         return None
@@ -195,9 +365,8 @@ def identified_model(
         axis_viscosity.value if excited else condition.viscosity.value
         for axis_viscosity, excited in zip(condition.axis_viscosity, condition.excited, strict=True)
     ]
-    joint = joint_bushing(
-        specimen.model, specimen.base, specimen.first, by_axis, _motion(tracked, cutoff)
-    )
+    motion = _motion(tracked, cutoff)
+    joint = joint_bushing(specimen.model, specimen.base, specimen.first, by_axis, motion)
     note = (
         f"identified.osim: its bushing misses {100 * joint.residual:.0f} % of the torque of the"
         " joint's damping"
@@ -206,68 +375,61 @@ def identified_model(
     return model, (note,) if joint.residual > LOSSY else ()
 
 
-@dataclass(frozen=True, eq=False)
-class Dampers:
-    """A joint's damping in the parts of a model: a bushing, or dampers of coordinates [N m s/rad],
-    beside viscosity of muscles' lines [N s/m]. `residual`: share of the joint's torque that they do
-    not express.
-    """
-
-    bushing: Bushing | None
-    coordinates: Mapping[str, float]
-    muscles: Mapping[str, float]
-    residual: float
-
-
 def dampers_of(
     model: Model,
     base: str,
     first: str,
-    viscosity: float,
-    muscles: Mapping[str, float],
+    viscosity: ViscosityValues,
     by_coordinate: bool = False,
 ) -> Dampers:
-    """What damps the joint between two bodies of any model by the same viscosity about all axes [N
-    m s/rad], and its muscles, by their names or those of [S] figure 1 [N s/m]. A hinge gets a
-    damper of its coordinate, several coordinates a bushing or, `by_coordinate`, the dampers nearest
-    over poses about the default one.
+    """Find what damps the joint between two bodies of any model, and its muscles.
+
+    A hinge gets a damper of its coordinate. Several coordinates get a bushing, or the dampers
+    nearest over poses about the default one.
+
+    Parameters
+    ----------
+    model : with the joint
+    base, first : the bodies
+    viscosity : the same about all axes, and that of the muscles
+    by_coordinate : whether several coordinates are damped one by one
     """
     tree = compile_tree(model)
     motion = _excursions(model, tree, base, first)
     coordinates, rates = values_and_rates(tree, motion)
-    E, _, moving = joint_jacobian(tree, base, first, coordinates)
+    joint = joint_jacobian(tree, base, first, coordinates)
+    muscles = viscosity.muscles
     known = set(model.muscle_names)
     lines = (
         {name: (name,) for name in muscles} if known.issuperset(muscles) else fig1_muscles(model)
     )
     by_line = line_viscosity(muscles, lines)
-    if len(moving) > 1 and not by_coordinate:
-        joint = joint_bushing(model, base, first, viscosity, motion)
+    if len(joint.moving) > 1 and not by_coordinate:
+        found = joint_bushing(model, base, first, viscosity.joint, motion)
         return Dampers(
-            bushing=joint.bushing, coordinates={}, muscles=by_line, residual=joint.residual
+            bushing=found.bushing, coordinates={}, muscles=by_line, residual=found.residual
         )
-    speeds = rates[:, moving]
-    torque = viscosity * np.einsum("fak,faj,fj->fk", E, E, speeds)
+    speeds = rates[:, joint.moving]
+    torque = viscosity.joint * np.einsum("fak,faj,fj->fk", joint.rates, joint.rates, speeds)
     damping = np.maximum((torque * speeds).sum(axis=0) / np.square(speeds).sum(axis=0), 0.0)
-    names = (model.coordinate_names[j] for j in moving)
-    by_name = dict(zip(names, damping.tolist(), strict=True))
+    names = [model.coordinate_names[place] for place in joint.moving]
     return Dampers(
         bushing=None,
-        coordinates=by_name,
+        coordinates=dict(zip(names, damping.tolist(), strict=True)),
         muscles=by_line,
         residual=share(torque - damping * speeds, torque),
     )
 
 
 def _excursions(model: Model, tree: Tree, base: str, first: str) -> Motion:
-    """Poses within `EXCURSION` of the default one, at random rates, of the coordinates that turn a
-    joint.
+    """Draw poses about the default one, at random rates, of the coordinates that turn a joint.
+
+    They are within `EXCURSION` of it, and within the coordinates' ranges.
     """
-    _, _, moving = joint_jacobian(
-        tree, base, first, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0))))
-    )
+    default_pose = tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0))))
+    joint = joint_jacobian(tree, base, first, default_pose)
     random = np.random.default_rng(0)
-    names = tuple(model.coordinate_names[j] for j in moving)
+    names = tuple(model.coordinate_names[place] for place in joint.moving)
     default = np.array([model.coordinate(name).default for name in names])
     limits = np.array([model.coordinate(name).range for name in names])
     values = default + random.uniform(-EXCURSION, EXCURSION, (POSES, len(names)))
@@ -282,14 +444,15 @@ def _excursions(model: Model, tree: Tree, base: str, first: str) -> Motion:
 
 
 def _motion(tracked: TrackedSpecimen, cutoff: float) -> Motion:
+    """Thin out the first trial's motion to `RATE`, frames that are known."""
     motion = differentiate(tracked.trials[0].motion, cutoff)
     rates = motion.velocities
     assert rates is not None
-    keep = np.flatnonzero(np.isfinite(motion.values).all(axis=1) & np.isfinite(rates).all(axis=1))
-    keep = keep[:: max(1, round(motion.rate / RATE))]
+    known = np.isfinite(motion.values).all(axis=1) & np.isfinite(rates).all(axis=1)
+    frames = np.flatnonzero(known)[:: max(1, round(motion.rate / RATE))]
     return Motion(
-        time=motion.time[keep],
+        time=motion.time[frames],
         names=motion.names,
-        values=motion.values[keep],
-        velocities=rates[keep],
+        values=motion.values[frames],
+        velocities=rates[frames],
     )

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from myomorph.core.fit.interval_rule import interval_of_draws
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, MyomorphError, check_name
 from myomorph.core.model.interval import Interval
@@ -380,7 +381,7 @@ def _estimates(
     generator = np.random.default_rng((options.seed, stream))
     drawn = np.maximum(influences.draws(options.draws, generator), lowest)
     return [
-        Interval.of_draws(value, draws, options.level)
+        interval_of_draws(value, draws, options.level)
         for value, draws in zip(influences.values, drawn.T, strict=True)
     ]
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import MyomorphError
 from myomorph.core.model.interval import Interval
@@ -70,7 +70,7 @@ def with_shared_errors(
         return specimen_viscosity.changed(
             {}, [f"intervals hold no errors of instruments: {error}"]
         ), ()
-    z = NormalDist().inv_cdf(0.5 + 0.5 * options.level)
+    z = float(half_width(1.0, options.level))
     slopes = {name: np.array([change[name] for change in changes]) for name in exact}
     sds = {
         name: float(np.sqrt(max(g @ instruments.covariance @ g, 0.0))) for name, g in slopes.items()

@@ -49,7 +49,10 @@ def limb_report(name: str, coordinate: str, result: LimbResult, notes: Sequence[
                 turns=time[drop.turns],
             )
         )
-    laws = FrozenMap({" + ".join(terms): error for terms, error in result.held_out.items()})
+    laws = {
+        " + ".join(terms): float(verdict.rms(verdict.estimate)[0])
+        for terms, verdict in result.held_out.items()
+    }
     errors = FrozenMap({source: FrozenMap(dict(of)) for source, of in result.shares.items()})
     chosen = " + ".join(result.fit.terms)
     row = FrozenMap(dict(result.estimates))
@@ -58,7 +61,7 @@ def limb_report(name: str, coordinate: str, result: LimbResult, notes: Sequence[
         coordinate=coordinate,
         row=row,
         errors=errors,
-        laws=laws,
+        laws=FrozenMap(laws),
         chosen=chosen,
         drops=tuple(curves),
         notes=tuple(notes),

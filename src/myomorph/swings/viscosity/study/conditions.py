@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 
 import numpy as np
 
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.errors import BadData, MyomorphError
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.interval import Interval
@@ -257,7 +257,7 @@ def _with_acting(
         if swings is None or not swings.share > 0.0
         else swings.sd * np.sqrt(1.0 / swings.share - 1.0)
     )
-    half = NormalDist().inv_cdf(0.5 + 0.5 * level) * others / plain.value
+    half = float(half_width(others, level)) / plain.value
     known = {name: wider(each, half * each.value, True) for name, each in law.coefficients.items()}
     values = ", ".join(
         f"{each.value:.3g} ({each.low:.3g} to {each.high:.3g})"
@@ -296,7 +296,7 @@ def _with_sway(
     specimen_viscosity: identify.SpecimenViscosity, sway: float, level: float
 ) -> identify.SpecimenViscosity:
     """The specimen with viscosities as well as they are known on a base that goes to and fro."""
-    share = NormalDist().inv_cdf(0.5 + 0.5 * level) * SWAY_SHARE * sway
+    share = float(half_width(SWAY_SHARE * sway, level))
 
     def swayed(estimate: Interval) -> Interval:
         return wider(estimate, share * estimate.value, True)

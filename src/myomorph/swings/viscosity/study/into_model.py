@@ -9,7 +9,11 @@ from myomorph.core.io.mjcf.couplings import write_dampers
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.passive_dynamics import with_passive_dynamics
-from myomorph.swings.viscosity.identified_model import LOSSY, dampers_of
+from myomorph.swings.viscosity.identified_model import (
+    LOSSY,
+    ViscosityValues,
+    dampers_of,
+)
 from myomorph.swings.viscosity.report.specimen_report import SpecimenReport
 from myomorph.swings.viscosity.study.swing_files import body_named
 
@@ -21,10 +25,22 @@ def write_identified(
     base: str | None = None,
     first: str | None = None,
 ) -> tuple[str, ...]:
-    """Write `model` (.osim or .xml) with the joint viscosity of a specimen's report, and its
-    muscles'. The joint is that between `base` and `first`, by default the bodies called scapula and
-    humerus. Returns what was written and what is not expressed, a line each; raises `BadData` where
-    the specimen has no joint viscosity.
+    """Write a model with the viscosities of a specimen's joint and muscles.
+
+    Parameters
+    ----------
+    model : file (.osim or .xml)
+    report : of the specimen
+    out : file to write, of the same kind
+    base, first : bodies that the joint ties, by default those called scapula and humerus
+
+    Returns
+    -------
+    what was written and what is not expressed, a line each
+
+    Raises
+    ------
+    BadData : the specimen has no joint viscosity
     """
     if out.suffix.lower() != model.suffix.lower():
         raise BadFile(
@@ -47,7 +63,8 @@ def write_identified(
     ball = next((part for part in read.joints if part.child == first and part.parent == base), None)
     mjcf = model.suffix.lower() == ".xml"
     whole = mjcf and ball is not None and ball.kind == "ball"
-    dampers = dampers_of(read, base, first, joint, of_muscles, by_coordinate=mjcf)
+    viscosity = ViscosityValues(joint=joint, muscles=of_muscles)
+    dampers = dampers_of(read, base, first, viscosity, by_coordinate=mjcf)
     lines = [f"{base} to {first}: {joint:.3g} N m s/rad"]
     if of_muscles:
         lines.append(

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from myomorph.core.fit.interval_rule import interval_of_draws
+from myomorph.core.fit.verdict import Verdict
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.interval import Interval
 from myomorph.core.motion.filters import lowpass
@@ -14,11 +19,11 @@ from myomorph.swings.viscosity.identification.condition import LACKING, Influenc
 from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.swings.viscosity.swings.sums import SwingSums
 from myomorph.swings.viscosity.trust import law as laws
-from myomorph.swings.viscosity.trust.law import HINGES, PassiveProblem
+from myomorph.swings.viscosity.trust.law import HINGES, LEVEL, PassiveProblem
 
 FINER = 10  # Instants between two frames at which the sign of a rate is taken, before the filter.
-ROUNDS = 4
-LIGHTEST = 1e-3  # How often the axes are weighed anew, and the least weight of one.
+ROUNDS = 4  # How often the axes are weighed anew.
+MIN_WEIGHT = 1e-3  # Of an axis
 WIDTH = 0.03
 """Rate within which friction turns its sign, before the filter: about the noise of a rate, which
 hides the sign of a slower one. Held-out swings of virtual limbs are predicted best with it [rad/s].
@@ -30,19 +35,48 @@ FORMS = ("viscosity", "viscosity by axis", "hinges")
 """Of a joint's viscosity: one value, one an axis of the limb's first bone, one of three angles one
 after another.
 """
+PLAIN = FORMS[0]
 # Share of the squares of held-out trials by which a law must lower them for each coefficient added.
 WORTH = 0.05
 MIN_RUBBED = 0.03  # Share of the one viscosity that friction must take off to be named.
 DRY = "dry friction"
 
 
+class ActingTerms(NamedTuple):
+    """What may act in a joint.
+
+    Attributes
+    ----------
+    form : of `FORMS`
+    friction : of `FRICTIONS`, or "" without one
+    spring : terms of a spring beside them
+    """
+
+    form: str
+    friction: str = ""
+    spring: tuple[str, ...] = ()
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Of the passive law."""
+        return (self.form, *self.spring)
+
+    def count(self, axes: int) -> int:
+        """Count the coefficients of a joint with so many free axes."""
+        return (1 if self.form == PLAIN else axes) + bool(self.friction) + len(self.spring)
+
+
 @read_only
 class ActingLaw:
-    """What acts in a joint beside one viscosity over all axes: `form` of `FORMS`, `friction` of
-    `FRICTIONS` or "".
+    """What acts in a joint beside one viscosity over all axes.
 
-    `coefficients` by name with intervals: that of friction is `DRY`, "viscosity" the one value over
-    all axes beside it; `values` (3 axes + 8,) multiply `law_rows`.
+    Attributes
+    ----------
+    form : of `FORMS`
+    friction : of `FRICTIONS`, or "" without one
+    coefficients : by name with intervals: that of friction is `DRY`, "viscosity" the one value over
+        all axes beside it
+    values : (3 axes + 8,) that multiply `law_rows`
     """
 
     form: str
@@ -51,80 +85,163 @@ class ActingLaw:
     values: Array
 
     def resisting(self, recording: SwingRecording) -> Array:
-        """(frames, axes) what resists in the place of the rates, of which `coefficients` have the
-        one viscosity.
+        """Find what resists in the place of the rates, of which `coefficients` have one viscosity.
+
+        Parameters
+        ----------
+        recording : of a swing
+
+        Returns
+        -------
+        (frames, axes) [rad/s]
         """
-        return law_rows(recording) @ self.values / max(self.coefficients["viscosity"].value, 1e-12)
-
-
-def acting_law(
-    problem: PassiveProblem, phi: Array, spring: tuple[str, ...], draws: int, seed: int
-) -> ActingLaw | None:
-    """The form and the friction that predict held-out trials best, None where that is one viscosity
-    or there is one trial; `spring`: terms of a spring that may be beside them.
-    """
-    sums = problem.sums
-    axes = len(problem.axes)
-    forms = [form for form in FORMS if axes == 3 or form == FORMS[0]]
-    if not all(len(recording.hinges) for recording in problem.recordings):
-        forms = [form for form in forms if form != "hinges"]
-    if len(np.unique(sums.trial)) < 2:
-        return None
-    freed = FreedProblem.of(problem.recordings, sums, phi)
-    alone = float(freed.fit(FORMS[:1], "").law[0])
-    rubbed = [float(freed.fit(FORMS[:1], friction).law[0]) for friction in FRICTIONS]
-    rubbing = [
-        name
-        for name, beside in zip(FRICTIONS, rubbed, strict=True)
-        if beside < (1.0 - MIN_RUBBED) * alone
-    ]
-    left = {
-        (form, friction, beside): (
-            freed.held_out((form, *beside), friction)
-            + WORTH * ((axes if form != FORMS[0] else 1) + bool(friction) + len(beside))
-        )
-        for form in forms
-        for friction in ("", *rubbing)
-        for beside in dict.fromkeys(((), spring))
-    }
-    form, friction, spring = min(left, key=lambda law: left[law])
-    if (form, friction) == (FORMS[0], ""):
-        return None
-    generator = np.random.default_rng(seed)
-
-    def estimates(terms: str) -> list[Interval]:
-        influences = freed.influences((terms, *spring), friction)
-        drawn = np.maximum(influences.draws(draws, generator), 0.0)
-        return [
-            Interval.of_draws(value, column)
-            for value, column in zip(influences.values, drawn.T, strict=True)
-        ]
-
-    single = estimates(FORMS[0])
-    chosen = estimates(form)
-    known = {"viscosity": single[0]}
-    if form == "viscosity by axis":
-        known |= {f"viscosity {axis}": chosen[i] for i, axis in enumerate(problem.axes)}
-    if form == "hinges":
-        known |= {f"hinge {name}": chosen[i - len(HINGES) - 1] for i, name in enumerate(HINGES)}
-    if friction:
-        known[DRY] = chosen[-1]
-    values = np.zeros(3 * axes + 6 + len(FRICTIONS))
-    values[: 3 * axes + 6] = [each.value for each in chosen[:-1]]
-    values[axes : 3 * axes] = 0.0  # A spring is fitted by itself.
-    if friction:
-        values[-len(FRICTIONS) + FRICTIONS.index(friction)] = chosen[-1].value
-    return ActingLaw(form=form, friction=friction, coefficients=known, values=values)
+        viscosity = max(self.coefficients["viscosity"].value, 1e-12)
+        return law_rows(recording) @ self.values / viscosity
 
 
 class FreedFit(NamedTuple):
-    """A law (3 axes + 6,), dry friction beside it [N m], and what of the products' columns adds up
-    to its misfit.
+    """A law fitted with free errors of the inertia.
+
+    Attributes
+    ----------
+    law : (3 axes + 6,) coefficients
+    friction : dry, beside it [N m]
+    misfit : (columns,) what of the products' columns adds up to its misfit
     """
 
     law: Array
     friction: float
     misfit: Array
+
+    @property
+    def coefficients(self) -> Array:
+        """(3 axes + 7,) of the law, then friction."""
+        return np.append(self.law, self.friction)
+
+
+class LawBasis(NamedTuple):
+    """Which combinations of a problem's columns are unknown.
+
+    Attributes
+    ----------
+    columns : (columns, 1 + errors + coefficients) the known torque, errors of inertia, coefficients
+    errors : count of the errors of inertia
+    mapping : (3 axes + 6, coefficients) of the law alone
+    groups : of coefficients, see `laws.Groups`
+    """
+
+    columns: Array
+    errors: int
+    mapping: Array
+    groups: laws.Groups
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """How intervals are drawn.
+
+    Attributes
+    ----------
+    draws : how many
+    seed : of the random numbers
+    """
+
+    draws: int
+    seed: int
+
+
+def acting_law(
+    problem: PassiveProblem, phi: Array, spring: tuple[str, ...], bootstrap: Bootstrap
+) -> ActingLaw | None:
+    """Choose the form of the viscosity and the friction that predict held-out trials best.
+
+    Parameters
+    ----------
+    problem : torques of one condition
+    phi : (10,) of the limb
+    spring : terms of a spring that may be beside them
+    bootstrap : for the intervals
+
+    Returns
+    -------
+    None where that is one viscosity, or there is one trial
+    """
+    if len(np.unique(problem.sums.trial)) < 2:
+        return None
+    freed = FreedProblem.of(problem.recordings, problem.sums, phi)
+    verdicts = freed.held_out(list(_candidates(problem, freed, spring)))
+    axes = len(problem.axes)
+    chosen = min(
+        verdicts, key=lambda acting: verdicts[acting].log_squares + WORTH * acting.count(axes)
+    )
+    if (chosen.form, chosen.friction) == (PLAIN, ""):
+        return None
+    generator = np.random.default_rng(bootstrap.seed)
+    single = _estimates(freed, chosen._replace(form=PLAIN), bootstrap.draws, generator)
+    estimates = _estimates(freed, chosen, bootstrap.draws, generator)
+    return ActingLaw(
+        form=chosen.form,
+        friction=chosen.friction,
+        coefficients=_named(chosen, problem.axes, single[0], estimates),
+        values=_row_values(chosen, axes, estimates),
+    )
+
+
+def _candidates(
+    problem: PassiveProblem, freed: FreedProblem, spring: tuple[str, ...]
+) -> Iterator[ActingTerms]:
+    """Yield what may act in a joint, the plainest first."""
+    forms = [form for form in FORMS if len(problem.axes) == 3 or form == PLAIN]
+    if not all(len(recording.hinges) for recording in problem.recordings):
+        forms = [form for form in forms if form != "hinges"]
+    alone = float(freed.fit(ActingTerms(PLAIN)).law[0])
+    max_beside = (1.0 - MIN_RUBBED) * alone
+    rubbing = [
+        friction
+        for friction in FRICTIONS
+        if float(freed.fit(ActingTerms(PLAIN, friction)).law[0]) < max_beside
+    ]
+    springs = dict.fromkeys(((), spring))
+    for form, friction, beside in product(forms, ("", *rubbing), springs):
+        yield ActingTerms(form=form, friction=friction, spring=beside)
+
+
+def _estimates(
+    freed: FreedProblem, acting: ActingTerms, draws: int, generator: np.random.Generator
+) -> list[Interval]:
+    """Find the intervals of a law's 3 axes + 6 coefficients and of friction."""
+    influences = freed.influences(acting)
+    drawn = np.maximum(influences.draws(draws, generator), 0.0)
+    return [
+        interval_of_draws(value, column, LEVEL)
+        for value, column in zip(influences.values, drawn.T, strict=True)
+    ]
+
+
+def _named(
+    acting: ActingTerms, axes: Sequence[str], single: Interval, estimates: Sequence[Interval]
+) -> dict[str, Interval]:
+    """Name the coefficients that act; `single` is the one viscosity over all axes."""
+    known = {"viscosity": single}
+    if acting.form == "viscosity by axis":
+        known |= {f"viscosity {axis}": estimates[i] for i, axis in enumerate(axes)}
+    if acting.form == "hinges":
+        first = len(estimates) - 1 - len(HINGES)
+        known |= {f"hinge {name}": estimates[first + i] for i, name in enumerate(HINGES)}
+    if acting.friction:
+        known[DRY] = estimates[-1]
+    return known
+
+
+def _row_values(acting: ActingTerms, axes: int, estimates: Sequence[Interval]) -> Array:
+    """Order coefficients (3 axes + 8,) as `law_rows` are."""
+    values = np.zeros(3 * axes + 6 + len(FRICTIONS))
+    values[: 3 * axes + 6] = [each.value for each in estimates[:-1]]
+    values[axes : 3 * axes] = 0.0  # A spring is fitted by itself.
+    if acting.friction:
+        place = -len(FRICTIONS) + FRICTIONS.index(acting.friction)
+        values[place] = estimates[-1].value
+    return values
 
 
 @read_only
@@ -133,86 +250,158 @@ class FreedProblem:
 
         torque_rows (phi + N delta) = -law - c friction
 
-    `delta` are errors of the inertia in all directions but `phi` (10,) itself, whose size torques
-    do not show: what step 1 leaves of them is larger than friction, and than all torques about the
-    limb's own length. Each axis counts by what it leaves. Friction passes the low-pass of the
-    motion. A law with a spring has no `delta`, which would take it. `products` (blocks, axes, n, n)
-    are those of [torque_rows, resistances, FRICTIONS].
+    with errors delta of the inertia in all directions but phi itself, whose size torques do not
+    show: what step 1 leaves of them is larger than friction, and than all torques about the limb's
+    own length. Each axis counts by what it leaves. Friction passes the low-pass of the motion. A
+    law with a spring has no delta, which would take it.
+
+    Attributes
+    ----------
+    products : (blocks, axes, n, n) of the columns [torque_rows, resistances, FRICTIONS]
+    phi : (10,) of the limb
+    trial : (blocks,) number of the trial of each
+    frames : (blocks,) how many each has
+    parted : see `SwingSums.parted`
     """
 
     products: Array
     phi: Array
-    trial: np.ndarray
+    trial: NDArray[np.intp]
+    frames: Array
     parted: float
 
-    @staticmethod
-    def of(recordings: Sequence[SwingRecording], sums: SwingSums, phi: Array) -> FreedProblem:
-        """The problem of recordings, their blocks and the limb's parameters."""
+    @classmethod
+    def of(cls, recordings: Sequence[SwingRecording], sums: SwingSums, phi: Array) -> FreedProblem:
+        """Condense recordings.
+
+        Parameters
+        ----------
+        recordings : of one condition
+        sums : their blocks
+        phi : (10,) of the limb
+
+        Returns
+        -------
+        the problem
+        """
         columns = [
             np.concatenate([each.torque_rows, law_rows(each)], axis=2).transpose(1, 0, 2)
             for each in recordings
         ]
         rows = [columns[trial][:, use] for trial, use in zip(sums.trial, sums.uses, strict=True)]
         products = np.stack([each.transpose(0, 2, 1) @ each for each in rows])
-        return FreedProblem(products=products, phi=phi, trial=sums.trial, parted=sums.parted)
+        frames = np.array([len(use) for use in sums.uses], np.float64)
+        return cls(products=products, phi=phi, trial=sums.trial, frames=frames, parted=sums.parted)
 
-    def fit(
-        self, terms: Sequence[str], friction: str = "", counts: Array | None = None
-    ) -> FreedFit:
-        """The law of `terms`, with one of `FRICTIONS` or none, of blocks taken `counts` times."""
+    def fit(self, acting: ActingTerms, counts: Array | None = None) -> FreedFit:
+        """Fit a law to blocks, each axis weighed by what it leaves.
+
+        Parameters
+        ----------
+        acting : terms of the law, and friction
+        counts : (blocks,) how often each block counts; by default once
+
+        Returns
+        -------
+        the law, friction and what they leave
+        """
         axes = self.products.shape[1]
-        products = np.tensordot(
-            np.ones(len(self.trial)) if counts is None else counts, self.products, axes=1
-        )
-        mapping, groups = laws.law_columns(terms, axes)
-        errors = (
-            np.zeros((0, PARAMETERS))
-            if any("stiffness" in term for term in terms)
-            else self._errors(products)
-        )
-        free = len(errors)
-        law = mapping.shape[1]
-        rubs = int(bool(friction))
-        basis = np.zeros((products.shape[-1], 1 + free + law + rubs))
-        basis[:PARAMETERS, 0] = self.phi
-        basis[:PARAMETERS, 1 : 1 + free] = errors.T
-        basis[PARAMETERS : -len(FRICTIONS), 1 + free : 1 + free + law] = mapping
-        if friction:
-            basis[-len(FRICTIONS) + FRICTIONS.index(friction), -1] = 1.0
-            groups = [*groups, [law]]
-        by_axis = basis.T @ products @ basis
+        counts = np.ones(len(self.trial)) if counts is None else counts
+        products = np.tensordot(counts, self.products, axes=1)
+        basis = self._basis(acting, products)
+        by_axis = basis.columns.T @ products @ basis.columns
         weights = np.ones(axes)
-        inner = np.arange(1, 1 + free)
-        outer = np.array([0, *range(1 + free, basis.shape[1])])
+        inner = np.arange(1, 1 + basis.errors)
+        outer = np.array([0, *range(1 + basis.errors, basis.columns.shape[1])])
         for _ in range(ROUNDS):
             whole = np.tensordot(weights, by_axis, axes=1)
             beside = whole[np.ix_(inner, outer)]
-            back = np.linalg.pinv(whole[np.ix_(inner, inner)], rcond=1e-10, hermitian=True) @ beside
+            inverse = np.linalg.pinv(whole[np.ix_(inner, inner)], rcond=1e-10, hermitian=True)
+            back = inverse @ beside
             less = whole[np.ix_(outer, outer)] - beside.T @ back
-            x = laws.bounded_least_squares(less[1:, 1:], -less[0, 1:], groups)[0]
+            x = laws.bounded_least_squares(less[1:, 1:], -less[0, 1:], basis.groups)[0]
             solution = np.concatenate([[1.0], -back @ np.array([1.0, *x]), x])
             left = np.maximum(solution @ by_axis @ solution, 1e-300)
-            weights = np.maximum(left.min() / left, LIGHTEST)
-        return FreedFit(mapping @ x[:law], float(x[-1]) if friction else 0.0, basis @ solution)
+            weights = np.maximum(left.min() / left, MIN_WEIGHT)
+        return FreedFit(
+            law=basis.mapping @ x[: basis.mapping.shape[1]],
+            friction=float(x[-1]) if acting.friction else 0.0,
+            misfit=basis.columns @ solution,
+        )
 
-    def held_out(self, terms: Sequence[str], friction: str = "") -> float:
-        """Logarithm of the squares that trials leave, each of a law fitted to the others; sum over
-        the axes.
+    def _basis(self, acting: ActingTerms, products: Array) -> LawBasis:
+        """Choose the columns of a law's unknowns.
+
+        Parameters
+        ----------
+        products : (axes, n, n) of all blocks that count
         """
-        left = np.zeros(self.products.shape[1])
+        mapping, groups = laws.law_columns(acting.terms, self.products.shape[1])
+        sprung = any("stiffness" in term for term in acting.terms)
+        errors = np.zeros((0, PARAMETERS)) if sprung else self._errors(products)
+        free = len(errors)
+        law = mapping.shape[1]
+        columns = np.zeros((products.shape[-1], 1 + free + law + bool(acting.friction)))
+        columns[:PARAMETERS, 0] = self.phi
+        columns[:PARAMETERS, 1 : 1 + free] = errors.T
+        columns[PARAMETERS : -len(FRICTIONS), 1 + free : 1 + free + law] = mapping
+        if acting.friction:
+            columns[-len(FRICTIONS) + FRICTIONS.index(acting.friction), -1] = 1.0
+            groups = [*groups, [law]]
+        return LawBasis(columns=columns, errors=free, mapping=mapping, groups=groups)
+
+    def held_out(self, candidates: Sequence[ActingTerms]) -> dict[ActingTerms, Verdict]:
+        """Predict each trial by laws that were fitted to the others, and by one viscosity.
+
+        Parameters
+        ----------
+        candidates : terms of the laws, and friction
+
+        Returns
+        -------
+        verdict of each law
+        """
+        trials = np.unique(self.trial)
+        generic = self._misfits(ActingTerms(PLAIN))
+        weights = np.array([self.frames[self.trial == trial].sum() for trial in trials])
+        return {
+            acting: Verdict(
+                kinds=tuple((f"torque {axis}", "N m") for axis in range(generic.shape[1])),
+                parts=tuple(f"trial {trial}" for trial in trials),
+                estimate=self._misfits(acting),
+                generic=generic,
+                weights=weights,
+                what="trials held out in turn",
+            )
+            for acting in candidates
+        }
+
+    def _misfits(self, acting: ActingTerms) -> Array:
+        """Find what each trial leaves of a law fitted to the others.
+
+        Returns
+        -------
+        (trials, axes) root mean square torque [N m]
+        """
+        misfits = []
         for trial in np.unique(self.trial):
             out = self.trial == trial
-            misfit = self.fit(terms, friction, 1.0 - out).misfit
-            left += misfit @ self.products[out].sum(axis=0) @ misfit
-        return float(np.log(np.maximum(left, 1e-300)).sum())
+            misfit = self.fit(acting, 1.0 - out).misfit
+            squares = misfit @ self.products[out].sum(axis=0) @ misfit
+            misfits.append(np.sqrt(np.maximum(squares, 0.0) / self.frames[out].sum()))
+        return np.array(misfits)
 
-    def influences(self, terms: Sequence[str], friction: str = "") -> Influences:
-        """Of the blocks on the law's coefficients, then friction."""
+    def influences(self, acting: ActingTerms) -> Influences:
+        """Find what each block adds to a law's coefficients, then friction.
+
+        Parameters
+        ----------
+        acting : terms of the law, and friction
+        """
         every = np.ones(len(self.trial))
-        whole = np.append(*self.fit(terms, friction, every)[:2])
+        whole = self.fit(acting, every).coefficients
         lacking = [
-            np.append(*self.fit(terms, friction, every - LACKING * block)[:2])
-            for block in np.eye(len(every))
+            self.fit(acting, every - LACKING * block).coefficients for block in np.eye(len(every))
         ]
         return Influences(
             values=whole,
@@ -222,7 +411,16 @@ class FreedProblem:
         )
 
     def _errors(self, products: Array) -> Array:
-        """(directions, 10) possible errors of the inertia, perpendicular to `phi` in torque."""
+        """Find possible errors of the inertia, perpendicular to `phi` in torque.
+
+        Parameters
+        ----------
+        products : (axes, n, n) of all blocks that count
+
+        Returns
+        -------
+        (directions, 10)
+        """
         scale = np.sqrt(np.einsum("aii->i", products)[:PARAMETERS])
         scale[0] = 0.0  # Mass makes no torque.
         seen = scale > 0.0
@@ -233,30 +431,46 @@ class FreedProblem:
 
 
 def law_rows(recording: SwingRecording) -> Array:
-    """(frames, axes, 3 axes + 8) `resistances` in a recording, then `FRICTIONS` of 1 N m."""
-    law = laws.resistances(
-        recording.angles, recording.rates, recording.lengthening, WIDTH, laws.slopes_of(recording)
-    )
+    """Find what each coefficient of a law resists in a recording, then `FRICTIONS` of 1 N m.
+
+    Parameters
+    ----------
+    recording : of a swing
+
+    Returns
+    -------
+    (frames, axes, 3 axes + 8)
+    """
+    slopes = laws.slopes_of(recording)
+    law = laws.resistances(recording.angles, recording.rates, recording.lengthening, WIDTH, slopes)
     return np.concatenate([law, friction_rows(recording)], axis=2)
 
 
 def friction_rows(recording: SwingRecording) -> Array:
-    """(frames, axes, 2) torque of `FRICTIONS` of 1 N m against the motion, through the motion's
-    low-pass.
+    """Find the torque of `FRICTIONS` of 1 N m against the motion, through the motion's low-pass.
+
+    Parameters
+    ----------
+    recording : of a swing
+
+    Returns
+    -------
+    (frames, axes, 2) [N m]
     """
     result = np.zeros((*recording.rates.shape, len(FRICTIONS)))
-    for start, stop in runs(np.asarray(np.isfinite(recording.rates).all(axis=1))):
+    known = np.asarray(np.isfinite(recording.rates).all(axis=1))
+    for start, stop in runs(known):
         rates = recording.rates[start:stop]
-        time = recording.time[start:stop]
-        at = np.arange((len(rates) - 1) * FINER + 1) / FINER
-        fine = np.stack([np.interp(at, np.arange(len(rates)), rate) for rate in rates.T], axis=1)
+        frames = np.arange(len(rates))
+        instants = np.arange((len(rates) - 1) * FINER + 1) / FINER
+        fine = np.stack([np.interp(instants, frames, rate) for rate in rates.T], axis=1)
         speed = np.linalg.norm(fine, axis=1)[:, None]
-        rubbing = np.concatenate(
-            [fine / np.hypot(speed, WIDTH), fine / np.hypot(fine, WIDTH)], axis=1
-        )
+        against_motion = fine / np.hypot(speed, WIDTH)
+        about_axes = fine / np.hypot(fine, WIDTH)
+        rubbing = np.concatenate([against_motion, about_axes], axis=1)
         if recording.cutoff and len(rates) > 1:
-            rubbing = lowpass(rubbing, FINER / float(np.median(np.diff(time))), recording.cutoff)
-        result[start:stop] = (
-            rubbing[::FINER].reshape(len(rates), len(FRICTIONS), -1).transpose(0, 2, 1)
-        )
+            rate = FINER / float(np.median(np.diff(recording.time[start:stop])))
+            rubbing = lowpass(rubbing, rate, recording.cutoff)
+        by_friction = rubbing[::FINER].reshape(len(rates), len(FRICTIONS), -1)
+        result[start:stop] = by_friction.transpose(0, 2, 1)
     return result

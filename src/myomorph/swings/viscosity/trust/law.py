@@ -38,6 +38,7 @@ TERMS = (
 LAST = {"coulomb": -6, "quadratic": -5, "muscles": -4}
 """Where among a law's coefficients those stand that all axes share; those of the hinges follow."""
 HINGES = ("first", "second", "third")
+LEVEL = 0.95  # Of the intervals of a law's coefficients
 # Least volume of three hinges' unit axes; less where the middle has turned the first along the
 # last.
 SINGULAR = 0.1

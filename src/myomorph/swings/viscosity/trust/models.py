@@ -1,16 +1,17 @@
-"""Is it viscosity? Other passive laws fitted to the same torques, and asked to predict swings they
-have not seen.
-"""
+"""Other passive laws than viscosity, fitted to the same torques and judged on held-out swings."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from myomorph.core.fit.correlation import variance_samples
+from myomorph.core.fit.interval_rule import interval_of_draws
+from myomorph.core.fit.verdict import Verdict
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.interval import Interval
@@ -29,8 +30,9 @@ from myomorph.swings.viscosity.trust.forward import (
     swing_forward,
     windows,
 )
-from myomorph.swings.viscosity.trust.freed import ActingLaw, acting_law
+from myomorph.swings.viscosity.trust.freed import ActingLaw, Bootstrap, acting_law
 from myomorph.swings.viscosity.trust.law import (
+    LEVEL,
     WIDTH,
     PassiveLaw,
     PassiveProblem,
@@ -116,12 +118,52 @@ class PassiveOptions:
             )
 
 
-@dataclass(frozen=True, eq=False)
+class HeldOut(NamedTuple):
+    """A window that is predicted without itself.
+
+    Attributes
+    ----------
+    window : swings that follow each other
+    parameters : (10,) of the limb, from all other swings
+    """
+
+    window: Window
+    parameters: Array
+
+
+class Judges(NamedTuple):
+    """What all laws of a problem are judged by.
+
+    Attributes
+    ----------
+    slack : rotation from the given zero of angles to where they are counted from
+    phi : (10,) parameters of the limb
+    counts : (blocks, blocks) how often each block counts where one is left out
+    parameters : (blocks, 10) of the limb, one block left out
+    held_out : windows in turn
+    """
+
+    slack: Rotation
+    phi: Array
+    counts: Array
+    parameters: Array
+    held_out: tuple[HeldOut, ...]
+
+
+@read_only
 class PassiveFit:
-    """One law, as the torques and the swings judge it: coefficients by name, units in `UNITS`; root
-    mean square of torque that it leaves [N m]; criteria above the lowest of all laws. Errors are
-    root mean square over the held-out windows: angle between measured and predicted limb [rad],
-    wrench [N m], [N].
+    """One law, as the torques and the swings judge it.
+
+    Attributes
+    ----------
+    terms : of the law
+    coefficients : by name, units in `UNITS`
+    law : with these coefficients
+    free : how many coefficients it has
+    residual : root mean square of torque that it leaves [N m]
+    aic, bic : criteria, above the lowest of all laws
+    squares : (windows, 3) mean squares of what held-out windows differ by from their prediction:
+        angle between measured and predicted limb [rad^2], moment [(N m)^2], force [N^2]
     """
 
     terms: tuple[str, ...]
@@ -131,20 +173,45 @@ class PassiveFit:
     residual: float
     aic: float
     bic: float
-    angle_error: float
-    moment_error: float
-    force_error: float
+    squares: Array
 
     @property
     def name(self) -> str:
         """The terms in words."""
         return " + ".join(self.terms)
 
+    @property
+    def errors(self) -> Array:
+        """(3,) root mean square over the held-out windows [rad], [N m], [N]; NaN without any."""
+        return np.sqrt(np.mean(self.squares, axis=0)) if len(self.squares) else np.full(3, np.nan)
+
+    @property
+    def angle_error(self) -> float:
+        """Root mean square angle between measured and predicted limb [rad]."""
+        return float(self.errors[0])
+
+    @property
+    def moment_error(self) -> float:
+        """Root mean square moment, measured less predicted [N m]."""
+        return float(self.errors[1])
+
+    @property
+    def force_error(self) -> float:
+        """Root mean square force, measured less predicted [N]."""
+        return float(self.errors[2])
+
 
 @read_only
 class Prediction:
-    """A window that was left out: angles (frames, axes) from hanging at rest [rad], measured and as
-    viscosity alone and the chosen law predict them from the first frame; for a figure.
+    """A window that was left out, for a figure.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    axes : names of the free axes
+    measured : (frames, axes) angles from hanging at rest [rad]
+    viscous, chosen : (frames, axes) as viscosity alone and the chosen law predict them from the
+        first frame [rad]
     """
 
     time: Array
@@ -156,17 +223,23 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class PassiveComparison:
-    """Which passive law the swings ask for, of `fits` in the order of `LAWS`.
+    """Which passive law the swings ask for.
 
-    `by_bic` is the simplest whose BIC is within `MAX_CRITERION_DIFFERENCE` of the lowest; `chosen`
-    is that where it is plain or predicts held-out windows far better than `PLAIN` laws, else the
-    best of these. `prediction` is of the first window, None where no two could be had; `acting`:
-    without muscles, what acts beside one viscosity.
+    Attributes
+    ----------
+    fits : in the order of `LAWS`
+    chosen : `by_bic` where that is plain or predicts held-out windows far better than `PLAIN` laws,
+        else the best of these
+    by_bic : the simplest whose BIC is within `MAX_CRITERION_DIFFERENCE` of the lowest
+    verdict : on `by_bic`, against the best of the plain laws
+    prediction : of the first window, None where no two could be had
+    acting : without muscles, what acts beside one viscosity
     """
 
     fits: tuple[PassiveFit, ...]
     chosen: PassiveFit
     by_bic: PassiveFit
+    verdict: Verdict
     prediction: Prediction | None = field(repr=False)
     acting: ActingLaw | None = None
 
@@ -192,8 +265,7 @@ class PassiveComparison:
 def compare_passive_laws(
     recordings: Sequence[SwingRecording], options: PassiveOptions | None = None
 ) -> PassiveComparison:
-    """Fit every law to the torques of one condition, and let it predict windows that it has not
-    seen.
+    """Fit every law to the torques of one condition, and let it predict windows held out.
 
     All laws are least squares of the same torques, torque_rows phi, with coefficients of at least 0
     and a free rest angle. The criteria count independent samples, not frames, for a low-pass leaves
@@ -205,6 +277,11 @@ def compare_passive_laws(
     and the inertia and law that make it, know nothing of the window but its first frame. The angles
     of a ball are counted from where its spring is slack (`neutral_position`), for only from there
     is the spring linear in them.
+
+    Parameters
+    ----------
+    recordings : of one condition
+    options : see `PassiveOptions`
     """
     options = options or PassiveOptions()
     inertial = InertiaOptions(options.tare, options.prior_sd)
@@ -212,83 +289,133 @@ def compare_passive_laws(
     slack = Rotation.identity()
     if len(problem.axes) == 3:
         problem, slack = _from_spring(problem)
-        recordings = problem.recordings
-    laws = _applicable(problem)
-    blocks = len(problem.sums)
-    every = np.ones(blocks)
-    phi = problem.parameters(every)
-    solutions = [problem.fit(terms, every, phi) for terms in laws]
-    richest = min(solutions, key=lambda solution: float(solution[1]))[0]
-    effective = variance_samples(problem.left(phi, PassiveLaw.of(richest, options.width)))
-    lacking = 1.0 - np.eye(blocks)
-    others = np.array([problem.parameters(block) for block in lacking])
-    left_out = windows(recordings, problem.sums, options.horizon, options.held_out)
-    trained = [problem.parameters(fold.training(blocks)) for fold in left_out]
-    samples = problem.samples(every)
-    fits = []
-    for terms, (coefficients, rss) in zip(laws, solutions, strict=True):
-        less = problem.fit(terms, lacking, others)[0]
-        influences = Influences(coefficients, coefficients - less, problem.sums.trial)
-        draws = influences.draws(options.draws, np.random.default_rng(options.seed))
-        estimates = _estimates(terms, coefficients, draws, problem.axes, slack)
-        errors = [
-            fold.errors(_predict(problem, terms, fold, p), options.tare != "known")
-            for fold, p in zip(left_out, trained, strict=True)
-        ]
-        means = np.sqrt(np.mean(errors, axis=0)) if errors else np.full(3, np.nan)
-        free = law_columns(terms, len(problem.axes))[0].shape[1]
-        score = effective * np.log(max(float(rss), 1e-300) / samples)
-        angle_error, moment_error, force_error = means.tolist()
-        fits.append(
-            PassiveFit(
-                terms=terms,
-                coefficients=estimates,
-                law=PassiveLaw.of(coefficients, options.width),
-                free=free,
-                residual=float(np.sqrt(rss / samples)),
-                aic=float(score + 2.0 * free),
-                bic=float(score + np.log(effective) * free),
-                angle_error=angle_error,
-                moment_error=moment_error,
-                force_error=force_error,
-            )
-        )
-    least_aic = min(fit.aic for fit in fits)
-    least_bic = min(fit.bic for fit in fits)
-    fits = [replace(fit, aic=fit.aic - least_aic, bic=fit.bic - least_bic) for fit in fits]
-    by_bic = min(
-        (fit for fit in fits if fit.bic <= MAX_CRITERION_DIFFERENCE),
-        key=lambda fit: (fit.free, fit.bic),
-    )
+    judges = _judges(problem, slack, options)
+    fits = _fits(problem, judges, options)
+
+    likely = [fit for fit in fits if fit.bic <= MAX_CRITERION_DIFFERENCE]
+    by_bic = min(likely, key=lambda fit: (fit.free, fit.bic))
     plain = min((fit for fit in fits if fit.terms in PLAIN), key=lambda fit: fit.bic)
-    # Without a window held out, errors are NaN: no other law gains on a plain one.
-    better = by_bic.angle_error < MIN_HELD_OUT_GAIN * plain.angle_error
-    chosen = by_bic if by_bic.terms in PLAIN or better else plain
-    shown = _shown(problem, chosen.terms, left_out[0], trained[0], slack) if left_out else None
+    verdict = _verdict(by_bic, plain)
+    chosen = by_bic if by_bic.terms in PLAIN or verdict.better else plain
+
+    shown = None
+    if judges.held_out:
+        shown = _shown(problem, chosen.terms, judges.held_out[0], slack)
     acting = None
     if not problem.sums.muscles:
         spring = tuple(term for term in chosen.terms if term.startswith("stiffness"))
-        acting = acting_law(problem, phi, spring, options.draws, options.seed)
+        bootstrap = Bootstrap(draws=options.draws, seed=options.seed)
+        acting = acting_law(problem, judges.phi, spring, bootstrap)
     return PassiveComparison(
-        fits=tuple(fits), chosen=chosen, by_bic=by_bic, prediction=shown, acting=acting
+        fits=fits, chosen=chosen, by_bic=by_bic, verdict=verdict, prediction=shown, acting=acting
+    )
+
+
+def _judges(problem: PassiveProblem, slack: Rotation, options: PassiveOptions) -> Judges:
+    """Leave out every block and every window in turn."""
+    blocks = len(problem.sums)
+    counts = 1.0 - np.eye(blocks)
+    left_out = windows(problem.recordings, problem.sums, options.horizon, options.held_out)
+    return Judges(
+        slack=slack,
+        phi=problem.parameters(np.ones(blocks)),
+        counts=counts,
+        parameters=np.array([problem.parameters(block) for block in counts]),
+        held_out=tuple(
+            HeldOut(window=window, parameters=problem.parameters(window.training(blocks)))
+            for window in left_out
+        ),
+    )
+
+
+def _fits(
+    problem: PassiveProblem, judges: Judges, options: PassiveOptions
+) -> tuple[PassiveFit, ...]:
+    """Fit all laws; criteria are above the lowest."""
+    laws = _applicable(problem)
+    every = np.ones(len(problem.sums))
+    solutions = [problem.fit(terms, every, judges.phi) for terms in laws]
+    richest, _ = min(solutions, key=lambda solution: float(solution[1]))
+    left = problem.left(judges.phi, PassiveLaw.of(richest, options.width))
+    effective = variance_samples(left)
+    samples = problem.samples(every)
+    fits = []
+    for terms, (coefficients, rss) in zip(laws, solutions, strict=True):
+        free = law_columns(terms, len(problem.axes))[0].shape[1]
+        score = effective * np.log(max(float(rss), 1e-300) / samples)
+        fit = PassiveFit(
+            terms=terms,
+            coefficients=_coefficients(problem, terms, coefficients, judges, options),
+            law=PassiveLaw.of(coefficients, options.width),
+            free=free,
+            residual=float(np.sqrt(rss / samples)),
+            aic=float(score + 2.0 * free),
+            bic=float(score + np.log(effective) * free),
+            squares=_squares(problem, terms, judges.held_out, options.tare != "known"),
+        )
+        fits.append(fit)
+    min_aic = min(fit.aic for fit in fits)
+    min_bic = min(fit.bic for fit in fits)
+    return tuple(replace(fit, aic=fit.aic - min_aic, bic=fit.bic - min_bic) for fit in fits)
+
+
+def _coefficients(
+    problem: PassiveProblem,
+    terms: tuple[str, ...],
+    coefficients: Array,
+    judges: Judges,
+    options: PassiveOptions,
+) -> dict[str, Interval]:
+    """Draw intervals of a law's coefficients (3 axes + 6,) from what each block adds to them."""
+    less = problem.fit(terms, judges.counts, judges.parameters)[0]
+    influences = Influences(coefficients, coefficients - less, problem.sums.trial)
+    draws = influences.draws(options.draws, np.random.default_rng(options.seed))
+    return _estimates(terms, coefficients, draws, problem.axes, judges.slack)
+
+
+def _squares(
+    problem: PassiveProblem,
+    terms: Sequence[str],
+    held_out: Sequence[HeldOut],
+    free_offset: bool,
+) -> Array:
+    """Predict all windows by a law: mean squares (windows, 3) of what they differ by."""
+    errors = [held.window.errors(_predict(problem, terms, held), free_offset) for held in held_out]
+    return np.array(errors).reshape(-1, 3)
+
+
+def _verdict(law: PassiveFit, plain: PassiveFit) -> Verdict:
+    """Compare the angles of held-out windows that a law and a plain one predict."""
+    count = len(law.squares)
+    return Verdict(
+        kinds=(("angle", "rad"),),
+        parts=tuple(f"window {number + 1}" for number in range(count)),
+        estimate=np.sqrt(law.squares[:, :1]),
+        generic=np.sqrt(plain.squares[:, :1]),
+        weights=np.ones(count),
+        what="windows held out in turn",
+        limit=MIN_HELD_OUT_GAIN,
     )
 
 
 def _applicable(problem: PassiveProblem) -> list[tuple[str, ...]]:
-    """The laws of whose terms the recordings have muscles, hinges and axes; viscosity alone comes
-    first.
-    """
-    lacking = set() if problem.sums.muscles else {"muscles"}
-    lacking |= (
-        set() if all(len(recording.hinges) for recording in problem.recordings) else {"hinges"}
-    )
-    lacking |= {"viscosity by axis"} if len(problem.axes) == 1 else set()
-    return [law for law in LAWS if not lacking & {*law}]
+    """List laws for whose terms the recordings have muscles, hinges and axes, viscosity first."""
+    missing = set()
+    if not problem.sums.muscles:
+        missing.add("muscles")
+    if not all(len(recording.hinges) for recording in problem.recordings):
+        missing.add("hinges")
+    if len(problem.axes) == 1:
+        missing.add("viscosity by axis")
+    return [law for law in LAWS if not missing & {*law}]
 
 
 def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:
-    """The problem with angles counted from where a ball's spring is slack, and that rotation from
-    the given zero.
+    """Count a ball's angles from where its spring is slack.
+
+    Returns
+    -------
+    the problem with these angles, and the rotation from the given zero to theirs
     """
     slack = Rotation.identity()
     for _ in range(NEUTRAL_ROUNDS):
@@ -304,33 +431,28 @@ def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:
     return problem, slack
 
 
-def _predict(
-    problem: PassiveProblem, terms: Sequence[str], window: Window, parameters: Array
-) -> SwingMotion:
-    law = problem.fit(terms, window.training(len(problem.sums)), parameters)[0]
+def _predict(problem: PassiveProblem, terms: Sequence[str], held: HeldOut) -> SwingMotion:
+    """Swing a window forward by a law that was fitted without it."""
+    window = held.window
+    law = problem.fit(terms, window.training(len(problem.sums)), held.parameters)[0]
     return swing_forward(
-        window.recording, window.frames, parameters, PassiveLaw.of(law, problem.width)
+        window.recording, window.frames, held.parameters, PassiveLaw.of(law, problem.width)
     )
 
 
 def _shown(
-    problem: PassiveProblem,
-    terms: Sequence[str],
-    window: Window,
-    parameters: Array,
-    slack: Rotation,
+    problem: PassiveProblem, terms: Sequence[str], held: HeldOut, slack: Rotation
 ) -> Prediction:
+    """Predict a window by viscosity alone and by the law of `terms`, in angles from rest."""
+    window = held.window
     measured = window.measured
-    viscous = _predict(problem, ALONE, window, parameters)
-    chosen = _predict(problem, terms, window, parameters)
+    viscous = _predict(problem, ALONE, held)
+    chosen = _predict(problem, terms, held)
     axis = hinge_axis(window.recording)
     turn = axis[:, None] if axis.any() else np.eye(3)
     first = Rotation.from_matrix(measured.rotations[0])
-    hanging = (
-        first
-        * Rotation.from_rotvec(turn @ window.recording.angles[window.frames][0]).inv()
-        * slack.inv()
-    )
+    from_rest = Rotation.from_rotvec(turn @ window.recording.angles[window.frames][0])
+    hanging = first * from_rest.inv() * slack.inv()
     return Prediction(
         time=measured.time,
         axes=window.recording.axes,
@@ -341,34 +463,48 @@ def _shown(
 
 
 def _angles(motion: SwingMotion, hanging: Rotation) -> Array:
-    """Rotation vectors (frames, 3) of a limb from where it hangs [rad]."""
+    """Find rotation vectors (frames, 3) of a limb from where it hangs [rad]."""
     return (hanging.inv() * Rotation.from_matrix(motion.rotations)).as_rotvec()
 
 
 def _estimates(
     terms: Sequence[str], value: Array, draws: Array, axes: Sequence[str], slack: Rotation
 ) -> dict[str, Interval]:
-    """Coefficients by name, with the intervals of draws (draws, 3 axes + 6); angles are counted
-    from `slack`.
+    """Name coefficients, with the intervals of their draws.
+
+    Parameters
+    ----------
+    value : (3 axes + 6,) of the law
+    draws : (draws, 3 axes + 6)
+    slack : where angles are counted from
     """
     n = len(axes)
     places = {name: places[0] for term in terms for name, places in term_places(term, axes).items()}
     result = {
-        name: Interval.of_draws(value[i], np.maximum(draws[:, i], 0.0))
-        for name, i in places.items()
+        name: interval_of_draws(value[place], np.maximum(draws[:, place], 0.0), LEVEL)
+        for name, place in places.items()
     }
-    if any(term.startswith("stiffness") for term in terms):
-        rest = _rest_angles(value[..., 2 * n : 3 * n], value[..., n : 2 * n], slack)
-        rests = _rest_angles(draws[..., 2 * n : 3 * n], draws[..., n : 2 * n], slack)
-        for axis, angle, several in zip(axes, rest, rests.T, strict=True):
-            if np.isfinite(angle) and np.isfinite(several).any():
-                result[f"rest angle {axis}"] = Interval.of_draws(float(angle), several)
+    if not any(term.startswith("stiffness") for term in terms):
+        return result
+    rest = _rest_angles(value[..., 2 * n : 3 * n], value[..., n : 2 * n], slack)
+    rests = _rest_angles(draws[..., 2 * n : 3 * n], draws[..., n : 2 * n], slack)
+    for axis, angle, several in zip(axes, rest, rests.T, strict=True):
+        if np.isfinite(angle) and np.isfinite(several).any():
+            result[f"rest angle {axis}"] = interval_of_draws(float(angle), several, LEVEL)
     return result
 
 
 def _rest_angles(moment: Array, stiffness: Array, slack: Rotation) -> Array:
-    """Moment over stiffness (..., axes) as angles from the given zero; NaN where there is no
-    spring.
+    """Divide moments by stiffness: angles from the given zero, NaN where there is no spring.
+
+    Parameters
+    ----------
+    moment, stiffness : (..., axes) [N m], [N m/rad]
+    slack : where the moments' angles are counted from
+
+    Returns
+    -------
+    (..., axes) [rad]
     """
     lies = np.divide(
         moment, stiffness, out=np.full(np.shape(moment), np.nan), where=np.asarray(stiffness) > 0.0

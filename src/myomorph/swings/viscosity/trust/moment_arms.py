@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 
 import numpy as np
 
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, MyomorphError
 from myomorph.core.model.interval import Interval
@@ -160,7 +160,7 @@ def with_attachments(
     if not spread.exact > 0.0:
         return specimen_viscosity, tuple(shares)
     scatter = float(np.std(np.log(np.maximum(spread.draws, LEAST * spread.exact) / spread.exact)))
-    z = NormalDist().inv_cdf(0.5 + 0.5 * level)
+    z = float(half_width(1.0, level))
     wider = _wider(muscles, float(np.exp(z * scatter)))
     total = ((wider.common.high - wider.common.low) / (2.0 * z)) ** 2
     variance = min((float(np.sinh(z * scatter)) * muscles.common.value / z) ** 2, total)
