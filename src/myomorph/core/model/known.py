@@ -13,6 +13,7 @@ Origin = Literal[
     "markers",
     "sensors",
     "plates",
+    "events",
     "file name",
     "folder",
     "segment lengths",

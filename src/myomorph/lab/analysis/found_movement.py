@@ -1,4 +1,4 @@
-"""The kind of movement that a recording shows, from the paths of its markers alone."""
+"""The kind of movement that a recording shows: by paths of markers, events and plates."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.known import Known
 from myomorph.core.model.movement import Movement
+from myomorph.lab.analysis.animal_gait import GAIT_MOVEMENTS, found_gait
 from myomorph.lab.analysis.seen_body import (
     ARM,
     GRAVITY,
@@ -19,11 +20,13 @@ from myomorph.lab.analysis.seen_body import (
     SeenBody,
     extent,
 )
+from myomorph.lab.analysis.seen_contacts import SeenContacts
 
 # Lengths are shares of the leg's, times of a pendulum's as long, sqrt(leg / g), so that a mouse is
 # judged as a man is. docs/validation/raw-recordings.md names the recordings that set them.
 MAX_STILL = 0.06  # Feet and pelvis of somebody who stands leave their places by less.
 MIN_REACH = 0.2  # An arm moves that goes so far.
+MIN_TURNS = 2  # Feet take turns in striking the ground so often where only events show them.
 MIN_STEP = 0.12  # A foot is ahead of the other that is by so much, ...
 MIN_STEPPED = 0.3  # ... and both go so far over the ground or a belt, ...
 MIN_SPREAD = 0.5  # ... as far apart, from one behind to one ahead, where they pass only once.
@@ -45,9 +48,11 @@ class SeenMotion:
     Attributes
     ----------
     body : as markers show it, with a root and both feet
+    contacts : by events or plates, None for none
     """
 
     body: SeenBody
+    contacts: SeenContacts | None = None
 
     @cached_property
     def root(self) -> Array:
@@ -106,8 +111,23 @@ class SeenMotion:
         return [slice(start, stop) for start, stop in runs(flying)]
 
     @property
+    def flights_by(self) -> SeenContacts | None:
+        """Contacts that show better than markers whether the body flies."""
+        contacts = self.contacts
+        return contacts if contacts is not None and contacts.tells_flight else None
+
+    @property
+    def flight_count(self) -> int:
+        """How often the body flies, by events or plates where they show it, else by markers."""
+        if self.flights_by is None:
+            return len(self.flights)
+        return self.flights_by.flights if self.flights_by.flies else 0
+
+    @property
     def jumps(self) -> bool:
-        """Whether feet are side by side in the longest flight."""
+        """Whether feet are side by side in the longest flight that markers show."""
+        if not self.flights:
+            return False
         longest = max(self.flights, key=lambda part: part.stop - part.start)
         return bool(np.median(np.abs(self.ahead[longest])) < MAX_TOGETHER)
 
@@ -167,27 +187,53 @@ def _range(heights: Array) -> float:
     return float(high - low)
 
 
-def found_movement(body: SeenBody, arm_alone: bool = False) -> Known[Movement]:
-    """Movement of a body by its markers.
+def found_movement(
+    body: SeenBody, arm_alone: bool = False, contacts: SeenContacts | None = None
+) -> Known[Movement]:
+    """Movement of a body by its markers, and by events and plates where these are surer.
+
+    Whether somebody flies, events and plates that carry the body show better than the pelvis'
+    acceleration. Where markers show no feet, they are all there is.
 
     Parameters
     ----------
     body : as markers show it
     arm_alone : its markers are those of an arm, whatever protocols know of them
+    contacts : of the feet with the ground, by events or plates, None for none
 
     Returns
     -------
-    the movement and what shows it; not known where markers show no pelvis or not both feet
+    the movement and what shows it; not known where nothing shows both feet
     """
     if arm_alone or (body.labels(*ARM) and not body.feet and body.root is not None):
         return _by_markers("upper limb", "markers are on an arm, and none on a foot")
     if body.root is None or len(body.feet) < len(SIDES) or not np.isfinite(body.leg):
-        return Known(sentence="markers do not show the pelvis, or a thigh, and both feet")
+        why = "markers do not show the pelvis, or a thigh, and both feet"
+        return movement_of_contacts(contacts) or Known(sentence=why)
     if not body.leg > 0.0:
-        return Known(sentence="the pelvis is not above the feet")
+        return movement_of_contacts(contacts) or Known(sentence="the pelvis is not above the feet")
     if len(body.time) <= MIN_FRAMES:
         return _of_a_pose(SeenMotion(body))
-    return _of_a_motion(SeenMotion(body))
+    return _of_a_motion(SeenMotion(body, contacts))
+
+
+def movement_of_contacts(contacts: SeenContacts | None) -> Known[Movement]:
+    """Movement by contacts alone.
+
+    Feet that take turns walk or run. Plates do not show feet, so they say nothing alone.
+
+    Parameters
+    ----------
+    contacts : None for none
+    """
+    if contacts is None or contacts.steps < MIN_TURNS or not contacts.tells_flight:
+        return Known()
+    turns = f"feet take turns {contacts.steps} times"
+    if contacts.flies:
+        sentence = f"{turns}, {_counted(contacts.flights)}"
+        return Known(value="running", origin=contacts.origin, sentence=sentence)
+    sentence = f"{turns}, {contacts.supports} of them while both are on the ground"
+    return Known(value="walking", origin=contacts.origin, sentence=sentence)
 
 
 def _by_markers(movement: Movement, sentence: str) -> Known[Movement]:
@@ -199,11 +245,10 @@ def _of_a_motion(motion: SeenMotion) -> Known[Movement]:
     steps = motion.steps
     if motion.body.is_animal:
         return _of_an_animal(motion, steps)
-    flights = len(motion.flights)
+    flights = motion.flight_count
+    counted = _flights_in_words(motion)
     if flights and (motion.jumps or not steps):
-        return _by_markers(
-            "jumping", f"both feet leave the ground side by side, {_counted(flights)}"
-        )
+        return _by_markers("jumping", f"both feet leave the ground side by side, {counted}")
     if steps and abs(motion.climb) > MIN_CLIMB:
         way = 100.0 * motion.climb * motion.body.leg
         return _by_markers(
@@ -211,17 +256,28 @@ def _of_a_motion(motion: SeenMotion) -> Known[Movement]:
             f"feet pass each other and end {abs(way):.0f} cm {'higher' if way > 0.0 else 'lower'}",
         )
     if steps and flights:
-        return _by_markers("running", f"feet pass each other {_times(motion)}, {_counted(flights)}")
+        return _by_markers("running", f"feet pass each other {_times(motion)}, {counted}")
     if steps:
-        return _by_markers("walking", f"feet pass each other {_times(motion)}, without a flight")
+        return _by_markers("walking", f"feet pass each other {_times(motion)}, {counted}")
     return _in_place(motion)
 
 
+def _flights_in_words(motion: SeenMotion) -> str:
+    """Say how often the body flies, and what shows it where markers do not."""
+    flights = motion.flight_count
+    text = _counted(flights) if flights else "without a flight"
+    return text if motion.flights_by is None else f"{text} by {motion.flights_by.origin}"
+
+
 def _of_an_animal(motion: SeenMotion, steps: bool) -> Known[Movement]:
-    """Find walking of an animal that steps: gaits of four legs are not told apart."""
+    """Find walking or running of an animal that steps, by its gait; walking if it is not shown."""
     if not steps:
         return Known(sentence="an animal that takes no steps")
-    return _by_markers("walking", f"feet of an animal pass each other {_times(motion)}")
+    gait = found_gait(motion.body)
+    movement = "walking" if gait.value is None else GAIT_MOVEMENTS[gait.value]
+    how = f"{gait.value}: {gait.sentence}" if gait else f"gait not shown: {gait.sentence}"
+    text = f"feet of an animal pass each other {_times(motion)}; {how}"
+    return _by_markers(movement, text)
 
 
 def _times(motion: SeenMotion) -> str:

@@ -23,6 +23,8 @@ OF_JOINTS = {
     "mtp": "foot",
     "toe": "foot",
     "paw": "foot",
+    "forepaw": "hand",
+    "hindpaw": "foot",
     "rasi": "pelvis",
     "lasi": "pelvis",
     "tail": "pelvis",

@@ -29,6 +29,7 @@ from myomorph.lab.session.names import (
 )
 from myomorph.lab.session.people import Group, people_of
 from myomorph.lab.session.plate_cover import mass_on_plates
+from myomorph.lab.session.recorded_contacts import recorded_contacts
 from myomorph.lab.session.recordings import Recording, bare, files_of, look_at
 from myomorph.lab.session.session import Kind, Person, RecordedClock, Session, SessionTrial
 from myomorph.lab.store.settings import ForceOptions
@@ -162,9 +163,9 @@ def _body(recording: Recording) -> SeenBody | None:
 
 
 def _movement(recording: Recording, body: SeenBody | None) -> Known[Movement]:
-    """Movement by markers, else by sensors that do not move."""
+    """Movement by markers, events and plates, else by sensors that do not move."""
     if body is not None:
-        return found_movement(body, is_arm(recording.found))
+        return found_movement(body, is_arm(recording.found), recorded_contacts(recording))
     if recording.still:
         return Known(value="standing", origin="sensors", sentence="no sensor turns")
     return Known(sentence="sensors alone do not show where the feet are")

@@ -17,6 +17,7 @@ from myomorph.core.motion.protocols import recognize
 from myomorph.lab.analysis.arm_labels import is_arm
 from myomorph.lab.analysis.found_movement import found_movement
 from myomorph.lab.analysis.seen_body import SeenBody
+from myomorph.lab.analysis.seen_contacts import contacts_of_events
 from myomorph.lab.study.inputs.input import Input, Opened, Opening, Recorded
 from myomorph.lab.study.inputs.keys import KeyKind, Place
 from myomorph.lab.study.inputs.markers import Recording
@@ -102,13 +103,14 @@ def _open(settings: TrialSession, opening: Opening) -> Opened:
 
 
 def _found(opening: Opening) -> Known[Movement]:
-    """Movement that the markers of a recording show; not known without markers."""
-    markers = opening.values.or_default(Recording).trial.markers
+    """Movement that markers and events of a recording show; not known without markers."""
+    trial = opening.values.or_default(Recording).trial
+    markers = trial.markers
     if markers is None or not len(markers):
         return Known()
     recognized = recognize(markers.names)
     body = SeenBody.of(markers, recognized.sites, _up_to_y(opening.model.up))
-    return found_movement(body, is_arm(recognized))
+    return found_movement(body, is_arm(recognized), contacts_of_events(trial.events))
 
 
 def _up_to_y(up: Array) -> Array:
