@@ -14,15 +14,22 @@ from test_simulated_subject import person
 from myomorph.body.identify.pseudo_inertia import tangents
 from myomorph.body.identify.soft_tissue import usual_tissue
 from myomorph.body.refine import fit, trial_data
-from myomorph.body.refine.equations import cost, linearize
-from myomorph.body.refine.fit import far_from_given, markers_left, refine, worse_note
+from myomorph.body.refine.equations import Equations, linearize_data
+from myomorph.body.refine.estimating import Layout, as_fit
+from myomorph.body.refine.fit import refine
+from myomorph.body.refine.mass_prior import MassPrior, changed
+from myomorph.body.refine.notes import far_from_given, markers_left, worse_note
 from myomorph.body.refine.options import RefineOptions
-from myomorph.body.refine.predictions import solve, worse
-from myomorph.body.refine.problem import WIDTH, Basis, MassPrior, changed, moved
+from myomorph.body.refine.point import Point
+from myomorph.body.refine.predictions import worse
+from myomorph.body.refine.problem import Problem
 from myomorph.body.refine.refinement import Errors, Prediction, RefinedTrial, SubjectTrial
+from myomorph.body.refine.search import solve
+from myomorph.body.refine.spline_basis import WIDTH, Basis
 from myomorph.body.refine.trial_data import opened, problem_of
 from myomorph.core.fit.banded import reduce_banded
 from myomorph.core.fit.residuals import NormalEquations
+from myomorph.core.fit.unknowns import Values
 from myomorph.core.io.mjcf.read import model_from_mujoco
 from myomorph.core.model.errors import BadData, BadModel
 from myomorph.core.model.inertia import inertial_parameters, pseudo_inertias
@@ -85,6 +92,35 @@ def problem(recorded):
     return problem_of(subject.generic, [opened(subject.generic, short, OPTIONS)], OPTIONS)
 
 
+def cost(problem: Problem, point: Point) -> float:
+    """Sum of squares of recordings and priors, in standard deviations."""
+    return as_fit(problem, point).at().cost
+
+
+def linearize(problem: Problem, point: Point) -> Equations:
+    """Equations of recordings and priors."""
+    found = linearize_data(problem, point)
+    H = found.H.copy()
+    g = found.g.copy()
+    for kind in problem.fitted:
+        rows, misses = kind.prior_rows(point[kind.name])
+        own = problem.columns[kind.name]
+        H[own, own] += rows.T @ rows
+        g[own] += rows.T @ misses
+    return Equations(trials=found.trials, H=H, g=g)
+
+
+def moved(problem: Problem, point: Point, motions, shared) -> Point:
+    """A point after steps of motions and of the shared unknowns."""
+    layout = Layout(problem=problem, in_units=False, at=point)
+    start = layout.unknowns.start
+    step = np.zeros(len(start))
+    step[layout.columns] = shared
+    values = Values(layout.unknowns, layout.unknowns.moved(start, step))
+    both = zip(point.motions, motions, strict=True)
+    return replace(layout.point(values), motions=tuple(one + more for one, more in both))
+
+
 def test_splines_are_polynomials_with_their_derivatives():
     time = np.linspace(0.3, 1.7, 71)
     basis = Basis.of(time, 0.1)
@@ -127,13 +163,13 @@ def test_gradient_is_that_of_the_cost(problem, soft):
     problem = replace(problem, tissue=usual_tissue(problem.model) if soft else None)
     random = np.random.default_rng(2)
     at = problem.begin()
-    lengths, places, masses = problem.columns()
+    lengths, places, masses = problem.columns.values()
     shared = np.zeros(problem.count)
     shared[lengths] = 0.01
     shared[places] = 0.002
     shared[masses] = 0.02 * random.standard_normal(masses.stop - masses.start)
     at = moved(problem, at, tuple(np.zeros_like(one) for one in at.motions), shared)
-    whole = tangents(at.parameters[problem.prior.moved])[:, 0].ravel()
+    whole = tangents(at["masses"][problem.masses.mass_prior.moved])[:, 0].ravel()
     equations = linearize(problem, at)
     motion = random.standard_normal(at.motions[0].shape)
     still = np.zeros(problem.count)
@@ -154,16 +190,17 @@ def test_gradient_is_that_of_the_cost(problem, soft):
 def test_a_long_step_keeps_the_whole_mass_and_is_taken(problem):
     """With masses hardly held, undamped steps must go far: a lost gram would stop them."""
     at = problem.begin()
-    masses = problem.columns()[2]
+    masses = problem.columns["masses"]
     shared = np.zeros(problem.count)
     shared[masses] = 0.5 * np.random.default_rng(3).standard_normal(masses.stop - masses.start)
     far = moved(problem, at, tuple(np.zeros_like(one) for one in at.motions), shared)
-    assert far.parameters[:, 0].sum() == pytest.approx(at.parameters[:, 0].sum(), rel=1e-12)
-    assert (np.linalg.eigvalsh(pseudo_inertias(far.parameters))[:, 0] > 0.0).all()
-    loose = replace(problem, prior=MassPrior.of(problem.prior.reference, 1.0))
+    assert far["masses"][:, 0].sum() == pytest.approx(at["masses"][:, 0].sum(), rel=1e-12)
+    assert (np.linalg.eigvalsh(pseudo_inertias(far["masses"]))[:, 0] > 0.0).all()
+    prior = MassPrior.of(problem.masses.start(), 1.0)
+    loose = problem.with_kind(replace(problem.masses, mass_prior=prior))
     found = solve(loose, at)
     assert found.converged
-    assert len(found.costs) < 10
+    assert len(found.search.costs) < 10
 
 
 def test_sparse_step_is_that_of_the_full_matrix(problem):
@@ -190,12 +227,12 @@ def test_sparse_step_is_that_of_the_full_matrix(problem):
 def test_a_mass_hard_to_believe_is_named_with_the_motion_that_would_show_it(problem):
     at = problem.begin()
     assert not list(far_from_given(problem, at))
-    parameters = at.parameters.copy()
+    parameters = at["masses"].copy()
     body = problem.model.joints[-1].child
     pelvis = problem.model.joints[0].child
     for name in (body, pelvis):
         parameters[problem.model.body_names.index(name)] *= 1.6
-    (note,) = far_from_given(problem, replace(at, parameters=parameters))
+    (note,) = far_from_given(problem, at.with_values({"masses": parameters}))
     assert note.startswith(f"2 of {len(problem.model.bodies)} links")
     assert all(repr(name) in note for name in (body, pelvis, *problem.model.joints[-1].coordinates))
     # No plate asks for a swing of the floating base.
@@ -284,7 +321,7 @@ def test_the_given_body_is_kept_where_it_predicts_better(recorded, monkeypatch):
     monkeypatch.setattr(fit, "predictions_of", lambda *given: next(answers))
     options = RefineOptions(cutoff=5.0, iterations=1, soft_tissue="never")
     found = refine(subject.generic, [short], options=options)
-    assert (found.body, found.masses, found.kept) == (False, True, True)
+    assert (found.fit, found.kept) == (("masses",), True)
     assert found.notes[0].startswith(
         "lengths and marker positions are those of the given model, only masses were refined:"
         " refined body and masses predict a at 24.0 N, 12.0 N m"

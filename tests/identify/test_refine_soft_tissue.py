@@ -67,7 +67,7 @@ def truth():
 def refined(truth, alpha, use="auto", check=True):
     model, motion, wrenches, _ = truth
     seen = replace(motion, values=motion.values - alpha * motion.accelerations)
-    options = RefineOptions(cutoff=CUTOFF, body=False, check=check, soft_tissue=use)
+    options = RefineOptions(cutoff=CUTOFF, fit=("masses",), check=check, soft_tissue=use)
     return refine(
         model, [SubjectTrial("swing", marker_positions(model, seen), wrenches)], options=options
     )

@@ -192,7 +192,7 @@ def _identified(
 
 def _refined(model: mm.Model, runner: _Runner, use: Use) -> Found:
     """Lengths and marker positions are the model's, which are true."""
-    options = mm.RefineOptions(cutoff=CUTOFF, body=False, soft_tissue=use)
+    options = mm.RefineOptions(cutoff=CUTOFF, fit=("masses",), soft_tissue=use)
     found = mm.refine(model, [runner.recorded[TRAIN]], model.mass, options)
     return found.parameters, found.mass_sd, found.soft_tissue
 

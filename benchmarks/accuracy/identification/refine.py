@@ -24,7 +24,8 @@ from benchmarks.accuracy.identification.identification import (
 from benchmarks.accuracy.kinematics.calibration import GAIT, HAMNER, OPENCAP, RAJAGOPAL, recorded
 from benchmarks.accuracy.kinematics.calibration_static import KNEE, LENHART
 from myomorph.body.identify.subject import IdentificationOptions
-from myomorph.body.refine.fit import refine, refined_parts
+from myomorph.body.refine.fit import refine
+from myomorph.body.refine.notes import refined_parts
 from myomorph.body.refine.options import RefineOptions
 from myomorph.body.refine.predictions import errors_on
 from myomorph.body.refine.refinement import Errors, Refinement, SubjectTrial
@@ -113,8 +114,9 @@ def rows_of(subject: Subject, trials: tuple[str, ...], found: Refinement) -> Ite
 
 
 def _parts(found: Refinement) -> str:
-    parts = [text for text, one in (("body", found.body), ("masses", found.masses)) if one]
-    return ", ".join(("motions", *parts))
+    body = ["body"] if "lengths" in found.fit else []
+    masses = ["masses"] if "masses" in found.fit else []
+    return ", ".join(["motions", *body, *masses])
 
 
 def _text(one: Errors) -> str:
@@ -433,7 +435,7 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
         "calibrated": _ratio_text(given),
         "identify": "refused" if identified is None else _against(errors(*identified), given),
         "refine": _against(errors(found.model, found.soft_tissue), given),
-        "refined": refined_parts(replace(options, body=found.body, masses=found.masses)),
+        "refined": refined_parts(found.fit),
         "soft tissue": "none" if found.soft_tissue is None else found.soft_tissue.words,
         "warned": bool(found.notes),
         "in-sample before": _ratio_text(found.before),

@@ -44,7 +44,7 @@ time = [0.35, 0.95]
 trials = [{{ markers = "{folder}/markers/walking1.trc", \
 loads = "{folder}/grf/walking1_external_forces.xml" }}]
 steps = ["ik", "refine", "id"]
-options = {{ refine = {{ body = false, masses = false, iterations = 3 }} }}
+options = {{ refine = {{ fit = [], iterations = 3 }} }}
 """
 
 

@@ -1,30 +1,37 @@
-"""The cost of the problem of motion, body and masses, and its normal equations about a point."""
+"""The cost of what was recorded, and its normal equations about a point.
+
+With the motion of a recording in the coefficients of its splines, a frame sees a window of them
+through values, rates and accelerations,
+
+    q = w_0 c,   q' = w_1 c,   q'' = w_2 c
+
+so that equations of the motion are banded. All sums run over windows: the frames between two knots.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import lru_cache
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.body.identify.pseudo_inertia import tangents
-from myomorph.body.refine.frame_kernels import difference_frames
-from myomorph.body.refine.problem import WIDTH, Problem, Rates, TrialData, Unknowns
+from myomorph.body.refine.frame_kernels import RateSlopes, Setting, difference_frames
+from myomorph.body.refine.kind import Here, KindSlopes
+from myomorph.body.refine.point import Point
+from myomorph.body.refine.problem import Predicted, Problem
+from myomorph.body.refine.spline_basis import WIDTH, Basis
+from myomorph.body.refine.trial import TrialData, TrialState
 from myomorph.core.fit.banded import BandedEquations
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.series import Motion
 from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.frames import over_frames
-from myomorph.core.rigid.regressor import regressor_blocks
-from myomorph.core.rigid.tree import TreeArrays, compile_tree
 
 # How far a coordinate may lie from where inverse kinematics put it [rad, or m on a human body]
 POSTURE_SD = 0.2
 # How much a coordinate's acceleration may change [rad/s^2, or m/s^2 on a human body]
 ACCELERATION_SD = 20.0
 BOUND_SD = 0.01  # How far a coordinate goes beyond its bounds [rad or m]
-MASS_SD = 1e-4  # Of the whole body's mass, of itself: it is known
-LENGTH_STEP = 1e-5
 UNEXPLAINED = 2.0
 """A frame whose residual is so many times the usual one, after motions alone were refined, loses
 weight: something that no plate measures, as a chair, carries a part of the body there.
@@ -37,64 +44,13 @@ class Equations:
 
     Attributes
     ----------
-    trials : of each trial
+    trials : of each trial's motion
     H, g : (shared, shared), (shared,) of the shared unknowns
     """
 
     trials: tuple[BandedEquations, ...]
     H: Array
     g: Array
-
-
-def cost(problem: Problem, at: Unknowns) -> float:
-    """Sum squares of all residuals and priors, in standard deviations.
-
-    The objective of `refine`, with bounds of coordinates as soft limits.
-
-    Parameters
-    ----------
-    problem : with what is unknown
-    at : point
-
-    Returns
-    -------
-    the sum
-    """
-    total = float(sum(miss @ miss for _, _, miss in prior_rows(problem, at)))
-    return total + data_cost(problem, at)
-
-
-def data_cost(problem: Problem, at: Unknowns) -> float:
-    """Sum squares of what recordings leave, in standard deviations.
-
-    Parameters
-    ----------
-    problem : with what is unknown
-    at : point
-
-    Returns
-    -------
-    the sum, with what is known of motions
-    """
-    tree = problem.arrays(at)
-    locations = problem.placed(at.factors, at.shifts)
-    total = 0.0
-    for trial, coefficients in zip(problem.trials, at.motions, strict=True):
-        rates = problem.rates(trial, coefficients)
-        errors, residual = problem.predict(tree, locations, trial, rates)
-        weights = _weights(problem, trial)
-        total += weights.marker * float(
-            np.einsum("fmi,fmi,m->", errors, errors, problem.pose.markers.weight)
-        )
-        total += weights.share * float(
-            trial.trust @ np.sum((residual / problem.residual_sd) ** 2, axis=1)
-        )
-        free = problem.pose.free
-        moved = coefficients - _start(trial, tuple(free.tolist()))
-        for nu, weight in ((0, weights.value), (2, weights.acceleration)):
-            total += float(np.sum(weight * trial.basis.at(moved, nu) ** 2))
-        total += float(np.sum(weights.bound * _beyond(problem, rates[0][:, free]) ** 2))
-    return total
 
 
 @read_only
@@ -106,92 +62,104 @@ class _Weights:
     Attributes
     ----------
     marker : of a marker along one axis [1 / m^2]
-    share : of the root's residual in standard deviations
+    residual : of the root's residual in standard deviations
     value, acceleration : (free,) of a coordinate's departure from inverse kinematics
     bound : of what a coordinate goes beyond its bounds
     """
 
     marker: float
-    share: float
+    residual: float
     value: Array
     acceleration: Array
     bound: float
 
 
 def _weights(problem: Problem, trial: TrialData) -> _Weights:
+    """Weigh the squares of a frame of a recording."""
     options = problem.options
     step = float(np.median(np.diff(trial.time)))
     share = min(1.0, step / options.marker_time)
     unit = problem.pose.unit[problem.pose.free]
     return _Weights(
-        share / problem.marker_variance,
-        min(1.0, 2.0 * options.cutoff * step),
-        share / (POSTURE_SD * unit) ** 2,
-        share / (ACCELERATION_SD * unit) ** 2,
-        share / BOUND_SD**2,
+        marker=share / problem.marker_variance,
+        residual=min(1.0, 2.0 * options.cutoff * step),
+        value=share / (POSTURE_SD * unit) ** 2,
+        acceleration=share / (ACCELERATION_SD * unit) ** 2,
+        bound=share / BOUND_SD**2,
     )
 
 
-@lru_cache(maxsize=64)
-def _start(trial: TrialData, free: tuple[int, ...]) -> Array:
-    """Fit splines to inverse kinematics: the same for every point of a search.
+@read_only
+class _Departure:
+    """How far a motion is from what is known of it before.
 
-    Returns
-    -------
-    (coefficients, free)
-    """
-    return trial.basis.fitted(trial.start[:, list(free)])
-
-
-def _beyond(problem: Problem, values: Array) -> Array:
-    """Compute how far coordinates are beyond their bounds, 0 inside.
-
-    Parameters
+    Attributes
     ----------
-    values : (frames, free) [rad or m]
-
-    Returns
-    -------
-    (frames, free)
+    values, accelerations : (frames, free) less those by inverse kinematics
+    beyond : (frames, free) how far coordinates are beyond their bounds, 0 inside
     """
+
+    values: Array
+    accelerations: Array
+    beyond: Array
+
+
+def _departure(problem: Problem, state: TrialState, coefficients: Array) -> _Departure:
+    """Compare a motion (coefficients, free) with inverse kinematics and bounds."""
+    free = problem.pose.free
+    basis = state.data.basis
+    departed = coefficients - state.data.start_coefficients[:, free]
+    values = state.rates.c[:, free]
     low = problem.pose.lower
     high = problem.pose.upper
-    return np.where(values > high, values - high, np.where(values < low, values - low, 0.0))
+    above = np.where(values > high, values - high, 0.0)
+    return _Departure(
+        values=basis.at(departed),
+        accelerations=basis.at(departed, 2),
+        beyond=np.where(values < low, values - low, above),
+    )
 
 
-def prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Array]]:
-    """Build what is known of the shared unknowns before.
+def data_cost(problem: Problem, point: Point) -> float:
+    """Sum squares of what recordings leave, in standard deviations.
+
+    Bounds of coordinates are soft limits.
 
     Parameters
     ----------
     problem : with what is unknown
-    at : point
+    point : where
 
     Returns
     -------
-    columns among the shared unknowns, (rows, columns) and (rows,) misses, in standard deviations
+    the sum, with what is known of motions
     """
-    lengths, places, masses = problem.columns()
-    rows = []
-    if problem.body:
-        length_sd = problem.options.length_sd
-        marker_sd = problem.marker_sd
-        rows.append((lengths, np.eye(len(at.factors)) / length_sd, (at.factors - 1.0) / length_sd))
-        rows.append((places, np.eye(at.shifts.size) / marker_sd, at.shifts.ravel() / marker_sd))
-    if problem.masses:
-        prior = problem.prior
-        T = tangents(at.parameters[prior.moved])
-        blocks = np.zeros((10 * len(T) + 1, 10 * len(T)))
-        for index, block in enumerate(prior.rows @ T):
-            blocks[10 * index : 10 * index + 10, 10 * index : 10 * index + 10] = block
-        total = MASS_SD * prior.reference[:, 0].sum()
-        blocks[-1] = T[:, 0].ravel() / total
-        miss = (at.parameters[:, 0].sum() - prior.reference[:, 0].sum()) / total
-        rows.append((masses, blocks, np.append(prior.misses(at.parameters).ravel(), miss)))
-    return rows
+    setting = problem.setting(point)
+    return sum(
+        _trial_cost(problem, setting, problem.state(point, number), motion)
+        for number, motion in enumerate(point.motions)
+    )
 
 
-def with_trust(problem: Problem, at: Unknowns) -> Problem:
+def _trial_cost(
+    problem: Problem, setting: Setting, state: TrialState, coefficients: Array
+) -> float:
+    """Sum squares of one recording, whose motion is (coefficients, free)."""
+    trial = state.data
+    errors, residual = problem.predict(setting, state)
+    weights = _weights(problem, trial)
+    marker_squares = np.einsum("fmi,fmi,m->", errors, errors, problem.pose.markers.weight)
+    residual_squares = trial.trust @ np.sum((residual / problem.residual_sd) ** 2, axis=1)
+    departure = _departure(problem, state, coefficients)
+    total = weights.marker * float(marker_squares)
+    total += weights.residual * float(residual_squares)
+    total += float(np.sum(weights.value * departure.values**2))
+    total += float(np.sum(weights.acceleration * departure.accelerations**2))
+    total += float(np.sum(weights.bound * departure.beyond**2))
+    return total
+
+
+def with_trust(problem: Problem, point: Point) -> Problem:
     """Weigh frames by the residuals at a point.
 
     The weight is 1 up to `UNEXPLAINED` times the usual residual, and falls with its square beyond.
@@ -199,17 +167,16 @@ def with_trust(problem: Problem, at: Unknowns) -> Problem:
     Parameters
     ----------
     problem : with what is unknown
-    at : point, at which motions alone were refined
+    point : at which motions alone were refined
 
     Returns
     -------
     the problem with the weights of its frames
     """
-    tree = problem.arrays(at)
-    locations = problem.placed(at.factors, at.shifts)
+    setting = problem.setting(point)
     trials = []
-    for trial, coefficients in zip(problem.trials, at.motions, strict=True):
-        residual = problem.predict(tree, locations, trial, problem.rates(trial, coefficients))[1]
+    for number, trial in enumerate(problem.trials):
+        residual = problem.predict(setting, problem.state(point, number)).residual
         sizes = np.linalg.norm(residual / problem.residual_sd, axis=1)
         usual = max(1.0, float(np.median(sizes[trial.use]))) if trial.use.any() else 1.0
         trust = (UNEXPLAINED * usual / np.maximum(sizes, UNEXPLAINED * usual)) ** 2
@@ -217,336 +184,376 @@ def with_trust(problem: Problem, at: Unknowns) -> Problem:
     return replace(problem, trials=tuple(trials))
 
 
-def linearize(problem: Problem, at: Unknowns) -> Equations:
-    """Build the normal equations at a point.
+class _SharedSums(NamedTuple):
+    """Normal equations of the shared unknowns, to which windows are added.
 
-    Parameters
+    Attributes
     ----------
-    problem : with what is unknown
-    at : point
-
-    Returns
-    -------
-    bands of each trial's coefficients, cross terms and shared unknowns
+    H, g : (shared, shared), (shared,)
     """
-    data = linearize_data(problem, at)
-    H = data.H.copy()
-    g = data.g.copy()
-    for columns, rows, miss in prior_rows(problem, at):
-        H[columns, columns] += rows.T @ rows
-        g[columns] += rows.T @ miss
-    return Equations(data.trials, H, g)
+
+    H: Array
+    g: Array
 
 
-def linearize_data(problem: Problem, at: Unknowns) -> Equations:
+def linearize_data(problem: Problem, point: Point) -> Equations:
     """Build the normal equations of what was recorded at a point.
 
     Parameters
     ----------
     problem : with what is unknown
-    at : point
+    point : where
 
     Returns
     -------
-    as `linearize`, without what is known of shared unknowns before
+    bands of each trial's coefficients, cross terms and shared unknowns; without what is known of
+        shared unknowns before
     """
-    tree = problem.arrays(at)
-    locations = problem.placed(at.factors, at.shifts)
-    p = problem.count
-    H = np.zeros((p, p))
-    g = np.zeros(p)
-    nearby = _neighbors(problem, at)
-    trials = tuple(
-        _trial_equations(problem, at, trial, coefficients, tree, locations, nearby, H, g)
-        for trial, coefficients in zip(problem.trials, at.motions, strict=True)
-    )
-    return Equations(trials, H, g)
+    setting = problem.setting(point)
+    count = problem.count
+    sums = _SharedSums(H=np.zeros((count, count)), g=np.zeros(count))
+    trials = []
+    for number, motion in enumerate(point.motions):
+        state = problem.state(point, number)
+        predicted = problem.predict(setting, state)
+        here = Here(problem=problem, point=point, setting=setting, state=state, predicted=predicted)
+        trials.append(_trial_equations(_rows_of(here, motion), sums))
+    return Equations(trials=tuple(trials), H=sums.H, g=sums.g)
 
 
-def _neighbors(problem: Problem, at: Unknowns) -> list[tuple[TreeArrays, Array]]:
-    """Build trees and marker positions with each length a little longer.
-
-    Returns
-    -------
-    for each length its tree, and (markers, 3) positions [m]
-    """
-    result = []
-    tree = problem.arrays(at)
-    for i in range(len(at.factors) if problem.body else 0):
-        factors = at.factors.copy()
-        factors[i] += LENGTH_STEP
-        pre, post, coefficients = _length_slopes(problem)[i]
-        longer = tree._replace(
-            pre_p=tree.pre_p + LENGTH_STEP * pre,
-            post_p=tree.post_p + LENGTH_STEP * post,
-            functions=tree.functions._replace(
-                coefficients=tree.functions.coefficients + LENGTH_STEP * coefficients
-            ),
-        )
-        result.append((longer, problem.placed(factors, at.shifts)))
-    return result
-
-
-@lru_cache(maxsize=4)
-def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
-    """Differentiate the tree's constants in each length: nearly linear, so once is enough."""
-    unstretched = compile_tree(problem.model).arrays
-    result = []
-    for i in range(len(problem.lengths)):
-        factors = np.ones(len(problem.lengths))
-        factors[i] += LENGTH_STEP
-        longer = compile_tree(problem.stretched(factors)).arrays
-        pre = (longer.pre_p - unstretched.pre_p) / LENGTH_STEP
-        post = (longer.post_p - unstretched.post_p) / LENGTH_STEP
-        of_functions = longer.functions.coefficients - unstretched.functions.coefficients
-        coefficients = of_functions / LENGTH_STEP
-        result.append((pre, post, coefficients))
-    return result
-
-
-@read_only
-class _Slopes:
-    """Derivatives of a trial's frames.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Rows:
+    """Residuals of a recording with their slopes, and the roots of their weights.
 
     Attributes
     ----------
-    rates : (3, frames, 6, free) of the residual in values, rates and accelerations
-    moved : (frames, free, 3 markers) of the markers
-    lengths_of_markers : (frames, 3 markers, lengths)
-    lengths_of_residual : (frames, 6, lengths)
-    turned : (frames, markers, 3, 3) of each marker in its own position
-    masses : (frames, 6, 10 links moved)
+    problem : with the count of shared unknowns
+    basis : of the motion's splines
+    predicted : errors of markers and residual of the root
+    slopes : in coordinates and rates
+    kinds : slopes in each fitted kind
+    marker_root : (frames, 3 markers) of the weights of markers, 0 where unseen
+    residual_root : (frames, 6) of the weights of the residual
+    weights : of the squares of a frame
+    departure : of the motion from what is known of it
     """
 
-    rates: Array
-    moved: Array
-    lengths_of_markers: Array
-    lengths_of_residual: Array
-    turned: Array
-    masses: Array
+    problem: Problem
+    basis: Basis
+    predicted: Predicted
+    slopes: RateSlopes
+    kinds: tuple[KindSlopes, ...]
+    marker_root: Array
+    residual_root: Array
+    weights: _Weights
+    departure: _Departure
+
+    @property
+    def free(self) -> int:
+        """How many coordinates are free."""
+        return len(self.problem.pose.free)
+
+    def marker_misses(self, frames: Ints) -> Array:
+        """Return weighted errors (chosen, 3 markers) of markers in frames (chosen,)."""
+        errors = self.predicted.errors[frames].reshape(len(frames), -1)
+        return self.marker_root[frames] * errors
+
+    def residual_misses(self, frames: Ints) -> Array:
+        """Return the weighted residual (6 chosen,) in frames (chosen,)."""
+        return (self.residual_root[frames] * self.predicted.residual[frames]).ravel()
 
 
-def slopes(
-    problem: Problem,
-    at: Unknowns,
-    trial: TrialData,
-    rates: Rates,
-    nearby: list[tuple[TreeArrays, Array]],
-) -> _Slopes:
-    """Differentiate markers and residuals of all frames in all unknowns.
+def _rows_of(here: Here, coefficients: Array) -> _Rows:
+    """Differentiate a recording at a point in all unknowns.
 
     Parameters
     ----------
-    problem : with what is unknown
-    at : point
-    trial : one of the problem's
-    rates : (frames, coordinates) each, consistent with the couplers
-    nearby : trees and marker positions with each length a little longer
-
-    Returns
-    -------
-    derivatives; those of the residual are 0 where it is not used
+    here : the recording at the point
+    coefficients : (coefficients, free) of its motion
     """
+    problem = here.problem
+    trial = here.state.data
+    weights = _weights(problem, trial)
+    of_markers = np.where(trial.seen, weights.marker * problem.pose.markers.weight, 0.0)
+    of_residual = np.sqrt(weights.residual * trial.trust)
+    return _Rows(
+        problem=problem,
+        basis=trial.basis,
+        predicted=here.predicted,
+        slopes=_rate_slopes(here),
+        kinds=tuple(kind.slopes(here) for kind in problem.fitted),
+        marker_root=np.sqrt(np.repeat(of_markers, 3, axis=1)),
+        residual_root=of_residual[:, None] / problem.residual_sd,
+        weights=weights,
+        departure=_departure(problem, here.state, coefficients),
+    )
+
+
+def _rate_slopes(here: Here) -> RateSlopes:
+    """Differentiate markers and residual of all frames in coordinates and rates."""
+    problem = here.problem
+    state = here.state
     free = problem.pose.free
-    frames = len(trial.time)
-    m = len(problem.locations)
-    tree = problem.arrays(at)
-    locations = problem.placed(at.factors, at.shifts)
-    of_rates = np.empty((3, frames, 6, len(free)))
-    moved = np.empty((frames, len(free), 3 * m))
-    wrench = trial.wrench
+    frames = len(state.data.time)
+    slopes = RateSlopes(
+        by_value=np.empty((frames, 6, len(free))),
+        by_rate=np.empty((frames, 6, len(free))),
+        by_acceleration=np.empty((frames, 6, len(free))),
+        markers=np.empty((frames, len(free), 3 * len(problem.locations))),
+    )
 
     def part(start: int, stop: int) -> None:
-        s = slice(start, stop)
+        chosen = slice(start, stop)
         difference_frames(
-            tree,
-            problem.pose.markers.body,
-            locations,
+            here.setting,
             free,
-            *(rate[s] for rate in rates),
-            wrench[s],
-            of_rates[0, s],
-            of_rates[1, s],
-            of_rates[2, s],
-            moved[s],
+            state.rates.frames(chosen),
+            state.wrench[chosen],
+            slopes.frames(chosen),
         )
 
     over_frames(part, frames)
-    of_rates[:, ~trial.use] = 0.0
-    errors, residual = problem.predict(tree, locations, trial, rates)
-    by_length = np.empty((frames, 3 * m, len(nearby)))
-    residual_by_length = np.empty((frames, 6, len(nearby)))
-    for i, (other, places) in enumerate(nearby):
-        longer, more = problem.predict(other, places, trial, rates)
-        by_length[:, :, i] = (longer - errors).reshape(frames, -1) / LENGTH_STEP
-        residual_by_length[:, :, i] = (more - residual) / LENGTH_STEP
-    turned = np.empty((frames, m, 3, 3))
-    for i in range(3 if problem.body else 0):
-        turned[:, :, :, i] = (
-            problem.predict(tree, locations + np.eye(3)[i], trial, rates)[0] - errors
-        )
-    by_mass = np.zeros((frames, 6, 0))
-    if problem.masses:
-        by_mass = _by_mass(problem, at, trial, rates)
-    return _Slopes(of_rates, moved, by_length, residual_by_length, turned, by_mass)
+    unused = ~state.data.use
+    slopes.by_value[unused] = 0.0
+    slopes.by_rate[unused] = 0.0
+    slopes.by_acceleration[unused] = 0.0
+    return slopes
 
 
-def _by_mass(problem: Problem, at: Unknowns, trial: TrialData, rates: Rates) -> Array:
-    """Differentiate residuals in the changes of pseudo-inertias.
+class _Window(NamedTuple):
+    """Frames that depend on the same coefficients.
 
-    Returns
-    -------
-    (frames, 6, 10 links moved)
-    """
-    moved = problem.prior.moved
-    model = problem.stretched(at.factors)
-    T = tangents(at.parameters[moved])
-    result = np.zeros((len(trial.time), 6, 10 * len(moved)))
-    motion = Motion(
-        time=trial.time,
-        names=problem.model.coordinate_names,
-        values=rates[0].copy(),
-        velocities=rates[1].copy(),
-        accelerations=rates[2].copy(),
-    )
-    for block in regressor_blocks(model, motion):
-        by_link = block.rows.reshape(len(block.rows), 6, -1, 10)[:, :, moved]
-        result[block.frames] = np.einsum("fqli,lij->fqlj", by_link, T, optimize=True).reshape(
-            len(by_link), 6, -1
-        )
-    result[~trial.use] = 0.0
-    return result
-
-
-def _trial_equations(
-    problem: Problem,
-    at: Unknowns,
-    trial: TrialData,
-    coefficients: Array,
-    tree: TreeArrays,
-    locations: Array,
-    nearby: list[tuple[TreeArrays, Array]],
-    H: Array,
-    g: Array,
-) -> BandedEquations:
-    """Build the normal equations of a trial, and add its part of the shared unknowns to H, g.
-
-    Parameters
+    Attributes
     ----------
-    coefficients : (coefficients, free) of its splines
-    tree, locations : of the point; (markers, 3) [m]
-    nearby : trees and marker positions with each length a little longer
-    H, g : (shared, shared), (shared,), changed in place
-    """
-    n = len(problem.pose.free)
-    p = problem.count
-    basis = trial.basis
-    rates = problem.rates(trial, coefficients)
-    errors, residual = problem.predict(tree, locations, trial, rates)
-    of = slopes(problem, at, trial, rates, nearby)
-    weights = _weights(problem, trial)
-    seen = np.isfinite(trial.observed).all(axis=2)
-    marker_root = np.sqrt(
-        np.repeat(np.where(seen, weights.marker * problem.pose.markers.weight, 0.0), 3, axis=1)
-    )
-    residual_root = np.sqrt(weights.share * trial.trust)[:, None] / problem.residual_sd
-    misses = marker_root * errors.reshape(len(errors), -1)
-    beyond = _beyond(problem, rates[0][:, problem.pose.free])
-    departed = coefficients - _start(trial, tuple(problem.pose.free.tolist()))
-    values = basis.at(departed)
-    bends = basis.at(departed, 2)
-    window = WIDTH * n
-    band = np.zeros((window, basis.count * n))
-    right = np.zeros(basis.count * n)
-    cross = np.zeros((basis.count * n, p))
-    row, column = np.tril_indices(window)
-    # Markers do not feel masses, which come last.
-    shared = problem.columns()[2].start
-    alphas = problem.alphas
-    for first in np.unique(basis.first):
-        f = np.flatnonzero(basis.first == first)
-        w0 = basis.weights[0, f]
-        w1 = basis.weights[1, f]
-        w2 = basis.weights[2, f]
-        # Residual rows depend on the window through values, rates and accelerations.
-        A = sum(
-            w[:, None, :, None] * of.rates[nu, f][:, :, None, :]
-            for nu, w in enumerate((w0, w1, w2))
-        )
-        A = (A * residual_root[f][:, :, None, None]).reshape(6 * len(f), window)
-        b = (residual_root[f] * residual[f]).ravel()
-        M = of.moved[f] * marker_root[f, None]
-        shared_markers, shared_residual = _shared_rows(problem, of, f, marker_root, residual_root)
-        block = A.T @ A
-        per_frame = np.einsum("fir,fjr->fij", M, M, optimize=True)
-        if problem.tissue is not None:
-            # Markers depend on the window through values less alpha times accelerations.
-            soft = alphas * per_frame
-            mixed = np.einsum("fa,fb,fij->aibj", w0, w2, soft, optimize=True).reshape(
-                window, window
-            )
-            both = np.einsum("fa,fb,fij->aibj", w2, w2, alphas[:, None] * soft, optimize=True)
-            block += both.reshape(window, window) - mixed - mixed.T
-        diagonal = weights.value + weights.bound * (beyond[f] != 0.0)
-        per_frame[:, np.arange(n), np.arange(n)] += diagonal
-        block += np.einsum("fa,fb,fij->aibj", w0, w0, per_frame, optimize=True).reshape(
-            window, window
-        )
-        bend = np.einsum("fa,fb->ab", w2, w2)
-        block += np.kron(bend, np.diag(weights.acceleration))
-        seen = np.einsum("fir,fr->fi", M, misses[f])
-        pull = seen + weights.value * values[f] + weights.bound * beyond[f]
-        bent = weights.acceleration * bends[f] - alphas * seen
-        gradient = np.einsum("fa,fi->ai", w0, pull) + np.einsum("fa,fi->ai", w2, bent)
-        span = slice(first * n, first * n + window)
-        band[row - column, first * n + column] += block[row, column]
-        right[span] += gradient.ravel() + A.T @ b
-        if p:
-            joined = np.einsum("fir,frp->fip", M, shared_markers, optimize=True)
-            parts = (
-                [(w0, joined)]
-                if problem.tissue is None
-                else [(w0, joined), (w2, -alphas[:, None] * joined)]
-            )
-            for w, of_coordinates in parts:
-                crossed = np.einsum("fa,fip->aip", w, of_coordinates, optimize=True)
-                cross[span, :shared] += crossed.reshape(window, shared)
-            cross[span] += A.T @ shared_residual
-            flat = shared_markers.reshape(len(f) * errors[0].size, shared)
-            H[:shared, :shared] += flat.T @ flat
-            H += shared_residual.T @ shared_residual
-            g[:shared] += flat.T @ misses[f].ravel()
-            g += shared_residual.T @ b
-    return BandedEquations(band, right, cross)
-
-
-def _shared_rows(
-    problem: Problem, of: _Slopes, frames: Ints, marker_root: Array, residual_root: Array
-) -> tuple[Array, Array]:
-    """Build weighted rows in the shared unknowns.
-
-    Parameters
-    ----------
+    first : number of the first coefficient
     frames : (chosen,) numbers
-    marker_root : (frames, 3 markers) roots of weights
-    residual_root : (frames, 6) roots of weights
+    value, rate, acceleration : (chosen, WIDTH) weights w_0, w_1, w_2 of the coefficients
+    """
+
+    first: int
+    frames: Ints
+    value: Array
+    rate: Array
+    acceleration: Array
+
+
+def _windows(basis: Basis) -> Iterator[_Window]:
+    """List the windows of splines."""
+    for first in np.unique(basis.first):
+        frames = np.flatnonzero(basis.first == first)
+        yield _Window(
+            first=int(first),
+            frames=frames,
+            value=basis.weights[0, frames],
+            rate=basis.weights[1, frames],
+            acceleration=basis.weights[2, frames],
+        )
+
+
+class _OwnRows(NamedTuple):
+    """Weighted slopes in the motion of a window's frames.
+
+    Attributes
+    ----------
+    markers : (chosen, free, 3 markers) in the coordinates that markers show
+    residual : (6 chosen, WIDTH free) in the window's coefficients
+    """
+
+    markers: Array
+    residual: Array
+
+
+def _own_rows(rows: _Rows, window: _Window) -> _OwnRows:
+    """Take the slopes of a window's frames in its coefficients.
+
+        dr/dc = dr/dq w_0 + dr/dq' w_1 + dr/dq'' w_2
+
+    Parameters
+    ----------
+    rows : of the recording
+    window : some of its frames
+    """
+    frames = window.frames
+    slopes = rows.slopes
+    by_order = (slopes.by_value, slopes.by_rate, slopes.by_acceleration)
+    by_window = (window.value, window.rate, window.acceleration)
+    by_coefficient = sum(
+        weights[:, None, :, None] * slope[frames][:, :, None, :]
+        for weights, slope in zip(by_window, by_order, strict=True)
+    )
+    weighted = by_coefficient * rows.residual_root[frames][:, :, None, None]
+    return _OwnRows(
+        markers=slopes.markers[frames] * rows.marker_root[frames, None],
+        residual=weighted.reshape(6 * len(frames), WIDTH * rows.free),
+    )
+
+
+def _window_block(rows: _Rows, window: _Window, own: _OwnRows) -> Array:
+    """Build the window's part of the normal equations' matrix.
+
+    With the slopes M of a frame's markers in the coordinates q - alpha q'' that they show, A of the
+    residual, and the weights v, b, a of value, bounds and acceleration,
+
+        A^T A + sum_f [ (w_0 - alpha w_2)^T M^T M (w_0 - alpha w_2)
+                        + w_0^T (v + b) w_0 + w_2^T a w_2 ]
 
     Returns
     -------
-    (chosen, 3 markers, shared less masses) of markers, and (6 chosen, shared) of residuals
+    (WIDTH free, WIDTH free)
     """
-    lengths, places, masses = problem.columns()
-    m = len(problem.locations)
-    markers = np.zeros((len(frames), 3 * m, masses.start))
+    free = rows.free
+    size = WIDTH * free
+    value = window.value
+    acceleration = window.acceleration
+    weights = rows.weights
+    block = own.residual.T @ own.residual
+    per_frame = np.einsum("fir,fjr->fij", own.markers, own.markers, optimize=True)
+    if rows.problem.tissue is not None:
+        block += _soft_block(window, rows.problem.alphas, per_frame)
+    beyond = rows.departure.beyond[window.frames] != 0.0
+    each = np.arange(free)
+    per_frame[:, each, each] += weights.value + weights.bound * beyond
+    of_values = np.einsum("fa,fb,fij->aibj", value, value, per_frame, optimize=True)
+    block += of_values.reshape(size, size)
+    bends = np.einsum("fa,fb->ab", acceleration, acceleration)
+    block += np.kron(bends, np.diag(weights.acceleration))
+    return block
+
+
+def _soft_block(window: _Window, alphas: Array, per_frame: Array) -> Array:
+    """Build what soft tissue adds to a window's part of the matrix.
+
+        sum_f [ w_2^T alpha M^T M alpha w_2 - w_0^T M^T M alpha w_2 - w_2^T alpha M^T M w_0 ]
+
+    Parameters
+    ----------
+    window : frames
+    alphas : (free,) [s^2]
+    per_frame : (chosen, free, free) M^T M
+
+    Returns
+    -------
+    (WIDTH free, WIDTH free)
+    """
+    size = WIDTH * len(alphas)
+    bend = window.acceleration
+    soft = alphas * per_frame
+    softer = alphas[:, None] * soft
+    mixed = np.einsum("fa,fb,fij->aibj", window.value, bend, soft, optimize=True)
+    mixed = mixed.reshape(size, size)
+    twice = np.einsum("fa,fb,fij->aibj", bend, bend, softer, optimize=True)
+    return np.asarray(twice.reshape(size, size) - mixed - mixed.T)
+
+
+def _window_gradient(rows: _Rows, window: _Window, own: _OwnRows) -> Array:
+    """Build the window's part of the gradient, with the letters of `_window_block`.
+
+    Returns
+    -------
+    (WIDTH free,)
+    """
+    frames = window.frames
+    weights = rows.weights
+    departure = rows.departure
+    of_markers = np.einsum("fir,fr->fi", own.markers, rows.marker_misses(frames))
+    pull = of_markers + weights.value * departure.values[frames]
+    pull = pull + weights.bound * departure.beyond[frames]
+    bend = weights.acceleration * departure.accelerations[frames]
+    bend = bend - rows.problem.alphas * of_markers
+    gradient = np.einsum("fa,fi->ai", window.value, pull)
+    gradient = gradient + np.einsum("fa,fi->ai", window.acceleration, bend)
+    return gradient.ravel() + own.residual.T @ rows.residual_misses(frames)
+
+
+class _SharedRows(NamedTuple):
+    """Weighted slopes of a window's frames in the shared unknowns.
+
+    Attributes
+    ----------
+    markers : (chosen, 3 markers, those that move markers)
+    residual : (6 chosen, shared)
+    """
+
+    markers: Array
+    residual: Array
+
+
+def _shared_rows(rows: _Rows, window: _Window) -> _SharedRows:
+    """Take the slopes of a window's frames in all fitted kinds."""
+    problem = rows.problem
+    frames = window.frames
+    markers = np.zeros((len(frames), rows.marker_root.shape[1], problem.marker_count))
     residual = np.zeros((len(frames), 6, problem.count))
-    if problem.body:
-        markers[:, :, lengths] = of.lengths_of_markers[frames]
-        blocks = markers[:, :, places].reshape(len(frames), m, 3, m, 3)
-        blocks[:, np.arange(m), :, np.arange(m)] = np.swapaxes(of.turned[frames], 0, 1)
-        markers[:, :, places] = blocks.reshape(len(frames), 3 * m, 3 * m)
-        residual[:, :, lengths] = of.lengths_of_residual[frames]
-    if problem.masses:
-        residual[:, :, masses] = of.masses[frames]
-    markers *= marker_root[frames][:, :, None]
-    residual *= residual_root[frames][:, :, None]
-    return markers, residual.reshape(6 * len(frames), problem.count)
+    for kind, slopes in zip(problem.fitted, rows.kinds, strict=True):
+        columns = problem.columns[kind.name]
+        of_markers = slopes.markers_in(frames)
+        if of_markers is not None:
+            markers[:, :, columns] = of_markers
+        if slopes.residual is not None:
+            residual[:, :, columns] = slopes.residual[frames]
+    markers *= rows.marker_root[frames][:, :, None]
+    residual *= rows.residual_root[frames][:, :, None]
+    return _SharedRows(markers=markers, residual=residual.reshape(6 * len(frames), problem.count))
+
+
+def _trial_equations(rows: _Rows, sums: _SharedSums) -> BandedEquations:
+    """Sum the normal equations of a recording over its windows.
+
+    Parameters
+    ----------
+    rows : of the recording
+    sums : of the shared unknowns, to which the recording's part is added
+    """
+    problem = rows.problem
+    free = rows.free
+    size = WIDTH * free
+    coefficients = rows.basis.count * free
+    band = np.zeros((size, coefficients))
+    right = np.zeros(coefficients)
+    cross = np.zeros((coefficients, problem.count))
+    row, column = np.tril_indices(size)
+    for window in _windows(rows.basis):
+        own = _own_rows(rows, window)
+        start = window.first * free
+        span = slice(start, start + size)
+        band[row - column, start + column] += _window_block(rows, window, own)[row, column]
+        right[span] += _window_gradient(rows, window, own)
+        if problem.count:
+            shared = _shared_rows(rows, window)
+            _add_cross(rows, window, own, shared, cross[span])
+            _add_shared(rows, window, shared, sums)
+    return BandedEquations(band=band, right=right, cross=cross)
+
+
+def _add_cross(
+    rows: _Rows, window: _Window, own: _OwnRows, shared: _SharedRows, cross: Array
+) -> None:
+    """Add the products of a window's slopes in motion and in shared unknowns.
+
+    Parameters
+    ----------
+    rows, window : of the recording
+    own, shared : slopes of the window's frames
+    cross : (WIDTH free, shared) changed in place
+    """
+    count = rows.problem.marker_count
+    joined = np.einsum("fir,frp->fip", own.markers, shared.markers, optimize=True)
+    parts = [(window.value, joined)]
+    if rows.problem.tissue is not None:
+        parts.append((window.acceleration, -rows.problem.alphas[:, None] * joined))
+    for weights, of_coordinates in parts:
+        crossed = np.einsum("fa,fip->aip", weights, of_coordinates, optimize=True)
+        cross[:, :count] += crossed.reshape(len(cross), count)
+    cross += own.residual.T @ shared.residual
+
+
+def _add_shared(rows: _Rows, window: _Window, shared: _SharedRows, sums: _SharedSums) -> None:
+    """Add a window's part to the normal equations of the shared unknowns, J^T J and J^T r."""
+    count = rows.problem.marker_count
+    frames = window.frames
+    misses = rows.marker_misses(frames).ravel()
+    markers = shared.markers.reshape(len(misses), count)
+    sums.H[:count, :count] += markers.T @ markers
+    sums.H[:] += shared.residual.T @ shared.residual
+    sums.g[:count] += markers.T @ misses
+    sums.g[:] += shared.residual.T @ rows.residual_misses(frames)

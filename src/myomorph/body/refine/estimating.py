@@ -1,7 +1,7 @@
 """The problem of motion, body and masses as unknowns and residuals of `core/fit`.
 
 Motions are unknowns of the recordings' own: their coefficients are banded, are eliminated, and step
-with lengths, marker positions and masses. What is not fitted is held.
+with all others. What is not fitted is held.
 """
 
 from __future__ import annotations
@@ -10,152 +10,102 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 
-from myomorph.body.refine.equations import Equations, data_cost, linearize_data, prior_rows
-from myomorph.body.refine.problem import Problem, Unknowns, moved_masses
+from myomorph.body.refine.equations import Equations, data_cost, linearize_data
+from myomorph.body.refine.kind import Kind
+from myomorph.body.refine.point import Point
+from myomorph.body.refine.problem import Problem
 from myomorph.core.fit.banded import Reduced, reduce_banded
 from myomorph.core.fit.problem import Problem as FitProblem
 from myomorph.core.fit.residuals import NormalEquations, Rows
-from myomorph.core.fit.unknowns import Block, Unknown, Values
-from myomorph.core.fit.unknowns import Unknowns as FitUnknowns
+from myomorph.core.fit.unknowns import Block, Unknowns, Values
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.inertia import PARAMETERS
-
-LENGTHS = "lengths"
-MARKERS = "markers"
-MASSES = "masses"
-MIN_FACTOR = 0.3  # Of a length: below it nothing that was computed means anything
 
 
-@dataclass(frozen=True, eq=False)
-class MassChart:
-    """A step of masses: small changes of pseudo-inertias, so that every link stays some body's.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Layout:
+    """How shared steps of the equations stand among unknowns of the blocks.
 
     Attributes
     ----------
-    problem : with the links that move
+    problem : whose fitted kinds are estimated
+    in_units : unknowns step in their own units, as intervals need it; else kinds choose, as the
+        search does
+    at : point at which units are converted
     """
 
     problem: Problem
+    in_units: bool
+    at: Point
 
-    def __call__(self, values: Array, step: Array) -> Array:
-        """Change the parameters of all links.
+    @cached_property
+    def unknowns(self) -> Unknowns:
+        """Blocks of the fitted kinds, which begin at the point."""
+        return Unknowns(tuple(map(self._block, self.problem.fitted)))
+
+    def _block(self, kind: Kind) -> Block:
+        values = self.at[kind.name]
+        return kind.block_in_units(values) if self.in_units else kind.block(values)
+
+    @cached_property
+    def columns(self) -> np.ndarray:
+        """(shared,) places of the steps among the unknowns."""
+        slices = self.unknowns.slices
+        places = [slices[kind.name].start + kind.columns for kind in self.problem.fitted]
+        return np.concatenate([np.zeros(0, np.int64), *places])
+
+    @cached_property
+    def _steps(self) -> Array | None:
+        """(shared, shared) steps of the equations in those of the unknowns; None for the same."""
+        if not self.in_units:
+            return None
+        blocks = []
+        for kind in self.problem.fitted:
+            units = kind.units(self.at[kind.name])
+            same = np.eye(len(kind.columns))
+            blocks.append(same if units is None else np.linalg.inv(units))
+        return np.asarray(scipy.linalg.block_diag(*blocks)) if blocks else np.zeros((0, 0))
+
+    def spread(self, equations: NormalEquations) -> NormalEquations:
+        """Turn equations of the shared steps into those of the blocks' unknowns.
 
         Parameters
         ----------
-        values : (10 bodies,) inertial parameters
-        step : (10 bodies,) scaled triangles of E, of the links that move
+        equations : (shared, shared), (shared,)
+        """
+        H = equations.H
+        g = equations.g
+        if self._steps is not None:
+            H = self._steps.T @ H @ self._steps
+            g = self._steps.T @ g
+        count = len(self.unknowns)
+        all_H = np.zeros((count, count))
+        all_g = np.zeros(count)
+        all_H[np.ix_(self.columns, self.columns)] = H
+        all_g[self.columns] = g
+        return NormalEquations(H=all_H, g=all_g)
+
+    def shared_step(self, step: Array) -> Array:
+        """Take the shared steps of a step of the blocks.
+
+        Parameters
+        ----------
+        step : (unknowns,)
 
         Returns
         -------
-        (10 bodies,) with the same whole mass
+        (shared,)
         """
-        links = self.problem.prior.moved
-        entries = step.reshape(-1, 10)[links]
-        return moved_masses(self.problem, values.reshape(-1, 10), entries).ravel()
+        shared = step[self.columns]
+        return shared if self._steps is None else self._steps @ shared
 
-
-def unknowns_of(problem: Problem, at: Unknowns) -> FitUnknowns:
-    """List what is fitted, beginning at a point.
-
-    Parameters
-    ----------
-    problem : with what is unknown
-    at : point
-
-    Returns
-    -------
-    blocks of lengths, markers and masses, in the order of `Problem.columns`
-    """
-    blocks = []
-    if problem.body:
-        lengths = [
-            Unknown(
-                name=f"{length.name} length",
-                where=f"model: length {length.name}",
-                start=float(factor),
-                low=MIN_FACTOR,
-            )
-            for length, factor in zip(problem.lengths, at.factors, strict=True)
-        ]
-        axes = [(name, axis) for name in problem.names for axis in "xyz"]
-        shifts = [
-            Unknown(
-                name=f"{name} {axis}",
-                unit="m",
-                where=f"marker {name}: {axis} on its body",
-                start=float(shift),
-            )
-            for (name, axis), shift in zip(axes, at.shifts.ravel(), strict=True)
-        ]
-        blocks.append(Block(name=LENGTHS, unknowns=tuple(lengths)))
-        blocks.append(Block(name=MARKERS, unknowns=tuple(shifts)))
-    if problem.masses:
-        blocks.append(_mass_block(problem, at))
-    return FitUnknowns(tuple(blocks))
-
-
-def _mass_block(problem: Problem, at: Unknowns) -> Block:
-    """List the inertial parameters of all links; those without a mass worth changing are fixed."""
-    moves = np.zeros(len(at.parameters), bool)
-    moves[problem.prior.moved] = True
-    unknowns = [
-        Unknown(
-            name=f"{body} {parameter}",
-            where=f"body {body}: inertial parameter {parameter}",
-            start=float(at.parameters[link, number]),
-            fixed=not moves[link],
+    def point(self, values: Values) -> Point:
+        """Put fitted values into the point; the rest of it is held."""
+        fitted = values.unknowns.slices
+        return self.at.with_values(
+            {name: values[name].reshape(self.at[name].shape) for name in fitted}
         )
-        for link, body in enumerate(problem.model.body_names)
-        for number, parameter in enumerate(PARAMETERS)
-    ]
-    return Block(name=MASSES, unknowns=tuple(unknowns), chart=MassChart(problem))
-
-
-def point_of(at: Unknowns, values: Values) -> Unknowns:
-    """Put fitted values into a point; the rest of it is held.
-
-    Parameters
-    ----------
-    at : point
-    values : of what is fitted
-    """
-    fitted = values.unknowns.slices
-    if LENGTHS in fitted:
-        at = replace(at, factors=values[LENGTHS])
-    if MARKERS in fitted:
-        at = replace(at, shifts=values[MARKERS].reshape(at.shifts.shape))
-    if MASSES in fitted:
-        at = replace(at, parameters=values[MASSES].reshape(at.parameters.shape))
-    return at
-
-
-def columns_of(problem: Problem) -> np.ndarray:
-    """Find where the shared unknowns of the equations stand among those of the blocks.
-
-    Parameters
-    ----------
-    problem : with what is unknown
-
-    Returns
-    -------
-    (shared,) the equations have the links that move alone
-    """
-    first = problem.columns()[2].start
-    links = (10 * problem.prior.moved[:, None] + np.arange(10)).ravel()
-    masses = first + links if problem.masses else np.zeros(0, np.int64)
-    return np.concatenate([np.arange(first), masses])
-
-
-def _widened(problem: Problem, equations: NormalEquations) -> NormalEquations:
-    """Spread equations of the shared unknowns over the unknowns of the blocks."""
-    index = columns_of(problem)
-    count = problem.columns()[2].start + (problem.prior.reference.size if problem.masses else 0)
-    H = np.zeros((count, count))
-    g = np.zeros(count)
-    H[np.ix_(index, index)] = equations.H
-    g[index] = equations.g
-    return NormalEquations(H=H, g=g)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,13 +114,18 @@ class RecordingsAt:
 
     Attributes
     ----------
-    problem : with the trials
+    layout : of the unknowns
     at : point, motions included
     """
 
-    problem: Problem
-    at: Unknowns
+    layout: Layout
+    at: Point
     _reductions: dict[float, Reduced] = field(default_factory=dict)
+
+    @property
+    def problem(self) -> Problem:
+        """With the trials."""
+        return self.layout.problem
 
     @cached_property
     def cost(self) -> float:
@@ -180,8 +135,9 @@ class RecordingsAt:
     @property
     def count(self) -> int:
         """Count of recorded numbers."""
-        seen = sum(int(np.isfinite(trial.observed).sum()) for trial in self.problem.trials)
-        return seen + 6 * sum(int(trial.use.sum()) for trial in self.problem.trials)
+        trials = self.problem.trials
+        seen = sum(int(np.isfinite(trial.observed).sum()) for trial in trials)
+        return seen + 6 * sum(int(trial.use.sum()) for trial in trials)
 
     @cached_property
     def equations(self) -> Equations:
@@ -213,7 +169,7 @@ class RecordingsAt:
         damping : share of the diagonals that is added
         """
         reduced = self.reduced(damping)
-        return _widened(self.problem, reduced.equations), reduced.gain
+        return self.layout.spread(reduced.equations), reduced.gain
 
     def stepped(self, damping: float, step: Array) -> RecordingsAt:
         """Move the motions along with a step.
@@ -227,31 +183,32 @@ class RecordingsAt:
         -------
         the point with these motions
         """
-        steps = self.reduced(damping).own_steps(step[columns_of(self.problem)])
+        steps = self.reduced(damping).own_steps(self.layout.shared_step(step))
         motions = tuple(
             motion + change.reshape(motion.shape)
             for motion, change in zip(self.at.motions, steps, strict=True)
         )
-        return RecordingsAt(problem=self.problem, at=replace(self.at, motions=motions))
+        return RecordingsAt(layout=self.layout, at=replace(self.at, motions=motions))
 
 
 @dataclass(frozen=True, eq=False)
 class RecordingResiduals:
-    """Markers and plates of all trials as residuals of lengths, marker positions and masses.
+    """Markers and plates of all trials as residuals of the fitted kinds.
 
     Attributes
     ----------
-    problem : with the trials
-    begin : point whose motions the search begins with
-    blocks : that are fitted
+    layout : of the unknowns, with the point whose motions the search begins with
     name, prior : of these residuals; they are no prior
     """
 
-    problem: Problem
-    begin: Unknowns
-    blocks: tuple[str, ...]
+    layout: Layout
     name: str = field(default="markers and plates", init=False)
     prior: bool = field(default=False, init=False)
+
+    @property
+    def blocks(self) -> tuple[str, ...]:
+        """Names of the fitted kinds."""
+        return tuple(self.layout.unknowns.slices)
 
     def at(self, values: Values, before: RecordingsAt | None = None) -> RecordingsAt:
         """Evaluate markers and plates with the motions of the evaluation before.
@@ -259,32 +216,33 @@ class RecordingResiduals:
         Parameters
         ----------
         values : of what is fitted
-        before : with motions that stepped along; None begins with `begin`
+        before : with motions that stepped along; None begins with those of the layout's point
         """
-        motions = (self.begin if before is None else before.at).motions
-        point = replace(point_of(self.begin, values), motions=motions)
-        return RecordingsAt(problem=self.problem, at=point)
+        motions = (self.layout.at if before is None else before.at).motions
+        point = replace(self.layout.point(values), motions=motions)
+        return RecordingsAt(layout=self.layout, at=point)
 
 
 @dataclass(frozen=True, eq=False)
 class BodyPrior:
-    """What is held likely beforehand of lengths, marker positions and masses.
+    """What is held likely beforehand of all fitted kinds.
 
     Attributes
     ----------
-    problem : with the priors
-    begin : point with what is held
-    blocks : that are fitted
+    layout : of the unknowns
     name, prior : of these residuals; they are a prior
     """
 
-    problem: Problem
-    begin: Unknowns
-    blocks: tuple[str, ...]
+    layout: Layout
     name: str = field(default="body as given", init=False)
     prior: bool = field(default=True, init=False)
 
-    def at(self, values: Values, before: Rows | None = None) -> Rows:
+    @property
+    def blocks(self) -> tuple[str, ...]:
+        """Names of the fitted kinds."""
+        return tuple(self.layout.unknowns.slices)
+
+    def at(self, values: Values, before: PriorAt | None = None) -> PriorAt:
         """Compute misfits in standard deviations.
 
         Parameters
@@ -292,27 +250,56 @@ class BodyPrior:
         values : of what is fitted
         before : not needed
         """
-        known = prior_rows(self.problem, point_of(self.begin, values))
-        misses = np.concatenate([np.zeros(0), *(miss for _, _, miss in known)])
-        slopes = np.zeros((len(misses), len(values.x)))
-        index = columns_of(self.problem)
+        problem = self.layout.problem
+        point = self.layout.point(values)
+        known = [kind.prior_rows(point[kind.name]) for kind in problem.fitted]
+        misses = np.concatenate([np.zeros(0), *(each.misses for each in known)])
+        slopes = np.zeros((len(misses), problem.count))
         first = 0
-        for columns, rows, miss in known:
-            slopes[first : first + len(miss), index[columns]] = rows
-            first += len(miss)
-        return Rows(residuals=misses, slopes=slopes[:, values.unknowns.index(self.blocks)])
+        for kind, each in zip(problem.fitted, known, strict=True):
+            last = first + len(each.misses)
+            slopes[first:last, problem.columns[kind.name]] = each.rows
+            first = last
+        return PriorAt(layout=self.layout, rows=Rows(residuals=misses, slopes=slopes))
 
 
-def as_fit(problem: Problem, begin: Unknowns) -> FitProblem:
+@dataclass(frozen=True, eq=False)
+class PriorAt:
+    """What is known beforehand, at some values.
+
+    Attributes
+    ----------
+    layout : of the unknowns
+    rows : in the shared steps
+    """
+
+    layout: Layout
+    rows: Rows
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares, each in standard deviations."""
+        return self.rows.cost
+
+    @property
+    def count(self) -> int:
+        """Count of rows."""
+        return self.rows.count
+
+    def normal(self) -> NormalEquations:
+        """Return the equations of the blocks' unknowns."""
+        return self.layout.spread(self.rows.normal())
+
+
+def as_fit(problem: Problem, begin: Point, in_units: bool = False) -> FitProblem:
     """State the problem as unknowns and residuals, beginning at a point.
 
     Parameters
     ----------
     problem : with what is unknown
     begin : point
+    in_units : unknowns step in their own units, as intervals need it
     """
-    unknowns = unknowns_of(problem, begin)
-    blocks = tuple(unknowns.slices)
-    recordings = RecordingResiduals(problem=problem, begin=begin, blocks=blocks)
-    prior = BodyPrior(problem=problem, begin=begin, blocks=blocks)
-    return FitProblem(unknowns, (recordings, prior))
+    layout = Layout(problem=problem, in_units=in_units, at=begin)
+    residuals = (RecordingResiduals(layout), BodyPrior(layout))
+    return FitProblem(unknowns=layout.unknowns, residuals=residuals)

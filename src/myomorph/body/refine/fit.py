@@ -1,7 +1,4 @@
-"""Motion, body and masses of one subject from markers and plates at once.
-
-Also what may not be believed of them.
-"""
+"""Motion, body and masses of one subject from markers and plates at once."""
 
 from __future__ import annotations
 
@@ -12,21 +9,27 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from myomorph.body.identify.soft_tissue import Use, predicts_better
-from myomorph.body.refine.options import RefineOptions
+from myomorph.body.refine.alignment import aligned
+from myomorph.body.refine.kinds import check_fit
+from myomorph.body.refine.notes import (
+    clock_notes,
+    far_from_given,
+    kept_note,
+    markers_left,
+    refined_parts,
+    worse_note,
+)
+from myomorph.body.refine.options import LENGTHS, MARKERS, MASSES, RefineOptions
+from myomorph.body.refine.point import Point
 from myomorph.body.refine.predictions import (
-    LEAVES_MARKERS,
-    WORSE,
-    Solution,
-    covariance,
     errors_on,
-    mass_sd,
+    force_verdict,
     model_of,
     predictions_of,
     rms,
-    settle,
     worse,
 )
-from myomorph.body.refine.problem import Problem, Unknowns, generic_parameters, motion_of
+from myomorph.body.refine.problem import Problem, generic_parameters
 from myomorph.body.refine.refinement import (
     Errors,
     Prediction,
@@ -34,165 +37,16 @@ from myomorph.body.refine.refinement import (
     Refinement,
     SubjectTrial,
 )
+from myomorph.body.refine.search import Solution, certified, settle
 from myomorph.body.refine.trial_data import Opened, opened, problem_of, thinned
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadModel
-from myomorph.core.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.inertia import with_inertial_parameters
+from myomorph.core.model.model import Model
 from myomorph.core.motion.turns import floating_coordinates
 
-MAX_MASS_CHANGE = 0.5
-MIN_MASS_SHARE = 0.003
-"""Change of a link's mass, of itself, that is reported; and the share of the body under which a
-link does not count.
-"""
 
-
-def kept_note(
-    tried: Sequence[tuple[str, Sequence[Prediction]]], options: RefineOptions
-) -> Iterator[str]:
-    """Report that parts of the given model were kept, and how much worse refined ones predict.
-
-    Parameters
-    ----------
-    tried : what was refined but not taken, with its predictions; empty where the first was taken
-    options : of what was refined in the end
-
-    Yields
-    ------
-    one line, or none
-    """
-    if not tried:
-        return
-    kept = "lengths and marker positions" if options.masses else "body and masses"
-    texts = []
-    for what, predictions in tried:
-        worst = max(
-            predictions,
-            key=lambda each: max(each.ratio, each.markers_ratio * WORSE / LEAVES_MARKERS),
-        )
-        texts.append(f"refined {what} predict {_numbers(worst)}")
-    yield (
-        f"{kept} are those of the given model, only {refined_parts(options)} were refined:"
-        f" {'; '.join(texts)}"
-    )
-
-
-def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[str]:
-    """Report refined motions that lie farther from their markers than inverse kinematics does.
-
-    Inverse kinematics is that on the given model, and farther is `LEAVES_MARKERS` times.
-    """
-    left = [
-        trial for trial in trials if trial.after.markers > LEAVES_MARKERS * trial.before.markers
-    ]
-    if left:
-        listed = ", ".join(
-            f"{trial.name} {1e3 * trial.after.markers:.1f} mm (before"
-            f" {1e3 * trial.before.markers:.1f})"
-            for trial in left[:4]
-        )
-        yield (
-            f"forces pull {len(left)} of {len(trials)} refined motions away from their markers:"
-            f" {listed}; see whether the subject's mass, the plates' zeros and clock are right, and"
-            " what else touched the body"
-        )
-
-
-def refined_parts(options: RefineOptions) -> str:
-    """Name in words what options refine beside motions."""
-    words = {
-        (True, True): "body and masses",
-        (True, False): "lengths and marker positions",
-        (False, True): "masses",
-    }
-    return words.get((options.body, options.masses), "motions")
-
-
-def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
-    """Report recordings that are predicted worse than by the given model.
-
-    All together they are not.
-    """
-    left = [
-        prediction
-        for prediction in predictions
-        if prediction.refined.markers > LEAVES_MARKERS * prediction.given.markers
-    ]
-    worse = [
-        prediction
-        for prediction in predictions
-        if max(prediction.ratios) > WORSE
-        or (prediction.markers_ratio > WORSE and prediction not in left)
-    ]
-    if worse:
-        listed = "; ".join(_numbers(prediction) for prediction in worse[:4])
-        yield (
-            f"{len(worse)} of {len(predictions)} predictions of what was not used are more than "
-            f"{100.0 * (WORSE - 1.0):.0f} % worse than the given model's: {listed}"
-        )
-    if left:
-        listed = "; ".join(_numbers(prediction) for prediction in left[:4])
-        yield (
-            f"bodies that were refined without them lie farther from the markers of {len(left)} of"
-            f" {len(predictions)} predictions than the given model, which may have been calibrated"
-            f" with them: {listed}; add recordings, or keep lengths and marker positions"
-            " (--no-body)"
-        )
-
-
-def _numbers(prediction: Prediction) -> str:
-    return (
-        f"{prediction.name} at {prediction.refined.force:.1f} N, {prediction.refined.moment:.1f} N"
-        f" m, markers {1e3 * prediction.refined.markers:.1f} mm (given model"
-        f" {prediction.given.force:.1f} N, {prediction.given.moment:.1f} N m,"
-        f" {1e3 * prediction.given.markers:.1f} mm; a body refined without forces"
-        f" {1e3 * prediction.markers_alone:.1f} mm)"
-    )
-
-
-def far_from_given(problem: Problem, at: Unknowns) -> Iterator[str]:
-    """Report links that got a mass that is hard to believe, as one line.
-
-    Parameters
-    ----------
-    problem : with the masses before
-    at : optimum
-
-    Yields
-    ------
-    one line, or none
-    """
-    before = inertial_parameters(problem.model)[:, 0]
-    after = at.parameters[:, 0]
-    counts = before > MIN_MASS_SHARE * before.sum()
-    far = np.flatnonzero(counts & (np.abs(after - before) > MAX_MASS_CHANGE * before))
-    if not len(far):
-        return
-    names = problem.model.body_names
-    listed = ", ".join(f"'{names[i]}' {after[i]:.2f} kg (given {before[i]:.2f})" for i in far[:4])
-    swung = dict.fromkeys(name for i in far[:4] for name in _joint_above(problem.model, names[i]))
-    how = f" that swings {', '.join(map(repr, swung))} fast and far" if swung else ""
-    yield (
-        f"{len(far)} of {len(names)} links have a mass that is hard to believe: {listed}; add a"
-        f" recording{how} with nothing but plates to touch (a chair, a rail or a hand carries a"
-        " part of the body), or keep the given masses (--no-masses)"
-    )
-
-
-def _joint_above(model: Model, body: str) -> tuple[str, ...]:
-    """Return the coordinates of the nearest joint above a body that moves it.
-
-    None where only the floating base does.
-    """
-    above = {joint.child: joint for joint in model.joints}
-    while body in above and not above[body].coordinates:
-        body = above[body].parent
-    joint = above.get(body)
-    return () if joint is None or joint.parent == GROUND else joint.coordinates
-
-
-def refine(
+def refine(  # page: called as `calibrate`, with the mass that plates weigh
     model: Model,
     trials: Sequence[SubjectTrial],
     mass: float | None = None,
@@ -200,13 +54,14 @@ def refine(
     path_lengths: Callable[[Model], Array] | None = None,
     progress: Callable[[], None] = lambda: None,
 ) -> Refinement:
-    """Fit motion, lengths, marker positions and masses of a subject in one problem.
+    """Fit motion, lengths, marker positions, masses and clocks of a subject in one problem.
 
-    Over frames f of all trials, markers m, coordinates q (quintic splines), lengths s, marker
-    shifts d and inertial parameters phi,
+    Any subset of them is estimated (`RefineOptions.fit`). Over frames f of all trials, markers m,
+    coordinates q (quintic splines), lengths s, marker shifts d, inertial parameters phi and offsets
+    e of the forces' clocks,
 
         min sum |x_m(q_f, s, d) - y_fm|^2 / noise^2
-            + sum |Y(q_f, q'_f, q''_f, s) phi - w_f|^2 / noise_w^2 + priors,
+            + sum |Y(q_f, q'_f, q''_f, s) phi - w(t_f - e)|^2 / noise_w^2 + priors,
 
     where Y phi are the six root rows of the equations of motion and w the wrench of the plates.
     Every phi is a body's: masses change by P = L (I + E / 2)^2 L^T of their pseudo-inertia. Normal
@@ -239,6 +94,7 @@ def refine(
     ------
     BadModel : the model's base does not float, or bodies are tied in loops
     BadData : a trial has no usable frame, or shares no marker with the model
+    UnknownName : `fit` has a name that nothing has
 
     Examples
     --------
@@ -269,11 +125,12 @@ def refine(
     >>> trial = mm.SubjectTrial("swing", mm.marker_positions(model, motion), wrenches)
     >>> trunk, arm = model.bodies
     >>> guess = replace(model, bodies=(replace(trunk, mass=33.0), replace(arm, mass=5.0)))
-    >>> result = mm.refine(guess, [trial], options=mm.RefineOptions(check=False, body=False))
+    >>> result = mm.refine(guess, [trial], options=mm.RefineOptions(check=False, fit=("masses",)))
     >>> bool(result.after.force < 0.01 * result.before.force)
     True
     """
     options = options or RefineOptions()
+    check_fit(options)
     if model.loops:
         raise BadModel(
             model.source or model.name, "bodies tied in loops cannot be refined; remove the loops"
@@ -287,8 +144,9 @@ def refine(
     weighed = with_inertial_parameters(model, generic_parameters(model, mass))
     with threadpool_limits(limits=1, user_api="blas"):
         recorded = [opened(weighed, trial, options) for trial in trials]
-        choice = _choice(weighed, recorded, options, progress)
-        problem = problem_of(weighed, recorded, choice.options)
+        used = aligned(weighed, recorded, options, progress)
+        choice = _choice(weighed, used, options, progress)
+        problem = problem_of(weighed, used, choice.options)
         solution = settle(thinned(problem), progress)
     return _refinement(weighed, recorded, problem, solution, choice, path_lengths)
 
@@ -321,11 +179,10 @@ def _choice(
     predictions: tuple[Prediction, ...] = ()
     uses: tuple[Use, ...] = (options.soft_tissue,)
     if options.soft_tissue == "auto":
-        checked = options.check and (options.body or options.masses)
-        soft = checked and problem_of(model, recorded, options).tissue is not None
+        soft = _is_checked(options) and problem_of(model, recorded, options).tissue is not None
         uses = ("never", "always") if soft else ("never",)
     chosen = replace(options, soft_tissue=uses[0])
-    while options.check and (options.body or options.masses):
+    while _is_checked(options):
         ways = [replace(options, soft_tissue=use) for use in uses]
         predicted = [predictions_of(model, recorded, way, progress) for way in ways]
         softer = [
@@ -337,10 +194,21 @@ def _choice(
         predictions = predicted[taken]
         if not worse(predictions):
             break
-        tried.append((refined_parts(options), predictions))
-        options = replace(options, body=False, masses=options.masses and options.body)
+        tried.append((refined_parts(options.fit), predictions))
+        options = replace(options, fit=_fewer(options))
         chosen = replace(options, soft_tissue=uses[0])
-    return _Choice(chosen, predictions, tuple(tried))
+    return _Choice(options=chosen, predictions=predictions, tried=tuple(tried))
+
+
+def _is_checked(options: RefineOptions) -> bool:
+    """Judge whether anything of the body is estimated that recordings left out can refuse."""
+    return options.check and (options.fits_body or options.fits_masses)
+
+
+def _fewer(options: RefineOptions) -> tuple[str, ...]:
+    """Leave out what predicts worse: lengths and positions first, then masses too."""
+    left_out = {LENGTHS, MARKERS} if options.fits_body else {MASSES}
+    return tuple(name for name in options.fit if name not in left_out)
 
 
 def _refinement(
@@ -351,62 +219,64 @@ def _refinement(
     choice: _Choice,
     path_lengths: Callable[[Model], Array] | None,
 ) -> Refinement:
-    """Build the result: model, motions, intervals and notes."""
+    """Build the result: model, motions, intervals and notes.
+
+    Parameters
+    ----------
+    recorded : trials with their forces as recorded
+    problem : with all frames, and forces that stand at the times of the markers
+    solution : on fewer frames
+    """
     at = solution.at
-    lengths = problem.columns()[0]
-    spread = covariance(solution.problem, at)
-    deviations = np.sqrt(np.diag(spread))
+    estimate = certified(solution, force_verdict(choice.predictions))
     refined = tuple(_refined_trials(model, recorded, problem, at))
-    return Refinement(
+    refinement = Refinement(
         model=model_of(model, problem, at, path_lengths),
         given=model,
         trials=refined,
-        lengths=tuple(length.name for length in problem.lengths),
-        factors=at.factors,
-        factors_sd=deviations[lengths] if problem.body else np.zeros(len(at.factors)),
-        parameters=at.parameters,
-        mass_sd=mass_sd(problem, at, spread),
+        lengths=tuple(length.name for length in problem.lengths.lengths),
+        factors=at[LENGTHS],
+        parameters=at[MASSES],
         predictions=choice.predictions,
-        body=problem.body,
-        masses=problem.masses,
+        fit=tuple(kind.name for kind in problem.fitted),
         soft_tissue=problem.tissue,
         kept=bool(choice.tried),
-        converged=solution.converged,
-        notes=(*markers_left(refined), *_notes(problem, solution, choice, recorded)),
+        estimate=estimate,
     )
+    notes = _notes(refinement, problem, solution, choice)
+    of_recordings = [note for trial in recorded for note in trial.usable.notes]
+    return replace(refinement, notes=(*markers_left(refined), *notes, *of_recordings))
 
 
 def _refined_trials(
-    model: Model, recorded: Sequence[Opened], problem: Problem, at: Unknowns
+    model: Model, recorded: Sequence[Opened], problem: Problem, at: Point
 ) -> Iterator[RefinedTrial]:
-    tree = problem.arrays(at)
-    places = problem.placed(at.factors, at.shifts)
-    for index, (data, trial) in enumerate(zip(problem.trials, recorded, strict=True)):
-        # Against what the plates say, whatever gain they were given.
-        said = replace(data, gain=1.0)
-        distances, residual = problem.predict(
-            tree, places, said, problem.rates(data, at.motions[index])
-        )
-        seen = np.isfinite(data.observed).all(axis=2)
+    """Evaluate the motions of all trials, and their errors before and after."""
+    setting = problem.setting(at)
+    # Against what the plates say, whatever gain they were given.
+    said = replace(problem, trials=tuple(replace(trial, gain=1.0) for trial in problem.trials))
+    for number, (data, trial) in enumerate(zip(problem.trials, recorded, strict=True)):
+        errors, residual = problem.predict(setting, said.state(at, number))
         used = residual[data.use]
+        every = np.ones(len(trial.usable.use), bool)
         yield RefinedTrial(
             name=data.name,
-            motion=motion_of(problem, at, index),
-            before=errors_on(model, replace(trial, within=np.ones(len(trial.usable.use), bool))),
-            after=Errors(rms(distances[seen]), rms(used[:, 3:]), rms(used[:, :3])),
+            motion=problem.motion(at, number),
+            before=errors_on(model, replace(trial, within=every)),
+            after=Errors(rms(errors[data.seen]), rms(used[:, 3:]), rms(used[:, :3])),
             used=int(data.use.sum()),
             frames=len(data.time),
         )
 
 
 def _notes(
-    problem: Problem, solution: Solution, choice: _Choice, recorded: Sequence[Opened]
+    refinement: Refinement, problem: Problem, solution: Solution, choice: _Choice
 ) -> Iterator[str]:
+    """Report what may not be believed of the result."""
     yield from kept_note(choice.tried, choice.options)
     if not choice.tried or choice.predictions is not choice.tried[-1][1]:
         yield from worse_note(choice.predictions)
     yield from far_from_given(problem, solution.at)
+    yield from clock_notes(refinement.clocks)
     if not solution.converged:
         yield f"not converged after {problem.options.iterations} steps: allow more iterations"
-    for trial in recorded:
-        yield from trial.usable.notes

@@ -7,13 +7,33 @@ from dataclasses import dataclass
 from myomorph.body.identify.soft_tissue import Use
 from myomorph.core.model.errors import BadData
 
+LENGTHS = "lengths"
+MARKERS = "markers"
+MASSES = "masses"
+CLOCK = "clock"
+MOTIONS = "motions"
+"""Names in `fit`. Motions are always estimated, so that their name alone means nothing else."""
+
+POSITIVE = (
+    "cutoff",
+    "marker_time",
+    "force_noise",
+    "moment_noise",
+    "length_sd",
+    "mass_sd",
+    "iterations",
+)
+
 
 @dataclass(frozen=True)
 class RefineOptions:
-    """Options of `refine`: how much each part of the problem is believed.
+    """Options of `refine`: what is estimated, and how much each part of the problem is believed.
 
     Attributes
     ----------
+    fit : which unknowns are estimated together with the motions: "lengths", "markers" (their
+        positions), "masses" (with mass centers and inertias), "clock" (of the forces, against that
+        of the markers); the others stay as given, and "motions" alone estimates nothing else
     cutoff : low-pass filter of the forces; the motion has four knots a period of it [Hz]
     marker_noise : of a marker about its position on a rigid body, along one axis, mostly movement
         of the skin [m]; by default 0.01 on a body of human size, on a smaller one less in
@@ -26,8 +46,7 @@ class RefineOptions:
         likewise
     mass_sd : how far a link's mass may differ from the one that `identify` finds in the same
         recordings, of itself
-    body : whether lengths and marker positions change
-    masses : whether masses, mass centers and inertias change
+    shared_clock : one offset of the clock for all recordings, instead of one for each
     soft_tissue : whether markers move more than the body's mass: "auto" where that predicts unseen
         parts of the recordings better (with `check`), "always" or "never"
     iterations : at most so many steps
@@ -35,6 +54,7 @@ class RefineOptions:
         model's body and masses where they predict better
     """
 
+    fit: tuple[str, ...] = (LENGTHS, MARKERS, MASSES)
     cutoff: float = 6.0
     marker_noise: float | None = None
     marker_time: float = 0.1
@@ -43,22 +63,13 @@ class RefineOptions:
     length_sd: float = 0.1
     marker_sd: float | None = None
     mass_sd: float = 0.2
-    body: bool = True
-    masses: bool = True
+    shared_clock: bool = False
     soft_tissue: Use = "auto"
     iterations: int = 20
     check: bool = True
 
     def __post_init__(self) -> None:
-        for name in (
-            "cutoff",
-            "marker_time",
-            "force_noise",
-            "moment_noise",
-            "length_sd",
-            "mass_sd",
-            "iterations",
-        ):
+        for name in POSITIVE:
             if not getattr(self, name) > 0:
                 raise BadData(
                     f"refine: {name} is {getattr(self, name):g}; expected a number above 0"
@@ -71,3 +82,18 @@ class RefineOptions:
             value = getattr(self, name)
             if value is not None and not value > 0.0:
                 raise BadData(f"refine: {name} is {value:g}; expected metres above 0")
+
+    @property
+    def fits_body(self) -> bool:
+        """Whether lengths or marker positions change."""
+        return LENGTHS in self.fit or MARKERS in self.fit
+
+    @property
+    def fits_masses(self) -> bool:
+        """Whether masses, mass centers and inertias change."""
+        return MASSES in self.fit
+
+    @property
+    def fits_clock(self) -> bool:
+        """Whether the clock of the forces is estimated."""
+        return CLOCK in self.fit

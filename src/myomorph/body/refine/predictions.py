@@ -10,154 +10,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.body.identify.determined import LINK_SD
-from myomorph.body.identify.pseudo_inertia import tangents
 from myomorph.body.identify.recordings import needed_wrench
-from myomorph.body.refine.equations import linearize, with_trust
-from myomorph.body.refine.estimating import RecordingsAt, as_fit
-from myomorph.body.refine.options import RefineOptions
-from myomorph.body.refine.problem import MassPrior, Problem, Unknowns
+from myomorph.body.refine.options import CLOCK, LENGTHS, MASSES, RefineOptions
+from myomorph.body.refine.point import Point
+from myomorph.body.refine.problem import Problem
 from myomorph.body.refine.refinement import Errors, Prediction
+from myomorph.body.refine.search import motions_alone, settle, solve
 from myomorph.body.refine.trial_data import Opened, opened, problem_of, thinned
-from myomorph.core.fit.banded import reduce_banded
-from myomorph.core.fit.residuals import NormalEquations
-from myomorph.core.fit.solver import Method, minimize
-from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.fit.verdict import Verdict
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertia import with_inertial_parameters
 from myomorph.core.model.model import Model
 from myomorph.core.model.scale import scale
 from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.core.motion.lengths import factors_of
 from myomorph.core.rigid.regressor import base_wrench
-
-LEAST_GAIN = 1e-3  # A step that lowers the cost by a smaller share is the last
-
-
-@read_only
-class Solution:
-    """Where the search ended.
-
-    Attributes
-    ----------
-    problem : with the weights of frames that it was solved with
-    at : point
-    costs : after every step
-    converged : whether the last step was small, or none lowers the cost
-    """
-
-    problem: Problem
-    at: Unknowns
-    costs: tuple[float, ...]
-    converged: bool
-
-
-def settle(
-    problem: Problem, progress: Callable[[], None] = lambda: None, first: Unknowns | None = None
-) -> Solution:
-    """Find the optimum, from that of the motions alone.
-
-    That shows the frames that nothing explains.
-
-    Parameters
-    ----------
-    problem : with what is unknown
-    progress : called once a step
-    first : of the motions alone, see `motions_alone`; found here by default
-    """
-    first = motions_alone(problem, progress) if first is None else first
-    return solve(with_trust(problem, first), first, progress)
-
-
-def motions_alone(problem: Problem, progress: Callable[[], None] = lambda: None) -> Unknowns:
-    """Find the optimum of the motions on the body as given.
-
-    Parameters
-    ----------
-    problem : with what is unknown
-    progress : called once a step
-    """
-    still = replace(problem, body=False, masses=False)
-    return solve(still, still.begin(), progress).at
-
-
-def solve(
-    problem: Problem, start: Unknowns, progress: Callable[[], None] = lambda: None
-) -> Solution:
-    """Search by Levenberg-Marquardt from a start.
-
-    Parameters
-    ----------
-    problem : with what is unknown
-    start : point
-    progress : called once a step
-
-    Returns
-    -------
-    the optimum, or where steps ended
-    """
-    method = Method(
-        iterations=problem.options.iterations,
-        min_gain=LEAST_GAIN,
-        min_promise=0.0,
-        kink=LEAST_GAIN,
-    )
-    ended = minimize(as_fit(problem, start), method=method, progress=progress)
-    recordings = ended.at.parts[0]
-    assert isinstance(recordings, RecordingsAt)
-    return Solution(
-        problem=problem,
-        at=recordings.at,
-        costs=ended.search.costs,
-        converged=ended.search.converged,
-    )
-
-
-def covariance(problem: Problem, at: Unknowns) -> Array:
-    """Compute the covariance of the shared unknowns, all motions unknown too.
-
-    Masses that are identified first come from the same recordings, so that they are no prior
-    knowledge: links are taken to differ from the given model by `LINK_SD`, as in `identify`.
-
-    Parameters
-    ----------
-    problem : with the weights of frames that it was solved with
-    at : optimum
-
-    Returns
-    -------
-    (shared, shared)
-    """
-    if not problem.count:
-        return np.zeros((0, 0))
-    problem = replace(problem, prior=MassPrior.of(problem.prior.reference, LINK_SD))
-    equations = linearize(problem, at)
-    shared = NormalEquations(H=equations.H, g=equations.g)
-    reduced = reduce_banded(equations.trials, shared)
-    return np.asarray(np.linalg.inv(reduced.equations.H), dtype=np.float64)
-
-
-def mass_sd(problem: Problem, at: Unknowns, spread: Array) -> Array:
-    """Compute standard deviations of the masses.
-
-    Parameters
-    ----------
-    problem : with what is unknown
-    at : optimum
-    spread : (shared, shared) covariance of the shared unknowns
-
-    Returns
-    -------
-    (bodies,) [kg], 0 of those that do not change
-    """
-    result = np.zeros(len(problem.prior.reference))
-    if problem.masses:
-        masses = problem.columns()[2]
-        rows = tangents(at.parameters[problem.prior.moved])[:, 0]
-        for index, link in enumerate(problem.prior.moved):
-            columns = slice(masses.start + 10 * index, masses.start + 10 * index + 10)
-            result[link] = np.sqrt(rows[index] @ spread[columns, columns] @ rows[index])
-    return result
-
 
 WORSE = 1.02  # Ratio to the given model above which a prediction is worse
 LEAVES_MARKERS = 1.1
@@ -277,31 +144,83 @@ def _prediction(
     first = motions_alone(few, progress)
     refined = errors(model_of(model, problem, settle(few, progress, first).at))
     alone = before.markers
-    if problem.body:
+    if problem.options.fits_body:
         # The given model may have been calibrated from all markers, these included: as fair a body
         # has seen the same.
         blind = replace(
             few,
-            masses=False,
+            fit=tuple(name for name in problem.fit if name not in (MASSES, CLOCK)),
             trials=tuple(replace(trial, use=trial.use & False) for trial in few.trials),
         )
         alone = errors(model_of(model, problem, solve(blind, first, progress).at)).markers
-    return Prediction(name=name, given=before, refined=refined, markers_alone=alone)
+    within = held_out.within
+    return Prediction(
+        name=name,
+        given=before,
+        refined=refined,
+        markers_alone=alone,
+        used=int(np.sum(use if within is None else use & within)),
+    )
+
+
+def force_verdict(predictions: Sequence[Prediction]) -> Verdict | None:
+    """Judge whether the refined body predicts forces worse than the given one.
+
+    Parameters
+    ----------
+    predictions : of what was not used
+
+    Returns
+    -------
+    misfits of force and moment, None where nothing was predicted
+    """
+    if not predictions:
+        return None
+    refined = [(each.refined.force, each.refined.moment) for each in predictions]
+    given = [(each.given.force, each.given.moment) for each in predictions]
+    return Verdict(
+        kinds=(("force", "N"), ("moment", "N m")),
+        parts=tuple(each.name for each in predictions),
+        estimate=np.array(refined),
+        generic=np.array(given),
+        weights=np.array([each.used for each in predictions], np.float64),
+        what="what was not used",
+        limit=WORSE,
+    )
+
+
+def markers_verdict(predictions: Sequence[Prediction]) -> Verdict:
+    """Judge whether the refined body fits markers worse than one that markers alone made.
+
+    Parameters
+    ----------
+    predictions : of what was not used; one or more
+    """
+    refined = [(1e3 * each.refined.markers,) for each in predictions]
+    alone = [(1e3 * each.markers_alone,) for each in predictions]
+    return Verdict(
+        kinds=(("markers", "mm"),),
+        parts=tuple(each.name for each in predictions),
+        estimate=np.array(refined),
+        generic=np.array(alone),
+        weights=np.array([each.used for each in predictions], np.float64),
+        what="what was not used",
+        limit=LEAVES_MARKERS,
+    )
 
 
 def worse(predictions: Sequence[Prediction]) -> bool:
     """Judge whether the refined body predicts forces worse or no longer fits the markers."""
-    if not predictions:
+    forces = force_verdict(predictions)
+    if forces is None or not forces.known:
         return False
-    forces = float(np.mean([prediction.ratio for prediction in predictions]))
-    markers = float(np.mean([prediction.markers_ratio for prediction in predictions]))
-    return forces > WORSE or markers > LEAVES_MARKERS
+    return not (forces.better and markers_verdict(predictions).better)
 
 
 def model_of(
     model: Model,
     problem: Problem,
-    at: Unknowns,
+    at: Point,
     path_lengths: Callable[[Model], Array] | None = None,
 ) -> Model:
     """Give a model the lengths, marker positions and masses of a point.
@@ -318,13 +237,13 @@ def model_of(
     the stretched model
     """
     made = (
-        scale(model, factors_of(problem.lengths, at.factors), path_lengths=path_lengths)
-        if problem.body
+        scale(model, factors_of(problem.lengths.lengths, at[LENGTHS]), path_lengths=path_lengths)
+        if LENGTHS in problem.fit
         else model
     )
-    places = dict(zip(problem.names, problem.placed(at.factors, at.shifts), strict=True))
+    places = dict(zip(problem.names, problem.placed(at), strict=True))
     placed = tuple(
         replace(marker, location=places.get(marker.name, marker.location))
         for marker in made.markers
     )
-    return with_inertial_parameters(made.with_markers(placed), at.parameters)
+    return with_inertial_parameters(made.with_markers(placed), at[MASSES])

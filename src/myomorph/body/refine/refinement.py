@@ -10,7 +10,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from myomorph.body.refine.clock import ALL, clock_name
+from myomorph.body.refine.options import CLOCK, LENGTHS, MASSES
+from myomorph.core.fit.estimation import Estimate
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.interval import Interval
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion, Wrenches
 from myomorph.core.model.soft_tissue import SoftTissue
@@ -86,12 +90,14 @@ class Prediction:
     given, refined : errors of the model as given, and of the refined one
     markers_alone : marker error of a body that was refined from the same recordings' markers
         without their forces [m]
+    used : frames whose forces were predicted
     """
 
     name: str
     given: Errors
     refined: Errors
     markers_alone: float
+    used: int = 1
 
     @property
     def ratios(self) -> tuple[float, float]:
@@ -112,25 +118,39 @@ class Prediction:
         return self.refined.markers / self.markers_alone
 
 
+@dataclass(frozen=True)
+class ClockOffset:
+    """The clock of a recording's forces against that of its markers.
+
+    Attributes
+    ----------
+    recording : name
+    offset : to be added to the times of the forces, with its interval [s]
+    shown : whether the recording halves the standard deviation known before
+    """
+
+    recording: str
+    offset: Interval
+    shown: bool
+
+
 @read_only
 class Refinement:
     """A subject's model and motions that agree with markers and plates.
 
     Attributes
     ----------
-    factors_sd : (lengths,) standard deviations of the factors
     model : stretched, markers placed, with its masses
     given : model it began with, at the subject's mass
     trials : by name
-    factors : (lengths,) of the given model's, and their standard deviations
     lengths : names of the lengths
+    factors : (lengths,) of the given model's
     parameters : (bodies, 10) inertial
-    mass_sd : (bodies,) standard deviation of the masses [kg]
     predictions : of what was left out, empty where not asked for
-    body, masses : whether lengths and marker positions, and masses were refined in the end
+    fit : what was estimated in the end, beside motions
     soft_tissue : that was taken from the motions, which are those of the mass; None for none
     kept : whether parts of the given body were kept because they predict better
-    converged : whether the last step was small
+    estimate : the unknowns with their covariance, how the search ended, and the verdict
     notes : what looks wrong, one line each
     """
 
@@ -139,16 +159,58 @@ class Refinement:
     trials: tuple[RefinedTrial, ...]
     lengths: tuple[str, ...]
     factors: Array
-    factors_sd: Array
     parameters: Array
-    mass_sd: Array
     predictions: tuple[Prediction, ...]
-    body: bool
-    masses: bool
+    fit: tuple[str, ...]
     soft_tissue: SoftTissue | None
     kept: bool
-    converged: bool
-    notes: tuple[str, ...]
+    estimate: Estimate
+    notes: tuple[str, ...] = ()
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last step was small, or none lowers the cost."""
+        return self.estimate.converged
+
+    @property
+    def factors_sd(self) -> Array:
+        """(lengths,) standard deviations of the factors; 0 where lengths were held."""
+        if LENGTHS not in self.fit:
+            return np.zeros(len(self.factors))
+        return self.estimate.posterior.sd[self.estimate.unknowns.slices[LENGTHS]]
+
+    @property
+    def parameters_sd(self) -> Array:
+        """(bodies, 10) standard deviations of the parameters; 0 where they were held."""
+        if MASSES not in self.fit:
+            return np.zeros(self.parameters.shape)
+        own = self.estimate.unknowns.slices[MASSES]
+        return self.estimate.posterior.sd[own].reshape(self.parameters.shape)
+
+    @property
+    def mass_sd(self) -> Array:
+        """(bodies,) standard deviations of the masses; 0 where they were held [kg]."""
+        return self.parameters_sd[:, 0]
+
+    @property
+    def clocks(self) -> tuple[ClockOffset, ...]:
+        """Of each recording, where clocks were estimated."""
+        if CLOCK not in self.fit:
+            return ()
+        posterior = self.estimate.posterior
+        names = self.estimate.unknowns.names
+        clocks = []
+        for trial in self.trials:
+            own = clock_name(trial.name)
+            name = own if own in names else clock_name(ALL)
+            clocks.append(
+                ClockOffset(
+                    recording=trial.name,
+                    offset=posterior.interval(name),
+                    shown=bool(posterior.shown[names.index(name)]),
+                )
+            )
+        return tuple(clocks)
 
     @property
     def before(self) -> Errors:

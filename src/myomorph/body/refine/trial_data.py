@@ -13,9 +13,13 @@ import numpy as np
 from myomorph.body.identify.recordings import MASS_TOLERANCE, RecordingOptions, Usable, usable
 from myomorph.body.identify.soft_tissue import usual_tissue
 from myomorph.body.identify.subject import IdentificationOptions, identify
+from myomorph.body.refine.kind import Setup
+from myomorph.body.refine.kinds import kinds_of
 from myomorph.body.refine.options import RefineOptions
-from myomorph.body.refine.problem import Basis, MassPrior, Problem, TrialData
+from myomorph.body.refine.problem import Problem
 from myomorph.body.refine.refinement import SubjectTrial
+from myomorph.body.refine.spline_basis import Basis
+from myomorph.body.refine.trial import TrialData
 from myomorph.body.shape.envelope import own_points
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
@@ -25,7 +29,7 @@ from myomorph.core.model.series import DEFAULT_POSE, Motion, Wrenches
 from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.ik import inverse_kinematics, pose_problem, tracked_markers
-from myomorph.core.motion.lengths import length_unit, lengths_of
+from myomorph.core.motion.lengths import length_unit
 from myomorph.core.motion.stretch import skeleton
 from myomorph.core.rigid.regressor import base_wrench
 from myomorph.core.rigid.tree import compile_tree
@@ -46,6 +50,7 @@ class Opened:
     usable : motion and forces on one clock
     distances : (frames, markers) of the markers [m], NaN where unseen
     within : (frames,) of the forces' clock that count, None for all
+    shift : added to the times of the forces before they were used [s]
     """
 
     trial: SubjectTrial
@@ -53,6 +58,7 @@ class Opened:
     usable: Usable
     distances: Array
     within: np.ndarray | None = None
+    shift: float = 0.0
 
     @property
     def counted(self) -> Usable:
@@ -82,15 +88,45 @@ def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
     BadData : as in `recordings.usable`
     """
     fit = inverse_kinematics(model, trial.markers, trial.tracking)
-    used = usable(
+    return Opened(
+        trial=trial,
+        motion=fit.motion,
+        usable=_usable(model, trial, fit.motion, options),
+        distances=fit.marker_error,
+    )
+
+
+def with_shift(model: Model, recorded: Opened, options: RefineOptions, shift: float) -> Opened:
+    """Use the forces of a trial at other times.
+
+    Parameters
+    ----------
+    model : with masses
+    recorded : the trial on this model
+    options : with the cutoff of the forces
+    shift : added to the times of the forces as recorded [s]
+
+    Returns
+    -------
+    the trial with these forces, and the frames that can be used then
+    """
+    trial = recorded.trial
+    wrenches = replace(trial.wrenches, time=trial.wrenches.time + shift)
+    shifted = replace(trial, wrenches=wrenches)
+    used = _usable(model, shifted, recorded.motion, options)
+    return replace(recorded, usable=used, shift=shift)
+
+
+def _usable(model: Model, trial: SubjectTrial, motion: Motion, options: RefineOptions) -> Usable:
+    """Put the motion and the forces of a trial on one clock."""
+    return usable(
         model,
-        fit.motion,
+        motion,
         trial.wrenches,
         time=trial.time,
         name=trial.name,
         options=RecordingOptions(cutoff=options.cutoff),
     )
-    return Opened(trial=trial, motion=fit.motion, usable=used, distances=fit.marker_error)
 
 
 def problem_of(model: Model, recorded: Sequence[Opened], options: RefineOptions) -> Problem:
@@ -106,35 +142,42 @@ def problem_of(model: Model, recorded: Sequence[Opened], options: RefineOptions)
     -------
     the problem, its masses those that `identify` finds in the same frames
     """
-    names: tuple[str, ...] = ()
     weights: dict[str, float] = {}
-    for taken in recorded:
-        tracked, weight = tracked_markers(model, taken.trial.markers, taken.trial.tracking)
+    for each in recorded:
+        tracked, weight = tracked_markers(model, each.trial.markers, each.trial.tracking)
         weights |= dict(zip(tracked, weight, strict=True))
-        names = tuple(name for name in model.marker_names if name in weights)
+    names = tuple(name for name in model.marker_names if name in weights)
     bare = skeleton(model)
     tree = compile_tree(bare)
     masses = inertial_parameters(model)
     tissue = None
-    if options.masses or options.soft_tissue != "never":
-        parts = [_weighed(taken.counted, model.mass) for taken in recorded]
+    if options.fits_masses or options.soft_tissue != "never":
+        parts = [_weighed(each.counted, model.mass) for each in recorded]
         masses, tissue = identified_masses(model, parts, options)
     pose = pose_problem(
         tree, names, np.array([weights[name] for name in names]), recorded[0].trial.tracking
     )
+    unit = length_unit(tree)
+    setup = Setup(
+        model=bare,
+        recorded=tuple(recorded),
+        markers=names,
+        marker_bodies=pose.markers.body,
+        masses=masses,
+        unit=unit,
+        options=options,
+    )
     return Problem(
         model=bare,
-        lengths=lengths_of(model),
         names=names,
         pose=pose,
         locations=pose.markers.location.copy(),
-        trials=tuple(_trial_data(model, names, taken, options, tissue) for taken in recorded),
-        prior=MassPrior.of(masses, options.mass_sd),
+        trials=tuple(_trial_data(model, names, each, options, tissue) for each in recorded),
+        kinds=kinds_of(setup),
+        fit=options.fit,
         weight=model.mass * float(np.linalg.norm(model.gravity)),
-        unit=length_unit(tree),
+        unit=unit,
         options=options,
-        body=options.body,
-        masses=options.masses,
         tissue=tissue,
     )
 
@@ -289,7 +332,7 @@ def identified_masses(
         return inertial_parameters(model), usual
     masses = (
         identification.parameters[identification.chosen]
-        if options.masses
+        if options.fits_masses
         else inertial_parameters(model)
     )
     return masses, identification.soft_tissue or usual

@@ -4,6 +4,7 @@ these forces.
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion, Wrenches
 from myomorph.core.model.soft_tissue import SoftTissue
-from myomorph.lab.store.results import file_source
+from myomorph.lab.store.results import file_name, file_source
 from myomorph.lab.study.inputs.input import Input, Opened, Opening
 from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.inputs.reading import read_motion
@@ -24,6 +25,9 @@ from myomorph.lab.study.inputs.soft_tissue import SOFT_TISSUE, read_soft_tissue
 
 if TYPE_CHECKING:
     from myomorph.core.motion.marker_checks import CheckedFit
+
+
+CLOCKS = "clocks.csv"  # Table of `refine`, where it estimated the clock of forces.
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,7 @@ def _open(settings: RefinedFile, opening: Opening) -> Opened:
     from myomorph.core.motion.sync import resample_wrenches
 
     motion = read_motion(path, opening.model)
+    shift = _clock_offset(path)
     table = path.parent.parent / SOFT_TISSUE
     tissue = read_soft_tissue(table) if table.is_file() else None
     if motion.names != opening.model.coordinate_names:
@@ -79,7 +84,8 @@ def _open(settings: RefinedFile, opening: Opening) -> Opened:
     def filtered(moved: Motion) -> Wrenches:
         assert loads is not None
         wrenches = loads.of(moved)
-        return resample_wrenches(wrenches, wrenches.time, settings.cutoff)
+        smooth = resample_wrenches(wrenches, wrenches.time, settings.cutoff)
+        return smooth if shift == 0.0 else replace(smooth, time=smooth.time + shift)
 
     return Opened(
         (
@@ -89,6 +95,23 @@ def _open(settings: RefinedFile, opening: Opening) -> Opened:
         (file_source("refined motion", path),),
         real="coordinates refined together with body, masses and forces",
     )
+
+
+def _clock_offset(path: Path) -> float:
+    """What `refine` adds to the times of a trial's forces [s], 0 where no clock was estimated.
+    `path`: of the refined motion. Raises `BadFile` where the table of clocks is damaged.
+    """
+    table = path.parent.parent / CLOCKS
+    if not table.is_file():
+        return 0.0
+    try:
+        with table.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        offsets = {file_name(row["trial"]): float(row["offset_s"]) for row in rows}
+        return offsets[path.stem]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        hint = "run the study again with --fresh"
+        raise BadFile(table, f"has no clock of '{path.stem}' ({error})", hint) from error
 
 
 INPUT = Input(name="refined", settings=RefinedFile, open=_open)

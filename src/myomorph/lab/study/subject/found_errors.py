@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from myomorph.body.personalize.personalize import FIBER, FORCE, SLACK, Personalized
+from myomorph.body.refine.options import MASSES
 from myomorph.body.refine.refinement import Refinement
 from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array
@@ -43,7 +44,7 @@ def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
 
 def refined_errors(refinement: Refinement) -> Iterator[ItemSize]:
     """Masses; those that were kept are no surer than before."""
-    if not refinement.masses:
+    if MASSES not in refinement.fit:
         return
     for body, sd in zip(refinement.model.bodies, refinement.mass_sd, strict=True):
         if body.mass > 0.0 and sd > 0.0:

@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.body.refine.fit import refine
 from myomorph.body.refine.options import RefineOptions
-from myomorph.body.refine.refinement import Errors, Refinement, SubjectTrial
+from myomorph.body.refine.refinement import ClockOffset, Errors, Refinement, SubjectTrial
 from myomorph.core.io.sto import table_from_motion, write_sto
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
@@ -28,6 +28,7 @@ from myomorph.lab.study.inputs.error_size_tables import write_error_sizes
 from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.inputs.motion import RecordedMotion
 from myomorph.lab.study.inputs.reading import open_model
+from myomorph.lab.study.inputs.refined import CLOCKS
 from myomorph.lab.study.inputs.soft_tissue import SOFT_TISSUE
 from myomorph.lab.study.step.folder_steps import FolderOutput
 from myomorph.lab.study.step.step import Step
@@ -94,7 +95,9 @@ def refined(
         )
     model = trials[0].model
     pieces = 1 + (
-        max(2, len(recordings)) if options.check and (options.body or options.masses) else 0
+        max(2, len(recordings))
+        if options.check and (options.fits_body or options.fits_masses)
+        else int(options.fits_clock)
     )
     with progress(f"{name}: refinement", pieces * options.iterations, "steps") as advance:
         refinement = refine(
@@ -123,6 +126,8 @@ def write_refined(refined: Made[Refinement], out: Path, tables: Path) -> tuple[s
         write_rows(mass_rows(refinement), folder / "masses.csv")
         write_error_sizes(folder, STEP.name, refined_errors(refinement))
         write_rows(length_rows(refinement), folder / "lengths.csv")
+        if refinement.clocks:
+            write_rows(clock_rows(refinement), folder / CLOCKS)
         (folder / SOFT_TISSUE).write_text(
             tissue_sheet(refinement.soft_tissue).csv(), encoding="utf-8"
         )
@@ -209,6 +214,22 @@ def length_rows(refinement: Refinement) -> Rows:
     ]
 
 
+def clock_rows(refinement: Refinement) -> Rows:
+    """A row for every trial whose clock was estimated: what is to be added to the times of its
+    forces, with its 90 % interval [s], and whether the trial shows it.
+    """
+    return [
+        {
+            "trial": clock.recording,
+            "offset_s": clock.offset.value,
+            "low_s": clock.offset.low,
+            "high_s": clock.offset.high,
+            "shown": "yes" if clock.shown else "no",
+        }
+        for clock in refinement.clocks
+    ]
+
+
 def summary(refinement: Refinement) -> list[str]:
     """What the command says: errors before and after, and what was predicted."""
     weight = refinement.given.mass * float(np.linalg.norm(refinement.given.gravity))
@@ -225,12 +246,22 @@ def summary(refinement: Refinement) -> list[str]:
     ]
     if refinement.soft_tissue is not None:
         lines.append(tissue_line(refinement.soft_tissue))
+    lines += [_clock_line(clock) for clock in refinement.clocks if clock.shown]
     lines += [
         f"{prediction.name}, not used: {_errors(prediction.refined)} (given model"
         f" {_errors(prediction.given)})"
         for prediction in refinement.predictions
     ]
     return lines
+
+
+def _clock_line(clock: ClockOffset) -> str:
+    value = clock.offset.value
+    limits = f"{1e3 * clock.offset.low:+.1f} to {1e3 * clock.offset.high:+.1f}"
+    return (
+        f"{clock.recording}: {1e3 * value:+.1f} ms (90 % {limits}) to be added to the times of"
+        f" forces: --force-shift {value:.4f} of later commands"
+    )
 
 
 def _errors(errors: Errors) -> str:
@@ -244,7 +275,10 @@ def refinement_section(refinement: Refinement) -> Section:
         ("Errors before and after", trial_rows(refinement)),
         ("Masses", mass_rows(refinement)),
         ("Lengths", length_rows(refinement)),
+        ("Clocks of forces", clock_rows(refinement)),
     ):
+        if not rows and title.startswith("Clocks"):
+            continue
         head = tuple(rows[0]) if rows else ()
         cells = tuple(tuple(_cell(value) for value in row.values()) for row in rows)
         grids.append(
