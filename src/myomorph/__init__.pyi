@@ -31,7 +31,7 @@ from .body.refine.refinement import Errors as Errors
 from .body.refine.refinement import Prediction as Prediction
 from .body.refine.refinement import RefinedTrial as RefinedTrial
 from .body.refine.refinement import Refinement as Refinement
-from .body.refine.refinement import SubjectTrial as SubjectTrial
+from .body.refine.subject_trial import SubjectTrial as SubjectTrial
 from .body.shape.center_fit import LengthMatch as LengthMatch
 from .body.shape.points import Links as Links
 from .body.shape.points import MassPoints as MassPoints

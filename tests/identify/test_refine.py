@@ -23,9 +23,10 @@ from myomorph.body.refine.options import RefineOptions
 from myomorph.body.refine.point import Point
 from myomorph.body.refine.predictions import worse
 from myomorph.body.refine.problem import Problem
-from myomorph.body.refine.refinement import Errors, Prediction, RefinedTrial, SubjectTrial
+from myomorph.body.refine.refinement import Errors, Prediction, RefinedTrial
 from myomorph.body.refine.search import solve
 from myomorph.body.refine.spline_basis import WIDTH, Basis
+from myomorph.body.refine.subject_trial import SubjectTrial
 from myomorph.body.refine.trial_data import opened, problem_of
 from myomorph.core.fit.banded import reduce_banded
 from myomorph.core.fit.residuals import NormalEquations

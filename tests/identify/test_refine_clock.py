@@ -16,7 +16,8 @@ from test_simulated_subject import person
 from myomorph.body.refine import kinds
 from myomorph.body.refine.fit import refine
 from myomorph.body.refine.options import RefineOptions
-from myomorph.body.refine.refinement import Refinement, SubjectTrial
+from myomorph.body.refine.refinement import Refinement
+from myomorph.body.refine.subject_trial import SubjectTrial
 from myomorph.core.io.mjcf.read import model_from_mujoco
 from myomorph.core.model.errors import UnknownName
 from myomorph.core.model.inertia import pseudo_inertias

@@ -13,7 +13,8 @@ from test_simulated_subject import person
 from myomorph.body.refine import fit
 from myomorph.body.refine.fit import refine
 from myomorph.body.refine.options import RefineOptions
-from myomorph.body.refine.refinement import Errors, Prediction, SubjectTrial
+from myomorph.body.refine.refinement import Errors, Prediction
+from myomorph.body.refine.subject_trial import SubjectTrial
 from myomorph.core.io.mjcf.read import model_from_mujoco
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.inertia import inertial_parameters

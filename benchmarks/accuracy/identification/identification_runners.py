@@ -21,7 +21,7 @@ from myomorph.body.identify.parts import parts_of
 from myomorph.body.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.body.identify.soft_tissue import Use
 from myomorph.body.identify.subject import GENERIC, IdentificationOptions
-from myomorph.body.refine.refinement import SubjectTrial
+from myomorph.body.refine.subject_trial import SubjectTrial
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
 from myomorph.core.model.soft_tissue import SoftTissue

@@ -28,7 +28,8 @@ from myomorph.body.refine.fit import refine
 from myomorph.body.refine.notes import refined_parts
 from myomorph.body.refine.options import RefineOptions
 from myomorph.body.refine.predictions import errors_on
-from myomorph.body.refine.refinement import Errors, Refinement, SubjectTrial
+from myomorph.body.refine.refinement import Errors, Refinement
+from myomorph.body.refine.subject_trial import SubjectTrial
 from myomorph.body.refine.trial_data import opened
 from myomorph.core.io.mjcf.read import model_from_mujoco
 from myomorph.core.io.osim.setup_parts import read_marker_set

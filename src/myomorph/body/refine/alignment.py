@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from myomorph.body.refine.opened import Opened
 from myomorph.body.refine.options import CLOCK, RefineOptions
 from myomorph.body.refine.search import solve
-from myomorph.body.refine.trial_data import Opened, problem_of, thinned, with_shift
+from myomorph.body.refine.trial_data import problem_of, thinned, with_shift
 from myomorph.core.model.model import Model
 
 

@@ -19,9 +19,9 @@ import numpy as np
 from myomorph.body.refine.frame_kernels import RateSlopes, Setting, difference_frames
 from myomorph.body.refine.kind import Here, KindSlopes
 from myomorph.body.refine.point import Point
-from myomorph.body.refine.problem import Predicted, Problem
+from myomorph.body.refine.problem import Problem
 from myomorph.body.refine.spline_basis import WIDTH, Basis
-from myomorph.body.refine.trial import TrialData, TrialState
+from myomorph.body.refine.trial import Predicted, TrialData, TrialState
 from myomorph.core.fit.banded import BandedEquations
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.rigid.coordinates import Ints
@@ -217,7 +217,7 @@ def linearize_data(problem: Problem, point: Point) -> Equations:
         state = problem.state(point, number)
         predicted = problem.predict(setting, state)
         here = Here(problem=problem, point=point, setting=setting, state=state, predicted=predicted)
-        trials.append(_trial_equations(_rows_of(here, motion), sums))
+        trials.append(_trial_equations(_rows_of(problem, here, motion), sums))
     return Equations(trials=tuple(trials), H=sums.H, g=sums.g)
 
 
@@ -263,15 +263,15 @@ class _Rows:
         return (self.residual_root[frames] * self.predicted.residual[frames]).ravel()
 
 
-def _rows_of(here: Here, coefficients: Array) -> _Rows:
+def _rows_of(problem: Problem, here: Here, coefficients: Array) -> _Rows:
     """Differentiate a recording at a point in all unknowns.
 
     Parameters
     ----------
+    problem : with what is unknown
     here : the recording at the point
     coefficients : (coefficients, free) of its motion
     """
-    problem = here.problem
     trial = here.state.data
     weights = _weights(problem, trial)
     of_markers = np.where(trial.seen, weights.marker * problem.pose.markers.weight, 0.0)
@@ -280,7 +280,7 @@ def _rows_of(here: Here, coefficients: Array) -> _Rows:
         problem=problem,
         basis=trial.basis,
         predicted=here.predicted,
-        slopes=_rate_slopes(here),
+        slopes=_rate_slopes(problem, here),
         kinds=tuple(kind.slopes(here) for kind in problem.fitted),
         marker_root=np.sqrt(np.repeat(of_markers, 3, axis=1)),
         residual_root=of_residual[:, None] / problem.residual_sd,
@@ -289,9 +289,8 @@ def _rows_of(here: Here, coefficients: Array) -> _Rows:
     )
 
 
-def _rate_slopes(here: Here) -> RateSlopes:
+def _rate_slopes(problem: Problem, here: Here) -> RateSlopes:
     """Differentiate markers and residual of all frames in coordinates and rates."""
-    problem = here.problem
     state = here.state
     free = problem.pose.free
     frames = len(state.data.time)

@@ -19,6 +19,7 @@ from myomorph.body.refine.notes import (
     refined_parts,
     worse_note,
 )
+from myomorph.body.refine.opened import Opened
 from myomorph.body.refine.options import LENGTHS, MARKERS, MASSES, RefineOptions
 from myomorph.body.refine.point import Point
 from myomorph.body.refine.predictions import (
@@ -30,15 +31,10 @@ from myomorph.body.refine.predictions import (
     worse,
 )
 from myomorph.body.refine.problem import Problem, generic_parameters
-from myomorph.body.refine.refinement import (
-    Errors,
-    Prediction,
-    RefinedTrial,
-    Refinement,
-    SubjectTrial,
-)
+from myomorph.body.refine.refinement import Errors, Prediction, RefinedTrial, Refinement
 from myomorph.body.refine.search import Solution, certified, settle
-from myomorph.body.refine.trial_data import Opened, opened, problem_of, thinned
+from myomorph.body.refine.subject_trial import SubjectTrial
+from myomorph.body.refine.trial_data import opened, problem_of, thinned
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadModel
 from myomorph.core.model.inertia import with_inertial_parameters

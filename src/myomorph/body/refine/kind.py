@@ -6,23 +6,20 @@ A kind stands in a file of its own, and in the table `kinds.KINDS`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from myomorph.body.refine.frame_kernels import Setting
+from myomorph.body.refine.opened import Opened
 from myomorph.body.refine.options import RefineOptions
+from myomorph.body.refine.point import Point
+from myomorph.body.refine.trial import Predicted, TrialData, TrialState
 from myomorph.core.fit.unknowns import Block
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Model
 from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.tree import TreeArrays
-
-if TYPE_CHECKING:
-    from myomorph.body.refine.point import Point
-    from myomorph.body.refine.problem import Predicted, Problem
-    from myomorph.body.refine.trial import TrialData, TrialState
-    from myomorph.body.refine.trial_data import Opened
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,20 +46,36 @@ class Setup:
     options: RefineOptions
 
 
+class Predictor(Protocol):
+    """The problem, as far as kinds ask it."""
+
+    def predict(self, setting: Setting, state: TrialState) -> Predicted:
+        """Compute errors of markers and residuals of the root."""
+        ...
+
+    def setting_of(self, tree: TreeArrays, point: Point) -> Setting:
+        """Put the markers of a point on a tree."""
+        ...
+
+    def skeleton(self, point: Point) -> Model:
+        """Stretch the skeleton by the lengths of a point; masses as before."""
+        ...
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Here:
     """A recording as it is predicted at a point: where slopes are taken.
 
     Attributes
     ----------
-    problem : with what is unknown
+    problem : that predicts other points too
     point : of the search
     setting : tree and markers there
     state : of the recording
     predicted : errors of its markers and residuals of the root
     """
 
-    problem: Problem
+    problem: Predictor
     point: Point
     setting: Setting
     state: TrialState

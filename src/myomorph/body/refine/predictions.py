@@ -11,12 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from myomorph.body.identify.recordings import needed_wrench
+from myomorph.body.refine.opened import Opened
 from myomorph.body.refine.options import CLOCK, LENGTHS, MASSES, RefineOptions
 from myomorph.body.refine.point import Point
 from myomorph.body.refine.problem import Problem
 from myomorph.body.refine.refinement import Errors, Prediction
 from myomorph.body.refine.search import motions_alone, settle, solve
-from myomorph.body.refine.trial_data import Opened, opened, problem_of, thinned
+from myomorph.body.refine.trial_data import opened, problem_of, thinned
 from myomorph.core.fit.verdict import Verdict
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertia import with_inertial_parameters

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from myomorph.body.refine.lengths import Lengths
 from myomorph.body.refine.masses import Masses
 from myomorph.body.refine.options import RefineOptions
 from myomorph.body.refine.point import Point
-from myomorph.body.refine.trial import TrialData, TrialState
+from myomorph.body.refine.trial import Predicted, TrialData, TrialState
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import inertial_parameters
@@ -36,20 +35,6 @@ from myomorph.core.rigid.frames import over_frames
 from myomorph.core.rigid.tree import TreeArrays, compile_tree
 
 MARKER_NOISE = 0.01  # By default, along one axis on a body of human size [m]
-
-
-class Predicted(NamedTuple):
-    """A recording predicted by a body and a motion.
-
-    Attributes
-    ----------
-    errors : (frames, markers, 3) predicted less observed [m], 0 where unseen
-    residual : (frames, 6) needed less measured, moment about the base and force [N m], [N]; 0 where
-        not used
-    """
-
-    errors: Array
-    residual: Array
 
 
 @read_only

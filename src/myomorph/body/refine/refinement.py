@@ -6,7 +6,7 @@ They are compared with the model before.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,29 +16,8 @@ from myomorph.core.fit.estimation import Estimate
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.interval import Interval
 from myomorph.core.model.model import Model
-from myomorph.core.model.series import Markers, Motion, Wrenches
+from myomorph.core.model.series import Motion
 from myomorph.core.model.soft_tissue import SoftTissue
-from myomorph.core.motion.ik import InverseKinematicsOptions
-
-
-@dataclass(frozen=True, eq=False)
-class SubjectTrial:
-    """One recording of a subject.
-
-    Attributes
-    ----------
-    name : of the recording
-    markers : positions over time [m]
-    time : start and end of what is used [s], None for all
-    wrenches : external forces as recorded, each with its body
-    tracking : options of its inverse kinematics; weights of markers count here too
-    """
-
-    name: str
-    markers: Markers
-    wrenches: Wrenches
-    tracking: InverseKinematicsOptions = field(default_factory=InverseKinematicsOptions)
-    time: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

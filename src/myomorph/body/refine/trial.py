@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -89,3 +90,17 @@ class TrialState:
         the state with it
         """
         return replace(self, wrench=wrench)
+
+
+class Predicted(NamedTuple):
+    """A recording predicted by a body and a motion.
+
+    Attributes
+    ----------
+    errors : (frames, markers, 3) predicted less observed [m], 0 where unseen
+    residual : (frames, 6) needed less measured, moment about the base and force [N m], [N]; 0 where
+        not used
+    """
+
+    errors: Array
+    residual: Array

@@ -15,13 +15,14 @@ from myomorph.body.identify.soft_tissue import usual_tissue
 from myomorph.body.identify.subject import IdentificationOptions, identify
 from myomorph.body.refine.kind import Setup
 from myomorph.body.refine.kinds import kinds_of
+from myomorph.body.refine.opened import Opened
 from myomorph.body.refine.options import RefineOptions
 from myomorph.body.refine.problem import Problem
-from myomorph.body.refine.refinement import SubjectTrial
 from myomorph.body.refine.spline_basis import Basis
+from myomorph.body.refine.subject_trial import SubjectTrial
 from myomorph.body.refine.trial import TrialData
 from myomorph.body.shape.envelope import own_points
-from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.model import Model
@@ -37,37 +38,6 @@ from myomorph.core.rigid.tree import compile_tree
 KNOTS = 4.0  # Knots a period of the cutoff frequency
 FRAMES_A_KNOT = 2.0  # Frames between knots that are enough
 SPACING = 0.02  # Of the mass points in each link's envelope [m]
-
-
-@read_only
-class Opened:
-    """A trial through inverse kinematics, on the markers' clock, with the frames that count.
-
-    Attributes
-    ----------
-    trial : as recorded
-    motion : by inverse kinematics
-    usable : motion and forces on one clock
-    distances : (frames, markers) of the markers [m], NaN where unseen
-    within : (frames,) of the forces' clock that count, None for all
-    shift : added to the times of the forces before they were used [s]
-    """
-
-    trial: SubjectTrial
-    motion: Motion
-    usable: Usable
-    distances: Array
-    within: np.ndarray | None = None
-    shift: float = 0.0
-
-    @property
-    def counted(self) -> Usable:
-        """The recording, of which no more frames are used than count."""
-        if self.within is None:
-            return self.usable
-        return replace(
-            self.usable, recording=replace(self.usable.recording, use=self.usable.use & self.within)
-        )
 
 
 def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:

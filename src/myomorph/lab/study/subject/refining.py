@@ -10,7 +10,8 @@ import numpy as np
 
 from myomorph.body.refine.fit import refine
 from myomorph.body.refine.options import RefineOptions
-from myomorph.body.refine.refinement import ClockOffset, Errors, Refinement, SubjectTrial
+from myomorph.body.refine.refinement import ClockOffset, Errors, Refinement
+from myomorph.body.refine.subject_trial import SubjectTrial
 from myomorph.core.io.sto import table_from_motion, write_sto
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
