@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.body.personalize.fibers import muscle_shapes
+from myomorph.body.personalize.muscle_curves import muscle_shapes
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.errors import BadModel

@@ -9,8 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.body.personalize.fit import HeldOut
-from myomorph.body.personalize.personalize import MuscleEstimate, Personalized
+from myomorph.body.personalize.estimates import MuscleEstimate
+from myomorph.body.personalize.held_out import HeldOut
+from myomorph.body.personalize.personalize import Personalized
+from myomorph.core.fit.verdict import Verdict
 from myomorph.lab.report.trial.personalized import personal_lines
 from myomorph.lab.study.workers.ahead import two_links
 
@@ -24,6 +26,13 @@ def held(score, left):
         left_generic=np.array([7.0, 7.0]),
         left=np.array(left),
         kept=(),
+        verdict=Verdict(
+            kinds=(("torque left", "SD"),),
+            parts=("walk2",),
+            estimate=np.array([[np.mean(left)]]),
+            generic=np.array([[7.0]]),
+            weights=np.array([40.0]),
+        ),
     )
 
 

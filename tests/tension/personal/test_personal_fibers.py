@@ -9,7 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.body.personalize.fibers import LENGTHS, follow, muscle_shapes
+from myomorph.body.personalize.fiber_kernel import Paths
+from myomorph.body.personalize.fibers import follow
+from myomorph.body.personalize.muscle_curves import LENGTHS, muscle_shapes
 from myomorph.body.personalize.prior import sizes_of
 from myomorph.core.io.formats import read_model
 from myomorph.core.muscles.hill import hill_forces, muscle_model
@@ -21,6 +23,17 @@ from truths.simulated_muscles import (
     smooth_activations,
     swings,
 )
+
+
+def paths_of(moved, activations, step=0.01, speeds=None):
+    speeds = moved.muscle_velocity if speeds is None else speeds
+    return Paths(
+        lengths=moved.muscle_length[None],
+        speeds=speeds[None],
+        activations=activations[None],
+        step=step,
+    )
+
 
 TIME = np.arange(0.0, 1.2, 0.01)
 RANGES = {"r_shoulder_elev": (-0.15, 0.4), "r_elbow_flex": (0.3, 2.0)}
@@ -43,32 +56,26 @@ def test_slopes_are_those_of_finite_differences(case, elastic):
     model, _, moved, a = case
     shapes = muscle_shapes(model, elastic)
     sizes = sizes_of(model)
-    given = moved.muscle_length[None], moved.muscle_velocity[None]
-    found = follow(shapes, sizes, *given, a[None], 0.01)
+    paths = paths_of(moved, a)
+    found = follow(shapes, sizes, paths)
     for name, slope in (
         ("fiber", found.by_fiber),
         ("slack", found.by_slack),
         ("strain", found.by_strain),
     ):
         h = 1e-6 * getattr(sizes, name)
-        up = follow(
-            shapes, replace(sizes, **{name: getattr(sizes, name) + 1.0 * h}), *given, a[None], 0.01
-        ).force
-        down = follow(
-            shapes,
-            replace(sizes, **{name: getattr(sizes, name) + (-1.0) * h}),
-            *given,
-            a[None],
-            0.01,
-        ).force
+        longer = replace(sizes, **{name: getattr(sizes, name) + h})
+        shorter = replace(sizes, **{name: getattr(sizes, name) - h})
+        up = follow(shapes, longer, paths).force
+        down = follow(shapes, shorter, paths).force
         difference = (up - down) / (2.0 * h)
         scale = np.abs(difference).max(axis=(0, 1)) + 1e-3 * sizes.force / getattr(sizes, name)
         # Tables are joined with one slope but a jump of curvature: a difference across a joint sees
         # it.
         assert np.quantile(np.abs(difference - slope) / scale, 0.99) < 1e-4, name
     h = 1e-6
-    up = follow(shapes, sizes, *given, (a + 1.0 * h)[None], 0.01).force
-    down = follow(shapes, sizes, *given, (a + (-1.0) * h)[None], 0.01).force
+    up = follow(shapes, sizes, paths_of(moved, a + h)).force
+    down = follow(shapes, sizes, paths_of(moved, a - h)).force
     scale = np.abs(found.by_activation).max(axis=(0, 1))
     assert np.quantile(np.abs((up - down) / (2.0 * h) - found.by_activation) / scale, 0.99) < 1e-4
 
@@ -79,14 +86,7 @@ def test_forces_are_those_of_an_independent_integrator(case):
         theirs = integrated_degroote(model, moved.muscle_length, TIME, a)
     else:
         theirs = integrated_forces(model, motion, a)
-    ours = follow(
-        muscle_shapes(model),
-        sizes_of(model),
-        moved.muscle_length[None],
-        moved.muscle_velocity[None],
-        a[None],
-        0.01,
-    ).force[0]
+    ours = follow(muscle_shapes(model), sizes_of(model), paths_of(moved, a)).force[0]
     settled = slice(20, None)
     error = np.sqrt(np.mean((ours - theirs)[settled] ** 2, axis=0)) / theirs.max(axis=0)
     assert error.max() < 0.02
@@ -97,14 +97,7 @@ def test_rigid_tendons_give_the_forces_of_hill_forces(case):
     model, _, moved, a = case
     known = hill_forces(model, moved.muscle_length, moved.muscle_velocity)
     wanted = a * known.active + known.passive
-    found = follow(
-        muscle_shapes(model, False),
-        sizes_of(model),
-        moved.muscle_length[None],
-        moved.muscle_velocity[None],
-        a[None],
-        0.01,
-    )
+    found = follow(muscle_shapes(model, False), sizes_of(model), paths_of(moved, a))
     scale = sizes_of(model).force
     damped = np.array([one.parameters.get("fiber_damping", 0.0) for one in model.muscles])
     assert not damped.any()
@@ -115,9 +108,8 @@ def test_frames_held_still_are_in_equilibrium(case):
     model, _, moved, a = case
     shapes = muscle_shapes(model)
     sizes = sizes_of(model)
-    found = follow(
-        shapes, sizes, moved.muscle_length[None], 0.0 * moved.muscle_length[None], a[None], np.inf
-    )
+    still = np.zeros_like(moved.muscle_length)
+    found = follow(shapes, sizes, paths_of(moved, a, step=np.inf, speeds=still))
     x = found.length[0]
     w = np.sqrt(x**2 - shapes.sine**2)
     pull = (

@@ -10,15 +10,19 @@ import numpy as np
 import pytest
 from benchmarks.accuracy.tension.personalize import ARM, CAREFUL, passive_trial
 
-from myomorph.body.personalize.fibers import MuscleSizes, muscle_shapes
-from myomorph.body.personalize.fit import fit, held_out, split
+from myomorph.body.personalize.fibers import MuscleSizes
+from myomorph.body.personalize.fit import fit
 from myomorph.body.personalize.generic_map import map_generic
+from myomorph.body.personalize.held_out import held_out, split
+from myomorph.body.personalize.muscle_curves import muscle_shapes
+from myomorph.body.personalize.muscle_problem import MuscleProblem, muscle_unknowns
 from myomorph.body.personalize.personalize import PersonalizeOptions, personalize
 from myomorph.body.personalize.prior import PriorOptions, prior_of, sizes_of, with_sizes
 from myomorph.body.personalize.recordings import PersonalTrial, torque_floors, windows_of
+from myomorph.core.fit.residuals import Rows
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.osim.write import write_osim
-from myomorph.core.model.errors import BadData, BadModel
+from myomorph.core.model.errors import BadData, BadModel, UnknownName
 from myomorph.core.model.series import Series
 from truths.simulated_muscles import (
     Spread,
@@ -54,6 +58,16 @@ def someone(arm26):
         for k, motion in enumerate(motions)
     ]
     return own, [*trials, passive_trial(arm26, own, ARM, rng)]
+
+
+def problem_of(model, trials):
+    windows, rows = windows_of(model, trials)
+    return MuscleProblem(
+        prior=prior_of(model, windows, rows, PriorOptions(), np.zeros(6, bool)),
+        shapes=muscle_shapes(model),
+        windows=tuple(windows),
+        floors=torque_floors(model, rows, windows),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -115,21 +129,20 @@ def test_generic_values_are_kept_where_they_explain_more(arm26, someone):
     """Fitted parameters of one group are replaced by wrong ones: held out, its generic values are
     better and stay.
     """
-    trials = someone[1][:2]
-    shapes = muscle_shapes(arm26)
-    windows, rows = windows_of(arm26, trials)
-    prior = prior_of(arm26, shapes, windows, rows, PriorOptions(), np.zeros(6, bool))
-    seen, unseen = split(windows)
-    floors = torque_floors(arm26, rows, windows)
-    fitted = fit(prior, shapes, seen, floors)
+    problem = problem_of(arm26, someone[1][:2])
+    prior = problem.prior
+    parts = split(problem.windows)
+    seen = problem.of(parts.seen)
+    fitted = fit(seen)
     g = prior.groups.index("elbow_flex +")
     wrong = fitted.p.copy()
-    wrong[prior.parts[1].start + np.flatnonzero(prior.group == g)] -= 0.35
-    wrong[prior.parts[2].start + g] = -1.0
-    checked, p = held_out(prior, shapes, seen, unseen, floors, replace(fitted, p=wrong))
+    wrong[prior.parts.points.start + np.flatnonzero(prior.group == g)] -= 0.35
+    wrong[prior.parts.strength.start + g] = -1.0
+    fitted = replace(fitted, posterior=replace(fitted.posterior, x=wrong))
+    checked, p = held_out(seen, parts.unseen, fitted)
     assert "elbow_flex +" in checked.kept
-    assert p[prior.parts[2].start + g] == 0.0
-    told, same = held_out(prior, shapes, seen, unseen, floors, replace(fitted, p=wrong), keep=False)
+    assert p[prior.parts.strength.start + g] == 0.0
+    told, same = held_out(seen, parts.unseen, fitted, keep=False)
     assert "elbow_flex +" in told.kept
     np.testing.assert_array_equal(same, wrong)
 
@@ -164,18 +177,60 @@ def test_the_range_of_fibers_that_is_assumed_makes_no_interval_narrower(
     arm26, someone, monkeypatch
 ):
     """At the same parameters; while it pulls the muscles, recordings say as much as without it."""
-    shapes = muscle_shapes(arm26)
-    windows, rows = windows_of(arm26, someone[1][:1])
-    prior = prior_of(arm26, shapes, windows, rows, PriorOptions(), np.zeros(6, bool))
-    floors = torque_floors(arm26, rows, windows)
-    plain = fit(prior, shapes, windows, floors, steps=1)
-    pull = 50.0 * np.eye(len(plain.p))[:12]
+    problem = problem_of(arm26, someone[1][:1])
+    plain = fit(problem, steps=1)
+    pull = Rows(residuals=np.full(12, -5.0), slopes=50.0 * np.eye(len(plain.p))[:12])
     monkeypatch.setattr(
-        "myomorph.body.personalize.fit._outside", lambda *_: (pull, np.full(12, 5.0))
+        "myomorph.body.personalize.muscle_problem._fiber_range_rows", lambda *_: pull
     )
-    pulled = fit(prior, shapes, windows, floors, steps=1)
+    pulled = fit(problem, steps=1)
     assert np.abs(pulled.p - plain.p).max() > 0.05
     np.testing.assert_allclose(pulled.covariance, plain.covariance, rtol=1e-9)
+
+
+def test_the_estimate_certifies_itself(found):
+    estimate = found.estimate
+    assert estimate.search.converged
+    assert estimate.verdict.better
+    assert estimate.verdict.parts == ("swing 2",)
+    lines = "\n".join(estimate.certificate)
+    assert "torques of swing 0" in lines
+    assert "predicts swing 2 better than the generic values: torque left" in lines
+    # An unknown is found by its name.
+    gain = estimate.posterior.interval("TRIlong log gain")
+    assert gain.low < gain.value < gain.high
+
+
+def test_any_subset_of_the_parameters_is_fitted(arm26, someone):
+    options = PersonalizeOptions(fit=("strength", "gains"), hold_out=False)
+    some = personalize(arm26, someone[1][:1], options)
+    values = some.estimate.values
+    assert not values["fibers"].any()
+    assert not values["points"].any()
+    assert not values["passive"].any()
+    assert values["strength"].all()
+    for one in some.estimates:
+        if one.parameter in (FIBER, SLACK):
+            assert one.person == pytest.approx(one.generic, rel=1e-12)
+            assert np.isnan(one.low)
+    with pytest.raises(UnknownName, match="tendons"):
+        PersonalizeOptions(fit=("tendons",))
+    with pytest.raises(BadData, match="nothing to fit"):
+        PersonalizeOptions(fit=())
+
+
+def test_every_muscle_keeps_a_tendon(arm26, someone):
+    """Operating points are limited by how long the fibers are."""
+    prior = problem_of(arm26, someone[1][:1]).prior
+    unknowns = muscle_unknowns(prior)
+    far = np.zeros(len(unknowns))
+    far[prior.parts.fibers] = 5.0
+    far[prior.parts.points] = 5.0
+    within = unknowns.within(far)
+    sizes = prior.sizes(within)
+    bound = within[prior.parts.points] == -prior.bound[prior.parts.points]
+    assert np.all((sizes.slack >= 0.3 * prior.start.slack - 1e-12) | bound)
+    assert np.any(within[prior.parts.points] < prior.bound[prior.parts.points])
 
 
 def test_nothing_to_fit_to_is_refused(arm26):
@@ -213,8 +268,8 @@ def test_passive_torques_of_one_joint_at_a_time_are_enough(arm26, someone):
     two = personalize(arm26, halves, options)
     # Errors of neighbouring poses are looked for recording by recording, so that weights differ a
     # little.
-    spread = np.sqrt(np.diag(one.fitted.covariance))
-    assert np.all(np.abs(one.fitted.p - two.fitted.p) < 0.3 * spread)
+    apart = one.estimate.posterior.x - two.estimate.posterior.x
+    assert np.all(np.abs(apart) < 0.3 * one.estimate.posterior.sd)
     fitted = [est for est in one.estimates if est.parameter == SLACK and est.identifiable != "no"]
     assert fitted
     for est in fitted:

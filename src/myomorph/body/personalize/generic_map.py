@@ -12,23 +12,30 @@ the ranges of all coordinates together, so that one set of paths serves every mu
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
-from myomorph.body.personalize.fibers import follow, muscle_shapes
+from myomorph.body.personalize.fiber_kernel import Paths
+from myomorph.body.personalize.fibers import follow
+from myomorph.body.personalize.muscle_curves import muscle_shapes
 from myomorph.body.personalize.prior import sizes_of
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadModel
 from myomorph.core.model.model import Model
+from myomorph.core.model.paths import Muscle
+from myomorph.core.muscles.hill import muscle_model
 from myomorph.core.muscles.path import compile_paths
 from myomorph.core.tension.terms.actuators import balanced_coordinates
 
 POSES = 1024
 # Normalized fiber lengths of the generic model's poses that count, as in the source
 REACH = (0.5, 1.5)
-MIN_COUNT = 10
+MIN_TENDON = 0.98  # Normalized length of a tendon that carries
+MIN_COUNT = 10  # Poses
 
 
 @read_only
@@ -80,65 +87,125 @@ def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap
             " ...)"
         )
     reference, own = _lengths(generic, scaled, poses)
+    working = _working(generic, reference)
+    of_generic = [generic.muscle_names.index(name) for name in names]
+    of_scaled = [scaled.muscle_names.index(name) for name in names]
+    maps = [
+        _mapped(working, g, generic.muscles[g], own[:, m])
+        for g, m in zip(of_generic, of_scaled, strict=True)
+    ]
+    model = _with_lengths(scaled, dict(zip(of_scaled, maps, strict=True)))
+    wanted = working.length[:, of_generic]
+    before = _active_lengths(scaled, own)[:, of_scaled]
+    after = _active_lengths(model, own)[:, of_scaled]
+    alone = [name for name in scaled.muscle_names if name not in names]
+    notes = [f"muscle '{name}' is not in the generic model: it keeps its lengths" for name in alone]
+    return GenericMap(
+        model=model,
+        muscles=names,
+        poses=np.array([mapped.poses for mapped in maps], np.float64),
+        before=_rms_difference(before, wanted),
+        after=_rms_difference(after, wanted),
+        notes=(*notes, *(mapped.note for mapped in maps if mapped.note)),
+    )
+
+
+def _with_lengths(scaled: Model, maps: Mapping[int, _Mapped]) -> Model:
+    """Give muscles, by their number, the lengths that were found."""
+    muscles = list(scaled.muscles)
+    for m, mapped in maps.items():
+        if not mapped.note:
+            muscles[m] = replace(
+                muscles[m], optimal_fiber_length=mapped.fiber, tendon_slack_length=mapped.slack
+            )
+    return replace(scaled, muscles=tuple(muscles))
+
+
+class _Working(NamedTuple):
+    """Where fully active muscles of the generic model work, (poses, muscles) each.
+
+    Attributes
+    ----------
+    length : normalized fiber length
+    along : the same along the tendon
+    tendon : normalized tendon length
+    """
+
+    length: Array
+    along: Array
+    tendon: Array
+
+
+def _working(generic: Model, lengths: Array) -> _Working:
+    """Bring all muscles to equilibrium in all poses.
+
+    Parameters
+    ----------
+    lengths : (poses, muscles) of the paths [m]
+    """
     shapes = muscle_shapes(generic)
     sizes = sizes_of(generic)
-    x = _active_lengths(generic, reference)
-    w = np.sqrt(np.maximum(x**2 - shapes.sine**2, 0.0))
-    tendon = np.where(
-        shapes.rigid, 1.0, (reference - sizes.fiber * w) / np.maximum(sizes.slack, 1e-9)
-    )
-    before = _active_lengths(scaled, own)
-    others = (name for name in scaled.muscle_names if name not in names)
-    notes = [
-        f"muscle '{name}' is not in the generic model: it keeps its lengths" for name in others
-    ]
-    muscles = list(scaled.muscles)
-    counts = np.zeros(len(names))
-    pick = (
-        [generic.muscle_names.index(name) for name in names],
-        [scaled.muscle_names.index(name) for name in names],
-    )
-    for index, (name, g, m) in enumerate(zip(names, *pick, strict=True)):
-        good = (
-            (x[:, g] > REACH[0])
-            & (x[:, g] < REACH[1])
-            & (tendon[:, g] >= 0.98)
-            & np.isfinite(own[:, m])
+    x = _active_lengths(generic, lengths)
+    along = np.sqrt(np.maximum(x**2 - shapes.sine**2, 0.0))
+    stretched = (lengths - sizes.fiber * along) / np.maximum(sizes.slack, 1e-9)
+    return _Working(length=x, along=along, tendon=np.where(shapes.rigid, 1.0, stretched))
+
+
+class _Mapped(NamedTuple):
+    """Lengths of one muscle [m], the poses that counted, and why it keeps its lengths, or ""."""
+
+    fiber: float
+    slack: float
+    poses: int
+    note: str = ""
+
+
+def _mapped(working: _Working, g: int, muscle: Muscle, path: Array) -> _Mapped:
+    """Find the lengths of one muscle.
+
+    Parameters
+    ----------
+    working : of the generic model
+    g : number of the muscle there
+    muscle : of the generic model
+    path : (poses,) of the scaled model [m]
+    """
+    low, high = REACH
+    x = working.length[:, g]
+    tendon = working.tendon[:, g]
+    good = (x > low) & (x < high) & (tendon >= MIN_TENDON) & np.isfinite(path)
+    poses = int(good.sum())
+    if poses < MIN_COUNT:
+        note = (
+            f"muscle '{muscle.name}': its fibers work between {low:g} and {high:g} optimal"
+            f" lengths in {poses} of {len(path)} poses of the generic model: it keeps its lengths"
         )
-        counts[index] = good.sum()
-        if counts[index] < MIN_COUNT:
-            notes.append(
-                f"muscle '{name}': its fibers work between {REACH[0]:g} and {REACH[1]:g} optimal"
-                f" lengths in {int(counts[index])} of {poses} poses of the generic model: it keeps"
-                " its lengths"
-            )
-            continue
-        lo, ls = _least_squares(
-            w[good, g], tendon[good, g], own[good, m], sizes.fiber[g], sizes.slack[g]
-        )
-        if not (lo > 0.0 and ls > 0.0):
-            notes.append(
-                f"muscle '{name}': no positive lengths map its poses: it keeps its lengths"
-            )
-            continue
-        muscles[m] = replace(muscles[m], optimal_fiber_length=lo, tendon_slack_length=ls)
-    mapped = replace(scaled, muscles=tuple(muscles))
-    after = _active_lengths(mapped, own)
-    counted = (x[:, pick[0]] > REACH[0]) & (x[:, pick[0]] < REACH[1])
-    error = [
-        np.where(counted, values[:, pick[1]] - x[:, pick[0]], np.nan) for values in (before, after)
-    ]
-    shown = [
-        np.sqrt(np.nansum(item**2, axis=0) / np.maximum(counted.sum(axis=0), 1)) for item in error
-    ]
-    return GenericMap(
-        model=mapped,
-        muscles=names,
-        poses=counts,
-        before=shown[0],
-        after=shown[1],
-        notes=tuple(notes),
+        return _Mapped(fiber=np.nan, slack=np.nan, poses=poses, note=note)
+    sizes = muscle_model(muscle).sizes(muscle)
+    lo, ls = _least_squares(
+        working.along[good, g], tendon[good], path[good], sizes.fiber, sizes.tendon
     )
+    note = ""
+    if not (lo > 0.0 and ls > 0.0):
+        note = f"muscle '{muscle.name}': no positive lengths map its poses: it keeps its lengths"
+    return _Mapped(fiber=lo, slack=ls, poses=poses, note=note)
+
+
+def _rms_difference(lengths: Array, wanted: Array) -> Array:
+    """Compute by how much normalized lengths differ where the wanted ones count.
+
+    Parameters
+    ----------
+    lengths, wanted : (poses, muscles)
+
+    Returns
+    -------
+    (muscles,) root mean square over poses
+    """
+    low, high = REACH
+    counted = (wanted > low) & (wanted < high)
+    error = np.where(counted, lengths - wanted, np.nan)
+    return np.sqrt(np.nansum(error**2, axis=0) / np.maximum(counted.sum(axis=0), 1))
 
 
 def _least_squares(
@@ -174,26 +241,22 @@ def _lengths(generic: Model, scaled: Model, poses: int) -> tuple[Array, Array]:
     -------
     (poses, muscles) of each [m]
     """
-    shared = [
-        coordinate
-        for coordinate in balanced_coordinates(generic)
-        if coordinate in scaled.coordinate_names
-    ]
+    free = balanced_coordinates(generic)
+    shared = [coordinate for coordinate in free if coordinate in scaled.coordinate_names]
     ranges = {coordinate.name: coordinate.range for coordinate in generic.coordinates}
-    unit = (
-        scipy.stats.qmc.Halton(len(shared), scramble=False).random(poses)
-        if shared
-        else np.zeros((poses, 0))
-    )
+    unit = np.zeros((poses, 0))
+    if shared:
+        unit = scipy.stats.qmc.Halton(len(shared), scramble=False).random(poses)
     results = []
     for model in (generic, scaled):
-        c = np.tile([coordinate.default for coordinate in model.coordinates], (poses, 1))
-        for index, name in enumerate(shared):
+        values = np.tile([coordinate.default for coordinate in model.coordinates], (poses, 1))
+        for share, name in zip(unit.T, shared, strict=True):
             low, high = ranges[name]
             if np.isfinite(low) and np.isfinite(high):
-                c[:, model.coordinate_names.index(name)] = low + unit[:, index] * (high - low)
-        results.append(compile_paths(model).evaluate(c)[0])
-    return results[0], results[1]
+                values[:, model.coordinate_names.index(name)] = low + share * (high - low)
+        results.append(compile_paths(model).evaluate(values)[0])
+    of_generic, of_scaled = results
+    return of_generic, of_scaled
 
 
 def _active_lengths(model: Model, lengths: Array) -> Array:
@@ -208,6 +271,5 @@ def _active_lengths(model: Model, lengths: Array) -> Array:
     (poses, muscles)
     """
     active = np.ones_like(lengths)[None]
-    return follow(
-        muscle_shapes(model), sizes_of(model), lengths[None], 0.0 * active, active, np.inf
-    ).length[0]
+    paths = Paths(lengths=lengths[None], speeds=0.0 * active, activations=active, step=np.inf)
+    return follow(muscle_shapes(model), sizes_of(model), paths).length[0]

@@ -14,18 +14,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.body.personalize.fibers import MuscleShapes, MuscleSizes
+from myomorph.body.personalize.fibers import MuscleSizes
+from myomorph.body.personalize.muscle_groups import muscle_groups, shared_emg, side_pairs
 from myomorph.body.personalize.recordings import Windows
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
-from myomorph.core.model.frozen_map import FrozenMap, grouped
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
-from myomorph.core.model.sides import split_side
 from myomorph.core.muscles.hill import MODELS, compile_hill, muscle_model
 
 FIBER_BOUND = np.log(1.6)
@@ -36,7 +36,7 @@ GAIN_BOUND = np.log(5.0)
 """Farthest from the prior: of the logarithms of fiber length, strength, passive strain and gain,
 and of the shift.
 """
-LEAST_SLACK = 0.3  # Of the tendon slack length of the model that personalization begins with
+MIN_SLACK = 0.3  # Of the tendon slack length of the model that personalization begins with
 PHYSIOLOGICAL = (0.5, 1.4)
 """Normalized fiber lengths that a recording is expected to stay in (Arnold and Delp 2011; Modenese
 et al. 2016).
@@ -81,12 +81,29 @@ class PriorOptions:
             raise BadData(f"the correlation of sides is {self.sides:g}: expected 0 to below 1")
 
 
+class Parts(NamedTuple):
+    """Where the five kinds of parameters lie in a vector of all, which is the only order there is.
+
+    Attributes
+    ----------
+    fibers : log of the optimal fiber length of each muscle
+    points : shift of the operating point of each muscle
+    strength, passive : log of strength and passive strain of each group
+    gains : log of gains of EMG, then of levels of muscles without it
+    """
+
+    fibers: slice
+    points: slice
+    strength: slice
+    passive: slice
+    gains: slice
+
+
 @read_only
 class Prior:
     """Parameters p of a person's muscles, and what is known of them.
 
-    They are, in this order, log fiber and shift of the operating point of each muscle, log strength
-    and log passive strain of each group, log gains of EMG and levels of muscles without it.
+    Their order is that of `Parts`; all are 0 before the recordings.
 
     Attributes
     ----------
@@ -122,13 +139,20 @@ class Prior:
     bound: Array
 
     @property
-    def parts(self) -> tuple[slice, slice, slice, slice, slice]:
+    def parts(self) -> Parts:
         """Where the five kinds of parameters lie."""
         muscles = len(self.names)
         groups = len(self.groups)
-        sizes = (muscles, muscles, groups, groups, len(self.gains) + self.levels)
-        ends = np.cumsum([0, *sizes]).tolist()
-        return tuple(slice(*pair) for pair in pairwise(ends))  # type: ignore[return-value]
+        strength = 2 * muscles
+        passive = strength + groups
+        gains = passive + groups
+        return Parts(
+            fibers=slice(0, muscles),
+            points=slice(muscles, strength),
+            strength=slice(strength, passive),
+            passive=slice(passive, gains),
+            gains=slice(gains, gains + len(self.gains) + self.levels),
+        )
 
     def sizes(self, p: Array) -> MuscleSizes:
         """Compute the muscles at some parameters.
@@ -145,15 +169,15 @@ class Prior:
         -------
         lengths [m], strengths [N] and strain factors
         """
-        fiber, point, force, strain, _ = self.parts
-        lo = self.start.fiber * np.exp(p[fiber])
-        slack = self.reference - (self.point + p[point]) * lo
-        rise = np.exp(p[force])[self.group]
+        parts = self.parts
+        lo = self.start.fiber * np.exp(p[parts.fibers])
+        strength = np.exp(p[parts.strength])[self.group]
+        passive = np.exp(p[parts.passive])[self.group]
         return MuscleSizes(
             fiber=lo,
-            slack=slack,
-            force=self.start.force * rise,
-            strain=self.start.strain * np.exp(p[strain])[self.group],
+            slack=self.reference - (self.point + p[parts.points]) * lo,
+            force=self.start.force * strength,
+            strain=self.start.strain * passive,
         )
 
     def gains_of(self, p: Array) -> Array:
@@ -167,37 +191,41 @@ class Prior:
         -------
         (muscles,)
         """
-        every = np.append(np.exp(p[self.parts[4]]), 1.0)
+        every = np.append(np.exp(p[self.parts.gains]), 1.0)
         return every[self.gain]
 
-    def kept(self, p: Array) -> Array:
-        """Keep parameters within their bounds, with a tendon left to every muscle.
+    def with_tendons(self, fibers: Array, points: Array) -> Array:
+        """Limit shifts of operating points so that a tendon is left to every muscle.
+
+            ls >= `MIN_SLACK` ls_0
 
         Parameters
         ----------
-        p : (parameters,)
+        fibers : (muscles,) logarithms of optimal fiber lengths
+        points : (muscles,) shifts within their bounds
 
         Returns
         -------
-        (parameters,)
+        (muscles,) shifts
         """
-        p = np.clip(p, -self.bound, self.bound)
-        fiber, point = self.parts[:2]
-        least = LEAST_SLACK * self.start.slack
-        most = (self.reference - least) / (self.start.fiber * np.exp(p[fiber])) - self.point
-        p[point] = np.minimum(p[point], np.maximum(most, -self.bound[point]))
-        return p
+        longest = self.reference - MIN_SLACK * self.start.slack
+        most = longest / (self.start.fiber * np.exp(fibers)) - self.point
+        return np.minimum(points, np.maximum(most, -self.bound[self.parts.points]))
 
 
 def sizes_of(model: Model) -> MuscleSizes:
     """Return a model's own muscles."""
-    H = compile_hill(model)
-    return MuscleSizes(fiber=H.fiber, slack=H.tendon, force=H.force, strain=np.ones(len(H.fiber)))
+    muscles = compile_hill(model)
+    return MuscleSizes(
+        fiber=muscles.fiber,
+        slack=muscles.tendon,
+        force=muscles.force,
+        strain=np.ones(len(muscles.fiber)),
+    )
 
 
 def prior_of(
     model: Model,
-    shapes: MuscleShapes,
     windows: Sequence[Windows],
     rows: Sequence[str],
     options: PriorOptions,
@@ -208,7 +236,6 @@ def prior_of(
     Parameters
     ----------
     model : that personalization begins with
-    shapes : curves of its muscles
     windows : recordings
     rows : names of the coordinates that are compared
     options : spreads between people
@@ -220,50 +247,75 @@ def prior_of(
     parameters with their spread and bounds
     """
     start = sizes_of(model)
-    mean = np.mean(np.concatenate([window.lengths[window.counted] for window in windows]), axis=0)
-    point = np.clip((mean - start.slack) / start.fiber, PHYSIOLOGICAL[0], PHYSIOLOGICAL[1])
-    # The reference path length belongs to the point: where the point was moved into range, so is
-    # the path.
-    reference = start.slack + point * start.fiber
+    lengths = np.concatenate([window.lengths[window.counted] for window in windows])
+    low, high = PHYSIOLOGICAL
+    point = np.clip((np.mean(lengths, axis=0) - start.slack) / start.fiber, low, high)
     groups, group = muscle_groups(model, windows, rows)
-    gains, gain = _shared_emg(model.muscle_names, windows)
-    muscles = len(model.muscles)
+    gains, gain = shared_emg(model.muscle_names, windows)
     # The mean activation of a muscle without EMG lasts: as an error of each frame it would look
     # known.
-    levels = (
-        np.flatnonzero(gain < 0)
-        if any(np.isfinite(window.step) for window in windows)
-        else np.zeros(0, np.int64)
-    )
+    levels = np.zeros(0, np.int64)
+    if not all(window.at_rest for window in windows):
+        levels = np.flatnonzero(gain < 0)
     gain[levels] = len(gains) + np.arange(len(levels))
-    counts = (muscles, muscles, len(groups), len(groups), len(gains), len(levels))
-    spreads = (
-        options.fiber_spread,
-        options.point_spread,
-        options.strength_spread,
-        options.passive_spread,
-        options.gain_spread,
-        LEVEL_SPREAD,
-    )
-    bounds = (FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND, GAIN_BOUND)
-    deviation = np.repeat(spreads, counts)
-    for part in range(2):
-        deviation[part * muscles : (part + 1) * muscles][fixed] = 0.0
-    precision = _precision(deviation, _pairs(model.muscle_names), muscles, options.sides)
+
+    known = _known_parameters(options, fixed, len(groups), len(gains), len(levels))
+    pairs = side_pairs(model.muscle_names)
     return Prior(
         names=model.muscle_names,
         start=start,
         point=point,
-        reference=reference,
+        # The reference path length belongs to the point: where the point was moved into range, so
+        # is the path.
+        reference=start.slack + point * start.fiber,
         groups=groups,
         group=group,
         gain=gain,
         gains=gains,
         levels=len(levels),
-        deviation=deviation,
-        precision=precision,
-        bound=np.repeat(bounds, counts),
+        deviation=known.deviation,
+        precision=_precision(known.deviation, pairs, len(model.muscles), options.sides),
+        bound=known.bound,
     )
+
+
+class _Known(NamedTuple):
+    """Standard deviation before the recordings, and bound, of each parameter (parameters,)."""
+
+    deviation: Array
+    bound: Array
+
+
+def _known_parameters(
+    options: PriorOptions, fixed: np.ndarray, groups: int, gains: int, levels: int
+) -> _Known:
+    """Lay out spreads and bounds in the order of `Parts`.
+
+    Parameters
+    ----------
+    options : spreads between people
+    fixed : (muscles,) muscles that keep their lengths
+    groups, gains, levels : numbers of them
+    """
+    muscles = len(fixed)
+    free = np.where(fixed, 0.0, 1.0)
+    deviation = (
+        options.fiber_spread * free,
+        options.point_spread * free,
+        np.full(groups, options.strength_spread),
+        np.full(groups, options.passive_spread),
+        np.full(gains, options.gain_spread),
+        np.full(levels, LEVEL_SPREAD),
+    )
+    bound = (
+        np.full(muscles, FIBER_BOUND),
+        np.full(muscles, POINT_BOUND),
+        np.full(groups, FORCE_BOUND),
+        np.full(groups, STRAIN_BOUND),
+        np.full(gains, GAIN_BOUND),
+        np.full(levels, GAIN_BOUND),
+    )
+    return _Known(deviation=np.concatenate(deviation), bound=np.concatenate(bound))
 
 
 def _precision(
@@ -290,71 +342,6 @@ def _precision(
             shared = correlation * deviation[first + i] * deviation[first + j]
             covariance[first + i, first + j] = covariance[first + j, first + i] = shared
     return np.linalg.inv(covariance)
-
-
-def _pairs(names: Sequence[str]) -> list[tuple[int, int]]:
-    """Find muscles of the same name on both sides."""
-    by_name: dict[str, dict[str, int]] = {}
-    for m, name in enumerate(names):
-        base, side = split_side(name)
-        if side:
-            by_name.setdefault(base, {})[side] = m
-    return [tuple(result.values()) for result in by_name.values() if len(result) == 2]  # type: ignore[misc]
-
-
-def muscle_groups(
-    model: Model, windows: Sequence[Windows], rows: Sequence[str]
-) -> tuple[tuple[str, ...], NDArray[np.int64]]:
-    """Group muscles by what they do most.
-
-    It is the coordinate and sense of the largest mean moment arm, both sides together.
-
-    Parameters
-    ----------
-    model : with the muscles
-    windows : recordings
-    rows : names of the coordinates that are compared
-
-    Returns
-    -------
-    names, as "knee_angle +", and (muscles,) the group of each muscle
-    """
-    mean = np.mean(np.concatenate([window.arms[window.counted] for window in windows]), axis=0)
-    labels = []
-    for m, name in enumerate(model.muscle_names):
-        row = int(np.argmax(np.abs(mean[:, m])))
-        if not abs(mean[row, m]) > 0.0:
-            labels.append(split_side(name)[0])
-            continue
-        labels.append(f"{split_side(rows[row])[0]} {'+' if mean[row, m] > 0.0 else '-'}")
-    names = tuple(dict.fromkeys(labels))
-    return names, np.array([names.index(label) for label in labels], np.int64)
-
-
-def _shared_emg(
-    names: Sequence[str], windows: Sequence[Windows]
-) -> tuple[tuple[str, ...], NDArray[np.int64]]:
-    """Let muscles whose EMG is the same all along share a gain.
-
-    Recordings at rest know none.
-
-    Returns
-    -------
-    names of the muscles that share each gain, and (muscles,) its number, -1 without EMG
-    """
-    count = len(names)
-    gain = np.full(len(names), -1, np.int64)
-    targets = [window.emg.reshape(-1, count) for window in windows if np.isfinite(window.step)]
-    columns = enumerate(np.concatenate([np.zeros((0, count)), *targets]).T)
-    known = (
-        (np.nan_to_num(column, nan=-1.0).tobytes(), m)
-        for m, column in columns
-        if np.isfinite(column).any()
-    )
-    members = list(grouped(known).values())
-    for number, muscles in enumerate(members):
-        gain[muscles] = number
-    return tuple(" ".join(names[m] for m in muscles) for muscles in members), gain
 
 
 def with_sizes(model: Model, sizes: MuscleSizes, before: MuscleSizes) -> Model:

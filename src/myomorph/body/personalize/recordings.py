@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
@@ -29,6 +31,7 @@ LEAD = 0.15
 lengths.
 """
 MIN_COUNT = 6  # Frames of a recording
+MAX_GAP = 1.5  # To the nearest sample, in median distances of samples: beyond, nothing is known
 LEAST_ERROR = 0.1
 LEAST_SHARE = 0.01
 """Least errors of torques: a share of the reserves' strength, and of the torques' root mean square.
@@ -88,6 +91,11 @@ class Windows:
     counted: np.ndarray
     step: float
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether muscles were at rest and every frame held still."""
+        return not np.isfinite(self.step)
+
 
 def windows_of(
     model: Model, trials: Sequence[PersonalTrial]
@@ -109,9 +117,8 @@ def windows_of(
         moment arm about a free coordinate whose torque is known
     """
     read = [_Read(model, trial) for trial in trials]
-    reach = np.max(
-        [np.abs(np.nan_to_num(recording.arms)).max(axis=(0, 2)) for recording in read], axis=0
-    )
+    longest = [np.abs(np.nan_to_num(recording.arms)).max(axis=(0, 2)) for recording in read]
+    reach = np.max(longest, axis=0)
     kept = reach > LEAST_ARM * reach.max(initial=0.0)
     # What no recording measured, as joints without a passive torque, is not compared.
     kept &= np.any([np.isfinite(recording.torques).any(axis=0) for recording in read], axis=0)
@@ -125,7 +132,18 @@ def windows_of(
 
 
 class _Read:
-    """One recording on its own clock: paths, moment arms, torques and EMG."""
+    """One recording on its own clock: paths, moment arms, torques and EMG.
+
+    Attributes
+    ----------
+    trial : the recording
+    time : (frames,) [s]
+    lengths, speeds : (frames, muscles) of the paths [m], [m/s]
+    rows : names of the coordinates whose torques muscles can give
+    arms : (frames, rows, muscles) [m/rad or m/m]
+    torques : (frames, rows) NaN where not measured [N m or N]
+    emg : (frames, muscles) NaN where unknown
+    """
 
     def __init__(self, model: Model, trial: PersonalTrial):
         motion = trial.motion
@@ -137,31 +155,28 @@ class _Read:
         assert moved.muscle_velocity is not None
         self.lengths = np.array(moved.muscle_length)
         self.speeds = np.array(moved.muscle_velocity)
+
+        torques = trial.torques
+        measured = None
+        if trial.passive:
+            torques, measured = _measured(model, trial)
         # With a force of F0 at any length, columns of A are moment arms times F0: couplers and
         # loops are folded in.
         options = TensionOptions(curves="constant", passive=False)
-        torques, measured = (trial.torques, None) if not trial.passive else _measured(model, trial)
         problem = tension_problem(
             TensionInputs(model=model, motion=motion, torques=torques, options=options)
         )
         balance = problem.balance(0, len(motion))
         force = np.maximum(compile_hill(model).force, 1e-9)
         self.rows = problem.assembly.rows
-        dense = problem.separable.dense(balance.values)[
-            :, problem.assembly.coordinate_row, : len(force)
-        ]
-        self.arms = np.ascontiguousarray(dense / force)
+        columns = problem.separable.dense(balance.values)
+        columns = columns[:, problem.assembly.coordinate_row, : len(force)]
+        self.arms = np.ascontiguousarray(columns / force)
         self.torques = np.array(balance.torques)
         if measured is not None:
-            self.torques[
-                ~measured[:, [model.coordinate_names.index(name) for name in self.rows]]
-            ] = np.nan
-        self.emg = np.full(self.lengths.shape, np.nan)
-        if trial.passive:
-            self.emg[:] = 0.0
-        elif trial.emg is not None:
-            columns = [model.muscle_names.index(name) for name in trial.emg.muscles]
-            self.emg[:, columns] = np.maximum(trial.emg.activations, 0.0)
+            of_rows = [model.coordinate_names.index(name) for name in self.rows]
+            self.torques[~measured[:, of_rows]] = np.nan
+        self.emg = _emg(model, trial, self.lengths.shape)
 
     def windows(self, kept: np.ndarray) -> Windows:
         """Cut the recording at even times.
@@ -174,71 +189,136 @@ class _Read:
         ------
         BadData : fewer than `MIN_COUNT` frames have coordinates and torques
         """
-        parts = (self.lengths, self.speeds, self.arms[:, kept], self.torques[:, kept])
-        whole = parts[:3] if self.trial.passive else parts
-        good = np.all(
-            [np.isfinite(array.reshape(len(array), -1)).all(axis=1) for array in whole], axis=0
-        )
-        good &= np.isfinite(parts[3]).any(axis=1)
+        arms = self.arms[:, kept]
+        torques = self.torques[:, kept]
+        good = _finite(self.lengths) & _finite(self.speeds) & _finite(arms)
+        if self.trial.passive:
+            good &= np.isfinite(torques).any(axis=1)
+        else:
+            good &= _finite(torques) & np.isfinite(torques).any(axis=1)
         if good.sum() < MIN_COUNT:
             raise BadData(
                 f"'{self.trial.name}': {int(good.sum())} frames have coordinates and torques,"
                 f" expected {MIN_COUNT}"
             )
         if self.trial.passive:
-            lengths_part, speeds_part, arms_part, torques_part = parts
-            lengths = lengths_part[good][None]
-            speeds = speeds_part[good][None]
-            arms = arms_part[good][None]
-            torques = torques_part[good][None]
-            counted = np.ones((1, int(good.sum())), bool)
-            at_rest = self.emg[good][None]
-            time = self.time[good][None]
-            still = np.zeros_like(speeds)
-            return Windows(
-                name=self.trial.name,
-                time=time,
-                lengths=lengths,
-                speeds=still,
-                arms=arms,
-                torques=torques,
-                emg=at_rest,
-                counted=counted,
-                step=np.inf,
-            )
-        start = self.time[good][0]
-        stop = self.time[good][-1]
-        count = max(int(np.floor((stop - start) / FRAME + 1e-6)) + 1, 2)
-        time = start + FRAME * np.arange(count)
-        curves = (scipy.interpolate.CubicSpline(self.time[good], part[good]) for part in parts)
-        lengths_curve, speeds_curve, arms_curve, torques_curve = curves
-        lengths = lengths_curve(time)
-        speeds = speeds_curve(time)
-        arms = arms_curve(time)
-        torques = torques_curve(time)
-        emg = np.array([_known_at(time, self.time, column) for column in self.emg.T]).T
-        # A frame is compared where its neighbours in the recording are known.
-        near = _gap(self.time[good], time) < 1.5 * np.median(np.diff(self.time))
-        size = round(WINDOW / FRAME)
-        lead = round(LEAD / FRAME)
-        body = size - lead
-        number = max(int(np.ceil((count - lead) / body)), 1)
-        index = np.minimum(
-            np.arange(number)[:, None] * body + np.arange(min(size, count)), count - 1
-        )
-        inside = np.arange(number)[:, None] * body + np.arange(min(size, count)) < count
-        counted = near[index] & inside & (np.arange(index.shape[1]) >= min(lead, count // 3))
+            return self._still(good, arms, torques)
+        return self._moving(good, arms, torques)
+
+    def _still(self, good: np.ndarray, arms: Array, torques: Array) -> Windows:
+        """Put all poses that count into one window.
+
+        Parameters
+        ----------
+        good : (frames,) which count
+        arms, torques : (frames, rows, muscles) and (frames, rows) of the compared coordinates
+        """
+        speeds = self.speeds[good][None]
         return Windows(
             name=self.trial.name,
-            time=time[index],
-            lengths=lengths[index],
-            speeds=speeds[index],
-            arms=arms[index],
-            torques=torques[index],
-            emg=emg[index],
-            counted=counted,
+            time=self.time[good][None],
+            lengths=self.lengths[good][None],
+            speeds=np.zeros_like(speeds),
+            arms=arms[good][None],
+            torques=torques[good][None],
+            emg=self.emg[good][None],
+            counted=np.ones((1, int(good.sum())), bool),
+            step=np.inf,
+        )
+
+    def _moving(self, good: np.ndarray, arms: Array, torques: Array) -> Windows:
+        """Interpolate a movement at even times, and cut it into windows.
+
+        Parameters
+        ----------
+        good : (frames,) which are known
+        arms, torques : (frames, rows, muscles) and (frames, rows) of the compared coordinates
+        """
+        known = self.time[good]
+        count = max(int(np.floor((known[-1] - known[0]) / FRAME + 1e-6)) + 1, 2)
+        time = known[0] + FRAME * np.arange(count)
+        lengths = scipy.interpolate.CubicSpline(known, self.lengths[good])(time)
+        speeds = scipy.interpolate.CubicSpline(known, self.speeds[good])(time)
+        arms = scipy.interpolate.CubicSpline(known, arms[good])(time)
+        torques = scipy.interpolate.CubicSpline(known, torques[good])(time)
+        emg = np.array([_known_at(time, self.time, column) for column in self.emg.T]).T
+
+        # A frame is compared where its neighbours in the recording are known.
+        near = _gap(known, time) < MAX_GAP * np.median(np.diff(self.time))
+        cuts = _cuts(count)
+        return Windows(
+            name=self.trial.name,
+            time=time[cuts.frame],
+            lengths=lengths[cuts.frame],
+            speeds=speeds[cuts.frame],
+            arms=arms[cuts.frame],
+            torques=torques[cuts.frame],
+            emg=emg[cuts.frame],
+            counted=near[cuts.frame] & cuts.counted,
             step=FRAME,
         )
+
+
+class _Cuts(NamedTuple):
+    """Frames of overlapping windows.
+
+    Attributes
+    ----------
+    frame : (windows, frames) of the recording; the last one fills up the last window
+    counted : (windows, frames) whether it is within the recording, and its fibers have found their
+        lengths
+    """
+
+    frame: NDArray[np.int64]
+    counted: np.ndarray
+
+
+def _cuts(count: int) -> _Cuts:
+    """Cut so many frames into windows that overlap by `LEAD`."""
+    size = round(WINDOW / FRAME)
+    lead = round(LEAD / FRAME)
+    body = size - lead
+    number = max(int(np.ceil((count - lead) / body)), 1)
+    frame = np.arange(min(size, count))
+    every = np.arange(number)[:, None] * body + frame
+    return _Cuts(
+        frame=np.minimum(every, count - 1),
+        counted=(every < count) & (frame >= min(lead, count // 3)),
+    )
+
+
+def _finite(values: Array) -> np.ndarray:
+    """Find frames whose values are all known.
+
+    Parameters
+    ----------
+    values : (frames, ...)
+
+    Returns
+    -------
+    (frames,)
+    """
+    return np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
+
+
+def _emg(model: Model, trial: PersonalTrial, shape: tuple[int, ...]) -> Array:
+    """Arrange EMG by muscle.
+
+    Parameters
+    ----------
+    shape : (frames, muscles)
+
+    Returns
+    -------
+    (frames, muscles) not below 0, NaN where unknown; 0 at rest
+    """
+    emg = np.full(shape, np.nan)
+    if trial.passive:
+        emg[:] = 0.0
+    elif trial.emg is not None:
+        columns = [model.muscle_names.index(name) for name in trial.emg.muscles]
+        emg[:, columns] = np.maximum(trial.emg.activations, 0.0)
+    return emg
 
 
 def _measured(model: Model, trial: PersonalTrial) -> tuple[Series, np.ndarray]:
@@ -284,7 +364,7 @@ def _known_at(time: Array, own: Array, values: Array) -> Array:
     if known.sum() < 2:
         return np.full(len(time), np.nan)
     result = np.interp(time, own[known], values[known])
-    far = _gap(own[known], time) > 1.5 * np.median(np.diff(own))
+    far = _gap(own[known], time) > MAX_GAP * np.median(np.diff(own))
     return np.where(far, np.nan, result)
 
 

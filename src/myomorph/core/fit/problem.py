@@ -168,6 +168,21 @@ class Evaluated:
             g[index] += equations.g
         return Damped(H=H, g=g, gain=gain)
 
+    def without(self, name: str) -> Evaluated:
+        """Leave out residuals that moved the estimate but are no information about it.
+
+        Parameters
+        ----------
+        name : of the residuals
+        """
+        kept = [index for index, one in enumerate(self.problem.known) if one.name != name]
+        residuals = tuple(one for one in self.problem.residuals if one.name != name)
+        return Evaluated(
+            problem=replace(self.problem, residuals=residuals),
+            x=self.x,
+            parts=tuple(self.parts[index] for index in kept),
+        )
+
     def stepped(self, damping: float, step: Array) -> Evaluated:
         """Move the own unknowns of residuals along with a step.
 

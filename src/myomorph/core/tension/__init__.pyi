@@ -1,8 +1,7 @@
 # The public names of `mm.tension`: terms of the tension problem, and parts of its results.
-from ...body.personalize.fit import Fitted as Fitted
-from ...body.personalize.fit import HeldOut as HeldOut
+from ...body.personalize.estimates import MuscleEstimate as MuscleEstimate
 from ...body.personalize.generic_map import GenericMap as GenericMap
-from ...body.personalize.personalize import MuscleEstimate as MuscleEstimate
+from ...body.personalize.held_out import HeldOut as HeldOut
 from .tension import Certificate as Certificate
 from .tension import Fibers as Fibers
 from .terms.contacts import ContactOptions as ContactOptions

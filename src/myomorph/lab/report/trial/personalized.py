@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.body.personalize.personalize import MuscleEstimate, Personalized
+from myomorph.body.personalize.estimates import MuscleEstimate
+from myomorph.body.personalize.personalize import Personalized
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import few
 from myomorph.lab.report.charts.axis import number

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from myomorph.body.personalize.personalize import FIBER, FORCE, SLACK, Personalized
+from myomorph.body.personalize.estimates import FIBER, FORCE, SLACK
+from myomorph.body.personalize.personalize import Personalized
 from myomorph.body.refine.options import MASSES
 from myomorph.body.refine.refinement import Refinement
 from myomorph.core.fit.interval_rule import half_width
