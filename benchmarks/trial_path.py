@@ -1,15 +1,19 @@
-"""Through how many files a trial passes while it is opened, and while its steps run.
+"""Through how many files a recording passes while it is opened, and while its steps run.
 
-A trial is run (`ik`, `id`, `muscles`, `tension`) in a process that is watched: every call of a
-function of the package counts its file. Two ways of counting:
+A trial is run (`ik`, `id`, `muscles`, `tension`), and a specimen that swings is identified, in a
+process that is watched: every call of a function of the package counts its file. Two ways of
+counting:
 
 - all: every file of which a function is called;
-- trial: files of which a function is given a value that holds the trial, or what its files held as
-    a whole (`CARRIED`);
-  arrays and numbers computed from these are no inputs any more.
+- carried: files of which a function is given a value that holds the recording, or what its files
+  held as a whole (`CARRIED`); arrays and numbers computed from these are no inputs any more.
+
+A stay is a stretch of functions in one file, in the order in which functions are called for the
+first time; a return is a stay in a file that had been left. Methods that Python calls by itself
+(`__post_init__`) and parts of expressions are no functions here.
 
 The making of a report is left out: it is made of results. The trial is a walk with plates where the
-data collection is there, else the small example that comes along.
+data collection is there, else the small example that comes along; the specimen is simulated.
 
 `python -m benchmarks trial_path [--tree PATH]`; the tree is a checkout of this package, by default
 this one. A count by reading the code, which stood here before, cannot follow functions that are
@@ -25,6 +29,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from data_collection import data_folder
@@ -38,8 +43,29 @@ CARRIED = (
     "ByType",
     "Trial",
     "Model",
+    "SpecimenTable",
+    "_Specimen",
+    "SpecimenFiles",
+    "SwingFiles",
+    "StudyFolder",
+    "StudyOptions",
+    "OpenedSpecimen",
+    "Specimen",
+    "SwingTrial",
+    "TrackedSpecimen",
+    "Prepared",
 )
-STARTS = {"opens": ("open_trial", "open_motion_trial"), "runs": ("run_trial", "run_steps")}
+TRIAL = {
+    "opens": ("open_trial", "open_motion_trial"),
+    "runs": ("run_trial", "run_steps"),
+    "step tension": ("trial/steps/tension.py:_run",),
+}
+SWINGS = {
+    "swings: reads the study file": ("read_viscosity_plan",),
+    "swings: opens and tracks": ("study/specimen.py:_opened",),
+    "swings: identifies": ("identify_conditions",),
+}
+"""Phases by the functions with which they begin, of a file where others have that name too."""
 WALK = {"model": "subject_walk_scaled.osim", "markers": "markers_walk.trc", "loads": "grf_walk.xml"}
 REPORT = ("write_report", "report_folder", "_report")
 
@@ -48,28 +74,41 @@ import json, sys, threading
 from pathlib import Path
 import myomorph as mm
 
-carried, starts, report, folder = json.loads(sys.argv[1])
+carried, trial, swings, report, folder = json.loads(sys.argv[1])
 root = str(Path(mm.__file__).parent)
-phase_of = {name: phase for phase, names in starts.items() for name in names}
-phase_of |= dict.fromkeys(report, "report")
-files, phases = {(phase, way): set() for phase in starts for way in ("all", "trial")}, []
+phases, begun = {}, []
+order = {(phase, way): {} for phase in trial | swings for way in ("all", "carried")}
+
+def phase_of(code):
+    if code.co_name in report:
+        return "report"
+    names = code.co_name, f"{code.co_filename}:{code.co_name}"
+    for phase, starts in phases.items():
+        if any(names[0] == start or ":" in start and names[1].endswith(start) for start in starts):
+            return phase
 
 def watch(frame, event, value):
     code = frame.f_code
     if not code.co_filename.startswith(root) or event not in ("call", "return"):
         return
-    phase = phase_of.get(code.co_name)
+    phase = phase_of(code)
     if event == "return":
-        if phase and phases and phases[-1] == phase:
-            phases.pop()
+        if phase and begun and begun[-1] == phase:
+            begun.pop()
         return
     if phase:
-        phases.append(phase)
-    if phases and phases[-1] != "report":
-        arguments = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-        files[phases[-1], "all"].add(code.co_filename)
-        if any(type(frame.f_locals.get(name)).__name__ in carried for name in arguments):
-            files[phases[-1], "trial"].add(code.co_filename)
+        begun.append(phase)
+    if not begun or begun[-1] == "report":
+        return
+    arguments = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    held = any(type(frame.f_locals.get(name)).__name__ in carried for name in arguments)
+    function = code.co_filename, code.co_name, code.co_firstlineno
+    # A step is a part of the run of its trial.
+    inner = [begun[-1]] + ["runs"] * (begun[-1] == "step tension")
+    for each in inner:
+        order[each, "all"].setdefault(function)
+        if held:
+            order[each, "carried"].setdefault(function)
 
 folder = Path(folder)
 if not (folder / "study.toml").exists():
@@ -79,20 +118,28 @@ if not (folder / "study.toml").exists():
         f'model = "{example.model.name}"\\nmass = 4.0\\n'
         f'trials = ["{example.markers.name}"]\\nsteps = ["ik", "id", "muscles", "tension"]\\n')
 plan = mm.read_plan(folder / "study.toml")
+shoulder = mm.write_shoulder_study(folder / "swings", (3,), seconds=6.0, trials=2, raw=(3,))
 sys.setprofile(watch)
 threading.setprofile(watch)
+phases.update(trial)
 mm.run_study(plan, folder / "out")
+phases.clear()
+phases.update(swings)
+mm.viscosity.run_viscosity(mm.viscosity.read_viscosity_plan(shoulder), folder / "swung")
 sys.setprofile(None)
-watched = [[*key, sorted(name[len(root) + 1 :] for name in names)] for key, names in files.items()]
+watched = [
+    [*key, [[name[len(root) + 1 :], function] for name, function, _ in functions]]
+    for key, functions in order.items()
+]
 print("WATCHED" + json.dumps(watched))
 """
 
 
 def count(tree: Path) -> list[dict[str, object]]:
-    """Files through which a trial passes, one row per phase and way of counting."""
+    """Count files, stays and returns of a checkout, in a row for each phase and way of counting."""
     with tempfile.TemporaryDirectory() as folder:
         _write_study(Path(folder))
-        watched = json.dumps([CARRIED, STARTS, REPORT, folder])
+        watched = json.dumps([CARRIED, TRIAL, SWINGS, REPORT, folder])
         environment = os.environ | {"PYTHONPATH": str(tree / "src")}
         command = [sys.executable, "-c", WATCHED, watched]
         printed = subprocess.run(
@@ -100,15 +147,35 @@ def count(tree: Path) -> list[dict[str, object]]:
         ).stdout
     line = next(line for line in printed.splitlines() if line.startswith("WATCHED"))
     rows: list[dict[str, object]] = []
-    for phase, way, files in json.loads(line.removeprefix("WATCHED")):
+    for phase, way, functions in json.loads(line.removeprefix("WATCHED")):
+        files = {name for name, _ in functions}
         rooms = Counter("/".join(Path(name).parts[:-1][:2]) for name in files)
         text = ", ".join(f"{room} {number}" for room, number in sorted(rooms.items()))
-        rows.append({"what": phase, "counted": way, "files": len(files), "by room": text})
+        stays = _stays(functions)
+        rows.append(
+            {
+                "what": phase,
+                "counted": way,
+                "files": len(files),
+                "stays": len(stays),
+                "returns": len(stays) - len(set(stays)),
+                "by room": text,
+            }
+        )
     return rows
 
 
+def _stays(functions: Sequence[tuple[str, str]]) -> list[str]:
+    """List files in the order in which their functions (file, name) are called for the first time.
+
+    Functions one after another in one file are one stay.
+    """
+    files = [file for file, name in functions if not name.startswith(("<", "__"))]
+    return [file for number, file in enumerate(files) if number == 0 or files[number - 1] != file]
+
+
 def _write_study(folder: Path) -> None:
-    """A study of one walk; none where the data collection is absent."""
+    """Write a study of one walk; none where the data collection is absent."""
     walk = data_folder() / "rajagopal-walk-emg"
     if not walk.is_dir():
         return
@@ -127,7 +194,7 @@ def _write_study(folder: Path) -> None:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options of the command line."""
+    """Add the options of the command line."""
     parser.add_argument(
         "--tree",
         type=Path,
@@ -137,5 +204,5 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(tree: Path) -> list[dict[str, object]]:
-    """The rows of a checkout."""
+    """Return the rows of a checkout."""
     return count(tree)

@@ -18,7 +18,8 @@ from myomorph.lab.store.study_file import checked
 from myomorph.swings.viscosity.identification.budget import ErrorOptions, disturbed
 from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
 from myomorph.swings.viscosity.identification.shared_errors import with_shared_errors
-from myomorph.swings.viscosity.study.plan import StudyOptions, viscosity_tables
+from myomorph.swings.viscosity.study.options import StudyOptions
+from myomorph.swings.viscosity.study.tables import viscosity_tables
 from myomorph.swings.viscosity.study.template import write_template
 from truths.mechanical_joint import mechanical_joint
 

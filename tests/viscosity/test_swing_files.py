@@ -24,7 +24,8 @@ from myomorph.swings.viscosity.study.calibration import (
     placed,
     plate_residuals,
 )
-from myomorph.swings.viscosity.study.plan import SpecimenFiles, SwingFiles
+from myomorph.swings.viscosity.study.recordings import SwingFiles
+from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 from myomorph.swings.viscosity.study.swing_files import (
     carrying,
     open_specimen,

@@ -16,7 +16,8 @@ from myomorph.lab.study.run.dry_run import dry_run
 from myomorph.swings.viscosity.cohort import SPECIMENS
 from myomorph.swings.viscosity.report.specimen_report import specimen_report
 from myomorph.swings.viscosity.study import specimen_step
-from myomorph.swings.viscosity.study.plan import StudyOptions, read_viscosity_plan
+from myomorph.swings.viscosity.study.options import StudyOptions
+from myomorph.swings.viscosity.study.plan import read_viscosity_plan
 from myomorph.swings.viscosity.study.results import read_store
 from myomorph.swings.viscosity.study.run import graph_of, run_viscosity
 from myomorph.swings.viscosity.study.specimen import Studied

@@ -19,7 +19,8 @@ from myomorph.swings.viscosity.cohort import specimen_row
 from myomorph.swings.viscosity.identification.base_load import BaseLoad as BaseMass
 from myomorph.swings.viscosity.identification.identify import QUANTITIES_OF, is_narrow
 from myomorph.swings.viscosity.study.conditions import Prepared, identify_conditions
-from myomorph.swings.viscosity.study.plan import SpecimenFiles, StudyOptions
+from myomorph.swings.viscosity.study.options import StudyOptions
+from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 from myomorph.swings.viscosity.tracking.track import track
 from myomorph.swings.viscosity.trust.checks import TOO_SMALL, condition_findings
 from myomorph.swings.viscosity.trust.freed import DRY

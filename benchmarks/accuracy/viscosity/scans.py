@@ -66,7 +66,8 @@ def modelled(points: Array) -> Array:
 def scan_run(number: int) -> ScanRun:
     """One specimen with muscles of full size from its files, by the defaults of a study."""
     from myomorph.swings.demo import write_shoulder_study
-    from myomorph.swings.viscosity.study.plan import StudyOptions, read_viscosity_plan
+    from myomorph.swings.viscosity.study.options import StudyOptions
+    from myomorph.swings.viscosity.study.plan import read_viscosity_plan
     from myomorph.swings.viscosity.study.specimen import study_specimen
 
     with tempfile.TemporaryDirectory() as folder:

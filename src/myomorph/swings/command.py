@@ -80,7 +80,12 @@ def viscosity_command(
     """
     from myomorph.lab.study.inputs.time_span import TimeSpan
     from myomorph.swings.viscosity.study.into_model import write_identified
-    from myomorph.swings.viscosity.study.plan import fixed_plan, read_viscosity_plan
+    from myomorph.swings.viscosity.study.plan import (
+        GivenSpecimen,
+        fixed_plan,
+        read_viscosity_plan,
+    )
+    from myomorph.swings.viscosity.study.recordings import GivenFiles
     from myomorph.swings.viscosity.study.run import graph_of, run_viscosity
     from myomorph.swings.viscosity.study.specimen_step import read_specimen
     from myomorph.swings.viscosity.study.template import write_template
@@ -117,8 +122,18 @@ def viscosity_command(
                     f"--{name} is for --model: write it into the table [options] of the study file"
                 )
     else:
-        files = {"without": (removed, removed_loads), "with": (intact, intact_loads)}
-        plan = fixed_plan(model, files, base, first, muscle_mass, time, settings_dict(options))
+        given_specimen = GivenSpecimen(
+            model=model,
+            recordings={
+                "without": GivenFiles(removed, removed_loads),
+                "with": GivenFiles(intact, intact_loads),
+            },
+            base=base,
+            first=first,
+            muscle_mass=muscle_mass,
+            time=time,
+        )
+        plan = fixed_plan(given_specimen, settings_dict(options))
     for remark in plan.remarks:
         said(remark)
     jobs = len(plan.specimens) + len(plan.limbs)

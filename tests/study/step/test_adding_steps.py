@@ -21,7 +21,9 @@ from myomorph.lab.study.summary.study_inputs import StudyInputs
 from myomorph.swings.viscosity.study import run as viscosity
 from myomorph.swings.viscosity.study import specimen_step
 from myomorph.swings.viscosity.study.cohort_step import CohortInputs
-from myomorph.swings.viscosity.study.plan import SpecimenFiles, SwingFiles, ViscosityPlan
+from myomorph.swings.viscosity.study.plan import ViscosityPlan
+from myomorph.swings.viscosity.study.recordings import SwingFiles
+from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 from myomorph.swings.viscosity.study.specimen_step import SpecimenInputs, specimen_provenance
 
 STUDY = """

@@ -83,7 +83,9 @@ def _sentence(error: Any, file: type[BaseModel]) -> str:
     kinds = [
         part
         for part in error["loc"]
-        if part in ("str", "float", "int") or str(part).startswith("_")
+        if part in ("str", "float", "int")
+        or str(part).startswith("_")
+        or str(part).endswith("Table")
     ]
     where = [part for part in error["loc"] if part not in kinds and "[" not in str(part)]
     name = ".".join(f"{part + 1}" if isinstance(part, int) else str(part) for part in where)

@@ -9,11 +9,11 @@ from .study.calibration import PlateFiles as PlateFiles
 from .study.calibration import ScanFiles as ScanFiles
 from .study.limb_files import DropFiles as DropFiles
 from .study.limb_files import LimbFiles as LimbFiles
-from .study.plan import SpecimenFiles as SpecimenFiles
-from .study.plan import SwingFiles as SwingFiles
 from .study.plan import ViscosityPlan as ViscosityPlan
 from .study.plan import read_viscosity_plan as read_viscosity_plan
+from .study.recordings import SwingFiles as SwingFiles
 from .study.run import run_viscosity as run_viscosity
 from .study.specimen import read_swings as read_swings
+from .study.specimen_files import SpecimenFiles as SpecimenFiles
 from .study.specimen_step import read_estimates as read_estimates
 from .swings.recording import SwingRecording as SwingRecording

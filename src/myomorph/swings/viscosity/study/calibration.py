@@ -5,11 +5,12 @@ weight on the plate.
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from pydantic import Field
 
 from myomorph.core.contact.plate_placements import MarkedWeight, Placement, find_placements
 from myomorph.core.io.mesh import find_mesh, read_mesh
@@ -20,10 +21,12 @@ from myomorph.core.model.series import Markers, PlateRecording, Trial
 from myomorph.core.model.surface import Surface
 from myomorph.core.muscles.kinematics import default_path_lengths
 from myomorph.core.surfaces import clusters as register
+from myomorph.lab.store import named_files
 from myomorph.lab.store.study_file import Strict
 from myomorph.lab.study.inputs.reading import about, read_recording
 from myomorph.swings.plate_calibration import PlateCalibration, calibrate_plate, place_plate
 from myomorph.swings.viscosity.report.specimen_report import Residual
+from myomorph.swings.viscosity.study.study_folder import StudyFolder
 
 UNITS = {"m": 1.0, "mm": 0.001}
 HUGE = 1.5  # A scanned surface that is larger than that is in millimetres [m].
@@ -55,8 +58,15 @@ class ScanFiles(Strict):
     diameter: float = 0.009
 
     def within(self, folder: Path) -> ScanFiles:
-        """The entry of a study file in a folder, its paths made whole; `BadData` of an unknown unit
-        or few markers.
+        """Make the paths of an entry whole.
+
+        Parameters
+        ----------
+        folder : of the study file
+
+        Raises
+        ------
+        BadData : an unknown unit, or few markers
         """
         if len(self.markers) < 3:
             raise BadData(
@@ -242,6 +252,81 @@ class PlateFiles:
     placements: tuple[Path, ...]
     weight: MarkedWeight
     plate: str = ""
+
+
+class PlateTable(Strict):
+    """C3D recordings of a marked weight on the plate, from which its place is calibrated."""
+
+    placements: list[str] = Field(min_length=1)
+    markers: list[str] = Field(min_length=1)
+    shares: list[float] | None = None
+    mass: float | None = Field(default=None, gt=0.0)
+    axis: tuple[str, str] | None = None
+    tip: float | None = None
+    name: str = ""
+
+
+def found_scans(scans: Sequence[ScanFiles], where: str, folder: StudyFolder) -> Iterator[ScanFiles]:
+    """Find the files of scanned bones.
+
+    Parameters
+    ----------
+    scans : entries of the study file
+    where : in the study file, for what is noted
+    folder : of the study file
+
+    Yields
+    ------
+    entries with whole paths
+    """
+    problems = folder.problems
+    for scan in scans:
+        for path in (scan.surface, scan.cluster, scan.picked, scan.mesh):
+            name = None if path is None else str(path)
+            named_files.existing(folder.path, name, f"{where} of '{scan.bone}'", problems)
+        try:
+            yield scan.within(folder.path)
+        except BadData as error:
+            problems.append(f"{where}: {error}")
+
+
+def plate_files(table: PlateTable, where: str, folder: StudyFolder) -> PlateFiles | None:
+    """Find the recordings of a weight on the plate.
+
+    Parameters
+    ----------
+    table : of the study file
+    where : in the study file, for what is noted
+    folder : of the study file
+
+    Returns
+    -------
+    None where the weight cannot be as it is described
+    """
+    problems = folder.problems
+    placements = [
+        path
+        for name in table.placements
+        for path in named_files.matching(folder.path, name, where, problems)
+    ]
+    problems += [
+        f"{where}: '{path.name}' is no C3D recording"
+        for path in placements
+        if path.suffix.lower() != ".c3d"
+    ]
+    try:
+        weight = MarkedWeight(
+            name="weight",
+            markers=tuple(table.markers),
+            shares=None if table.shares is None else tuple(table.shares),
+            mass=table.mass,
+            axis=table.axis,
+            tip=table.tip,
+        )
+    except BadData as error:
+        problems.append(f"{where}: {error}")
+        return None
+    return PlateFiles(tuple(placements), weight, table.name)
 
 
 def calibrate(files: PlateFiles) -> PlateCalibration:

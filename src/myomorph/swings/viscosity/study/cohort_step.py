@@ -24,7 +24,8 @@ from myomorph.swings.viscosity.report.specimen_report import (
 )
 from myomorph.swings.viscosity.study import limb_step, specimen_step
 from myomorph.swings.viscosity.study.limb_files import LimbFiles
-from myomorph.swings.viscosity.study.plan import SpecimenFiles, StudyOptions, ViscosityPlan
+from myomorph.swings.viscosity.study.options import StudyOptions
+from myomorph.swings.viscosity.study.plan import ViscosityPlan
 from myomorph.swings.viscosity.study.results import (
     DIGITS,
     REPORT,
@@ -33,6 +34,7 @@ from myomorph.swings.viscosity.study.results import (
     write_tables,
     write_value,
 )
+from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 from myomorph.swings.viscosity.study.specimen_step import SPECIMEN, read_specimen
 
 

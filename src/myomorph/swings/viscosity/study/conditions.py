@@ -19,7 +19,9 @@ from myomorph.swings.viscosity.identification.budget import ErrorOptions, ErrorS
 from myomorph.swings.viscosity.identification.instruments import Instruments, estimate_instruments
 from myomorph.swings.viscosity.identification.shared_errors import wider, with_shared_errors
 from myomorph.swings.viscosity.specimen.model import Specimen
-from myomorph.swings.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions
+from myomorph.swings.viscosity.study.options import StudyOptions
+from myomorph.swings.viscosity.study.recordings import CONDITIONS
+from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 from myomorph.swings.viscosity.swings.recording import SwingRecording
 from myomorph.swings.viscosity.tracking.tracked import TrackedSpecimen, swing_recordings
 from myomorph.swings.viscosity.trust.checks import (

@@ -40,6 +40,7 @@ from myomorph.swings.viscosity.relaxed.drops import (
 )
 from myomorph.swings.viscosity.relaxed.identify import UNITS, LimbBody
 from myomorph.swings.viscosity.relaxed.swing_equation import SwingEquation, swing_equation
+from myomorph.swings.viscosity.study.study_folder import StudyFolder
 
 MOVED = 0.02
 TURNED = np.deg2rad(5.0)  # How far the bone above the joint may move and turn unnamed [m], [rad].
@@ -92,18 +93,23 @@ class LimbFiles:
     truth: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
 
-def limb_files(
-    table: LimbTable, folder: Path, problems: list[str], remarks: list[str]
-) -> LimbFiles:
-    """A limb whose files exist; what is wrong is added to the problems."""
+def limb_files(table: LimbTable, folder: StudyFolder) -> LimbFiles:
+    """Find the files of a limb; what is wrong is added to the folder's problems.
+
+    Parameters
+    ----------
+    table : of the study file
+    folder : of the study file
+    """
     where = f"limb '{table.name}'"
-    model = named_files.existing(folder, table.model, f"{where}: model", problems)
+    problems = folder.problems
+    model = named_files.existing(folder.path, table.model, f"{where}: model", problems)
     problems += [
         f"{where}: unknown quantity '{name}' in 'truth': there are {listing(name, UNITS)}"
         for name in table.truth
         if name not in UNITS
     ]
-    drops = tuple(_drops(table, folder, where, problems, remarks))
+    drops = tuple(_drops(table, where, folder))
     names = [drop.name for drop in drops]
     problems += [
         f"{where}: two recordings are named '{name}': give one a 'name'"
@@ -114,7 +120,7 @@ def limb_files(
     truth = FrozenMap(table.truth)
     return LimbFiles(
         name=table.name,
-        model=model or folder,
+        model=model or folder.path,
         coordinate=table.coordinate,
         drops=drops,
         muscles=muscles,
@@ -122,19 +128,20 @@ def limb_files(
     )
 
 
-def _drops(
-    table: LimbTable, folder: Path, where: str, problems: list[str], remarks: list[str]
-) -> Iterator[DropFiles]:
+def _drops(table: LimbTable, where: str, folder: StudyFolder) -> Iterator[DropFiles]:
+    """Find recordings of drops, and the EMG beside them."""
+    problems = folder.problems
     for entry in table.drops:
         drop = DropTable(recording=entry) if isinstance(entry, str) else entry
         time = drop.time or table.time
         named_files.check_time(time, f"{where}: time", problems)
-        for path in named_files.matching(folder, drop.recording, f"{where}: drops", problems):
-            emg = named_files.existing(folder, drop.emg, f"{where}: emg", problems)
+        for path in named_files.matching(folder.path, drop.recording, f"{where}: drops", problems):
+            emg = named_files.existing(folder.path, drop.emg, f"{where}: emg", problems)
             if drop.emg is None:
                 in_it = path if table.muscles and path.suffix.lower() == ".c3d" else None
                 emg = emg_by_name(path) or in_it
-                remarks += [f"{path.name}: EMG from {emg.name}"] if emg not in (None, in_it) else []
+                if emg is not None and emg != in_it:
+                    folder.remarks.append(f"{path.name}: EMG from {emg.name}")
             yield DropFiles(name=drop.name or plain_stem(path), recording=path, emg=emg, time=time)
 
 

@@ -25,7 +25,8 @@ from myomorph.lab.study.workers.jobs import Workers
 from myomorph.swings.viscosity.study import limb_step, specimen_step
 from myomorph.swings.viscosity.study.cohort_step import CohortInputs
 from myomorph.swings.viscosity.study.limb_step import LimbInputs
-from myomorph.swings.viscosity.study.plan import StudyOptions, ViscosityPlan
+from myomorph.swings.viscosity.study.options import StudyOptions
+from myomorph.swings.viscosity.study.plan import ViscosityPlan
 from myomorph.swings.viscosity.study.specimen_step import SpecimenInputs
 
 Recorded = tuple[Path, Path | None, tuple[float, float] | None]

@@ -25,7 +25,9 @@ from myomorph.swings.viscosity.report import specimen_report as reports
 from myomorph.swings.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.swings.viscosity.study.calibration import calibrate, placed, plate_residuals
 from myomorph.swings.viscosity.study.conditions import Prepared, identify_conditions
-from myomorph.swings.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions, SwingFiles
+from myomorph.swings.viscosity.study.options import StudyOptions
+from myomorph.swings.viscosity.study.recordings import CONDITIONS, SwingFiles
+from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 from myomorph.swings.viscosity.study.swing_files import (
     OpenedSpecimen,
     open_specimen,

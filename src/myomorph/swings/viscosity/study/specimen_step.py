@@ -19,9 +19,10 @@ from myomorph.lab.study.step.folder_steps import FolderOutput, ScopeInputs
 from myomorph.lab.study.step.step import Step
 from myomorph.swings.viscosity.report.specimen_report import SpecimenReport
 from myomorph.swings.viscosity.study.into_model import write_identified
-from myomorph.swings.viscosity.study.plan import SpecimenFiles, StudyOptions
+from myomorph.swings.viscosity.study.options import StudyOptions
 from myomorph.swings.viscosity.study.results import read_value, write_swings, write_value
 from myomorph.swings.viscosity.study.specimen import input_sources, study_specimen
+from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 from myomorph.swings.viscosity.study.viewing import write_view
 
 SPECIMEN = "specimen.json"

@@ -35,7 +35,8 @@ from myomorph.swings.viscosity.specimen.model import (
 )
 from myomorph.swings.viscosity.specimen.muscles import fig1_muscles
 from myomorph.swings.viscosity.study.calibration import ScannedModel, model_from_scans
-from myomorph.swings.viscosity.study.plan import SpecimenFiles, SwingFiles
+from myomorph.swings.viscosity.study.recordings import SwingFiles
+from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 
 AXES = "xyz"
 STEADY = 2.0  # A mean force is that of a weight where it is so many times the force's own change.

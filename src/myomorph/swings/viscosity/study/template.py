@@ -7,7 +7,7 @@ from pathlib import Path
 
 from myomorph.core.model.errors import BadFile
 from myomorph.lab.store.settings import settings_of
-from myomorph.swings.viscosity.study.plan import StudyOptions
+from myomorph.swings.viscosity.study.options import StudyOptions
 from myomorph.swings.viscosity.study.results import write_whole
 
 NAME = "study.toml"
