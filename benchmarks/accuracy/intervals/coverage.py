@@ -35,7 +35,8 @@ from benchmarks.accuracy.kinematics.calibration_zeros import (
 from benchmarks.accuracy.kinematics.inertial import BODIES
 from benchmarks.accuracy.tension import personalize
 from benchmarks.accuracy.viscosity import calibrations, limbs, relaxed
-from benchmarks.accuracy.viscosity.faulty_limbs import random_faults
+from benchmarks.accuracy.viscosity.faulty_limbs import Faults, random_faults
+from benchmarks.accuracy.viscosity.signatures import CASES, heavy_limb
 from benchmarks.recordings import RECORDINGS
 from data_collection import data_folder
 from myomorph.body.identify import base
@@ -47,6 +48,7 @@ from myomorph.body.tension.emg_calibration import calibrate_emg
 from myomorph.body.tension.emg_held_out import EmgTrial
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.interval import Interval
 from myomorph.core.model.spatial import vector_from_rotation
 from myomorph.core.motion.lengths import lengths_of
 from myomorph.core.motion.sensors.mounting import SensorOptions
@@ -88,10 +90,23 @@ REFINED = 2
 REFINED_SECONDS = 5.0
 GAINED = 6
 PERSONAL = 8
-LIMBS = 8
-RELAXED = 12
+LIMBS = 40
+RELAXED = 24
 DRAWN_PEOPLE = 1
 """Truths of each estimator, frames of a walk, seconds of recordings: few, for the table's time."""
+NOISY = 3.0
+"""Noise of markers and plate of further limbs, over the usual one."""
+DROPPED: Mapping[str, relaxed.Kind] = {
+    "masses off as assumed": relaxed.Kind(mass_errors=1.0),
+    "masses off by twice as much": relaxed.Kind(mass_errors=2.0),
+    f"masses off as assumed, noise of markers times {NOISY:g}": relaxed.Kind(
+        mass_errors=1.0, noise=NOISY
+    ),
+    "masses off as assumed, thigh gives way": relaxed.Kind(
+        mass_errors=1.0, changes={"giving": 400.0}
+    ),
+}
+"""What is wrong with relaxed limbs."""
 GAINS = Errors(torque=0.02, emg=0.0, floor=0.0, gain=0.3)
 
 
@@ -376,46 +391,73 @@ def personalized(folder: Path) -> Iterator[Case]:
 
 def swung(folder: Path) -> Iterator[Case]:
     """Viscosity of joint and muscles of limbs, swung by hand, with faults of all instruments."""
-    runs = []
-    for seed in range(FIRST, FIRST + LIMBS):
-        faults = random_faults(np.random.default_rng(seed))
-        runs.append(limbs.limb_run((seed, faults, None)))
-    for quantity, label in limbs.QUANTITIES.items():
-        own = [(run.found[quantity], run.truth[quantity]) for run in runs if quantity in run.found]
-        if own:
-            yield Case(
-                unknown=label,
-                noise="all instruments off, loose tissue; simulated by MuJoCo",
-                truths=LIMBS,
-                covered=Covered.of_limits(
-                    np.array([truth for _, truth in own]),
-                    np.array([found.low for found, _ in own]),
-                    np.array([found.high for found, _ in own]),
-                ),
-            )
+    for noise, faults_of in SWUNG.items():
+        seeds = range(FIRST, FIRST + LIMBS)
+        runs = [limbs.limb_run((seed, faults_of(seed), None)) for seed in seeds]
+        for quantity, label in limbs.QUANTITIES.items():
+            own = [run for run in runs if quantity in run.found]
+            if own:
+                truth = [run.truth[quantity] for run in own]
+                covered = _limits(truth, [run.found[quantity] for run in own])
+                yield Case(
+                    unknown=label,
+                    noise=f"{noise}; simulated by MuJoCo",
+                    truths=LIMBS,
+                    covered=covered,
+                )
+
+
+def _any_limb(seed: int) -> Faults:
+    return random_faults(np.random.default_rng(seed))
+
+
+def _noisy_limb(seed: int) -> Faults:
+    return replace(_any_limb(seed), noise=NOISY)
+
+
+def _loaded_limb(seed: int) -> Faults:
+    return heavy_limb(seed, CASES["nothing"])
+
+
+def _swaying_limb(seed: int) -> Faults:
+    return heavy_limb(seed, CASES["moving base"])
+
+
+SWUNG: Mapping[str, Callable[[int], Faults]] = {
+    "all instruments off, loose tissue": _any_limb,
+    f"the same, noise of markers and plate times {NOISY:g}": _noisy_limb,
+    "plate 5 mm and gains 2 % off, base loaded and tared": _loaded_limb,
+    "the same, base turns to and fro by 3 to 4 degrees": _swaying_limb,
+}
+"""Faults of a limb by its seed."""
 
 
 def dropped(folder: Path) -> Iterator[Case]:
     """Viscosity, stiffness and dry friction of a knee by drops of the shank."""
-    runs = [
-        relaxed.simulated_run(("masses off at random as assumed", FIRST + seed))
-        for seed in range(RELAXED)
-    ]
-    for name, label in relaxed.QUANTITIES.items():
-        own = [run for run in runs if name in run.leg.truth and name in run.result.estimates]
-        if own:
-            found = [run.result.estimates[name] for run in own]
-            yield Case(
-                unknown=label,
-                noise="masses off; simulated by MuJoCo",
-                truths=len(own),
-                covered=Covered.of_limits(
-                    np.array([run.leg.truth[name] for run in own]),
-                    np.array([one.low for one in found]),
-                    np.array([one.high for one in found]),
-                ),
-                promised=95,
-            )
+    for noise, kind in DROPPED.items():
+        seeds = range(FIRST, FIRST + RELAXED)
+        runs = [relaxed.simulated_run(kind, seed) for seed in seeds]
+        for name, label in relaxed.QUANTITIES.items():
+            own = [run for run in runs if name in run.leg.truth and name in run.result.estimates]
+            if own:
+                truth = [run.leg.truth[name] for run in own]
+                covered = _limits(truth, [run.result.estimates[name] for run in own])
+                yield Case(
+                    unknown=label,
+                    noise=f"{noise}; simulated by MuJoCo",
+                    truths=len(own),
+                    covered=covered,
+                    promised=95,
+                )
+
+
+def _limits(truth: Sequence[float], found: Sequence[Interval]) -> Covered:
+    """Compare intervals with the truth."""
+    return Covered.of_limits(
+        truth=np.array(truth),
+        low=np.array([interval.low for interval in found]),
+        high=np.array([interval.high for interval in found]),
+    )
 
 
 def drawn(folder: Path) -> Iterator[Case]:

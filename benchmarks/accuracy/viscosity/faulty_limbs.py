@@ -84,6 +84,7 @@ class Faults:
     slip : of one bone's cluster, in one trial of one condition and all later ones [m]
     axes, hinges : viscosity of the ball about each axis, of three hinges one after another in its
         place [N m s/rad]
+    noise : of markers and plate, over `Noise`
     """
 
     plate: Sequence[float] = (0.0, 0.0, 0.0)
@@ -105,6 +106,19 @@ class Faults:
     slip: float = 0.0
     axes: tuple[float, ...] = ()
     hinges: tuple[float, ...] = ()
+    noise: float = 1.0
+
+    @property
+    def instruments(self) -> Noise:
+        """White noise of markers and plate, and the plate's clock."""
+        plain = Noise()
+        return Noise(
+            marker=self.noise * plain.marker,
+            force=self.noise * plain.force,
+            lever=plain.lever,
+            offset=self.clock,
+            drift=self.drift,
+        )
 
 
 def random_faults(random: np.random.Generator, scale: float = 1.0) -> Faults:
@@ -306,7 +320,7 @@ def _measured(
 ) -> SwingTrial:
     """A swing as markers and a plate with faults measure it, every `EVERY`-th sample."""
     specimen = limb.specimen
-    noise = Noise(offset=faults.clock, drift=faults.drift)
+    noise = faults.instruments
     center = specimen.center_in_ground
     on_base, on_limb = limb.markers()
     at_base = {
@@ -327,7 +341,7 @@ def _on_plate(
 ) -> Wrenches:
     """The wrench of a swing as a plate with faults measures it."""
     center = limb.specimen.center_in_ground
-    noise = Noise(offset=faults.clock, drift=faults.drift)
+    noise = faults.instruments
     wrenches = measured_wrench(exact, center, center + PLATE, limb.specimen.base, noise, random)
     turn = Rotation.from_rotvec(faults.turn).as_matrix()
     return replace(

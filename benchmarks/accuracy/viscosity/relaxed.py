@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
@@ -42,15 +42,35 @@ WORKERS = 2
 QUANTITIES = {"viscosity": "d", "stiffness": "k", "coulomb": "dry friction"}
 PLACES = {"viscosity": 0, "stiffness": 1, "coulomb": 3}
 """Of the quantities among a law's coefficients."""
-KINDS: dict[str, tuple[dict[str, object], bool]] = {
-    "nothing wrong": ({}, True),
-    "masses 5 % too large": ({"wrong": (1.05, 1.0, 1.05)}, True),
-    "masses off at random as assumed": ({"wrong": None}, True),
-    "thigh gives way": ({"giving": 400.0}, True),
-    "reflex in two drops, with EMG": ({"bursts": (0, 2)}, True),
-    "reflex in two drops, without EMG": ({"bursts": (0, 2)}, False),
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What is wrong with simulated limbs.
+
+    Attributes
+    ----------
+    changes : of `RelaxedLeg`
+    mass_errors : random errors of mass, center and inertia, in the standard deviations that
+        `LimbOptions` assumes
+    noise : of the markers, over what is drawn
+    emg : whether there is EMG
+    """
+
+    changes: Mapping[str, object] = field(default_factory=dict)
+    mass_errors: float = 0.0
+    noise: float = 1.0
+    emg: bool = True
+
+
+KINDS: dict[str, Kind] = {
+    "nothing wrong": Kind(),
+    "masses 5 % too large": Kind(changes={"wrong": (1.05, 1.0, 1.05)}),
+    "masses off at random as assumed": Kind(mass_errors=1.0),
+    "thigh gives way": Kind(changes={"giving": 400.0}),
+    "reflex in two drops, with EMG": Kind(changes={"bursts": (0, 2)}),
+    "reflex in two drops, without EMG": Kind(changes={"bursts": (0, 2)}, emg=False),
 }
-"""What differs from the plain limb, and whether there is EMG."""
 
 
 class LimbRun(NamedTuple):
@@ -66,19 +86,25 @@ class LimbRun(NamedTuple):
 
 def measure_simulated() -> Iterator[Row]:
     """Errors, coverage and what is named, over simulated limbs by what is wrong with them."""
-    work = [(kind, seed) for kind in KINDS for seed in range(LIMBS)]
+    work = [(kind, seed) for kind in KINDS.values() for seed in range(LIMBS)]
     with get_context("spawn").Pool(WORKERS) as pool:
-        runs = pool.map(simulated_run, work, chunksize=1)
-    for kind in KINDS:
-        yield from _rows(kind, [run for (of, _), run in zip(work, runs, strict=True) if of == kind])
+        runs = pool.starmap(simulated_run, work, chunksize=1)
+    for number, kind in enumerate(KINDS):
+        yield from _rows(kind, runs[number * LIMBS : (number + 1) * LIMBS])
 
 
-def simulated_run(work: tuple[str, int]) -> LimbRun:
-    """A limb of a kind, its joint and markers drawn by its seed, identified from files as a study
-    does.
+def simulated_run(kind: Kind, seed: int) -> LimbRun:
+    """Simulate a limb of a kind and identify it from files, as a study does.
+
+    Parameters
+    ----------
+    kind : what is wrong with it
+    seed : of its joint, its markers and errors
+
+    Returns
+    -------
+    truth and result
     """
-    kind, seed = work
-    changes, emg = KINDS[kind]
     random = np.random.default_rng(seed)
     leg = RelaxedLeg(
         damping=float(random.uniform(0.05, 0.4)),
@@ -89,15 +115,15 @@ def simulated_run(work: tuple[str, int]) -> LimbRun:
         burst=float(random.uniform(2.0, 6.0)),
     )
     options = LimbOptions()
-    changes = dict(changes)
-    if "wrong" in changes and changes["wrong"] is None:
+    if kind.mass_errors:
         gyration = np.sqrt(leg.inertia / leg.mass) / leg.distance
         sizes = np.array([options.mass_sd, options.center_sd * gyration, options.inertia_sd])
-        mass, distance, inertia = 1.0 + sizes * random.standard_normal(3)
-        changes["wrong"] = (float(mass), float(distance), float(mass * inertia))
-    leg = replace(leg, **changes)  # type: ignore[arg-type]
+        mass, distance, inertia = 1.0 + kind.mass_errors * sizes * random.standard_normal(3)
+        leg = replace(leg, wrong=(float(mass), float(distance), float(mass * inertia)))
+    leg = replace(leg, noise=kind.noise * leg.noise, **kind.changes)  # type: ignore[arg-type]
     with tempfile.TemporaryDirectory() as folder:
-        result, notes = study_limb(write_leg(leg, Path(folder), DROPS, seed, emg), options)
+        files = write_leg(leg, Path(folder), DROPS, seed, kind.emg)
+        result, notes = study_limb(files, options)
     regression = guess(result.drops, result.fit.terms).coefficients
     return LimbRun(
         leg=leg,
