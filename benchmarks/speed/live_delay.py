@@ -19,7 +19,8 @@ from threadpoolctl import threadpool_limits
 
 import myomorph as mm
 from data_collection import data_folder
-from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
+from myomorph.body.sensors.sensor_recording import SensorRecording
 from myomorph.core.motion.sensors.mounting import SensorMounting
 from myomorph.lab.viewer.web_page import BodyView
 from myomorph.live.chain import SOLVED, ChainOptions, LiveChain

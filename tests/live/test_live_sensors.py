@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import myomorph as mm
-from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
+from myomorph.body.sensors.sensor_recording import SensorRecording
 from myomorph.core.model.errors import BadData
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.cli import main

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
+from myomorph.body.sensors.sensor_recording import SensorRecording, TrackedMarkers
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.series import Markers, Motion
 from myomorph.core.model.spatial import (
@@ -27,6 +28,7 @@ from truths.simulated_sensors import NO_ERRORS, SensorErrors, simulated_sensors
 
 BODIES = ("pelvis", "torso", "femur_r", "tibia_r", "foot_r", "femur_l", "tibia_l", "foot_l")
 RATE = 50.0
+BY_POSE = SensorOptions(imu_mounting="pose")
 
 
 def walk(seconds=20.0):
@@ -79,7 +81,7 @@ def test_perfect_sensors_give_back_the_motion(walking):
     made = simulated_sensors(model, motion, BODIES, NO_ERRORS)
     # An axis of the pelvis's sensor that points forward there: its x turned by the mounting.
     options = SensorOptions(imu_mounting="recording", imu_heading_error=1e-4)
-    fit = sensor_kinematics(model, SensorRecording(made.sensors, pose=made.pose), sizes=options)
+    fit = sensor_kinematics(model, SensorRecording(made.sensors, pose=made.pose, sizes=options))
     np.testing.assert_allclose(
         vector_from_rotation(fit.mounting.rotations @ np.swapaxes(made.rotations, 1, 2)),
         0,
@@ -92,11 +94,8 @@ def test_perfect_sensors_give_back_the_motion(walking):
 def test_the_recording_tells_the_heading_of_the_calibration_pose(walking):
     model, motion = walking
     made = simulated_sensors(model, motion, BODIES, NO_ERRORS, seed=3)
-    fit = sensor_kinematics(
-        model,
-        SensorRecording(made.sensors, pose=made.pose),
-        sizes=SensorOptions(imu_mounting="pose"),
-    )
+    recording = SensorRecording(made.sensors, pose=made.pose, sizes=BY_POSE)
+    fit = sensor_kinematics(model, recording)
     heading = (fit.mounting.headings[0].mean() - made.headings[0].mean() + np.pi) % (
         2 * np.pi
     ) - np.pi
@@ -112,7 +111,7 @@ def test_a_named_axis_gives_the_heading(walking):
     sensors = replace(made.sensors, orientations=quaternion_from_rotation(turned))
     pose = replace(made.pose, orientations=quaternion_from_rotation(posed))
     recording = SensorRecording(sensors, pose=pose, headings={"pelvis_imu": "x"})
-    fit = sensor_kinematics(model, recording, sizes=SensorOptions(imu_mounting="pose"))
+    fit = sensor_kinematics(model, replace(recording, sizes=BY_POSE))
     np.testing.assert_allclose(vector_from_rotation(fit.mounting.rotations), 0.0, atol=1e-6)
     assert errors_of(fit, motion, model) < 1e-3
     with pytest.raises(UnknownName, match="pelvis_imu"):
@@ -133,7 +132,7 @@ def test_a_sensor_that_slipped_after_the_pose_is_found(walking):
     )
     quaternions[:, index] = quaternion_from_rotation(earth @ about)
     slipped = SensorRecording(replace(made.sensors, orientations=quaternions), pose=made.pose)
-    by_pose = sensor_kinematics(model, slipped, sizes=SensorOptions(imu_mounting="pose"))
+    by_pose = sensor_kinematics(model, replace(slipped, sizes=BY_POSE))
     found = sensor_kinematics(model, slipped)
     assert errors_of(found, motion, model) < 0.5 * errors_of(by_pose, motion, model)
     assert any("tibia_r_imu" in note and "turned" in note for note in found.mounting.notes)
@@ -145,7 +144,8 @@ def test_markers_show_mounting_heading_and_clock(walking):
     markers = marker_positions(model, motion)
     late = replace(made.sensors, time=made.sensors.time + 0.13)
     marked = inverse_kinematics(model, markers)
-    fit = sensor_kinematics(model, SensorRecording(late), markers, marked)
+    tracked = TrackedMarkers(markers=markers, fit=marked)
+    fit = sensor_kinematics(model, SensorRecording(late), tracked)
     assert fit.mounting.delay == pytest.approx(0.13, abs=2e-3)
     np.testing.assert_allclose(
         vector_from_rotation(fit.mounting.rotations @ made.rotations.swapaxes(1, 2)), 0, atol=5e-3
@@ -162,9 +162,8 @@ def test_markers_show_headings_that_have_nothing_in_common(walking):
     turns = np.array([axis_rotation((0.0, 0.0, 1.0), angle) for angle in apart])
     own = replace(made.sensors, orientations=quaternion_from_rotation(turns @ earth))
     markers = marker_positions(model, motion)
-    fit = sensor_kinematics(
-        model, SensorRecording(own, same_clock=True), markers, inverse_kinematics(model, markers)
-    )
+    tracked = TrackedMarkers(markers=markers, fit=inverse_kinematics(model, markers))
+    fit = sensor_kinematics(model, SensorRecording(own, same_clock=True), tracked)
     np.testing.assert_allclose(turned_by(fit, made), 0.0, atol=5e-3)
     assert any("headings of the sensors" in note for note in fit.mounting.notes)
 
@@ -173,14 +172,9 @@ def test_headings_that_differ_are_reported(walking):
     """No marker and no name says how the sensors face: at least nothing is wrong in silence."""
     model, motion = walking
     made = simulated_sensors(model, motion, BODIES, SensorErrors(), seed=2)
-    assert not any(
-        "about another axis" in note
-        for note in sensor_kinematics(
-            model,
-            SensorRecording(made.sensors, pose=made.pose),
-            sizes=SensorOptions(imu_mounting="pose"),
-        ).mounting.notes
-    )
+    alike = SensorRecording(made.sensors, pose=made.pose, sizes=BY_POSE)
+    notes = sensor_kinematics(model, alike).mounting.notes
+    assert not any("about another axis" in note for note in notes)
     turned = axis_rotation((0.0, 0.0, 1.0), np.radians(70.0))
     index = BODIES.index("tibia_l")
 
@@ -191,8 +185,10 @@ def test_headings_that_differ_are_reported(walking):
         )
         return replace(sensors, orientations=quaternions)
 
-    own = SensorRecording(with_own_heading(made.sensors), pose=with_own_heading(made.pose))
-    notes = sensor_kinematics(model, own, sizes=SensorOptions(imu_mounting="pose")).mounting.notes
+    own = SensorRecording(
+        with_own_heading(made.sensors), pose=with_own_heading(made.pose), sizes=BY_POSE
+    )
+    notes = sensor_kinematics(model, own).mounting.notes
     assert any("tibia_l_imu (" in note and "about another axis" in note for note in notes)
 
 
@@ -212,7 +208,7 @@ def test_the_recording_does_not_spoil_what_the_pose_gives(walking):
         model, whole, BODIES, SensorErrors(heading=0.15, skin=0.1, axes=0.1), seed=6
     )
     recording = SensorRecording(made.sensors, pose=made.pose)
-    by_pose = sensor_kinematics(model, recording, sizes=SensorOptions(imu_mounting="pose"))
+    by_pose = sensor_kinematics(model, replace(recording, sizes=BY_POSE))
     assert errors_of(sensor_kinematics(model, recording), whole, model) < errors_of(
         by_pose, whole, model
     )
@@ -230,7 +226,8 @@ def test_sensors_bridge_hidden_markers(walking):
     values[gap, hidden] = np.nan
     markers = Markers(markers.time, markers.names, values)
     marked = inverse_kinematics(model, markers)
-    fit = sensor_kinematics(model, SensorRecording(made.sensors), markers, marked)
+    tracked = TrackedMarkers(markers=markers, fit=marked)
+    fit = sensor_kinematics(model, SensorRecording(made.sensors), tracked)
     knees = [j for j, name in enumerate(model.coordinate_names) if name.startswith("tibia")]
 
     def rms(values):
@@ -251,8 +248,10 @@ def test_headings_that_drift_are_followed():
     about = np.array([axis_rotation((0, 0, 1), angle) for angle in drift])
     quaternions[:, index] = quaternion_from_rotation(about @ earth)
     drifting = SensorRecording(replace(made.sensors, orientations=quaternions), pose=made.pose)
-    held = sensor_kinematics(model, drifting, sizes=SensorOptions(imu_heading_drift=0.0))
-    followed = sensor_kinematics(model, drifting, sizes=SensorOptions(imu_heading_drift=0.1))
+    still = replace(drifting, sizes=SensorOptions(imu_heading_drift=0.0))
+    moving = replace(drifting, sizes=SensorOptions(imu_heading_drift=0.1))
+    held = sensor_kinematics(model, still)
+    followed = sensor_kinematics(model, moving)
     assert errors_of(followed, motion, model) < 0.5 * errors_of(held, motion, model)
     assert np.ptp(followed.mounting.headings[:, index]) == pytest.approx(
         np.radians(20.0), abs=np.radians(5.0)
@@ -313,10 +312,9 @@ def test_without_pose_or_markers_the_mounting_is_asked_for(walking):
     made = simulated_sensors(model, motion, BODIES[:3], NO_ERRORS)
     with pytest.raises(BadData, match="--imu-pose"):
         sensor_kinematics(model, SensorRecording(made.sensors))
+    as_modelled = SensorRecording(made.sensors, sizes=SensorOptions(imu_mounting="model"))
     with pytest.raises(UnknownName, match="pelvis_imu"):
-        sensor_kinematics(
-            model, SensorRecording(made.sensors), sizes=SensorOptions(imu_mounting="model")
-        )
+        sensor_kinematics(model, as_modelled)
 
 
 def test_times_of_the_tree_are_those_of_the_model(walking):

@@ -27,7 +27,8 @@ from benchmarks.hidden_plates import (
     opened,
     tracked,
 )
-from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
+from myomorph.body.sensors.sensor_recording import SensorRecording
 from myomorph.core.contact.site_motion import rest_on_floor, walked
 from myomorph.core.contact.sites import foot_sites
 from myomorph.core.contact.states import ActivationOptions, ContactStateOptions, contact_activations

@@ -43,7 +43,8 @@ from myomorph.body.identify import base
 from myomorph.body.identify.least_squares import Recording
 from myomorph.body.identify.recordings import Usable
 from myomorph.body.identify.subject import IdentificationOptions
-from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
+from myomorph.body.sensors.sensor_recording import SensorRecording
 from myomorph.body.tension.emg_calibration import calibrate_emg
 from myomorph.body.tension.emg_held_out import EmgTrial
 from myomorph.core.model.arrays import Array
@@ -215,11 +216,10 @@ def mounted(folder: Path) -> Iterator[Case]:
         parts = []
         for seed in range(FIRST, FIRST + SENSOR_SEEDS):
             made = simulated_sensors(model, motion, BODIES, SensorErrors(), seed)
-            found = sensor_kinematics(
-                model,
-                SensorRecording(made.sensors, pose=made.pose),
-                sizes=SensorOptions(imu_mounting=kind),
-            ).mounting
+            recording = SensorRecording(
+                made.sensors, pose=made.pose, sizes=SensorOptions(imu_mounting=kind)
+            )
+            found = sensor_kinematics(model, recording).mounting
             off = vector_from_rotation(made.rotations @ np.swapaxes(found.rotations, 1, 2))
             sd = np.sqrt(np.sum(found.factor**2, axis=1))[: off.size]
             parts.append(Covered.of_sd(off.ravel(), sd))

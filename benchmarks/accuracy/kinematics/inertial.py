@@ -25,7 +25,8 @@ from tests.truths.simulated_sensors import SensorErrors, SimulatedSensors, simul
 import myomorph as mm
 from benchmarks.accuracy.tension.knee import command
 from benchmarks.recordings import RECORDINGS
-from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
+from myomorph.body.sensors.sensor_recording import SensorRecording, TrackedMarkers
 from myomorph.core.io.inertial.read import read_inertial
 from myomorph.core.model.inertial_sensors import InertialSensors
 from myomorph.core.model.spatial import (
@@ -160,13 +161,11 @@ def measure_opensense() -> Iterator[Row]:
         walking = folder / "walking_orientations.sto"
         theirs = opensim_tools.imu_inverse_kinematics(placed, walking, (10.5, 17.0), Path(name))
         model = mm.read_model(placed)
-    recording = SensorRecording(
-        read_inertial(folder / "walking_orientations.sto").between(10.5, 17.0)
-    )
-    options = SensorOptions(imu_mounting="model")
-    sensor_kinematics(model, recording, sizes=options)
+    walking = read_inertial(folder / "walking_orientations.sto").between(10.5, 17.0)
+    recording = SensorRecording(walking, sizes=SensorOptions(imu_mounting="model"))
+    sensor_kinematics(model, recording)
     began = time.process_time()
-    fit = sensor_kinematics(model, recording, sizes=options).fit
+    fit = sensor_kinematics(model, recording).fit
     seconds = time.process_time() - began
     for joint, start in JOINTS.items():
         names = [
@@ -265,10 +264,10 @@ def measure_angles(folder: Path) -> Iterator[Row]:
             for seed in SEEDS:
                 made = change(simulated_sensors(model, truth, BODIES, errors, seed))
                 began = time.process_time()
-                recording = SensorRecording(made.sensors, pose=made.pose)
-                fit = sensor_kinematics(
-                    model, recording, sizes=SensorOptions(imu_mounting=mounting)
-                ).fit
+                recording = SensorRecording(
+                    made.sensors, pose=made.pose, sizes=SensorOptions(imu_mounting=mounting)
+                )
+                fit = sensor_kinematics(model, recording).fit
                 seconds += (time.process_time() - began) / len(SEEDS) / len(truth)
                 rows.append(joint_errors(fit, truth))
             means = {
@@ -299,9 +298,9 @@ def measure_fusion(folder: Path) -> Iterator[Row]:
         hidden[gap, lower] = np.nan
         shown = replace(plain, values=hidden)
         marked = inverse_kinematics(model, shown)
-        fused = sensor_kinematics(
-            model, SensorRecording(made.sensors, same_clock=True), shown, marked
-        ).fit
+        recording = SensorRecording(made.sensors, same_clock=True)
+        tracked = TrackedMarkers(markers=shown, fit=marked)
+        fused = sensor_kinematics(model, recording, tracked).fit
         for name, fit in (
             ("no marker hidden", inverse_kinematics(model, whole)),
             ("markers alone", marked),
@@ -407,7 +406,7 @@ def measure_hidden() -> Iterator[Row]:
         shown = replace(markers, values=values)
         alone = inverse_kinematics(model, shown)
         recording = SensorRecording(read_inertial(files[1]), bodies, same_clock=True)
-        fused = sensor_kinematics(model, recording, shown, alone)
+        fused = sensor_kinematics(model, recording, TrackedMarkers(markers=shown, fit=alone))
         row: Row = {"hidden from [s]": float(start)}
         for title, fit in (("markers alone", alone), ("markers and sensors", fused.fit)):
             away = np.array([(fit.motion[knee] - truth.motion[knee])[gap] for knee in knees])

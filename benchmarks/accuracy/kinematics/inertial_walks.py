@@ -21,7 +21,8 @@ import myomorph as mm
 from benchmarks.accuracy.kinematics.inertial import Row, outside
 from benchmarks.accuracy.tension.knee import command
 from benchmarks.recordings import RECORDINGS
-from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
+from myomorph.body.sensors.sensor_recording import SensorRecording, TrackedMarkers
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.inertial_sensors import InertialSensors
 from myomorph.core.model.model import Frame
@@ -190,9 +191,8 @@ def _placed(
     model = mm.read_model(home / "first" / "calibrated.osim")
     markers = _markers(known, columns)
     recording = SensorRecording(_sensors(known, columns), same_clock=True)
-    mounting = sensor_kinematics(
-        model, recording, markers, inverse_kinematics(model, markers)
-    ).mounting
+    tracked = TrackedMarkers(markers=markers, fit=inverse_kinematics(model, markers))
+    mounting = sensor_kinematics(model, recording, tracked).mounting
     frames = [
         Frame(sensor, body, Transform(rotation, np.zeros(3)))
         for sensor, body, rotation in zip(

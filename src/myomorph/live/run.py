@@ -14,7 +14,8 @@ from typing import IO
 
 import numpy as np
 
-from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
+from myomorph.body.sensors.sensor_recording import SensorRecording
 from myomorph.core.io.inertial.read import read_inertial
 from myomorph.core.io.sto import write_sto
 from myomorph.core.model.arrays import Array

@@ -23,7 +23,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy
 
-from myomorph.body.shape.point_sums import PointSums
+from myomorph.body.shape.point_sums import PointMasses, PointSums
 from myomorph.body.shape.points import MassPoints
 from myomorph.body.shape.weights import checked_weights
 from myomorph.core.model.arrays import Array, read_only
@@ -472,12 +472,13 @@ class _Problem:
         """
         constant = float(self.target @ direction - (soft * y) @ direction)
         linear = float((soft * direction) @ direction)
+        masses = PointMasses(reference=self.reference, freedom=self.freedom, floor=self.floor)
         t = 0.0
         low = 0.0
         high = np.inf
         enough = 0.0
         for trial in range(60):
-            total, stiffness = self.sums.respond(self.reference, self.freedom, self.floor, s, ds, t)
+            total, stiffness = self.sums.respond(masses, s, ds, t)
             slope = constant - t * linear - total
             curvature = linear + stiffness
             if trial == 0:

@@ -20,10 +20,14 @@ from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import Tree
 
 AXES = {
-    sign + name: (1.0 if sign == "" else -1.0) * row
-    for name, row in zip("xyz", np.eye(3), strict=True)
-    for sign in ("", "-")
+    "x": np.array([1.0, 0.0, 0.0]),
+    "-x": np.array([-1.0, -0.0, -0.0]),
+    "y": np.array([0.0, 1.0, 0.0]),
+    "-y": np.array([-0.0, -1.0, -0.0]),
+    "z": np.array([0.0, 0.0, 1.0]),
+    "-z": np.array([-0.0, -0.0, -1.0]),
 }
+"""Axes of a sensor by the names that a user writes."""
 TRIED = 24  # Headings that are tried round the circle
 FLOOR = 0.2  # Added to costs that are compared, in squares of the noise: both may be perfect
 REFINED = 5  # Times that the step between them is halved about the best
@@ -33,6 +37,7 @@ CLEAR = 0.85  # Share of a sensor's level turning about one axis, from which on 
 # heading
 OWN = 0.25
 STEADY = 0.05  # Added to errors that are compared, as the noise of a sensor against its bone [rad]
+MIN_KNOWN = 20  # Numbers of which a correlation is taken
 MIN_LIKENESS = 0.5  # Correlation of speeds of rotation below which two clocks are not compared
 
 
@@ -69,6 +74,19 @@ class Guess(NamedTuple):
     ambiguity: float = np.inf
 
 
+class TriedHeading(NamedTuple):
+    """A heading that was tried; headings are ordered by their costs.
+
+    Attributes
+    ----------
+    cost : in squares of the noise
+    angle : [rad]
+    """
+
+    cost: float
+    angle: float
+
+
 def mean_rotation(rotations: Array) -> Array:
     """Compute mean rotations by the polar decomposition of their sum.
 
@@ -81,7 +99,8 @@ def mean_rotation(rotations: Array) -> Array:
     (..., 3, 3)
     """
     U, _, V = np.linalg.svd(np.nansum(rotations, axis=0))
-    U[..., :, 2] *= np.linalg.det(U @ V)[..., None]
+    sign = np.linalg.det(U @ V)
+    U[..., :, 2] *= sign[..., None]
     return np.asarray(U @ V)
 
 
@@ -113,7 +132,7 @@ def calibration_pose(
             f"{sensors.source or 'calibration pose'}: sensors {', '.join(silent)} recorded nothing"
             " there"
         )
-    return CalibrationPose(mean_rotation(rotations), coordinates, start)
+    return CalibrationPose(rotations=mean_rotation(rotations), coordinates=coordinates, time=start)
 
 
 def from_pose(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, headings: Array) -> Guess:
@@ -134,8 +153,8 @@ def from_pose(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, headin
     """
     poses = forward_kinematics(tree, pose.coordinates[None])
     turned = rotation_from_vector(headings[:, None] * tree.model.up) @ pose.rotations
-    own = poses.rotations[0, [tree.body_number(body) for body in bodies]]
-    return Guess(np.swapaxes(own, 1, 2) @ turned, headings)
+    of_bodies = poses.rotations[0, [tree.body_number(body) for body in bodies]]
+    return Guess(rotations=np.swapaxes(of_bodies, 1, 2) @ turned, headings=headings)
 
 
 def named_headings(
@@ -168,9 +187,10 @@ def named_headings(
     forward = unit_vector(np.eye(3)[0] - up[0] * up, "forward", model.name)
     for name, axis in axes.items():
         if name not in names:
-            raise UnknownName("sensor", name, names, "the recording")
+            raise UnknownName("sensor", name, existing=names, where="the recording")
         if axis.casefold() not in AXES:
-            raise UnknownName("axis", axis, tuple(AXES), f"the heading of sensor '{name}'")
+            where = f"the heading of sensor '{name}'"
+            raise UnknownName("axis", axis, existing=tuple(AXES), where=where)
         pointing = pose.rotations[names.index(name)] @ AXES[axis.casefold()]
         level = pointing - (pointing @ up) * up
         if np.linalg.norm(level) < 0.5:
@@ -208,22 +228,24 @@ def by_trying(
     the best heading, and how much worse the best of the others is
     """
 
-    def at(angle: float) -> tuple[float, float]:
-        return cost(from_pose(tree, bodies, pose, np.full(len(bodies), angle))), angle
+    def at(angle: float) -> TriedHeading:
+        guess = from_pose(tree, bodies, pose, np.full(len(bodies), angle))
+        return TriedHeading(cost=cost(guess), angle=angle)
 
-    def refined(tried: tuple[float, float]) -> tuple[float, float]:
+    def refined(tried: TriedHeading) -> TriedHeading:
         step = 2.0 * np.pi / TRIED
         for _ in range(REFINED):
             step *= 0.5
-            tried = min(tried, at(tried[1] - step), at(tried[1] + step))
+            tried = min(tried, at(tried.angle - step), at(tried.angle + step))
         return tried
 
-    tried = [at(2.0 * np.pi * index / TRIED) for index in range(TRIED)]
-    best = int(np.argmin([value for value, _ in tried]))
-    least, angle = refined(tried[best])
-    away = [tried[(best + index) % TRIED] for index in range(3, TRIED - 2)]
-    guess = from_pose(tree, bodies, pose, np.full(len(bodies), angle))
-    return guess._replace(ambiguity=(refined(min(away))[0] + FLOOR) / (least + FLOOR))
+    round_circle = [at(2.0 * np.pi * index / TRIED) for index in range(TRIED)]
+    first = int(np.argmin([tried.cost for tried in round_circle]))
+    best = refined(round_circle[first])
+    away = [round_circle[(first + index) % TRIED] for index in range(3, TRIED - 2)]
+    second = refined(min(away))
+    guess = from_pose(tree, bodies, pose, np.full(len(bodies), best.angle))
+    return guess._replace(ambiguity=(second.cost + FLOOR) / (best.cost + FLOOR))
 
 
 def turned_from_others(time: Array, earth: Array, up: Array) -> Array:
@@ -242,19 +264,17 @@ def turned_from_others(time: Array, earth: Array, up: Array) -> Array:
     -------
     (sensors,) angle [rad], 0 where a sensor rotates about no one axis
     """
-    steps = (
-        vector_from_rotation(earth[1:] @ np.swapaxes(earth[:-1], 2, 3))
-        / np.diff(time)[:, None, None]
-    )
-    level = np.nan_to_num(steps - (steps @ up)[..., None] * up)
-    sizes, directions = np.linalg.eigh(np.einsum("fsi,fsj->sij", level, level))
+    velocities = _angular_velocities(time, earth)
+    level = np.nan_to_num(velocities - (velocities @ up)[..., None] * up)
+    squares, directions = np.linalg.eigh(np.einsum("fsi,fsj->sij", level, level))
     axes = directions[..., -1]
-    clear = sizes[:, -1] > CLEAR * sizes.sum(axis=1)
+    clear = squares[:, -1] > CLEAR * squares.sum(axis=1)
     if not clear.any():
         return np.zeros(len(axes))
     # An axis has no sign.
-    common = np.linalg.eigh(np.einsum("si,sj->ij", axes[clear], axes[clear]))[1][:, -1]
-    return np.where(clear, np.arccos(np.clip(np.abs(axes @ common), 0.0, 1.0)), 0.0)
+    _, common_axes = np.linalg.eigh(np.einsum("si,sj->ij", axes[clear], axes[clear]))
+    cosine = np.abs(axes @ common_axes[:, -1])
+    return np.where(clear, np.arccos(np.clip(cosine, 0.0, 1.0)), 0.0)
 
 
 def from_motion(bodies: Array, earth: Array, up: Array, anywhere: bool) -> tuple[Guess, bool]:
@@ -274,35 +294,82 @@ def from_motion(bodies: Array, earth: Array, up: Array, anywhere: bool) -> tuple
     -------
     mountings and headings, and whether each has its own
     """
-    count = bodies.shape[1]
     known = np.asarray(np.isfinite(bodies).all((2, 3)) & np.isfinite(earth).all((2, 3)))
-
-    def mounted(index: int, angle: float) -> tuple[float, Array]:
-        own = earth[known[:, index], index]
-        seen = np.swapaxes(bodies[known[:, index], index], 1, 2)
-        if not len(own):
-            return 0.0, np.eye(3)
-        turned = seen @ axis_rotation(up, angle) @ own
-        mean = mean_rotation(turned)
-        return float((vector_from_rotation(turned @ mean.T) ** 2).sum()), mean
-
-    def heading(sensors: Sequence[int]) -> tuple[float, float]:
-        step = 2.0 * np.pi / TRIED
-        tried = min((sum(mounted(i, step * k)[0] for i in sensors), step * k) for k in range(TRIED))
-        for _ in range(4 * REFINED):
-            step *= 0.5
-            beside = (tried[1] - step, tried[1] + step)
-            tried = min(
-                tried, *((sum(mounted(i, angle)[0] for i in sensors), angle) for angle in beside)
-            )
-        return tried[0], (tried[1] + np.pi) % (2.0 * np.pi) - np.pi
-
-    together = heading(range(count))
-    each = [heading([index]) for index in range(count)]
+    followers = [
+        _Follower(bodies=bodies[known[:, index], index], earth=earth[known[:, index], index], up=up)
+        for index in range(bodies.shape[1])
+    ]
+    together = _best_heading(followers)
+    apart = [_best_heading([follower]) for follower in followers]
     floor = STEADY**2 * int(known.sum())
-    anywhere = anywhere or sum(error for error, _ in each) + floor < OWN * (together[0] + floor)
-    headings = np.array([angle for _, angle in each]) if anywhere else np.full(count, together[1])
-    return Guess(np.array([mounted(i, headings[i])[1] for i in range(count)]), headings), anywhere
+    error_apart = sum(tried.cost for tried in apart) + floor
+    anywhere = anywhere or error_apart < OWN * (together.cost + floor)
+    angles = [tried.angle for tried in apart] if anywhere else [together.angle] * len(followers)
+    rotations = [
+        follower.mounted(angle).rotation for follower, angle in zip(followers, angles, strict=True)
+    ]
+    return Guess(rotations=np.array(rotations), headings=np.array(angles)), anywhere
+
+
+class Mounted(NamedTuple):
+    """A mounting by which a sensor follows its body best.
+
+    Attributes
+    ----------
+    error : sum of squared angles that are left [rad^2]
+    rotation : (3, 3) to the body
+    """
+
+    error: float
+    rotation: Array
+
+
+@read_only
+class _Follower:
+    """A sensor and its body, in frames in which both are known.
+
+    Attributes
+    ----------
+    bodies : (frames, 3, 3) rotations of the body to ground
+    earth : (frames, 3, 3) rotations of the sensor to its ground
+    up : (3,) unit vector
+    """
+
+    bodies: Array
+    earth: Array
+    up: Array
+
+    def mounted(self, heading: float) -> Mounted:
+        """Find the mean mounting with a heading [rad]."""
+        if not len(self.earth):
+            return Mounted(error=0.0, rotation=np.eye(3))
+        to_body = np.swapaxes(self.bodies, 1, 2)
+        mountings = to_body @ axis_rotation(self.up, heading) @ self.earth
+        mean = mean_rotation(mountings)
+        error = float((vector_from_rotation(mountings @ mean.T) ** 2).sum())
+        return Mounted(error=error, rotation=mean)
+
+
+def _best_heading(followers: Sequence[_Follower]) -> TriedHeading:
+    """Find the heading, the same of these sensors, with which they follow their bodies best."""
+
+    def at(angle: float) -> TriedHeading:
+        errors = [follower.mounted(angle).error for follower in followers]
+        return TriedHeading(cost=sum(errors), angle=angle)
+
+    step = 2.0 * np.pi / TRIED
+    best = min(at(step * index) for index in range(TRIED))
+    for _ in range(4 * REFINED):
+        step *= 0.5
+        best = min(best, at(best.angle - step), at(best.angle + step))
+    wrapped = (best.angle + np.pi) % (2.0 * np.pi) - np.pi
+    return best._replace(angle=wrapped)
+
+
+def _angular_velocities(time: Array, rotations: Array) -> Array:
+    """Difference rotations (frames, items, 3, 3) in time: (frames - 1, items, 3) [rad/s]."""
+    between = rotations[1:] @ np.swapaxes(rotations[:-1], 2, 3)
+    return np.asarray(vector_from_rotation(between) / np.diff(time)[:, None, None])
 
 
 def speeds_of(time: Array, rotations: Array, at: Array) -> Array:
@@ -318,13 +385,10 @@ def speeds_of(time: Array, rotations: Array, at: Array) -> Array:
     -------
     (times, items) [rad/s], NaN outside the recording
     """
-    steps = (
-        vector_from_rotation(rotations[1:] @ np.swapaxes(rotations[:-1], 2, 3))
-        / np.diff(time)[:, None, None]
-    )
     middle = 0.5 * (time[1:] + time[:-1])
-    speed = np.linalg.norm(steps, axis=2)
-    return np.column_stack([np.interp(at, middle, column, np.nan, np.nan) for column in speed.T])
+    speeds = np.linalg.norm(_angular_velocities(time, rotations), axis=2)
+    columns = [np.interp(at, middle, column, np.nan, np.nan) for column in speeds.T]
+    return np.column_stack(columns)
 
 
 def clock_delay(
@@ -343,7 +407,8 @@ def clock_delay(
     -------
     delay [s], and the correlation there
     """
-    lags = np.arange(-int(search * RATE), int(search * RATE) + 1) / RATE
+    count = int(search * RATE)
+    lags = np.arange(-count, count + 1) / RATE
     likeness = np.array([alike(bodies, sensors(at + lag)) for lag in lags])
     best = int(np.nanargmax(likeness)) if np.isfinite(likeness).any() else len(lags) // 2
     return float(lags[best]), float(likeness[best])
@@ -358,11 +423,12 @@ def alike(first: Array, second: Array) -> float:
 
     Returns
     -------
-    correlation; NaN with fewer than 20 known numbers
+    correlation; NaN with fewer than `MIN_KNOWN` numbers
     """
     known = np.isfinite(first) & np.isfinite(second)
-    if known.sum() < 20:
+    if known.sum() < MIN_KNOWN:
         return np.nan
     x = first[known] - first[known].mean()
     y = second[known] - second[known].mean()
-    return float(x @ y / max(np.sqrt((x @ x) * (y @ y)), 1e-300))
+    norms = np.sqrt((x @ x) * (y @ y))
+    return float(x @ y / max(norms, 1e-300))

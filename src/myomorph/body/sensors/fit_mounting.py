@@ -31,7 +31,7 @@ from myomorph.core.model.inertial_sensors import InertialSensors
 from myomorph.core.model.series import Markers
 from myomorph.core.model.spatial import rotation_from_vector, vector_from_rotation
 from myomorph.core.motion.ik import InverseKinematicsOptions, pose_problem
-from myomorph.core.motion.marker_influence import marker_frames
+from myomorph.core.motion.marker_influence import MarkerFrames, marker_frames
 from myomorph.core.motion.newton import solve_poses
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.sensors.mounting import SensorMounting, SensorOptions, orientation_tasks
@@ -87,8 +87,70 @@ class Chosen(NamedTuple):
     marker_weights: Array
     share: float
 
+    @property
+    def positions(self) -> Array:
+        """(frames, marker names, 3) of the markers that count [m], NaN where unseen."""
+        columns = [self.markers.names.index(name) for name in self.marker_names]
+        return self.markers.values[:, columns]
 
-@dataclass(frozen=True, eq=False)
+
+class SolvedFrames(NamedTuple):
+    """Frames at their best poses with a mounting.
+
+    Attributes
+    ----------
+    values : (frames, coordinates) [rad or m]
+    reported : (frames, sensors, 3, 3) rotations of the bodies by the sensors
+    cost : (frames,) [m^2]
+    """
+
+    values: Array
+    reported: Array
+    cost: Array
+
+
+class Rows(NamedTuple):
+    """Rows of a frame, in units of their noise.
+
+    Attributes
+    ----------
+    of_pose : (rows, variables) slopes in the free coordinates
+    of_unknowns : (rows, unknowns) slopes in mountings, headings and delay
+    residuals : (rows,)
+    """
+
+    of_pose: Array
+    of_unknowns: Array
+    residuals: Array
+
+
+class Followed(NamedTuple):
+    """The best pose of a frame.
+
+    Attributes
+    ----------
+    angles : (variables,) free coordinates [rad or m]
+    follows : (variables, unknowns) how they follow mountings, headings and delay
+    """
+
+    angles: Array
+    follows: Array
+
+
+class Knot(NamedTuple):
+    """What is seen about a knot of the headings.
+
+    Attributes
+    ----------
+    frames : best poses of the frames that are nearest to it
+    vertical : (sensors, 3) mean of the vertical in the axes of each sensor's body
+    """
+
+    frames: list[Followed]
+    vertical: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MountingFit:
     """The setting in which mountings are looked for.
 
@@ -137,7 +199,7 @@ class MountingFit:
             up=np.asarray(self.tree.model.up),
         )
 
-    def poses(self, mounting: SensorMounting, starts: Array | None) -> tuple[Array, Array, Array]:
+    def poses(self, mounting: SensorMounting, starts: Array | None) -> SolvedFrames:
         """Solve for the poses of the frames with a mounting.
 
         Parameters
@@ -148,17 +210,12 @@ class MountingFit:
 
         Returns
         -------
-        (frames, coordinates) [rad or m], (frames, sensors, 3, 3) rotations of the bodies by the
-            sensors, and (frames,) cost
+        poses, what the sensors report there, and costs
         """
         chosen = self.chosen
-        model = self.tree.model
-        reported = mounting.body_rotations(self.sensors, chosen.time, model)
-        seen = np.asarray(np.isfinite(chosen.markers.values).all(axis=2))
-        columns = [chosen.markers.names.index(name) for name in chosen.marker_names]
-        tasks = orientation_tasks(
-            mounting, reported, seen[:, columns] @ chosen.marker_weights, self.sizes
-        )
+        reported = mounting.body_rotations(self.sensors, chosen.time, self.tree.model)
+        seen = np.isfinite(chosen.positions).all(axis=2)
+        tasks = orientation_tasks(mounting, reported, seen @ chosen.marker_weights, self.sizes)
         options = replace(self.options, tasks=(*self.options.tasks, *tasks))
         problem = pose_problem(
             self.tree, chosen.marker_names, chosen.marker_weights, options, chosen.markers
@@ -166,7 +223,8 @@ class MountingFit:
         first = np.tile(self.tree.defaults, (len(chosen.time), 1)) if starts is None else starts
         settings = options.settings._replace(chained=starts is None)
         solved = solve_poses(self.tree, problem, first, settings)
-        return np.where(np.isfinite(solved.values), solved.values, first), reported, solved.cost
+        values = np.where(np.isfinite(solved.values), solved.values, first)
+        return SolvedFrames(values=values, reported=reported, cost=solved.cost)
 
     def fitted(self, start: SensorMounting, azimuth: bool, anywhere: bool) -> MountingEstimate:
         """Fit the mounting by Gauss-Newton steps.
@@ -204,16 +262,11 @@ class MountingFit:
         the mounting, with its estimate
         """
         assert self.pose is not None
-        problem = Problem(
-            self._unknowns(start),
-            (
-                self._heading_prior(start, False, False),
-                PoseResiduals(fit=self, start=start, pose=self.pose),
-            ),
-        )
-        return self._estimated(
-            start, minimize(problem, fit=self._open(), method=Method(iterations=0))
-        )
+        headings = self._heading_prior(start, azimuth=False, anywhere=False)
+        pose = PoseResiduals(fit=self, start=start, pose=self.pose)
+        problem = Problem(self._unknowns(start), (headings, pose))
+        solution = minimize(problem, fit=self._open(), method=Method(iterations=0))
+        return self._estimated(start, solution)
 
     def _estimated(self, start: SensorMounting, solution: Solution) -> MountingEstimate:
         """Build the mounting of a solution, and its estimate."""
@@ -223,14 +276,18 @@ class MountingFit:
         sizes, directions = np.linalg.eigh(covariance)
         factor = directions * np.sqrt(np.maximum(sizes, 0.0))
         mounting = mounting_of(start, Values(solution.problem.unknowns, solution.x))
-        return MountingEstimate(replace(mounting, factor=np.asarray(factor)), estimate)
+        return MountingEstimate(
+            mounting=replace(mounting, factor=np.asarray(factor)), estimate=estimate
+        )
 
     def _open(self) -> tuple[str, ...]:
         """Name the blocks that are searched for.
 
         Without markers there is no clock to compare with.
         """
-        return (MOUNTINGS, HEADINGS, CLOCK) if self.chosen.marker_names else (MOUNTINGS, HEADINGS)
+        if self.chosen.marker_names:
+            return (MOUNTINGS, HEADINGS, CLOCK)
+        return (MOUNTINGS, HEADINGS)
 
     def _unknowns(self, start: SensorMounting) -> Unknowns:
         """List rotations from a start's mountings, headings at knots, and the clock's delay."""
@@ -311,71 +368,107 @@ class MountingFit:
         -------
         (unknowns, unknowns) and (unknowns,), in units of the noise
         """
-        chosen = self.chosen
-        sizes = self.sizes
-        problem = pose_problem(self.tree, chosen.marker_names, chosen.marker_weights, self.options)
-        rotations, slopes = self._slopes(values, problem)
-        later = mounting.body_rotations(self.sensors, chosen.time + SHORT, self.tree.model)
-        clock = np.nan_to_num(vector_from_rotation(later @ np.swapaxes(reported, 2, 3)) / SHORT)
-        errors = vector_from_rotation(rotations @ np.swapaxes(reported, 2, 3))
-        marked = None
-        if chosen.marker_names:
-            columns = [chosen.markers.names.index(name) for name in chosen.marker_names]
-            marked = marker_frames(self.tree, problem, chosen.markers.values[:, columns], values)
-        shares = _knot_shares(mounting.knots, chosen.time)
-        near = shares.argmax(axis=1)
-        noise = max(sizes.imu_noise, _noise(errors, slopes.shape[-1]))
+        data = self._frame_data(mounting, values, reported)
+        near = data.knot_shares.argmax(axis=1)
         width = self._width(mounting)
         H = np.zeros((width, width))
         g = np.zeros(width)
-        followed = [list[tuple[Array, Array]]() for _ in mounting.knots]
+        by_knot = [list[Followed]() for _ in mounting.knots]
         for frame in range(len(values)):
-            known = np.flatnonzero(np.isfinite(errors[frame, :, 0]))
-            scale = np.sqrt(chosen.share) / noise
-            J = []
-            X = []
-            r = []
-            for index in known:
-                J.append(scale * slopes[frame, index])
-                parts = (reported[frame, index], shares[frame], clock[frame, index])
-                X.append(scale * self._sensor_columns(int(index), *parts, width))
-                r.append(scale * errors[frame, index])
-            if marked is not None:
-                seen = np.isfinite(marked.errors[frame]).all(axis=1)
-                scales = (
-                    np.sqrt(chosen.share * chosen.marker_weights[seen]) / sizes.imu_marker_noise
-                )
-                J.append(
-                    (scales[:, None, None] * marked.slopes[frame, seen]).reshape(
-                        -1, len(problem.free)
-                    )
-                )
-                r.append((-scales[:, None] * marked.errors[frame, seen]).ravel())
-                X.append(np.zeros((len(r[-1]), width)))
-            if J:
-                own = eliminated(np.concatenate(J), np.concatenate(X), np.concatenate(r))
-                H += own.equations.H
-                g += own.equations.g
-                best = values[frame, problem.free] + own.moved
-                followed[near[frame]].append((best, own.follows))
-        if not chosen.marker_names:
+            rows = self._frame_rows(data, frame, width)
+            if rows is None:
+                continue
+            best = eliminated(rows.of_pose, rows.of_unknowns, rows.residuals)
+            H += best.equations.H
+            g += best.equations.g
+            angles = values[frame, data.problem.free] + best.moved
+            by_knot[near[frame]].append(Followed(angles=angles, follows=best.follows))
+        if not self.chosen.marker_names:
             # Where a sensor has its vertical no heading changes.
             upright = np.swapaxes(reported, 2, 3) @ mounting.up
             knots = [
-                (part, np.nanmean(upright[near == knot], axis=0))
-                for knot, part in enumerate(followed)
-                if part
+                Knot(frames=frames, vertical=np.nanmean(upright[near == number], axis=0))
+                for number, frames in enumerate(by_knot)
+                if frames
             ]
-            self._add_trends(H, g, joint_angles(self.tree, problem.free), knots)
+            self._add_trends(H, g, joint_angles(self.tree, data.problem.free), knots)
         return NormalEquations(H=H, g=g)
 
-    def _add_trends(
-        self,
-        H: Array,
-        g: Array,
-        joints: Array,
-        parts: list[tuple[list[tuple[Array, Array]], Array]],
-    ) -> None:
+    def _frame_data(self, mounting: SensorMounting, values: Array, reported: Array) -> FrameData:
+        """Compute errors and slopes of all frames; see `frame_equations`."""
+        chosen = self.chosen
+        problem = pose_problem(self.tree, chosen.marker_names, chosen.marker_weights, self.options)
+        rotations, slopes = self._slopes(values, problem)
+        later = mounting.body_rotations(self.sensors, chosen.time + SHORT, self.tree.model)
+        turned = vector_from_rotation(later @ np.swapaxes(reported, 2, 3))
+        errors = vector_from_rotation(rotations @ np.swapaxes(reported, 2, 3))
+        marked = None
+        if chosen.marker_names:
+            marked = marker_frames(self.tree, problem, chosen.positions, values)
+        return FrameData(
+            problem=problem,
+            reported=reported,
+            errors=errors,
+            slopes=slopes,
+            velocities=np.nan_to_num(turned / SHORT),
+            knot_shares=_knot_shares(mounting.knots, chosen.time),
+            marked=marked,
+            noise=max(self.sizes.imu_noise, _noise(errors, slopes.shape[-1])),
+        )
+
+    def _frame_rows(self, data: FrameData, frame: int, width: int) -> Rows | None:
+        """Collect the rows of what sensors and markers report in a frame.
+
+        Parameters
+        ----------
+        frame : number of the frame
+        width : number of unknowns
+
+        Returns
+        -------
+        None where nothing is reported
+        """
+        parts = []
+        scale = np.sqrt(self.chosen.share) / data.noise
+        for index in np.flatnonzero(np.isfinite(data.errors[frame, :, 0])).tolist():
+            columns = self._sensor_columns(
+                index,
+                data.reported[frame, index],
+                data.knot_shares[frame],
+                data.velocities[frame, index],
+                width,
+            )
+            of_sensor = Rows(
+                of_pose=scale * data.slopes[frame, index],
+                of_unknowns=scale * columns,
+                residuals=scale * data.errors[frame, index],
+            )
+            parts.append(of_sensor)
+        if data.marked is not None:
+            parts.append(self._marker_rows(data.marked, frame, width))
+        if not parts:
+            return None
+        return Rows(
+            of_pose=np.concatenate([part.of_pose for part in parts]),
+            of_unknowns=np.concatenate([part.of_unknowns for part in parts]),
+            residuals=np.concatenate([part.residuals for part in parts]),
+        )
+
+    def _marker_rows(self, marked: MarkerFrames, frame: int, width: int) -> Rows:
+        """Weigh the errors of the markers that are seen in a frame, which no unknown moves."""
+        chosen = self.chosen
+        seen = np.isfinite(marked.errors[frame]).all(axis=1)
+        counted = np.sqrt(chosen.share * chosen.marker_weights[seen])
+        scales = counted / self.sizes.imu_marker_noise
+        slopes = scales[:, None, None] * marked.slopes[frame, seen]
+        residuals = (-scales[:, None] * marked.errors[frame, seen]).ravel()
+        return Rows(
+            of_pose=slopes.reshape(-1, slopes.shape[2]),
+            of_unknowns=np.zeros((len(residuals), width)),
+            residuals=residuals,
+        )
+
+    def _add_trends(self, H: Array, g: Array, joints: np.ndarray, knots: list[Knot]) -> None:
         """Add that mean joint angles about knots at which the body does the same are alike.
 
         Headings that drift would part them.
@@ -384,18 +477,21 @@ class MountingFit:
         ----------
         H, g : (unknowns, unknowns), (unknowns,), changed in place
         joints : (variables,) which free coordinates are angles of joints
-        parts : by knot, of each frame, its coordinates and how they follow what is unknown; and
-            (sensors, 3) the mean verticals
+        knots : that have frames
         """
-        angles = [np.mean([own[joints] for own, _ in frames], axis=0) for frames, _ in parts]
-        slopes = np.array(
-            [np.mean([follows[joints] for _, follows in frames], axis=0) for frames, _ in parts]
-        )
-        # A mounting does not change: what it makes of the means is none of a trend's.
-        slopes[..., : 3 * len(self.bodies)] = 0.0
-        for i, j in combinations(range(len(parts)), 2):
-            apart = np.sqrt(np.nanmean(((parts[i][1] - parts[j][1]) ** 2).sum(axis=-1)))
-            weight = np.exp(-0.5 * (apart / ALIKE) ** 2) / (len(parts) * TREND**2)
+        angles = [
+            np.mean([frame.angles[joints] for frame in knot.frames], axis=0) for knot in knots
+        ]
+        slopes = [
+            np.mean([frame.follows[joints] for frame in knot.frames], axis=0) for knot in knots
+        ]
+        for of_knot in slopes:
+            # A mounting does not change: what it makes of the means is none of a trend's.
+            of_knot[:, : 3 * len(self.bodies)] = 0.0
+        for i, j in combinations(range(len(knots)), 2):
+            between = knots[i].vertical - knots[j].vertical
+            apart = np.sqrt(np.nanmean((between**2).sum(axis=-1)))
+            weight = np.exp(-0.5 * (apart / ALIKE) ** 2) / (len(knots) * TREND**2)
             X = slopes[i] - slopes[j]
             H += weight * X.T @ X
             g += weight * X.T @ (angles[i] - angles[j])
@@ -415,33 +511,42 @@ class MountingFit:
         assert self.pose is not None
         problem = pose_problem(self.tree, (), np.empty(0), self.options)
         rotations, slopes = self._slopes(pose[None], problem)
-        heading = mounting.heading_at(np.array([self.pose.time]))[0]
+        time = np.array([self.pose.time])
+        heading = mounting.heading_at(time)[0]
         turned = rotation_from_vector(heading[:, None] * mounting.up) @ self.pose.rotations
         reported = turned @ np.swapaxes(mounting.rotations, 1, 2)
         errors = vector_from_rotation(rotations[0] @ np.swapaxes(reported, 1, 2))
-        share = _knot_shares(mounting.knots, np.array([self.pose.time]))[0]
+        share = _knot_shares(mounting.knots, time)[0]
+        width = self._width(mounting)
         columns = [
-            self._sensor_columns(index, reported[index], share, np.zeros(3), self._width(mounting))
+            self._sensor_columns(index, reported[index], share, np.zeros(3), width)
             for index in range(len(errors))
         ]
-        joints = joint_angles(self.tree, problem.free)
-        # The root: its inclination is as uncertain as a joint, its heading is that of the model by
-        # convention.
-        stiffness = np.where(joints, 1.0 / self.sizes.imu_pose_error, 1.0 / POSE_NOISE)
-        # Cauchy's weights along the way that a sensor slipped; across it the pose counts as before.
-        sizes = np.linalg.norm(errors, axis=1)[:, None, None]
-        along = errors[:, :, None] * errors[:, None, :] / np.maximum(sizes, 1e-12) ** 2
-        scale = (np.eye(3) + (1.0 / np.sqrt(1.0 + (sizes / SLIP) ** 2) - 1.0) * along) / POSE_NOISE
-        J = np.concatenate([*(scale @ slopes[0]), np.diag(stiffness)])
-        X = np.concatenate(
-            [*(scale @ np.array(columns)), np.zeros((len(problem.free), self._width(mounting)))]
+        stiffness = self._pose_stiffness(problem)
+        off = stiffness * (pose - self.pose.coordinates)[problem.free]
+        scale = _slip_weights(errors) / POSE_NOISE
+        frame = eliminated(
+            np.concatenate([*(scale @ slopes[0]), np.diag(stiffness)]),
+            np.concatenate([*(scale @ np.array(columns)), np.zeros((len(problem.free), width))]),
+            np.concatenate([(scale @ errors[:, :, None]).ravel(), off]),
         )
-        away = stiffness * (pose - self.pose.coordinates)[problem.free]
-        r = np.concatenate([(scale @ errors[:, :, None]).ravel(), away])
-        return problem.free, eliminated(J, X, r)
+        return problem.free, frame
+
+    def _pose_stiffness(self, problem: PoseProblem) -> Array:
+        """Compute how well the coordinates of the calibration pose are known.
+
+        The root's inclination is as uncertain as a joint, its heading is that of the model by
+        convention.
+
+        Returns
+        -------
+        (variables,) inverse standard deviations [1/rad or 1/m]
+        """
+        joints = joint_angles(self.tree, problem.free)
+        return np.where(joints, 1.0 / self.sizes.imu_pose_error, 1.0 / POSE_NOISE)
 
     def _sensor_columns(
-        self, index: int, reported: Array, share: Array, clock: Array, width: int
+        self, index: int, reported: Array, share: Array, velocity: Array, width: int
     ) -> Array:
         """Compute how the rotation vector of a sensor's error grows with what is unknown.
 
@@ -450,7 +555,7 @@ class MountingFit:
         index : of the sensor
         reported : (3, 3) rotation of its body by the sensor
         share : (knots,) of each knot's heading
-        clock : (3,) rotation vector per second of delay [rad/s]
+        velocity : (3,) rotation vector per second of delay [rad/s]
         width : number of unknowns
 
         Returns
@@ -459,12 +564,11 @@ class MountingFit:
         """
         count = len(self.bodies)
         columns = np.zeros((3, width))
+        up = np.asarray(self.tree.model.up)
         columns[:, 3 * index : 3 * index + 3] = reported
         for knot in np.flatnonzero(share):
-            columns[:, 3 * count + knot * count + index] = -share[knot] * np.asarray(
-                self.tree.model.up
-            )
-        columns[:, -1] = -clock
+            columns[:, 3 * count + knot * count + index] = -share[knot] * up
+        columns[:, -1] = -velocity
         return columns
 
     def _width(self, mounting: SensorMounting) -> int:
@@ -475,6 +579,50 @@ class MountingFit:
         """Compute rotations of the sensors' bodies, and their slopes; see `body_slopes`."""
         bodies = np.array([self.tree.body_number(body) for body in self.bodies], np.int64)
         return body_slopes(self.tree, problem, values, bodies)
+
+
+@read_only
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrameData:
+    """All frames at their best poses with a mounting.
+
+    Attributes
+    ----------
+    problem : with the free coordinates
+    reported : (frames, sensors, 3, 3) rotations of the bodies by the sensors
+    errors : (frames, sensors, 3) rotation vectors from these to the bodies [rad], NaN where unknown
+    slopes : (frames, sensors, 3, variables) of the bodies' rotation vectors [rad per rad or m]
+    velocities : (frames, sensors, 3) rotation vectors per second of delay [rad/s]
+    knot_shares : (frames, knots) of each knot's heading
+    marked : errors of the markers; None without markers
+    noise : standard deviation of a sensor's errors [rad]
+    """
+
+    problem: PoseProblem
+    reported: Array
+    errors: Array
+    slopes: Array
+    velocities: Array
+    knot_shares: Array
+    marked: MarkerFrames | None
+    noise: float
+
+
+def _slip_weights(errors: Array) -> Array:
+    """Compute Cauchy's weights along the way that a sensor slipped; across it the pose counts.
+
+    Parameters
+    ----------
+    errors : (sensors, 3) rotation vectors [rad]
+
+    Returns
+    -------
+    (sensors, 3, 3)
+    """
+    norms = np.linalg.norm(errors, axis=1)[:, None, None]
+    along = errors[:, :, None] * errors[:, None, :] / np.maximum(norms, 1e-12) ** 2
+    weight = 1.0 / np.sqrt(1.0 + (norms / SLIP) ** 2)
+    return np.eye(3) + (weight - 1.0) * along
 
 
 def _noise(errors: Array, coordinates: int) -> float:
@@ -531,7 +679,7 @@ def mounting_of(start: SensorMounting, values: Values) -> SensorMounting:
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class FramesAt:
     """Sensors and markers of the recording at a mounting, every frame at its best pose.
 
@@ -569,7 +717,7 @@ class FramesAt:
         return self.fit.frame_equations(self.mounting, self.values, self.reported)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class FrameResiduals:
     """A recording as residuals of the sensors' mountings, headings and clock.
 
@@ -589,9 +737,13 @@ class FrameResiduals:
     def at(self, values: Values, before: FramesAt | None) -> FramesAt:
         """Solve for poses from those of the mounting before."""
         mounting = mounting_of(self.start, values)
-        poses, reported, costs = self.fit.poses(mounting, None if before is None else before.values)
+        solved = self.fit.poses(mounting, None if before is None else before.values)
         return FramesAt(
-            fit=self.fit, mounting=mounting, values=poses, reported=reported, costs=costs
+            fit=self.fit,
+            mounting=mounting,
+            values=solved.values,
+            reported=solved.reported,
+            costs=solved.cost,
         )
 
 
@@ -649,7 +801,7 @@ class PoseAt:
         return pose
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PoseResiduals:
     """The calibration pose as residuals of mountings and headings.
 
@@ -690,6 +842,5 @@ def _knot_shares(knots: Array, time: Array) -> Array:
     -------
     (times, knots)
     """
-    return np.column_stack(
-        [np.interp(time, knots, column) for column in np.eye(len(knots))]
-    ).reshape(len(time), -1)
+    shares = [np.interp(time, knots, of_knot) for of_knot in np.eye(len(knots))]
+    return np.column_stack(shares).reshape(len(time), -1)

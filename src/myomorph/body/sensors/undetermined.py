@@ -23,6 +23,8 @@ USUAL = 0.35
 """Standard deviations of a sensor and of a coordinate, for that [rad]."""
 RIDGE = 1e-3
 """Of the regression, relative to the variance of what explains."""
+MIN_SPREAD = 0.02  # Of an angle that the others explain [rad]
+MIN_RATE = 1e-9  # Standard deviation of a rate that counts as none [rad/s]
 MIN_FRAMES = 10
 """Frames for each unknown of the regression, at least."""
 
@@ -65,7 +67,7 @@ class Seen(NamedTuple):
 
 
 def joint_angles(tree: Tree, free: Ints) -> np.ndarray:
-    """Tell which free coordinates are angles of joints, not of the root.
+    """Select free coordinates that are angles of joints, not of the root.
 
     Parameters
     ----------
@@ -160,29 +162,22 @@ def likely_angles(tree: Tree, problem: PoseProblem, seen: Seen, time: Array) -> 
     if whole.all() or not ever.all() or not whole.any():
         return None
     free = problem.free
-    joints = seen.joints
     middle = int(np.flatnonzero(whole)[whole.sum() // 2])
     always = undetermined(tree, problem, seen, ever, middle)
     values = np.array(seen.values)
     blind_ever = np.zeros(len(free), dtype=bool)
     spread = np.zeros(len(free))
     for pattern in np.unique(seen.known[~whole], axis=0):
-        blind = undetermined(tree, problem, seen, pattern, middle) & ~always & joints
-        frames = (seen.known == pattern).all(axis=1)
-        explaining = free[joints & ~always & ~blind]
-        rates = np.gradient(seen.values[:, explaining], time, axis=0)
-        X = np.hstack((seen.values[:, explaining], rates / np.maximum(rates.std(axis=0), 1e-9)))
-        if not blind.any() or whole.sum() < MIN_FRAMES * (X.shape[1] + 1):
+        blind = undetermined(tree, problem, seen, pattern, middle) & ~always & seen.joints
+        explaining = free[seen.joints & ~always & ~blind]
+        X = _explaining(seen.values[:, explaining], time, whole)
+        if not blind.any() or whole.sum() < MIN_FRAMES * X.shape[1]:
             continue
-        X = np.hstack((X - X[whole].mean(axis=0), np.ones((len(X), 1))))
         Y = seen.values[:, free[blind]]
-        A = X[whole]
-        normal = A.T @ A
-        normal[np.diag_indices(len(normal) - 1)] += RIDGE * np.diag(normal)[:-1]
-        B = np.linalg.solve(normal, A.T @ Y[whole])
-        values[np.ix_(frames, free[blind])] = (X @ B)[frames]
-        left = np.sqrt(np.mean((A @ B - Y[whole]) ** 2, axis=0))
-        spread[blind] = np.maximum(spread[blind], left)
+        regression = _regression(X[whole], Y[whole])
+        frames = (seen.known == pattern).all(axis=1)
+        values[np.ix_(frames, free[blind])] = (X @ regression.factors)[frames]
+        spread[blind] = np.maximum(spread[blind], regression.residual)
         blind_ever |= blind
     if not blind_ever.any():
         return None
@@ -190,6 +185,54 @@ def likely_angles(tree: Tree, problem: PoseProblem, seen: Seen, time: Array) -> 
     return LikelyAngles(
         columns=columns,
         values=values[:, columns],
-        spread=np.maximum(spread[blind_ever], 0.02),
+        spread=np.maximum(spread[blind_ever], MIN_SPREAD),
         lost=~whole,
     )
+
+
+class _Regression(NamedTuple):
+    """Angles as linear functions of others.
+
+    Attributes
+    ----------
+    factors : (explaining, explained)
+    residual : (explained,) root mean square of what is left [rad]
+    """
+
+    factors: Array
+    residual: Array
+
+
+def _explaining(angles: Array, time: Array, whole: np.ndarray) -> Array:
+    """Collect what explains angles: other angles and their rates, each less its mean, and 1.
+
+    Parameters
+    ----------
+    angles : (frames, angles) [rad]
+    time : (frames,) [s]
+    whole : (frames,) of which the means are taken
+
+    Returns
+    -------
+    (frames, 2 angles + 1)
+    """
+    rates = np.gradient(angles, time, axis=0)
+    scaled = rates / np.maximum(rates.std(axis=0), MIN_RATE)
+    columns = np.hstack((angles, scaled))
+    centered = columns - columns[whole].mean(axis=0)
+    return np.hstack((centered, np.ones((len(columns), 1))))
+
+
+def _regression(X: Array, Y: Array) -> _Regression:
+    """Solve the ridge regression (X^T X + R) B = X^T Y, the last column of X without ridge.
+
+    Parameters
+    ----------
+    X : (frames, explaining)
+    Y : (frames, explained) [rad]
+    """
+    normal = X.T @ X
+    normal[np.diag_indices(len(normal) - 1)] += RIDGE * np.diag(normal)[:-1]
+    factors = np.asarray(np.linalg.solve(normal, X.T @ Y), np.float64)
+    residual = np.sqrt(np.mean((X @ factors - Y) ** 2, axis=0))
+    return _Regression(factors=factors, residual=residual)

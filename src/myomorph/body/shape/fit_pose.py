@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,11 @@ from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.model import Marker, Model
 from myomorph.core.model.series import DEFAULT_POSE, Markers, Motion
-from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.core.motion.ik import (
+    InverseKinematicsOptions,
+    KinematicsFit,
+    inverse_kinematics,
+)
 from myomorph.core.rigid.kinematics import marker_positions
 from myomorph.core.rigid.tree import compile_tree
 
@@ -28,6 +33,9 @@ spine's joint centers, which models place differently; the other joint centers w
 SPINE = ("lumbar", "neck")
 FAR = 0.03  # Root mean square of the errors above which the model is not of this body's size [m]
 SHARE_INSIDE = 0.8
+MIN_POINTS = 3
+# Of points across their longest direction, squared, below which they lie on a line
+MIN_WIDTH = 1e-3
 ITERATIONS = 300
 POSTURE = 1e-3
 """Pull towards the default pose in a statistical body, which keeps spines of many joints from
@@ -53,6 +61,12 @@ _MIDDLE = (
     ("head top", r"top[._ ]?head|head[._ ]?top|vertex"),
     ("sternum", r"sternum|clav|jugular|ij|sjn"),
 )
+
+_FORMS = (
+    r"(?P<side>r|l|right|left)[._ -]?(?P<base>.+)",
+    r"(?P<base>.+?)[._ -](?P<side>r|l|right|left)",
+)
+"""Names of markers with a side, before or behind the rest."""
 
 
 @read_only
@@ -114,55 +128,106 @@ def pose_model_to_skin(
     if landmarks is None and isinstance(body, Skin):
         return _default_pose(model, skin)
     centers = _centers(model)
-    pairs, missed = _paired(model, centers, body, landmarks)
-    if len(pairs) < 3:
-        raise BadData(
-            f"model '{model.name}' and the body share {len(pairs)} points: expected at least three"
-            " markers or joint centers, as 'right knee'"
-        )
-    seen = np.array([point for point, _ in pairs.values()])
-    virtual = replace(model, markers=tuple(marker for _, marker in pairs.values()))
-    rotation, translation = _aligned(
-        seen, marker_positions(virtual, DEFAULT_POSE).values[0], list(pairs)
-    )
-    recorded = Markers(np.zeros(1), tuple(pairs), (seen @ rotation.T + translation)[None])
-    weights = {
-        name: 1.0 if name in centers and name not in SPINE else LANDMARK_WEIGHT for name in pairs
-    }
+    shared = _SharedPoints(pairs={})
     if landmarks is not None:
-        weights = dict.fromkeys(pairs, 1.0)
-    pull = POSTURE if landmarks is None else InverseKinematicsOptions.posture_weight
-    options = InverseKinematicsOptions(
-        marker_weights=weights, iterations=ITERATIONS, posture_weight=pull
-    )
-    fit = inverse_kinematics(virtual, recorded, options)
-    errors = frozen_array(fit.marker_error[0])
-    notes = []
-    if missed:
-        notes.append(
-            f"the model has no {', '.join(missed)}: what lies beyond belongs to the segment before"
+        shared = _of_landmarks(model, centers, landmarks)
+    elif isinstance(body, Shape):
+        shared = _of_shape(model, centers, body)
+    if len(shared.pairs) < MIN_POINTS:
+        raise BadData(
+            f"model '{model.name}' and the body share {len(shared.pairs)} points: expected at least"
+            " three markers or joint centers, as 'right knee'"
         )
+    virtual = replace(model, markers=tuple(pair.marker for pair in shared.pairs.values()))
+    seen = np.array([pair.point for pair in shared.pairs.values()])
+    names = tuple(shared.pairs)
+    placed = _aligned(seen, marker_positions(virtual, DEFAULT_POSE).values[0], names)
+    weights = dict.fromkeys(names, 1.0)
+    if landmarks is None:
+        weights = {
+            name: 1.0 if name in centers and name not in SPINE else LANDMARK_WEIGHT
+            for name in names
+        }
+    options = InverseKinematicsOptions(
+        marker_weights=weights,
+        iterations=ITERATIONS,
+        posture_weight=POSTURE if landmarks is None else InverseKinematicsOptions.posture_weight,
+    )
+    recorded = Markers(np.zeros(1), names, placed.moved(seen)[None])
+    fit = inverse_kinematics(virtual, recorded, options)
+    return PoseFit(
+        motion=fit.motion,
+        skin=skin.moved(placed.rotation, placed.translation),
+        rotation=frozen_array(placed.rotation),
+        translation=frozen_array(placed.translation),
+        names=fit.marker_names,
+        errors=frozen_array(fit.marker_error[0]),
+        notes=tuple(_notes(fit, weights, shared.missed)),
+    )
+
+
+def _notes(
+    fit: KinematicsFit, weights: Mapping[str, float], missed: tuple[str, ...]
+) -> Iterator[str]:
+    """Report joint centers that the model lacks, another body's size, and a pose that moves on."""
+    if missed:
+        names = ", ".join(missed)
+        yield f"the model has no {names}: what lies beyond belongs to the segment before"
+    errors = fit.marker_error[0]
     counted = np.array([weights[name] == 1.0 for name in fit.marker_names])
     rms = float(np.sqrt(np.mean(np.square(errors[counted])))) if counted.any() else 0.0
     if rms > FAR:
         worst = int(np.argmax(np.where(counted, errors, 0.0)))
-        notes.append(
+        yield (
             f"the model fits the skin within {1000 * rms:.0f} mm (root mean square;"
             f" '{fit.marker_names[worst]}' {1000 * errors[worst]:.0f} mm): it is not of this body's"
             " size; calibrate or scale it first"
         )
     if not fit.converged[0]:
-        notes.append("the pose did not converge")
-    motion = fit.motion
-    return PoseFit(
-        motion=motion,
-        skin=skin.moved(rotation, translation),
-        rotation=frozen_array(rotation),
-        translation=frozen_array(translation),
-        names=fit.marker_names,
-        errors=errors,
-        notes=tuple(notes),
-    )
+        yield "the pose did not converge"
+
+
+class _Pair(NamedTuple):
+    """A point of the body, and where the model has it.
+
+    Attributes
+    ----------
+    point : (3,) [m]
+    marker : of the model, virtual at a joint center
+    """
+
+    point: Array
+    marker: Marker
+
+
+class _SharedPoints(NamedTuple):
+    """Points that model and body share.
+
+    Attributes
+    ----------
+    pairs : by name
+    missed : joint centers of the body that the model lacks
+    """
+
+    pairs: Mapping[str, _Pair]
+    missed: tuple[str, ...] = ()
+
+
+class _Placed(NamedTuple):
+    """A rigid movement.
+
+    Attributes
+    ----------
+    rotation : (3, 3)
+    translation : (3,) [m]
+    """
+
+    rotation: Array
+    translation: Array
+
+    def moved(self, points: Array) -> Array:
+        """Move points (points, 3) [m]."""
+        return points @ self.rotation.T + self.translation
 
 
 def _centers(model: Model) -> dict[str, Center]:
@@ -182,55 +247,61 @@ def _centers(model: Model) -> dict[str, Center]:
     return {name: center for name, center in centers.items() if name not in SPINE or name in moving}
 
 
-def _paired(
-    model: Model,
-    centers: Mapping[str, Center],
-    body: Shape | Skin,
-    landmarks: Mapping[str, Array] | None,
-) -> tuple[dict[str, tuple[Array, Marker]], list[str]]:
-    """Pair points of the body with virtual markers.
+def _at_centers(centers: Mapping[str, Center]) -> dict[str, Marker]:
+    """Put a virtual marker at every joint center."""
+    return {
+        name: Marker(name, center.joint.child, center.location) for name, center in centers.items()
+    }
 
-    Returns
-    -------
-    name to (3,) point and marker, and names of joint centers that the model lacks
+
+def _of_landmarks(
+    model: Model, centers: Mapping[str, Center], landmarks: Mapping[str, Array]
+) -> _SharedPoints:
+    """Pair a user's landmarks with markers and joint centers of the model.
 
     Raises
     ------
     UnknownName : a landmark is no marker or joint center of the model
     BadData : a landmark is no point
     """
-    own = {marker.name: marker for marker in model.markers}
-    at_centers = {
-        name: Marker(name, center.joint.child, center.location) for name, center in centers.items()
-    }
-    pairs: dict[str, tuple[Array, Marker]] = {}
-    if landmarks is not None:
-        for name, point in landmarks.items():
-            if name not in own and name not in centers:
-                raise UnknownName(
-                    "landmark", name, existing=(*own, *centers), where=f"model '{model.name}'"
-                )
-            if np.shape(point) != (3,) or not np.isfinite(point).all():
-                raise BadData(
-                    f"landmark '{name}': expected three finite coordinates, but got {point}"
-                )
-            pairs[name] = np.asarray(point, dtype=np.float64), (at_centers | own)[name]
-        return pairs, []
-    assert isinstance(body, Shape)
-    pairs |= {
-        name: (point, at_centers[name]) for name, point in body.centers.items() if name in centers
-    }
-    for name, marker in own.items():
-        landmark = landmark_of_marker(name)
-        if landmark in body.landmarks and name not in pairs:
-            pairs[name] = body.landmarks[landmark], marker
-    return pairs, [name for name in body.centers if name not in (*centers, "pelvis", "head top")]
+    known = _at_centers(centers) | {marker.name: marker for marker in model.markers}
+    pairs = {}
+    for name, point in landmarks.items():
+        if name not in known:
+            existing = (*model.marker_names, *centers)
+            raise UnknownName("landmark", name, existing=existing, where=f"model '{model.name}'")
+        if np.shape(point) != (3,) or not np.isfinite(point).all():
+            raise BadData(f"landmark '{name}': expected three finite coordinates, but got {point}")
+        pairs[name] = _Pair(point=np.asarray(point, dtype=np.float64), marker=known[name])
+    return _SharedPoints(pairs=pairs)
 
 
-def _aligned(points: Array, targets: Array, names: list[str]) -> tuple[Array, Array]:
+def _of_shape(model: Model, centers: Mapping[str, Center], shape: Shape) -> _SharedPoints:
+    """Pair joint centers and landmarks of a shape with those of the model."""
+    at_centers = _at_centers(centers)
+    pairs = {
+        name: _Pair(point=point, marker=at_centers[name])
+        for name, point in shape.centers.items()
+        if name in centers
+    }
+    for marker in model.markers:
+        landmark = landmark_of_marker(marker.name)
+        if landmark in shape.landmarks and marker.name not in pairs:
+            pairs[marker.name] = _Pair(point=shape.landmarks[landmark], marker=marker)
+    known = (*centers, "pelvis", "head top")
+    missed = tuple(name for name in shape.centers if name not in known)
+    return _SharedPoints(pairs=pairs, missed=missed)
+
+
+def _aligned(points: Array, targets: Array, names: Sequence[str]) -> _Placed:
     """Find the rotation and translation that bring points nearest to targets.
 
-    By those of the trunk if there are enough (Kabsch 1976).
+    By those of the trunk if there are enough. With the singular values of the covariance of targets
+    q and points p about their means,
+
+        sum (q - q_mean)(p - p_mean)^T = U S V^T,   R = U diag(1, 1, det(U V^T)) V^T
+
+    Source: Kabsch 1976.
 
     Parameters
     ----------
@@ -239,32 +310,31 @@ def _aligned(points: Array, targets: Array, names: list[str]) -> tuple[Array, Ar
 
     Returns
     -------
-    (3, 3) and (3,) [m]
+    the movement
 
     Raises
     ------
     BadData : the points lie on one line
     """
-    trunk = [
-        i
-        for i, name in enumerate(names)
-        if any(part in f"{name} {landmark_of_marker(name)}" for part in TRUNK)
-    ]
+    trunk = [i for i, name in enumerate(names) if _is_of_trunk(name)]
     for used in (trunk, list(range(len(names)))):
-        if len(used) < 3:
+        if len(used) < MIN_POINTS:
             continue
         p = points[used]
         q = targets[used]
-        u, size, vt = np.linalg.svd((q - q.mean(axis=0)).T @ (p - p.mean(axis=0)))
-        if size[1] > 1e-3 * size[0]:
-            break
-    else:
-        raise BadData(
-            "the points that model and body share lie on one line: give a landmark beside it"
-        )
-    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    rotation = u @ sign @ vt
-    return rotation, q.mean(axis=0) - rotation @ p.mean(axis=0)
+        u, sizes, vt = np.linalg.svd((q - q.mean(axis=0)).T @ (p - p.mean(axis=0)))
+        if sizes[1] > MIN_WIDTH * sizes[0]:
+            sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+            rotation = u @ sign @ vt
+            translation = q.mean(axis=0) - rotation @ p.mean(axis=0)
+            return _Placed(rotation=rotation, translation=translation)
+    raise BadData("the points that model and body share lie on one line: give a landmark beside it")
+
+
+def _is_of_trunk(name: str) -> bool:
+    """Whether a marker, a landmark or a joint center moves with the trunk."""
+    title = f"{name} {landmark_of_marker(name)}"
+    return any(part in title for part in TRUNK)
 
 
 def _default_pose(model: Model, skin: Skin) -> PoseFit:
@@ -280,7 +350,7 @@ def _default_pose(model: Model, skin: Skin) -> PoseFit:
     links = links_of(model, pose)
     heavy = [i for i, body in enumerate(model.bodies) if body.mass > 0.0]
     within = inside(skin, links.centers[heavy])
-    outside = [links.names[i] for i, inside in zip(heavy, within, strict=True) if not inside]
+    outside = [links.names[i] for i, is_inside in zip(heavy, within, strict=True) if not is_inside]
     if within.mean() < SHARE_INSIDE:
         axes = f"; it stands along {skin.up}" if skin.up else ""
         raise BadData(
@@ -313,15 +383,13 @@ def landmark_of_marker(marker: str) -> str:
     for landmark, pattern in _MIDDLE:
         if re.fullmatch(pattern, name):
             return landmark
-    for form in (
-        r"(?P<side>r|l|right|left)[._ -]?(?P<base>.+)",
-        r"(?P<base>.+?)[._ -](?P<side>r|l|right|left)",
-    ):
+    for form in _FORMS:
         match = re.fullmatch(form, name)
         if match is None:
             continue
         base = re.sub(r"[. -]", "_", match["base"])
+        side = "right" if match["side"][0] == "r" else "left"
         for landmark, pattern in _SIDED:
             if re.fullmatch(pattern, base):
-                return f"{'right' if match['side'][0] == 'r' else 'left'} {landmark}"
+                return f"{side} {landmark}"
     return ""

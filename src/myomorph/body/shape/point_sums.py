@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from myomorph.body.shape.points import MassPoints
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.rigid.frames import over_frames, thread_count
-from myomorph.core.rigid.kernels import bare, kernel
+from myomorph.core.rigid.kernels import bare, in_place, kernel
 
 EXPONENTS = [
     (0, 0, 0),
@@ -30,14 +31,89 @@ EXPONENTS = [
     (1, 1, 0),
 ]
 """Powers of x, y, z in each of the ten monomials."""
-_PRODUCTS = sorted({(a + d, b + e, c + f) for a, b, c in EXPONENTS for d, e, f in EXPONENTS})
+SQUARES = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
+"""Axes of the last six monomials: xx, yy, zz, yz, zx, xy."""
+
+
+def _times(first: tuple[int, int, int], second: tuple[int, int, int]) -> tuple[int, int, int]:
+    """Powers of x, y, z in the product of two monomials."""
+    return (first[0] + second[0], first[1] + second[1], first[2] + second[2])
+
+
+_PRODUCTS = sorted({_times(first, second) for first in EXPONENTS for second in EXPONENTS})
 # Different products of two of the ten monomials: 35, all of degree 4 or less
 PRODUCTS = len(_PRODUCTS)
 PRODUCT_OF = np.array(
-    [[_PRODUCTS.index((a + d, b + e, c + f)) for d, e, f in EXPONENTS] for a, b, c in EXPONENTS]
+    [[_PRODUCTS.index(_times(first, second)) for second in EXPONENTS] for first in EXPONENTS]
 )
 """(10, 10) which of the 35 products a product of two monomials is."""
 _POWERS = np.array(_PRODUCTS, np.int64)
+
+
+class WeighedPoints(NamedTuple):
+    """Mass points and their weights, as kernels read them.
+
+    Attributes
+    ----------
+    x : (points, 3) [m]
+    first : (points + 1,) where the row of each point begins among the entries
+    links : (entries,) number of the link
+    weights : (entries,) share of the point in that link
+    """
+
+    x: Array
+    first: np.ndarray
+    links: np.ndarray
+    weights: Array
+
+
+class PointMasses(NamedTuple):
+    """Masses of points as functions of the dual, max(floor, reference + freedom s).
+
+    Attributes
+    ----------
+    reference : (points,) masses at s = 0 [kg]
+    freedom : (points,) [kg^2]
+    floor : (points,) least masses [kg]
+    """
+
+    reference: Array
+    freedom: Array
+    floor: Array
+
+
+class Slope(NamedTuple):
+    """What a line search needs of the masses at a step.
+
+    Attributes
+    ----------
+    slope : sum of (mass - reference) ds
+    curvature : its derivative by the step
+    """
+
+    slope: float
+    curvature: float
+
+
+class PairRoom(NamedTuple):
+    """Scratch arrays of `_push_pairs`, for eight points at a time.
+
+    Attributes
+    ----------
+    powers : (3, 5) of the coordinates of a point, 0 to 4
+    products : (8, 36) times the points' factors
+    shares : (links, 8) of the points in each link
+    seen : (links,) whether a link has a share in any of them
+    used : (links,) numbers of these links, in the order in which they came
+    points : (8,) numbers of the points
+    """
+
+    powers: Array
+    products: Array
+    shares: Array
+    seen: np.ndarray
+    used: np.ndarray
+    points: np.ndarray
 
 
 @bare
@@ -49,23 +125,22 @@ def _monomials(x, j):
 
 
 @kernel
-def pull(x, first, links, weights, c, start, stop, out):
+def _pull(points, c, start, stop, out):
     """Fill out_j = sum_i w_ij c_i . m(x_j), that is G^T c.
 
     Parameters
     ----------
-    x : (points, 3) [m]
-    first, links, weights : rows of the weights, as CSR
+    points : `WeighedPoints`
     c : (links, 10)
     start, stop : points start ... stop - 1 are filled
     out : (points,)
     """
     for j in range(start, stop):
-        m = _monomials(x, j)
+        m = _monomials(points.x, j)
         total = 0.0
-        for entry in range(first[j], first[j + 1]):
-            i = links[entry]
-            total += weights[entry] * (
+        for entry in range(points.first[j], points.first[j + 1]):
+            i = points.links[entry]
+            total += points.weights[entry] * (
                 c[i, 0]
                 + c[i, 1] * m[1]
                 + c[i, 2] * m[2]
@@ -81,13 +156,12 @@ def pull(x, first, links, weights, c, start, stop, out):
 
 
 @kernel
-def push(x, first, links, weights, masses, start, stop, out):
+def _push(points, masses, start, stop, out):
     """Add to out_i the sum_j w_ij masses_j m(x_j), that is G masses.
 
     Parameters
     ----------
-    x : (points, 3) [m]
-    first, links, weights : rows of the weights, as CSR
+    points : `WeighedPoints`
     masses : (points,)
     start, stop : points start ... stop - 1 are summed
     out : (links, 10)
@@ -95,10 +169,10 @@ def push(x, first, links, weights, masses, start, stop, out):
     for j in range(start, stop):
         if masses[j] == 0.0:
             continue
-        m = _monomials(x, j)
-        for entry in range(first[j], first[j + 1]):
-            i = links[entry]
-            f = weights[entry] * masses[j]
+        m = _monomials(points.x, j)
+        for entry in range(points.first[j], points.first[j + 1]):
+            i = points.links[entry]
+            f = points.weights[entry] * masses[j]
             out[i, 0] += f
             out[i, 1] += f * m[1]
             out[i, 2] += f * m[2]
@@ -112,7 +186,7 @@ def push(x, first, links, weights, masses, start, stop, out):
 
 
 @kernel(fastmath={"reassoc", "contract"})
-def push_pairs(x, first, links, weights, factors, start, stop, out):
+def _push_pairs(points, factors, start, stop, out):
     """Add all blocks of G F G^T, of links k <= i, as sums of 35 products.
 
         out[i (i + 1) / 2 + k] += sum_j factor_j w_ij w_kj (products at x_j)
@@ -122,92 +196,119 @@ def push_pairs(x, first, links, weights, factors, start, stop, out):
 
     Parameters
     ----------
-    x : (points, 3) [m]
-    first, links, weights : rows of the weights, as CSR
+    points : `WeighedPoints`
     factors : (points,) the diagonal of F
     start, stop : points start ... stop - 1 are summed
     out : (pairs of links, 36)
     """
-    most = 0
-    for entry in range(first[start], first[stop]):
-        most = max(most, links[entry] + 1)
-    powers = np.empty((3, 5))
-    products = np.zeros((8, PRODUCTS + 1))
-    shares = np.zeros((most, 8))
-    seen = np.zeros(most, np.bool_)
-    used = np.empty(most, np.int64)
-    taken = np.empty(8, np.int64)
+    links = 0
+    for entry in range(points.first[start], points.first[stop]):
+        links = max(links, points.links[entry] + 1)
+    room = PairRoom(
+        powers=np.empty((3, 5)),
+        products=np.zeros((8, PRODUCTS + 1)),
+        shares=np.zeros((links, 8)),
+        seen=np.zeros(links, np.bool_),
+        used=np.empty(links, np.int64),
+        points=np.empty(8, np.int64),
+    )
     j = start
     while True:
-        points = 0
-        while j < stop and points < 8:
-            if factors[j] != 0.0:
-                taken[points] = j
-                points += 1
-            j += 1
-        if points == 0:
-            return
         count = 0
-        for p in range(points):
-            first_link = taken[p]
-            for axis in range(3):
-                powers[axis, 0] = 1.0
-                for e in range(1, 5):
-                    powers[axis, e] = powers[axis, e - 1] * x[first_link, axis]
-            for q in range(PRODUCTS):
-                products[p, q] = (
-                    factors[first_link]
-                    * powers[0, _POWERS[q, 0]]
-                    * powers[1, _POWERS[q, 1]]
-                    * powers[2, _POWERS[q, 2]]
-                )
-            for entry in range(first[first_link], first[first_link + 1]):
-                i = links[entry]
-                if not seen[i]:
-                    seen[i] = True
-                    shares[i] = 0.0
-                    used[count] = i
-                    count += 1
-                shares[i, p] = weights[entry]
-        for a in range(count):
+        while j < stop and count < 8:
+            if factors[j] != 0.0:
+                room.points[count] = j
+                count += 1
+            j += 1
+        if count == 0:
+            return
+        used = 0
+        for p in range(count):
+            _fill_products(points.x, factors, room, p)
+            used = _fill_shares(points, room, p, used)
+        for a in range(used):
             for b in range(a + 1):
-                i = max(used[a], used[b])
-                entry = min(used[a], used[b])
-                row = out[i * (i + 1) // 2 + entry]
-                f0 = shares[i, 0] * shares[entry, 0]
-                f1 = shares[i, 1] * shares[entry, 1]
-                f2 = shares[i, 2] * shares[entry, 2]
-                f3 = shares[i, 3] * shares[entry, 3]
-                f4 = shares[i, 4] * shares[entry, 4]
-                f5 = shares[i, 5] * shares[entry, 5]
-                f6 = shares[i, 6] * shares[entry, 6]
-                f7 = shares[i, 7] * shares[entry, 7]
-                for q in range(PRODUCTS + 1):
-                    row[q] += (
-                        (f0 * products[0, q] + f1 * products[1, q])
-                        + (f2 * products[2, q] + f3 * products[3, q])
-                    ) + (
-                        (f4 * products[4, q] + f5 * products[5, q])
-                        + (f6 * products[6, q] + f7 * products[7, q])
-                    )
-        for a in range(count):
-            seen[used[a]] = False
+                _add_pair(room, a, b, out)
+        for a in range(used):
+            room.seen[room.used[a]] = False
+
+
+@in_place
+def _fill_products(x, factors, room, p):
+    """Fill the 35 products of coordinates of one of the eight points, times its factor."""
+    j = room.points[p]
+    powers = room.powers
+    for axis in range(3):
+        powers[axis, 0] = 1.0
+        for e in range(1, 5):
+            powers[axis, e] = powers[axis, e - 1] * x[j, axis]
+    for q in range(PRODUCTS):
+        x_power = powers[0, _POWERS[q, 0]]
+        y_power = powers[1, _POWERS[q, 1]]
+        z_power = powers[2, _POWERS[q, 2]]
+        room.products[p, q] = factors[j] * x_power * y_power * z_power
+
+
+@in_place
+def _fill_shares(points, room, p, used):
+    """Fill the shares of one of the eight points.
+
+    Returns how many links have a share in the points so far.
+    """
+    j = room.points[p]
+    for entry in range(points.first[j], points.first[j + 1]):
+        i = points.links[entry]
+        if not room.seen[i]:
+            room.seen[i] = True
+            room.shares[i] = 0.0
+            room.used[used] = i
+            used += 1
+        room.shares[i, p] = points.weights[entry]
+    return used
+
+
+@in_place
+def _add_pair(room, a, b, out):
+    """Add the eight points' products of two links, the a-th and the b-th of those used."""
+    i = max(room.used[a], room.used[b])
+    k = min(room.used[a], room.used[b])
+    row = out[i * (i + 1) // 2 + k]
+    products = room.products
+    f0 = room.shares[i, 0] * room.shares[k, 0]
+    f1 = room.shares[i, 1] * room.shares[k, 1]
+    f2 = room.shares[i, 2] * room.shares[k, 2]
+    f3 = room.shares[i, 3] * room.shares[k, 3]
+    f4 = room.shares[i, 4] * room.shares[k, 4]
+    f5 = room.shares[i, 5] * room.shares[k, 5]
+    f6 = room.shares[i, 6] * room.shares[k, 6]
+    f7 = room.shares[i, 7] * room.shares[k, 7]
+    for q in range(PRODUCTS + 1):
+        row[q] += (
+            (f0 * products[0, q] + f1 * products[1, q])
+            + (f2 * products[2, q] + f3 * products[3, q])
+        ) + (
+            (f4 * products[4, q] + f5 * products[5, q])
+            + (f6 * products[6, q] + f7 * products[7, q])
+        )
 
 
 @kernel
-def respond(reference, freedom, floor, s, ds, t, start, stop, out):
+def _respond(masses, s, ds, t, start, stop, out):
     """Add what the dual's line search needs of the masses at a step t.
 
     The masses are rho_j = max(floor_j, reference_j + freedom_j (s_j + t ds_j)).
 
     Parameters
     ----------
-    reference, freedom, floor : (points,) [kg], [kg^2], [kg]
+    masses : `PointMasses`
     s, ds : (points,)
     t : step
     start, stop : points start ... stop - 1 are summed
     out : (2,) sum of (rho_j - reference_j) ds_j, and its derivative by t
     """
+    reference = masses.reference
+    freedom = masses.freedom
+    floor = masses.floor
     slope = 0.0
     curvature = 0.0
     for j in range(start, stop):
@@ -260,6 +361,10 @@ class PointSums:
             shift=_shift(mean),
         )
 
+    @property
+    def _points(self) -> WeighedPoints:
+        return WeighedPoints(x=self.x, first=self.first, links=self.columns, weights=self.weights)
+
     def pull(self, c: Array) -> Array:
         """Compute G^T c.
 
@@ -271,15 +376,14 @@ class PointSums:
         -------
         (points,)
         """
+        points = self._points
         by_link = np.ascontiguousarray(c.reshape(self.links, 10))
         out = np.empty(len(self.x))
-        over_frames(
-            lambda start, stop: pull(
-                self.x, self.first, self.columns, self.weights, by_link, start, stop, out
-            ),
-            len(self.x),
-            chunk=self._chunk,
-        )
+
+        def fill(start: int, stop: int) -> None:
+            _pull(points, by_link, start, stop, out)
+
+        over_frames(fill, len(self.x), chunk=self._chunk)
         return out
 
     def push(self, masses: Array) -> Array:
@@ -293,8 +397,7 @@ class PointSums:
         -------
         (10 links,) moments about the mean of all points
         """
-        add = partial(push, self.x, self.first, self.columns, self.weights, masses)
-        return self._summed(add, self.links, 10).ravel()
+        return self._summed(partial(_push, self._points, masses), self.links, 10).ravel()
 
     def pairs(self, factors: Array) -> Array:
         """Compute the sums that make G diag(factors) G^T; `matrix` puts them in place.
@@ -307,12 +410,11 @@ class PointSums:
         -------
         (pairs of links, 36)
         """
-        shape = self.links * (self.links + 1) // 2, PRODUCTS + 1
+        pairs = self.links * (self.links + 1) // 2
+        columns = PRODUCTS + 1
         if not factors.any():
-            return np.zeros(shape)
-        return self._summed(
-            partial(push_pairs, self.x, self.first, self.columns, self.weights, factors), *shape
-        )
+            return np.zeros((pairs, columns))
+        return self._summed(partial(_push_pairs, self._points, factors), pairs, columns)
 
     def matrix(self, pairs: Array) -> Array:
         """Build G F G^T from the sums of `pairs`.
@@ -325,21 +427,19 @@ class PointSums:
         -------
         (10 links, 10 links)
         """
-        i, j = np.tril_indices(self.links)
+        first, second = np.tril_indices(self.links)
+        of_products = pairs[:, PRODUCT_OF]
         blocks = np.empty((self.links, self.links, 10, 10))
-        blocks[i, j] = blocks[j, i] = pairs[:, PRODUCT_OF]
+        blocks[first, second] = of_products
+        blocks[second, first] = of_products
         return blocks.transpose(0, 2, 1, 3).reshape(10 * self.links, 10 * self.links)
 
-    def respond(
-        self, reference: Array, freedom: Array, floor: Array, s: Array, ds: Array, t: float
-    ) -> tuple[float, float]:
+    def respond(self, masses: PointMasses, s: Array, ds: Array, t: float) -> Slope:
         """Compute the sum of (rho_j - reference_j) ds_j at a step, and its derivative by it.
-
-        See `respond` for the masses.
 
         Parameters
         ----------
-        reference, freedom, floor : (points,) [kg], [kg^2], [kg]
+        masses : rho as functions of s
         s, ds : (points,)
         t : step
 
@@ -347,17 +447,19 @@ class PointSums:
         -------
         slope and curvature
         """
-        slope, curvature = self._summed(partial(respond, reference, freedom, floor, s, ds, t), 2)
-        return float(slope), float(curvature)
+        slope, curvature = self._summed(partial(_respond, masses, s, ds, t), 2)
+        return Slope(slope=float(slope), curvature=float(curvature))
 
     def _summed(self, add: Callable[[int, int, Array], None], *shape: int) -> Array:
         """Sum over all points what `add` adds to an array of this shape, part by part."""
-        parts = np.zeros((-(-len(self.x) // self._chunk), *shape))
-        over_frames(
-            lambda start, stop: add(start, stop, parts[start // self._chunk]),
-            len(self.x),
-            chunk=self._chunk,
-        )
+        chunk = self._chunk
+        count = -(-len(self.x) // chunk)
+        parts = np.zeros((count, *shape))
+
+        def add_part(start: int, stop: int) -> None:
+            add(start, stop, parts[start // chunk])
+
+        over_frames(add_part, len(self.x), chunk=chunk)
         return np.asarray(parts.sum(axis=0))
 
     @property
@@ -378,9 +480,8 @@ def _shift(mean: Array) -> Array:
     (10, 10)
     """
     T = np.eye(10)
-    pairs = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
     T[1:4, 0] = mean
-    for row, (a, b) in enumerate(pairs, start=4):
+    for row, (a, b) in enumerate(SQUARES, start=4):
         T[row, 0] = mean[a] * mean[b]
         T[row, 1 + a] += mean[b]
         T[row, 1 + b] += mean[a]

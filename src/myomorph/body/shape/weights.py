@@ -6,6 +6,7 @@ w_ij of [D] eq. 3.7 to 3.8 and 3.14 to 3.15.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -16,7 +17,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
 from myomorph.core.rigid.frames import over_frames
-from myomorph.core.rigid.kernels import kernel
+from myomorph.core.rigid.kernels import in_place, kernel
 
 WeightMap = Callable[[Array, Links], "scipy.sparse.csr_array"]
 """Points (points, 3) in ground [m] and links in the same pose -> shares (points, links), rows sum
@@ -25,6 +26,9 @@ to 1.
 
 # Shares below this are dropped, and what remains of the point is scaled to sum to 1 again
 SMALLEST = 1e-4
+MIN_MASS_SHARE = 1e-6  # Of the model's mass, below which a body is a phantom
+MAX_SUM_ERROR = 1e-6  # Of the shares of a point
+MIN_SQUARE = 1e-24  # Distances below its root count as this [m^2]
 CHUNK = 4096
 NEAREST = np.inf
 
@@ -57,8 +61,8 @@ def cog_weights(
     ------
     BadData : a point is not finite, the exponent is not above 0, or no link may have a share
     """
-    pieces, owners = _centers(links, taking)
-    return _inverse_distance(points, links, pieces, owners, _positive(exponent), smallest)
+    law = _Law(exponent=_positive(exponent), smallest=smallest)
+    return _inverse_distance(points, links, _centers(links, taking), law)
 
 
 def nearest_weights(
@@ -82,8 +86,8 @@ def nearest_weights(
     ------
     BadData : a point is not finite, or no link may have a share
     """
-    pieces, owners = _centers(links, taking)
-    return _inverse_distance(points, links, pieces, owners, NEAREST, 0.0)
+    law = _Law(exponent=NEAREST, smallest=0.0)
+    return _inverse_distance(points, links, _centers(links, taking), law)
 
 
 def bone_weights(
@@ -122,10 +126,10 @@ def bone_weights(
             f"link '{links.names[lacking[0]]}' has no bone to measure to: give bones, or leave"
             " it out"
         )
-    kept = wanted[links.bone_links]
-    return _inverse_distance(
-        points, links, links.bones[kept], links.bone_links[kept], _positive(exponent), smallest
-    )
+    counted = wanted[links.bone_links]
+    bones = _Segments(ends=links.bones[counted], owners=links.bone_links[counted])
+    law = _Law(exponent=_positive(exponent), smallest=smallest)
+    return _inverse_distance(points, links, bones, law)
 
 
 def checked_weights(
@@ -158,14 +162,14 @@ def checked_weights(
             "a weight map gave a weight that is negative or not finite: expected shares from 0 to 1"
         )
     error = np.abs(checked.sum(axis=1) - 1.0)
-    if len(points) and error.max() > 1e-6:
+    if len(points) and error.max() > MAX_SUM_ERROR:
         j = int(error.argmax())
         raise BadData(f"the weights of point {j} sum to {checked.sum(axis=1)[j]:.6g}: expected 1")
     return checked
 
 
 def links_with_mass(model: Model, density: float = 10.0) -> np.ndarray:
-    """Tell bodies from phantoms, frames that models give a little mass of no meaning.
+    """Find bodies that are no phantoms, frames that models give a little mass of no meaning.
 
     A body is one where its mass is at least `density` times the cube of its radius of gyration
     (tissue has about 1000), and a millionth of the model's: a meter for ten grams, as phantoms
@@ -182,10 +186,10 @@ def links_with_mass(model: Model, density: float = 10.0) -> np.ndarray:
     """
     masses = np.array([body.mass for body in model.bodies])
     inertia = np.array([np.trace(body.inertia) for body in model.bodies])
-    gyration = np.sqrt(
-        np.divide(0.5 * inertia, masses, out=np.zeros_like(masses), where=masses > 0.0)
-    )
-    return (masses > 1e-6 * masses.sum()) & (masses >= density * gyration**3)
+    mean_squares = np.divide(0.5 * inertia, masses, out=np.zeros_like(masses), where=masses > 0.0)
+    gyration = np.sqrt(mean_squares)
+    has_mass = masses > MIN_MASS_SHARE * masses.sum()
+    return has_mass & (masses >= density * gyration**3)
 
 
 def _taking(links: Links, taking: ArrayLike | None) -> np.ndarray:
@@ -206,29 +210,97 @@ def _taking(links: Links, taking: ArrayLike | None) -> np.ndarray:
     return wanted
 
 
-def _centers(links: Links, taking: ArrayLike | None) -> tuple[Array, np.ndarray]:
+class _Segments(NamedTuple):
+    """Straight segments that distances are measured to.
+
+    Attributes
+    ----------
+    ends : (segments, 2, 3) [m]
+    owners : (segments,) link of each
+    """
+
+    ends: Array
+    owners: np.ndarray
+
+
+class _Law(NamedTuple):
+    """How shares follow distances.
+
+    Attributes
+    ----------
+    exponent : shares are as distance^-exponent; infinity gives all to the nearest
+    smallest : shares below it are dropped
+    """
+
+    exponent: float
+    smallest: float
+
+
+class _Lines(NamedTuple):
+    """Segments as kernels read them.
+
+    Attributes
+    ----------
+    start : (segments, 3) [m]
+    along : (segments, 3) direction with its length [m]
+    inverse : (segments,) of the squared length, 0 for a point [1/m^2]
+    owner : (segments,) link of each
+    """
+
+    start: Array
+    along: Array
+    inverse: Array
+    owner: np.ndarray
+
+    @classmethod
+    def of(cls, segments: _Segments) -> _Lines:
+        """Split segments into starts and directions."""
+        along = segments.ends[:, 1] - segments.ends[:, 0]
+        square = np.einsum("pi,pi->p", along, along)
+        return cls(
+            start=np.array(segments.ends[:, 0]),
+            along=along,
+            inverse=np.divide(1.0, square, out=np.zeros_like(square), where=square > 0.0),
+            owner=segments.owners.astype(np.int64),
+        )
+
+
+class _Entries(NamedTuple):
+    """Entries of a sparse matrix, row by row.
+
+    Attributes
+    ----------
+    columns : (entries,) links
+    shares : (entries,)
+    """
+
+    columns: np.ndarray
+    shares: Array
+
+
+def _centers(links: Links, taking: ArrayLike | None) -> _Segments:
+    """Take mass centers as segments without length."""
     owners = np.flatnonzero(_taking(links, taking))
-    return np.repeat(links.centers[owners, None], 2, axis=1), owners
+    return _Segments(ends=np.repeat(links.centers[owners, None], 2, axis=1), owners=owners)
 
 
 def _positive(exponent: float) -> float:
+    """Return the exponent; raise `BadData` where it is not above 0."""
     if not exponent > 0.0:
         raise BadData(f"the exponent of a weight map is {exponent:g}: expected above 0")
     return exponent
 
 
 def _inverse_distance(
-    points: Array, links: Links, pieces: Array, owners: np.ndarray, exponent: float, smallest: float
+    points: Array, links: Links, segments: _Segments, law: _Law
 ) -> scipy.sparse.csr_array:
     """Compute shares by the distance to segments of links.
 
     Parameters
     ----------
     points : (points, 3) in ground [m]
-    pieces : (pieces, 2, 3) ends of the segments [m]
-    owners : (pieces,) link of each
-    exponent : of the distance
-    smallest : shares below it are dropped
+    segments : of the links
+    law : of the shares
 
     Returns
     -------
@@ -237,98 +309,107 @@ def _inverse_distance(
     x = np.array(points, dtype=np.float64).reshape(-1, 3)
     if not np.isfinite(x).all():
         raise BadData("a mass point is not finite")
-    starts = np.array(pieces[:, 0])
-    along = pieces[:, 1] - pieces[:, 0]
-    length = np.einsum("pi,pi->p", along, along)
-    inverse = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
-    n = len(links.names)
-    owner = owners.astype(np.int64)
+    lines = _Lines.of(segments)
+    link_count = len(links.names)
     counts = np.zeros(len(x), np.int64)
-    filled: list[tuple[np.ndarray, Array]] = [(np.zeros(0, np.int32), np.zeros(0))] * -(
-        -len(x) // CHUNK
-    )
+    empty = _Entries(columns=np.zeros(0, np.int32), shares=np.zeros(0))
+    parts = [empty] * max(-(-len(x) // CHUNK), 1)
 
-    def part(start: int, stop: int) -> None:
-        columns = np.empty((stop - start) * n, np.int32)
-        shares = np.empty((stop - start) * n)
-        used = _shares(
-            x[start:stop],
-            starts,
-            along,
-            inverse,
-            owner,
-            n,
-            exponent,
-            smallest,
-            columns,
-            shares,
-            counts[start:stop],
+    def fill(start: int, stop: int) -> None:
+        room = _Entries(
+            columns=np.empty((stop - start) * link_count, np.int32),
+            shares=np.empty((stop - start) * link_count),
         )
-        filled[start // CHUNK] = columns[:used].copy(), shares[:used].copy()
+        used = _shares(x[start:stop], lines, link_count, law, room, counts[start:stop])
+        parts[start // CHUNK] = _Entries(
+            columns=room.columns[:used].copy(), shares=room.shares[:used].copy()
+        )
 
-    over_frames(part, len(x), chunk=CHUNK)
-    first = np.concatenate([[0], np.cumsum(counts)])
-    columns = np.concatenate([part for part, _ in filled]) if filled else np.zeros(0, np.int32)
-    shares = np.concatenate([part for _, part in filled]) if filled else np.zeros(0)
-    return scipy.sparse.csr_array((shares, columns, first.astype(np.int32)), shape=(len(x), n))
+    over_frames(fill, len(x), chunk=CHUNK)
+    columns = np.concatenate([part.columns for part in parts])
+    shares = np.concatenate([part.shares for part in parts])
+    first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    return scipy.sparse.csr_array((shares, columns, first), shape=(len(x), link_count))
 
 
 @kernel
-def _shares(x, starts, along, inverse, owner, n, exponent, smallest, columns, shares, counts):
+def _shares(x, lines, link_count, law, entries, counts):
     """Compute shares of points one after the other; return how many entries were written.
 
     Parameters
     ----------
     x : (points, 3) [m]
-    starts, along, inverse : (pieces, 3), (pieces, 3), (pieces,) of the segments: start, direction
-        with its length, and the inverse of its square
-    owner : (pieces,) link of each
-    n : number of links
-    exponent : of the distance; infinity gives all to the nearest
-    smallest : shares below it are dropped
-    columns, shares : (entries,) filled
+    lines : `_Lines`
+    link_count : number of links
+    law : `_Law`
+    entries : `_Entries`, filled
     counts : (points,) filled with the number of entries of each point
     """
-    squared = np.empty(n)
+    squared = np.empty(link_count)
     used = 0
     for j in range(x.shape[0]):
         squared[:] = np.inf
         nearest = 0
         least = np.inf
-        for p in range(starts.shape[0]):
-            a = x[j, 0] - starts[p, 0]
-            b = x[j, 1] - starts[p, 1]
-            c = x[j, 2] - starts[p, 2]
-            t = (a * along[p, 0] + b * along[p, 1] + c * along[p, 2]) * inverse[p]
-            t = min(max(t, 0.0), 1.0)
-            a = a - t * along[p, 0]
-            b = b - t * along[p, 1]
-            c = c - t * along[p, 2]
-            d = max(a * a + b * b + c * c, 1e-24)
-            squared[owner[p]] = min(squared[owner[p]], d)
-            if d < least:
-                nearest = owner[p]
-                least = d
+        for p in range(lines.start.shape[0]):
+            square = _squared_distance(x, j, lines, p)
+            owner = lines.owner[p]
+            squared[owner] = min(squared[owner], square)
+            if square < least:
+                nearest = owner
+                least = square
         first = used
-        if exponent == np.inf:
-            columns[used] = nearest
-            shares[used] = 1.0
+        if law.exponent == np.inf:
+            entries.columns[used] = nearest
+            entries.shares[used] = 1.0
             used += 1
         else:
-            # Shares relative to the nearest link's neither overflow nor lose digits.
-            total = 0.0
-            for i in range(n):
-                ratio = least / squared[i]
-                squared[i] = ratio * ratio if exponent == 4.0 else ratio ** (0.5 * exponent)
-                total += squared[i]
-            kept = 0.0
-            for i in range(n):
-                if squared[i] > 0.0 and squared[i] >= smallest * total:
-                    columns[used] = i
-                    shares[used] = squared[i]
-                    kept += squared[i]
-                    used += 1
-            for place in range(first, used):
-                shares[place] /= kept
+            used = _add_shares(squared, least, law, entries, used)
         counts[j] = used - first
+    return used
+
+
+@in_place
+def _squared_distance(x, j, lines, p):
+    """Square of the distance of a point from a segment [m^2]."""
+    a = x[j, 0] - lines.start[p, 0]
+    b = x[j, 1] - lines.start[p, 1]
+    c = x[j, 2] - lines.start[p, 2]
+    t = (a * lines.along[p, 0] + b * lines.along[p, 1] + c * lines.along[p, 2]) * lines.inverse[p]
+    t = min(max(t, 0.0), 1.0)
+    a = a - t * lines.along[p, 0]
+    b = b - t * lines.along[p, 1]
+    c = c - t * lines.along[p, 2]
+    return max(a * a + b * b + c * c, MIN_SQUARE)
+
+
+@in_place
+def _add_shares(squared, least, law, entries, used):
+    """Add the shares of a point, scaled to sum to 1; return how many entries there are then.
+
+    Shares relative to the nearest link's neither overflow nor lose digits.
+
+    Parameters
+    ----------
+    squared : (links,) squared distances [m^2], overwritten
+    least : the least of them
+    law : `_Law`
+    entries : `_Entries`, filled
+    used : number of entries so far
+    """
+    total = 0.0
+    for i in range(squared.shape[0]):
+        ratio = least / squared[i]
+        squared[i] = ratio * ratio if law.exponent == 4.0 else ratio ** (0.5 * law.exponent)
+        total += squared[i]
+    kept = 0.0
+    first = used
+    for i in range(squared.shape[0]):
+        if squared[i] > 0.0 and squared[i] >= law.smallest * total:
+            entries.columns[used] = i
+            entries.shares[used] = squared[i]
+            kept += squared[i]
+            used += 1
+    for entry in range(first, used):
+        entries.shares[entry] /= kept
     return used

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.body.sensors.first_guess import speeds_of
-from myomorph.body.sensors.sensor_kinematics import STILL, STILL_TIME
+from myomorph.body.sensors.mounting_search import STILL, STILL_TIME
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap

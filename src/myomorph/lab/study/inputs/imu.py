@@ -76,7 +76,7 @@ def _open(settings: ImuFiles, opening: Opening) -> Opened:
     """
     if not settings.imu:
         return Opened()
-    from myomorph.body.sensors.sensor_kinematics import SensorRecording
+    from myomorph.body.sensors.sensor_recording import SensorRecording
     from myomorph.core.motion.sensors.mounting import bodies_of_sensors
 
     sensors = _read(settings.imu)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
+from myomorph.body.sensors.sensor_recording import SensorRecording, TrackedMarkers
 from myomorph.core.contact.site_motion import root_places, walked
 from myomorph.core.io.sto import table_from_motion, write_sto
 from myomorph.core.model.errors import BadData
@@ -88,7 +89,7 @@ def trial_motion(trial: TrialInputs) -> Motion:
 def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
     """The fit of markers and sensors, or of sensors alone."""
     options = trial.options
-    recording = trial.inputs[SensorRecording]
+    recording = replace(trial.inputs[SensorRecording], sizes=options[SensorOptions])
     if checked is None:
         clock = recording.sensors.time
         empty = Markers(clock, (), np.empty((len(clock), 0, 3)))
@@ -96,9 +97,10 @@ def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
     else:
         markers = checked.markers
     marked = None if checked is None else checked.fit
+    tracked = TrackedMarkers(markers=markers, fit=marked)
     with progress(f"{trial.name}: inertial sensors", len(markers)) as advance:
-        chosen = (options[InverseKinematicsOptions], options[SensorOptions])
-        sensors = sensor_kinematics(trial.model, recording, markers, marked, *chosen, advance)
+        tracking = options[InverseKinematicsOptions]
+        sensors = sensor_kinematics(trial.model, recording, tracked, tracking, advance)
     if marked is None and root_places(trial.model):
         felt = trunk_acceleration(
             trial.model, sensors.mounting, sensors.sensors, sensors.fit.motion.time

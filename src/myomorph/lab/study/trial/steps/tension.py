@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from myomorph.body.sensors.sensor_kinematics import SensorRecording
+from myomorph.body.sensors.sensor_recording import SensorRecording
 from myomorph.body.tension.task import (
     EmgRecording,
     TensionTask,
