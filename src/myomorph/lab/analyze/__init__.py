@@ -1,3 +1,1 @@
-"""From raw recordings to a study: what a recording is, which model it takes, and the study file
-that says so.
-"""
+"""From raw recordings to a study: what a recording is, its model, and the file that says so."""

@@ -1,6 +1,4 @@
-"""Raw recordings to a study: protocol, axes, static trial, model, forces and EMG found, and the
-study file written.
-"""
+"""From raw recordings to a study file: protocol, axes, static trial, model, forces and EMG."""
 
 from __future__ import annotations
 
@@ -93,7 +91,7 @@ class PreparedStudy:
     assumed: tuple[str, ...]
 
 
-def prepare_study(
+def prepare_study(  # page: options of the command, each by its name
     recordings: Sequence[str | Path],
     out: str | Path,
     mass: float | None = None,
@@ -104,8 +102,9 @@ def prepare_study(
     keys: Mapping[str, object] = FrozenMap({}),
     options: Mapping[str, Mapping[str, object]] = FrozenMap({}),
 ) -> PreparedStudy:
-    """Look at raw recordings and write a study file that `run_study` takes from them to a report,
-    as `analyze`.
+    """Look at raw recordings and write a study file, as `analyze` does.
+
+    `run_study` takes it from the recordings to a report.
 
     Parameters
     ----------
@@ -155,7 +154,7 @@ def prepare_study(
 
 
 def _inputs_of(keys: Mapping[str, object]) -> ByType:
-    """Settings of inputs from keys as a study file beside the program would have them."""
+    """Check keys as a study file beside the program would have them, and make settings of them."""
     known = all_keys()
     place = Place(Path(), "keys", Notes())
     for name in keys:
@@ -401,7 +400,7 @@ def _prepared_subject(person: CheckedPerson, out: Path, alone: bool) -> Prepared
 def _all_assumed(
     subjects: Sequence[PreparedSubject], of_people: Sequence[str], passed_over: Sequence[str]
 ) -> tuple[str, ...]:
-    """What a study assumes; where it is of several, each line says of whom."""
+    """List what a study assumes; where it is of several, each line says of whom."""
     texts = [*of_people]
     for subject in subjects:
         who = f"{subject.files.name}: " if len(subjects) > 1 else ""
@@ -414,7 +413,10 @@ def _sorted_recordings(
     recordings: Sequence[Recording],
     of_person: Mapping[Path, SessionTrial],
 ) -> tuple[AnalyzeRequest, SortedRecordings, RecordingSentences]:
-    """Recordings of one person by what they are for; the request gets what sensors alone need."""
+    """Sort recordings of one person by what they are for.
+
+    The request gets what sensors alone need.
+    """
     looked_at, sensed = by_what_shows(recordings)
     static: Recording | None = None
     marked = looked_at
@@ -445,7 +447,7 @@ def _check_recordings(recordings: SortedRecordings, request: AnalyzeRequest, out
 
 
 def _with_given_loads(moving: list[Recording], inputs: ByType) -> list[Recording]:
-    """Recordings, with a file of forces that the user gave to the only one of them."""
+    """Give the only recording the file of forces that the user gave."""
     loads = inputs.or_default(LoadsFile).loads
     if loads is None:
         return moving
@@ -509,7 +511,7 @@ def _subject_files(
 def _steps(
     recordings: SortedRecordings, chosen: ChosenModel, request: AnalyzeRequest
 ) -> tuple[str, ...]:
-    """Steps of a subject's trials, all alike."""
+    """List the steps of a subject's trials, all alike."""
     steps = [step for step in STEPS if chosen.model.muscles or step not in OF_MUSCLES]
     if not recordings.marked:
         steps.remove("calibrate")
@@ -548,9 +550,7 @@ def _with_assumed(subject: PreparedSubject, of_all: Sequence[str]) -> SubjectFil
 
 
 def _check_inputs(inputs: ByType, moving: Sequence[Recording]) -> None:
-    """Refuse files that do not exist, and inputs that belong to one recording where there are
-    several.
-    """
+    """Refuse files that do not exist, and inputs of one recording where there are several."""
     for name, (declared, key) in all_keys().items():
         value = getattr(inputs.or_default(declared.settings), name)
         if value == key.default:
@@ -583,7 +583,7 @@ def _refuse_changed(path: Path) -> None:
 def _static(
     looked: list[Recording], of_person: Mapping[Path, SessionTrial], request: AnalyzeRequest
 ) -> tuple[Recording | None, list[Recording], str]:
-    """Recording of standing still, the others, and a sentence on it.
+    """Find the recording of standing still, the others, and a sentence on it.
 
     Somebody who sways stands too: recordings in which the session sees standing come after those in
     which nothing moves.
@@ -614,8 +614,14 @@ def _static(
 
 
 def _check_markers(recording: Recording, everyone: Sequence[Recording], out: Path) -> None:
-    """Raise `BadData` where the labels that are known do not show a pelvis and a leg: what the
-    markers are, and a table of what they may lie on where somebody stands still with them.
+    """Refuse a recording whose known labels do not show a pelvis and a leg.
+
+    The error says what the markers are, and names a table of what they may lie on where somebody
+    stands still with them.
+
+    Raises
+    ------
+    BadData
     """
     segments = {site.segment for site in recording.found.sites.values()}
     lacking = [
@@ -656,8 +662,11 @@ def _all_still(recording: Recording) -> bool:
 def _check_time(
     path: Path, markers: Markers, labels: Sequence[str], time: tuple[float, float] | None
 ) -> None:
-    """Raise `BadData` where the part of a recording that is used is too short, or shows too few of
-    the markers.
+    """Refuse a part of a recording that is too short, or shows too few of the markers.
+
+    Raises
+    ------
+    BadData
     """
     used = cut_to(time, markers, path)
     count = len(markers if used is None else cut(markers, *used))
@@ -698,76 +707,95 @@ def _of_generic_model(model: Model, arms: bool, height: float | None) -> str:
 def _model(
     everyone: Sequence[Recording], request: AnalyzeRequest, height: float | None, generic: Path
 ) -> tuple[Model, Path, dict[str, str], list[str]]:
-    """Model, its file, what it calls markers that recordings call otherwise, and sentences on
-    it.
+    """Choose the model of a person: the one that was given, else the generic one.
+
+    Parameters
+    ----------
+    everyone : recordings that show the lengths of segments
+    height : of the body [m], None for the model's own
+    generic : file that the generic model is written to
+
+    Returns
+    -------
+    model, its file, what it calls markers that recordings call otherwise, and sentences on it
     """
     if request.model is None:
-        recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
-        assert request.mass is not None
-        sites = sites_of(everyone)
-        seen = have_arms(sites)
-        alone = any(is_arm(one.found) for one in everyone)
-        arms = alone or (request.arms and seen)
-        model, without = generic_model(sites, height, request.mass, arms, alone)
-        path = generic
-        write_osim(model, path)
-        text = _of_generic_model(model, arms, height)
-        if alone:
-            text += (
-                "No marker is on a leg: arms with markers move, on a trunk that goes where its"
-                " markers are; all else hangs from it, without muscles, and what holds the trunk is"
-                " nobody's torque."
-            )
-        if not arms:
-            text += "The arms' mass is part of the trunk's" + (
-                " (--arms gives it arms)." if seen else "."
-            )
-        if request.arms and not seen:
-            text += " It has no arms, for no markers show two segments of one (--arms)."
-        if without:
-            text += f" Without a place on it: {few(without)}."
-        return (
-            model,
-            path,
-            {label: bare(label) for label in recorded if bare(label) != label},
-            [text],
+        return _generic(everyone, request, height, generic)
+    return _given(everyone, request, request.model)
+
+
+def _generic(
+    everyone: Sequence[Recording], request: AnalyzeRequest, height: float | None, path: Path
+) -> tuple[Model, Path, dict[str, str], list[str]]:
+    """Write the generic model with a marker for every label that lies on a bone of its."""
+    assert request.mass is not None
+    sites = sites_of(everyone)
+    seen = have_arms(sites)
+    alone = any(is_arm(one.found) for one in everyone)
+    arms = alone or (request.arms and seen)
+    model, without = generic_model(sites, height, request.mass, arms, alone)
+    write_osim(model, path)
+    text = _of_generic_model(model, arms, height)
+    if alone:
+        text += (
+            "No marker is on a leg: arms with markers move, on a trunk that goes where its"
+            " markers are; all else hangs from it, without muscles, and what holds the trunk is"
+            " nobody's torque."
         )
-    model = open_model(request.model)
+    if not arms:
+        text += "The arms' mass is part of the trunk's" + (
+            " (--arms gives it arms)." if seen else "."
+        )
+    if request.arms and not seen:
+        text += " It has no arms, for no markers show two segments of one (--arms)."
+    if without:
+        text += f" Without a place on it: {few(without)}."
+    recorded = dict.fromkeys(label for one in everyone for label in one.found.sites)
+    return model, path, {label: bare(label) for label in recorded if bare(label) != label}, [text]
+
+
+def _given(
+    everyone: Sequence[Recording], request: AnalyzeRequest, path: Path
+) -> tuple[Model, Path, dict[str, str], list[str]]:
+    """Read the model that was given, and find its markers among the labels."""
+    model = open_model(path)
     names = model.marker_names
     # A model may have markers that no protocol knows.
     recorded = list(
         dict.fromkeys(label for one in everyone for label in (*one.found.sites, *one.found.unknown))
     )
-    labels = {
-        label: bare(label) for label in recorded if bare(label) != label and bare(label) in names
-    }
-    rest = [label for label in recorded if label not in labels]
-    labels |= {
-        old: new
-        for old, new in labels_between(rest, names, request.table).items()
-        if new not in labels.values()
-    }
+    labels = _labels_of_markers(recorded, names, request)
     known = [label for label in recorded if label in names or label in labels]
     if len(known) < MIN_MARKERS:
         raise BadData(
-            f"{request.model}: {len(known)} of its {len(names)} markers are in the recordings,"
+            f"{path}: {len(known)} of its {len(names)} markers are in the recordings,"
             f" which have {listing('', recorded)}: give a model with such markers, or leave --model"
             " out for the generic one"
         )
-    texts = [f"{len(known)} labels are markers of {request.model.name}."]
+    texts = [f"{len(known)} labels are markers of {path.name}."]
     if labels:
         shown = few([f"{old} as {new}" for old, new in labels.items()])
         texts.append(
             f"{len(labels)} labels lie on the landmark of a marker of another name: {shown}."
         )
-    texts += [f"{request.model.name}: {line}." for line in arm_warnings(model)]
-    return model, request.model, labels, texts
+    texts += [f"{path.name}: {line}." for line in arm_warnings(model)]
+    return model, path, labels, texts
+
+
+def _labels_of_markers(
+    recorded: Sequence[str], names: Sequence[str], request: AnalyzeRequest
+) -> dict[str, str]:
+    """Markers of a model by the labels that recordings have for them under another name."""
+    labels = {
+        label: bare(label) for label in recorded if bare(label) != label and bare(label) in names
+    }
+    rest = [label for label in recorded if label not in labels]
+    by_landmark = labels_between(rest, names, request.table)
+    return labels | {old: new for old, new in by_landmark.items() if new not in labels.values()}
 
 
 def _height(recording: Recording, height: float | None) -> tuple[float | None, list[str]]:
-    """Height that the generic model begins with [m], None for its own; and a sentence on what
-    markers show.
-    """
+    """Find the height that the generic model begins with [m], None for its own; and a sentence."""
     if height is None:
         return None, []
     found = standing_height(recording)
@@ -790,9 +818,7 @@ def _height(recording: Recording, height: float | None) -> tuple[float | None, l
 
 
 def _names(recordings: Sequence[Recording]) -> list[str]:
-    """Names of trials: those of the files, and of their folders where these say nothing or are
-    alike.
-    """
+    """Name trials by their files, and by their folders where these say nothing or are alike."""
     names = [one.name for one in recordings]
     result = []
     for recording, name in zip(recordings, names, strict=True):

@@ -1,6 +1,4 @@
-"""What anatomists measured, for myo-sim's legs: knees, patellae, gluteal paths, and fibers and
-strength of muscles.
-"""
+"""Anatomy of myo-sim's legs as measured: knees, patellae, gluteal paths, fibers and strength."""
 
 from __future__ import annotations
 
@@ -66,11 +64,21 @@ HEIGHT = 1.70  # Of the body whose cross-sections the table has [kg], [m].
 
 
 class Cylinder(NamedTuple):
-    """A surface of the right side that muscles go around, after Rajagopal et al. (2016), where
-    myo-sim has none. `muscles`, `body`: names without the side, and that of the body with "_" where
-    it has one; `radius`, `length`: [m]; `side`: of the surface that counts, "" for all; `center`,
-    `angles`: in the body [m]; body-fixed x-y-z [rad]; `between`: numbers of the path points between
-    which it counts, -1 for the ends.
+    """A surface of the right side that muscles go around, where myo-sim has none.
+
+    Attributes
+    ----------
+    muscles : names without the side
+    body : with "_" where it has a side
+    radius, length : [m]
+    center : (3,) in the body [m]
+    angles : (3,) body-fixed x-y-z [rad]
+    side : of the surface that counts, "" for all
+    between : numbers of the path points between which it counts, -1 for the ends
+
+    Notes
+    -----
+    Source: Rajagopal et al. 2016.
     """
 
     muscles: tuple[str, ...]
@@ -199,8 +207,9 @@ def architectures() -> Mapping[str, Architecture]:
 
 
 def with_anatomical_knees(model: Model) -> Model:
-    """The model with knees that turn about `KNEE_CENTER`, patellae on `PATELLA_TRACK`; 0 degrees
-    look as before.
+    """Let knees turn about `KNEE_CENTER`, and patellae go on `PATELLA_TRACK`.
+
+    At 0 degrees they look as before.
     """
     knees = {joint.name for joint in knee_joints(model)}
     joints = tuple(_centered(joint) if joint.name in knees else joint for joint in model.joints)
@@ -231,7 +240,7 @@ def _centered(knee: Joint) -> Joint:
 
 
 def with_abductors(model: Model) -> Model:
-    """The model with the attachments of `ABDUCTORS`."""
+    """Give a model the attachments of `ABDUCTORS`."""
     return replace(model, muscles=tuple(_attached(muscle) for muscle in model.muscles))
 
 
@@ -245,8 +254,9 @@ def _attached(muscle: Muscle) -> Muscle:
 
 
 def with_cylinders(model: Model) -> Model:
-    """The model with muscles around `CYLINDERS`, gluteus maximus and iliacus around these alone, in
-    OpenSim's form.
+    """Let muscles go around `CYLINDERS`, in OpenSim's form.
+
+    Gluteus maximus and iliacus go around these alone.
     """
     made: list[WrapObject] = []
     uses: dict[str, PathWrap] = {}
@@ -281,14 +291,15 @@ def _around(muscle: Muscle, wrap: PathWrap | None) -> Muscle:
 
 
 def with_architecture(model: Model) -> Model:
-    """The model with fibers, pennation, tendons and strengths of the table, tendons as long as its
-    paths ask for.
+    """Give muscles fibers, pennation and strengths of the table, and tendons that fit their paths.
+
+    With the path in the model's default pose,
 
         l_slack = l_path - l_opt sqrt(at_zero^2 - sin(pennation)^2)
 
-    with the path in the model's default pose.
-
-    Raises `BadData` where the table lacks a muscle.
+    Raises
+    ------
+    BadData : the table lacks a muscle
     """
     lengths = default_path_lengths(model)
     return replace(
@@ -321,14 +332,19 @@ def _built(muscle: Muscle, length: float) -> Muscle:
 
 
 def strength_of(mass: float, height: float) -> float:
-    """Forces of a body's leg muscles over those of the table's.
+    """Ratio of the forces of a body's leg muscles to those of the table's body.
 
     Volumes of leg muscles grow by 47.05 cm^3 per kg m from 1289.6 cm^3; cross-sections are these
     over lengths.
 
-    Source: Handsfield et al. 2014.
+    Parameters
+    ----------
+    mass : of the body [kg]
+    height : of the body [m]
 
-    `mass`, `height`: [kg], [m].
+    Notes
+    -----
+    Source: Handsfield et al. 2014.
     """
     volume = 47.05 * mass * height + 1289.6
     table = 47.05 * MASS * HEIGHT + 1289.6
@@ -336,7 +352,7 @@ def strength_of(mass: float, height: float) -> float:
 
 
 def with_strength(model: Model, factor: float) -> Model:
-    """The model with maximum isometric forces times a factor."""
+    """Multiply maximum isometric forces by a factor."""
     return replace(
         model,
         muscles=tuple(

@@ -1,6 +1,4 @@
-"""Both arms of myo-sim on the trunk of its legs: shoulder girdles, 45 muscles a side, each hand one
-body.
-"""
+"""Both arms of myo-sim on the trunk of its legs: girdles, 45 muscles a side, hands of one body."""
 
 from __future__ import annotations
 
@@ -35,8 +33,7 @@ def have_arms(sites: Mapping[str, Site]) -> bool:
 
 
 def with_arms(model: Model) -> Model:
-    """The legs and trunk of myo-sim with both arms; shoulder blades follow the elevation of the
-    arm.
+    """Give the legs and trunk of myo-sim both arms; shoulder blades follow the arm's elevation.
 
     Source: MyoSuite (Caggiano et al. 2022), after Saul et al. 2015.
     """
@@ -49,38 +46,49 @@ def with_arms(model: Model) -> Model:
     kept = [_without_made_up_inertia(body) for body in arms.bodies if body.name in bodies]
     joints = [joint for joint in arms.joints if joint.child in bodies]
     named = {name for joint in joints for name in joint.coordinates}
-    muscles = [
-        replace(muscle, name=muscle.name if split_side(muscle.name)[1] else f"{muscle.name}_r")
-        for muscle in arms.muscles
-        if {point.body for point in muscle.path.points} & bodies
-        and len({point.body for point in muscle.path.points}) > 1
-    ]
-    used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
+    coordinates = [each for each in arms.coordinates if each.name in named]
+    couplers = [each for each in arms.couplers if each.dependent in named]
+    muscles = _muscles_on(arms, bodies)
     return replace(
         model,
         bodies=(*model.bodies, *kept),
         joints=(*model.joints, *joints),
-        coordinates=(
-            *model.coordinates,
-            *(each for each in arms.coordinates if each.name in named),
-        ),
-        couplers=(*model.couplers, *(each for each in arms.couplers if each.dependent in named)),
+        coordinates=(*model.coordinates, *coordinates),
+        couplers=(*model.couplers, *couplers),
         muscles=(*model.muscles, *muscles),
-        wrap_objects=(
-            *model.wrap_objects,
-            *(
-                each
-                for each in arms.wrap_objects
-                if each.name in used - {mine.name for mine in model.wrap_objects}
-            ),
-        ),
+        wrap_objects=(*model.wrap_objects, *_new_surfaces(arms, muscles, model)),
     )
 
 
+def _muscles_on(model: Model, bodies: Collection[str]) -> list[Muscle]:
+    """Muscles between bodies of which some are among these, each with a side in its name."""
+    muscles = []
+    for muscle in model.muscles:
+        ends = {point.body for point in muscle.path.points}
+        if ends.isdisjoint(bodies) or len(ends) == 1:
+            continue
+        sided = split_side(muscle.name)[1]
+        muscles.append(replace(muscle, name=muscle.name if sided else f"{muscle.name}_r"))
+    return muscles
+
+
+def _new_surfaces(arms: Model, muscles: Collection[Muscle], model: Model) -> list[WrapObject]:
+    """Surfaces that muscles go around and a model does not have."""
+    used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
+    used -= {surface.name for surface in model.wrap_objects}
+    return [surface for surface in arms.wrap_objects if surface.name in used]
+
+
 def arms_alone(model: Model, sides: Collection[str], spine: bool) -> Model:
-    """A model of `with_arms` in which only arms of some sides move, on a trunk that goes where its
-    markers are, and with `spine` bends; what else there is keeps its mass and hangs as it does by
-    default, without muscles.
+    """Let only arms of some sides move, on a trunk that goes where its markers are.
+
+    What else there is keeps its mass and hangs as it does by default, without muscles.
+
+    Parameters
+    ----------
+    model : of `with_arms`
+    sides : "right", "left"
+    spine : it bends
     """
     moving = _below(model, [f"myoarm_{side[0]}_root" for side in sides])
     free = {name for joint in model.joints if joint.child in moving for name in joint.coordinates}
@@ -101,8 +109,9 @@ def arms_alone(model: Model, sides: Collection[str], spine: bool) -> Model:
 
 
 def _without_made_up_inertia(body: Body) -> Body:
-    """A body that only carries axes turns as its gram does, a centimeter across: in myo-sim it has
-    1 kg m^2.
+    """Let a body that only carries axes turn as its gram does, a centimeter across.
+
+    In myo-sim it has 1 kg m^2.
     """
     return replace(body, inertia=1e-4 * body.mass * np.eye(3)) if body.mass < PHANTOM else body
 
@@ -117,7 +126,7 @@ def _below(model: Model, roots: Collection[str]) -> set[str]:
 
 
 def _with_one_hand(model: Model, side: str, bodies: set[str]) -> Model:
-    """The model with all bodies of a hand as one, in the default pose; `bodies` loses them."""
+    """Join all bodies of a hand in the default pose; `bodies` loses them."""
     hand = f"{HAND}_{side}"
     fingers = _below(model, (hand,))
     bodies -= fingers
@@ -125,20 +134,26 @@ def _with_one_hand(model: Model, side: str, bodies: set[str]) -> Model:
     moved = {name: poses[hand].inverse() @ poses[name] for name in (hand, *fingers)}
     parts = [body for body in model.bodies if body.name in moved]
     lost = {name for joint in model.joints if joint.child in fingers for name in joint.coordinates}
+    bodies_now = [
+        _joined(hand, parts, moved) if body.name == hand else body
+        for body in model.bodies
+        if body.name not in fingers
+    ]
     return replace(
-        model,
-        bodies=tuple(
-            _joined(hand, parts, moved) if body.name == hand else body
-            for body in model.bodies
-            if body.name not in fingers
-        ),
+        _without_coordinates(model, lost),
+        bodies=tuple(bodies_now),
         joints=tuple(joint for joint in model.joints if joint.child not in fingers),
-        coordinates=tuple(
-            coordinate for coordinate in model.coordinates if coordinate.name not in lost
-        ),
-        couplers=tuple(coupler for coupler in model.couplers if coupler.dependent not in lost),
         muscles=tuple(_on_hand(muscle, hand, moved) for muscle in model.muscles),
         wrap_objects=tuple(_wrap_on_hand(wrap, hand, moved) for wrap in model.wrap_objects),
+    )
+
+
+def _without_coordinates(model: Model, lost: Collection[str]) -> Model:
+    """Take coordinates, and couplers that determine one, away."""
+    return replace(
+        model,
+        coordinates=tuple(each for each in model.coordinates if each.name not in lost),
+        couplers=tuple(each for each in model.couplers if each.dependent not in lost),
     )
 
 

@@ -1,6 +1,4 @@
-"""The generic model that comes with the installation: myo-sim's legs and trunk, markers placed by
-landmark.
-"""
+"""The generic model: myo-sim's legs and trunk, with markers placed by landmark."""
 
 from __future__ import annotations
 
@@ -84,7 +82,7 @@ def generic_model(
     arms: bool = False,
     alone: bool = False,
 ) -> tuple[Model, tuple[str, ...]]:
-    """The legs and trunk of myo-sim with a marker for every label that lies on a bone of theirs.
+    """Give the legs and trunk of myo-sim a marker for every label that lies on one of their bones.
 
     Fibers, tendons and strengths of the muscles are anatomists' (`anatomy`), not those of myo-sim.
 
@@ -166,7 +164,7 @@ def _generic(arms: bool) -> Model:
 
 
 def _held(coordinate: Coordinate, dependent: Collection[str]) -> Coordinate:
-    """The coordinate, locked or with the bounds that a recording needs."""
+    """Lock a coordinate, or give it the bounds that a recording needs."""
     if coordinate.name in LOCKED:
         return replace(coordinate, locked=True, default=0.0)
     # A bound of what follows a knee at the end of the knee's range is one that OpenSim cannot keep
@@ -180,10 +178,15 @@ def _held(coordinate: Coordinate, dependent: Collection[str]) -> Coordinate:
 
 
 def legs_and_trunk() -> Model:
-    """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x
-    forward, y up, z right. Joints and coordinates have the names of the field and of OpenSim's gait
-    models (`knee_r`, `pelvis_tilt`); knees and patellae move as anatomists measured (`anatomy`).
-    Raises `BadData` where myo-sim is not installed.
+    """Model of myo-sim's legs (80 muscles) under a trunk that bends (6 muscles).
+
+    In the ground x is forward, y up, z right. Joints and coordinates have the names of the field
+    and of OpenSim's gait models (`knee_r`, `pelvis_tilt`); knees and patellae move as anatomists
+    measured (`anatomy`).
+
+    Raises
+    ------
+    BadData : myo-sim is not installed
     """
     from myomorph.core.io.mjcf.read import composed_model
 
@@ -243,10 +246,11 @@ def _pelvis_joint(child: str, start: Array) -> tuple[Joint, tuple[Coordinate, ..
 
 
 def in_opensim_form(model: Model) -> Model:
-    """The model with Millard2012EquilibriumMuscle whose paths wrap as OpenSim's do. A tendon of
-    MuJoCo goes around a surface on the side of a site. OpenSim's surfaces have a constrained half
-    instead: each becomes one whose x axis points to the site, and whose positive half counts, once
-    for every site that it is used with.
+    """Make muscles Millard2012EquilibriumMuscle whose paths wrap as OpenSim's do.
+
+    A tendon of MuJoCo goes around a surface on the side of a site. OpenSim's surfaces have a
+    constrained half instead: each becomes one whose x axis points to the site, and whose positive
+    half counts, once for every site that it is used with.
     """
     poses = standing_poses(model)
     objects = {item.name: item for item in model.wrap_objects}
@@ -282,8 +286,11 @@ def _muscle(
 
 
 def _sided(wrap_object: WrapObject, name: str, toward: Array | None) -> WrapObject:
-    """A surface whose positive x half is on the side of a point (3,) from its center, in its body's
-    axes.
+    """Turn a surface so that its positive x half is on the side of a point.
+
+    Parameters
+    ----------
+    toward : (3,) from its center, in its body's axes, None for all of it
     """
     size = (wrap_object.size[0], LONG) if wrap_object.kind == "cylinder" else wrap_object.size
     named = replace(wrap_object, name=name, size=size)

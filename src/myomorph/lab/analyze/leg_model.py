@@ -19,10 +19,12 @@ FREED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l
 
 
 def leg_model() -> Model:
-    """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x
-    forward, y up, z right. The pelvis moves by the six coordinates that OpenSim's gait models have:
-    `pelvis_tilt`, `pelvis_list` and `pelvis_rotation` about z, x and y in this order, `pelvis_tx`,
-    `pelvis_ty`, `pelvis_tz`. Side bending and twist of the trunk and the toes are locked.
+    """Model of myo-sim's legs (80 muscles) under a trunk that bends (6 muscles).
+
+    In the ground x is forward, y up, z right. The pelvis moves by the six coordinates that
+    OpenSim's gait models have: `pelvis_tilt`, `pelvis_list` and `pelvis_rotation` about z, x and y
+    in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`. Side bending and twist of the trunk and
+    the toes are locked.
     """
     model = legs_and_trunk()
     girdle, rise, lift = _shoulder_girdle()
@@ -36,7 +38,7 @@ def leg_model() -> Model:
 
 
 def _held(coordinate: Coordinate) -> Coordinate:
-    """The coordinate, locked or without bounds where the jump needs it."""
+    """Lock a coordinate, or free it of its bounds where the jump needs it."""
     if coordinate.name in LOCKED:
         return replace(coordinate, locked=True, default=0.0)
     if coordinate.name in FREED:
@@ -45,8 +47,9 @@ def _held(coordinate: Coordinate) -> Coordinate:
 
 
 def _shoulder_girdle() -> tuple[Body, Joint, Coordinate]:
-    """A weightless body that slides up and down the trunk: the arms' swing lifts the shoulder by
-    centimeters.
+    """Make a weightless body that slides up and down the trunk.
+
+    The arms' swing lifts the shoulder by centimeters.
     """
     name = "shoulder_elevation_r"
     still = Transform.identity()

@@ -1,6 +1,4 @@
-"""What unknown markers of somebody who stands may lie on, by geometry: a table for the user to
-check.
-"""
+"""Proposals of what unknown markers of somebody who stands lie on, for the user to check."""
 
 from __future__ import annotations
 
@@ -78,8 +76,14 @@ class Proposal(NamedTuple):
 
 
 class _Fit(NamedTuple):
-    """Markers on the model (markers, 3), its landmarks in their pose (landmarks, 3) [m], the body's
-    height over the model's, and which markers have which landmarks.
+    """Markers on the model in its pose.
+
+    Attributes
+    ----------
+    placed : (markers, 3) on the model [m]
+    pose : (landmarks, 3) in the model's pose [m]
+    size : height of the body over the model's
+    markers, landmarks : (pairs,) numbers of markers, and of the landmarks that they have
     """
 
     placed: Array
@@ -90,8 +94,9 @@ class _Fit(NamedTuple):
 
 
 def proposed_sites(markers: Markers) -> tuple[Proposal, ...]:
-    """What markers of somebody who stands may lie on, none where the places do not look like a
-    pelvis and two legs.
+    """Propose what markers of somebody who stands lie on, by geometry.
+
+    None where the places do not look like a pelvis and two legs.
 
     The generic model, as tall as the markers, is turned and bent to them, and each landmark goes to
     one marker at most. Whether somebody stands is not looked at.
@@ -127,8 +132,9 @@ def proposed_sites(markers: Markers) -> tuple[Proposal, ...]:
 
 
 def proposed_table(proposals: Sequence[Proposal], source: str) -> str:
-    """A table of `--protocol` with every proposal on a line that says what it means and how far off
-    it is.
+    """Write a table of `--protocol` with every proposal on a line.
+
+    The line says what it means and how far off it is.
     """
     lines = [
         (
@@ -168,8 +174,11 @@ def _candidates() -> Iterator[Site]:
 
 
 def _ways(places: Array, pose: Array, bony: Array) -> Iterator[tuple[float, Array, float]]:
-    """Ways in which markers may stand on the model's ground: how far off, places on the model, the
-    body's size.
+    """Yield ways in which markers may stand on the model's ground.
+
+    Yields
+    ------
+    how far off they are, places on the model (markers, 3) [m], and the body's size
     """
     extent = np.ptp(places, axis=0)
     tree = scipy.spatial.cKDTree(pose)
@@ -194,8 +203,11 @@ def _ways(places: Array, pose: Array, bony: Array) -> Iterator[tuple[float, Arra
 def _settled(
     placed: Array, pose: Array, bony: Array, tree: scipy.spatial.cKDTree
 ) -> tuple[float, Array]:
-    """Markers shifted to where most lie near landmarks, and how far those and the landmarks are
-    from each other.
+    """Shift markers to where most lie near landmarks.
+
+    Returns
+    -------
+    how far those and the landmarks are from each other, and the places (markers, 3) [m]
     """
     for _ in range(4):
         far, nearest = tree.query(placed)
@@ -212,7 +224,7 @@ def _settled(
 def _fitted(
     model: Model, names: Sequence[str], bony: Array, placed: Array, size: float, pose: Array
 ) -> _Fit:
-    """A way with the model bent to it, again and again as landmarks change hands."""
+    """Bend the model to a way, again and again as landmarks change hands."""
     rows, columns = _assigned(placed, pose, bony, CAP)
     for limit in np.linspace(CAP, NEAR, ROUNDS):
         if len(rows) < MIN_FIT:
@@ -242,8 +254,11 @@ def _assigned(placed: Array, pose: Array, bony: Array, limit: float) -> tuple[Ar
 def _posed(
     model: Model, names: Sequence[str], placed: Array, columns: Array
 ) -> tuple[Array, float]:
-    """Places of all landmarks of the model in the pose that fits some, and by how much the markers
-    are larger.
+    """Pose the model so that it fits some landmarks.
+
+    Returns
+    -------
+    places of all landmarks (landmarks, 3) [m], and by how much the markers are larger
     """
     seen = Markers(np.zeros(1), tuple(names[column] for column in columns), placed[None])
     fit = inverse_kinematics(model, seen)

@@ -1,6 +1,4 @@
-"""What a user asks of `analyze`, and what is done with each recording: axes, forces and EMG that
-were found.
-"""
+"""Request of `analyze`, and what is done with each recording: axes, forces and EMG found."""
 
 from __future__ import annotations
 
@@ -14,6 +12,7 @@ from myomorph.core.model.errors import BadFile, few
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.segments import feet_of
+from myomorph.core.model.series import Analog
 from myomorph.core.motion.protocols import ProtocolTable, protocol_table, protocols
 from myomorph.lab.analysis.arm_labels import is_arm
 from myomorph.lab.session.plate_cover import LASTS, SHARED, shared_time, uncovered_share
@@ -32,10 +31,22 @@ from myomorph.lab.study.inputs.markers import MarkersFile
 from myomorph.lab.study.inputs.time_span import TimeSpan
 from myomorph.lab.study.trial.trial_inputs import Settings, TrialFiles
 
+EMG_SAMPLES = 300
+EMG_RATE = 100.0  # Less than so many samples, or a lower rate [Hz], does not show raw EMG.
+# An EMG channel whose spread is below this share of the median of all has no electrode on a muscle.
+DEAD = 0.05
+
 
 def read_protocols(path: Path) -> ProtocolTable:
-    """The protocols of the package and those of a table in TOML. Raises `BadFile` or `BadData`
-    where it cannot be read, or is wrong.
+    """Read a table of protocols in TOML, beside those of the package.
+
+    Parameters
+    ----------
+    path : of the table
+
+    Raises
+    ------
+    BadFile, BadData : it cannot be read, or is wrong
     """
     try:
         text = path.read_text("utf-8")
@@ -46,12 +57,6 @@ def read_protocols(path: Path) -> ProtocolTable:
     except UnicodeDecodeError:
         raise BadFile(path, "is not text", "give a table of protocols (.toml)") from None
     return protocol_table(text, str(path), protocols())
-
-
-EMG_SAMPLES = 300
-EMG_RATE = 100.0  # Less than so many samples, or a lower rate [Hz], does not show raw EMG.
-# An EMG channel whose spread is below this share of the median of all has no electrode on a muscle.
-DEAD = 0.05
 
 
 @dataclass(frozen=True)
@@ -93,8 +98,9 @@ class AnalyzeRequest:
 
 
 def laboratory_of(recording: Recording, model: Model, request: AnalyzeRequest) -> Laboratory:
-    """The axes that a user names, else those that the recording shows; as recorded for a model
-    whose y is not up.
+    """Choose the axes that a user names, else those that the recording shows.
+
+    For a model whose y is not up they are as recorded.
     """
     named = request.inputs.get(Laboratory) or recording.laboratory
     return named if model.gravity[1] < 0.0 else AS_RECORDED
@@ -103,8 +109,8 @@ def laboratory_of(recording: Recording, model: Model, request: AnalyzeRequest) -
 def recorded_trial(
     recording: Recording, files: TrialFiles, model: Model, request: AnalyzeRequest
 ) -> tuple[TrialFiles, list[str]]:
-    """A recording with what was found beside it and in it, and sentences on that."""
-    texts = list[str]()
+    """Make a trial of a recording, with what was found beside it and in it; and sentences."""
+    texts: list[str] = []
     alone = recording.trial.markers is None
     if recording.sensors is not None:
         imu, texts = placed_sensors(
@@ -112,33 +118,69 @@ def recorded_trial(
         )
         files = files.having(imu)
     laboratory = laboratory_of(recording, model, request)
-    if laboratory is recording.laboratory:
-        if laboratory.up:
-            why = recording.why_up
-            texts.append(
-                f"{laboratory.up} points up in the laboratory, for {why}: turned to the model's y"
-                " axis."
-            )
-        if laboratory.turn:
-            texts.append(
-                f"Turned by {laboratory.turn:g}° about the vertical, for {recording.why_turn}."
-            )
+    texts += _axes_sentences(recording, laboratory)
     if recording.shown_still(request.time):
         texts.append("Nobody moves in it: angles, torques and tensions are those of one pose.")
     emg, of_emg = _emg(recording, model, files.get(EmgFiles))
     texts += of_emg
+    measured = _measured_forces(recording, files.get(LoadsFile), model, request)
+    contacts, of_contacts = _contacts(recording, files.get(ContactsFile), measured, model, request)
+    texts += (*measured.sentences, *of_contacts)
+    if alone:
+        return files.having(measured.loads, emg, contacts), texts
+    markers = MarkersFile(recording.path)
+    return files.having(markers, laboratory, measured.loads, emg, contacts), texts
+
+
+def _axes_sentences(recording: Recording, laboratory: Laboratory) -> list[str]:
+    """Say how a recording is turned, where its own axes are used."""
+    if laboratory is not recording.laboratory:
+        return []
+    texts = []
+    if laboratory.up:
+        why = recording.why_up
+        texts.append(
+            f"{laboratory.up} points up in the laboratory, for {why}: turned to the model's y axis."
+        )
+    if laboratory.turn:
+        texts.append(
+            f"Turned by {laboratory.turn:g}° about the vertical, for {recording.why_turn}."
+        )
+    return texts
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredForces:
+    """External forces of a recording.
+
+    Attributes
+    ----------
+    loads : where they come from
+    feet : names of the model's feet that they may act on, () where nothing shows the feet
+    found : there are any that act
+    sentences : on them
+    """
+
+    loads: LoadsFile
+    feet: tuple[str, ...]
+    found: bool = False
+    sentences: tuple[str, ...] = ()
+
+
+def _measured_forces(
+    recording: Recording, loads: LoadsFile, model: Model, request: AnalyzeRequest
+) -> MeasuredForces:
+    """Take forces of a table beside the recording, else of plates, where markers show feet."""
     plates = recording.trial.plates
     path = recording.near.get("loads")
-    if alone and (plates or path is not None):
-        texts.append(
-            "Forces of plates are not used: sensors do not show where on them the feet are."
-        )
-        plates = ()
-        path = None
-    contacts = files.get(ContactsFile)
-    loads = files.get(LoadsFile)
     feet = feet_of(model)
-    if request.model is None and not alone and is_arm(recording.found):
+    if recording.trial.markers is None:
+        if not plates and path is None:
+            return MeasuredForces(loads=loads, feet=feet)
+        text = "Forces of plates are not used: sensors do not show where on them the feet are."
+        return MeasuredForces(loads=loads, feet=feet, sentences=(text,))
+    texts = []
+    if request.model is None and is_arm(recording.found):
         feet = ()
         if plates and not loads.plates:
             loads = replace(loads, plates=("none",) * len(plates))
@@ -147,11 +189,7 @@ def recorded_trial(
             )
     if path is not None:
         loads = replace(loads, loads=path)
-        texts.append(f"External forces from {path.name}.")
-        if path.suffix.lower() in TABLES:
-            texts += [
-                f"{path.name}: {text}." for text in force_table(path, None, request.forces).notes
-            ]
+        texts += _table_sentences(path, request)
     elif plates and feet:
         texts.append(
             f"External forces of {len(plates)} plate{'s' if len(plates) > 1 else ''} of the"
@@ -159,32 +197,53 @@ def recorded_trial(
         )
         # Named, so that a file of forces beside the recording is not taken for them.
         loads = replace(loads, loads=recording.path)
-    elif feet and not contacts.contacts:
+    found = path is not None or bool(plates and feet)
+    return MeasuredForces(loads=loads, feet=feet, found=found, sentences=tuple(texts))
+
+
+def _table_sentences(path: Path, request: AnalyzeRequest) -> list[str]:
+    """Sentences on a file of forces."""
+    texts = [f"External forces from {path.name}."]
+    if path.suffix.lower() in TABLES:
+        notes = force_table(path, None, request.forces).notes
+        texts += [f"{path.name}: {text}." for text in notes]
+    return texts
+
+
+def _contacts(
+    recording: Recording,
+    contacts: ContactsFile,
+    measured: MeasuredForces,
+    model: Model,
+    request: AnalyzeRequest,
+) -> tuple[ContactsFile, list[str]]:
+    """Contacts that are estimated because nobody measured their forces, and sentences on them."""
+    if not measured.feet or contacts.contacts:
+        return contacts, []
+    if not measured.found:
+        text = "No force was measured: forces under the feet are estimated from the motion."
+        return replace(contacts, contacts="auto"), [text]
+    assert request.mass is not None
+    weight = request.mass * float(np.linalg.norm(model.gravity))
+    texts = []
+    shared = shared_time(recording, weight, request.forces)
+    if shared > SHARED and contacts.measured is None:
+        contacts = ContactsFile("auto", "shared")
+        texts.append(
+            f"Two feet share a plate for {shared:.2f} s: muscle tensions divide its force"
+            " between them as motion and effort allow (--measured exact: one foot's); torques"
+            " of inverse dynamics have it on one foot."
+        )
+    bare_share = uncovered_share(recording, weight, request.forces)
+    if bare_share > LASTS:
         contacts = replace(contacts, contacts="auto")
-        texts.append("No force was measured: forces under the feet are estimated from the motion.")
-    if loads.loads is not None and feet and not contacts.contacts:
-        assert request.mass is not None
-        weight = request.mass * float(np.linalg.norm(model.gravity))
-        shared = shared_time(recording, weight, request.forces)
-        if shared > SHARED and contacts.measured is None:
-            contacts = ContactsFile("auto", "shared")
-            texts.append(
-                f"Two feet share a plate for {shared:.2f} s: muscle tensions divide its force"
-                " between them as motion and effort allow (--measured exact: one foot's); torques"
-                " of inverse dynamics have it on one foot."
-            )
-        bare_share = uncovered_share(recording, weight, request.forces)
-        if bare_share > LASTS:
-            contacts = replace(contacts, contacts="auto")
-            texts.append(
-                f"In {100.0 * bare_share:.0f} % of the frames a foot is on the ground and plates"
-                " carry less than half the weight (a foot beside them, a seat): muscle tensions"
-                " estimate forces under feet that nobody measured; torques of inverse dynamics are"
-                " wrong there."
-            )
-    if alone:
-        return files.having(loads, emg, contacts), texts
-    return files.having(MarkersFile(recording.path), laboratory, loads, emg, contacts), texts
+        texts.append(
+            f"In {100.0 * bare_share:.0f} % of the frames a foot is on the ground and plates"
+            " carry less than half the weight (a foot beside them, a seat): muscle tensions"
+            " estimate forces under feet that nobody measured; torques of inverse dynamics are"
+            " wrong there."
+        )
+    return contacts, texts
 
 
 def _emg(recording: Recording, model: Model, asked: EmgFiles) -> tuple[EmgFiles, list[str]]:
@@ -195,38 +254,51 @@ def _emg(recording: Recording, model: Model, asked: EmgFiles) -> tuple[EmgFiles,
     analog = recording.trial.analog
     if analog is None:
         return asked, []
-    used = muscles_of_channels(analog.names, model, asked.emg_side) | {
-        name: muscles for name, muscles in asked.emg_muscles.items() if name in analog.names
-    }
-    spread = {name: float(np.nanstd(analog[name])) for name in used}
-    alive = [name for name in used if spread[name] > DEAD * float(np.median([*spread.values()]))]
+    given = {name: muscles for name, muscles in asked.emg_muscles.items() if name in analog.names}
+    used = muscles_of_channels(analog.names, model, asked.emg_side) | given
+    alive = _channels_with_signal(analog, list(used))
     if alive and (len(analog) < EMG_SAMPLES or analog.rate < EMG_RATE):
         short = (
             f"EMG of {len(analog)} samples at {analog.rate:.0f} Hz is too little for envelopes: not"
             " used."
         )
         return asked, [short]
-    texts = [f"EMG of {len(alive)} analog channels: {few(alive)}."] if alive else []
     dead = [name for name in used if name not in alive]
-    if dead:
-        texts.append(f"Analog channels without a signal, which take no part: {few(dead)}.")
     sideless = [] if asked.emg_side else list(muscles_of_channels(analog.names, model, "right"))
-    lost = [name for name in sideless if name not in used]
-    if lost:
-        texts.append(
-            f"EMG without a side in its name is not used: {few(lost)} (--emg-side left or right)."
-        )
+    texts = _channel_sentences(alive, dead, [name for name in sideless if name not in used])
     if not alive:
         return asked, texts
     muscles = FrozenMap(dict.fromkeys(dead, ()) | dict(asked.emg_muscles))
     return replace(asked, emg=recording.path, emg_muscles=muscles), texts
 
 
+def _channel_sentences(
+    alive: Sequence[str], dead: Sequence[str], sideless: Sequence[str]
+) -> list[str]:
+    """Say which channels are used, which have no signal, and which have no side."""
+    texts = [f"EMG of {len(alive)} analog channels: {few(alive)}."] if alive else []
+    if dead:
+        texts.append(f"Analog channels without a signal, which take no part: {few(dead)}.")
+    if sideless:
+        lost = few(sideless)
+        texts.append(
+            f"EMG without a side in its name is not used: {lost} (--emg-side left or right)."
+        )
+    return texts
+
+
+def _channels_with_signal(analog: Analog, names: Sequence[str]) -> list[str]:
+    """Channels whose spread is no small share of the median of all."""
+    spread = {name: float(np.nanstd(analog[name])) for name in names}
+    return [name for name in names if spread[name] > DEAD * float(np.median([*spread.values()]))]
+
+
 def protocol_sentences(moving: Sequence[Recording], of_model: Sequence[str] = ()) -> list[str]:
-    """Sentences on protocols.
+    """Write sentences on protocols.
 
     Parameters
     ----------
+    moving : recordings of motion
     of_model : labels that are markers of the model that was given, whether a protocol knows them or
         not
     """

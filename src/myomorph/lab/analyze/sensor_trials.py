@@ -1,6 +1,4 @@
-"""Recordings of sensors alone: the pose that calibrates them, a model of the body's height, what
-they are worth.
-"""
+"""Recordings of sensors alone: calibration pose, a model of the body's height, their worth."""
 
 from __future__ import annotations
 
@@ -30,8 +28,11 @@ MIN_FRAMES = 6  # Frames that derivatives need.
 
 
 def unmarked_request(request: AnalyzeRequest) -> tuple[AnalyzeRequest, str]:
-    """The request with a mass, that of the model where none was given; and what results of sensors
-    alone are worth.
+    """Give a request the mass of the model where none was given.
+
+    Returns
+    -------
+    the request, and what results of sensors alone are worth
 
     Raises
     ------
@@ -64,8 +65,11 @@ def unmarked_request(request: AnalyzeRequest) -> tuple[AnalyzeRequest, str]:
 def with_pose(
     request: AnalyzeRequest, sensed: Sequence[Recording], alone: bool
 ) -> tuple[AnalyzeRequest, list[Recording], list[str]]:
-    """The request with the calibration pose among the recordings, or that of --static, the others,
-    and a sentence.
+    """Give a request the calibration pose among the recordings, or that of --static.
+
+    Returns
+    -------
+    the request, the other recordings, and a sentence
     """
     asked = request.inputs.or_default(ImuFiles)
     static = None
@@ -93,8 +97,11 @@ def with_pose(
 
 
 def check_sensors(recording: Recording, request: AnalyzeRequest) -> None:
-    """Raise `BadData` where the part that is used is too short, or nothing shows how sensors are
-    mounted.
+    """Refuse a part that is too short, or sensors whose mounting nothing shows.
+
+    Raises
+    ------
+    BadData
     """
     sensors = recording.sensors
     asked = request.inputs.or_default(ImuFiles)
@@ -122,8 +129,14 @@ def check_sensors(recording: Recording, request: AnalyzeRequest) -> None:
 
 
 def unmarked_model(request: AnalyzeRequest, path: Path) -> tuple[Model, Path, list[str]]:
-    """The model of a body that no marker shows, its file, and a sentence on it: the generic one,
-    written to `path`, of the subject's height and mass, or the one that was given as it is.
+    """Choose the model of a body that no marker shows.
+
+    The generic one, written to `path`, has the subject's height and mass; one that was given is
+    taken as it is.
+
+    Returns
+    -------
+    the model, its file, and a sentence on it
     """
     if request.model is not None:
         model = open_model(request.model)

@@ -1,6 +1,4 @@
-"""What markers are that do not show legs, in one line: numbered, of an arm, clusters; and which
-option helps.
-"""
+"""Markers that do not show legs, in one line: numbered, of an arm, clusters; and what helps."""
 
 from __future__ import annotations
 
@@ -20,8 +18,12 @@ MOSTLY = 0.8  # Share of labels that makes all of them of a kind.
 
 
 def unfit_markers(recognized: Recognized, lacking: Sequence[str]) -> str:
-    """What keeps a recording's markers from moving the generic model, and the option that helps.
-    `lacking`: segments that the generic model needs and no label lies on.
+    """Say what keeps a recording's markers from moving the generic model, and what helps.
+
+    Parameters
+    ----------
+    recognized : labels of the recording
+    lacking : segments that the generic model needs and no label lies on
     """
     unknown = recognized.unknown
     labels = (*recognized.sites, *unknown)
@@ -31,9 +33,7 @@ def unfit_markers(recognized: Recognized, lacking: Sequence[str]) -> str:
             f"the markers are those of an arm, none known on {' and '.join(lacking)}: {TABLE}"
             + (f"; not known: {some}" if unknown else "")
         )
-    stems = {match["stem"].lower() for match in map(NUMBERED.match, unknown) if match is not None}
-    counted = sum(NUMBERED.match(name) is not None for name in unknown)
-    if not recognized.sites and counted >= MOSTLY * len(labels) and len(stems) <= 2:
+    if not recognized.sites and _are_numbered(unknown):
         return f"its {len(labels)} markers are numbered, not named ({some}): {TABLE}"
     count = f"{len(recognized.sites)} of {len(labels)} labels are those of a marker protocol"
     where = f"none on {' and '.join(lacking) or 'enough landmarks'}"
@@ -44,3 +44,10 @@ def unfit_markers(recognized: Recognized, lacking: Sequence[str]) -> str:
         else ", all of them in clusters, which lie on no landmark"
     )
     return f"{count}{kind}, {where}" + (f" (not known: {some})" if unknown else "") + f"; {TABLE}"
+
+
+def _are_numbered(labels: Sequence[str]) -> bool:
+    """Whether most labels only count, from one or two stems."""
+    matches = [match for match in map(NUMBERED.match, labels) if match is not None]
+    stems = {match["stem"].lower() for match in matches}
+    return len(matches) >= MOSTLY * len(labels) and len(stems) <= 2

@@ -21,8 +21,19 @@ WALKED = 0.5  # Way of the markers' middle from which a recording has a walking 
 
 
 def axes_of_text(text: str) -> Array:
-    """Rotation (3, 3) from a text as "x,z,-y": the new axes along the old ones, each once, of a
-    right-handed frame.
+    """Rotation to axes that a text names, each old one once, in a right-handed frame.
+
+    Parameters
+    ----------
+    text : new axes along the old ones, as "x,z,-y"
+
+    Returns
+    -------
+    (3, 3)
+
+    Raises
+    ------
+    BadData : the text names no such axes
     """
     parts = [part.strip() for part in text.lower().split(",")]
     if len(parts) != 3 or not all(re.fullmatch(r"[+-]?[xyz]", part) for part in parts):
@@ -44,8 +55,9 @@ def axes_of_text(text: str) -> Array:
 
 
 def vertical(recording: Recording) -> str:
-    """Which axis points up: "z" where plates lie level with it or a body is tallest along it, "y",
-    or "" if unknown.
+    """Find which axis points up.
+
+    "z" where plates lie level with it or a body is tallest along it, else "y", or "" if unknown.
     """
     if recording.level:
         return "z"
@@ -66,9 +78,14 @@ def vertical(recording: Recording) -> str:
 
 
 def turned(recording: Recording, up: Up, forward: Forward, axes: str) -> Recording:
-    """The recording with other axes: the one that points `up` afterwards and the one that the walk
-    goes along, "" (or "keep") for as it is; or, instead of both, `axes` in the old frame, as
-    "x,z,-y".
+    """Give a recording other axes.
+
+    Parameters
+    ----------
+    recording : as it was read
+    up : axis that points up afterwards, "" or "keep" for as it is
+    forward : axis that the walk goes along, "" for as it is
+    axes : instead of both, the new axes in the old frame, as "x,z,-y"
     """
     if axes:
         return rotated(recording, axes_of_text(axes), f"axes were changed to {axes}")
@@ -92,7 +109,7 @@ def turned(recording: Recording, up: Up, forward: Forward, axes: str) -> Recordi
 
 
 def _facing(recording: Recording, forward: Forward) -> Recording:
-    """The recording rotated about the vertical by right angles, so that it walks along an axis."""
+    """Turn a recording about the vertical by right angles, so that it walks along an axis."""
     up = vertical(recording)
     if not up or up == forward[-1]:
         raise BadData(
@@ -124,7 +141,18 @@ def _facing(recording: Recording, forward: Forward) -> Recording:
 
 
 def rotated(recording: Recording, matrix: Array, note: str) -> Recording:
-    """The recording in a frame whose axes are the rows of a matrix (3, 3)."""
+    """Express a recording in another frame.
+
+    Parameters
+    ----------
+    recording : as it was read
+    matrix : (3, 3) whose rows are the axes of the frame
+    note : that says so
+
+    Returns
+    -------
+    the recording
+    """
     return replace(
         recording,
         markers=None if recording.markers is None else recording.markers.rotated(matrix),

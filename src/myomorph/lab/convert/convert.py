@@ -62,10 +62,20 @@ class Converted:
 
 
 def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = None) -> Converted:
-    """Read files of one recording (C3D, TRC, ..., tables of forces and EMG) and write them as
-    others. The ending of `out` says what: .trc markers, .mot forces (with external loads .xml
-    beside it), .sto or .csv EMG or a table, .c3d all of it; without an ending a folder, for all
-    that there is.
+    """Read files of one recording and write them as others.
+
+    The ending of `out` says what: .trc markers, .mot forces (with external loads .xml beside it),
+    .sto or .csv EMG or a table, .c3d all of it; without an ending a folder, for all that there is.
+
+    Parameters
+    ----------
+    paths : of a recording (C3D, TRC, ...), and tables of forces and EMG
+    out : file or folder that is written
+    options : axes, units, labels, plates and time
+
+    Raises
+    ------
+    BadFile, BadData : a file cannot be read, or what is asked for is not there
     """
     options = options or ConvertOptions()
     ending = out.suffix.lower()
@@ -130,7 +140,7 @@ def _folder(recording: Recording, out: Path, options: ConvertOptions) -> Convert
 
 
 def _one_file(recording: Recording, out: Path, options: ConvertOptions) -> Converted:
-    """The part of a recording that a file is for, by its ending."""
+    """Write the part of a recording that a file is for, by its ending."""
     ending = out.suffix.lower()
     if ending == ".trc":
         if recording.markers is None:
@@ -163,7 +173,7 @@ def _write_markers(markers: Markers, path: Path, units: str) -> str:
 
 
 def _write_forces(wrenches: Wrenches, path: Path) -> list[tuple[Path, str]]:
-    """The table of forces, and an external loads file beside it where the bodies are known."""
+    """Write a table of forces, and an external loads file where the bodies are known."""
     known = bool(wrenches.bodies) and all(wrenches.bodies)
     table = path if path.suffix.lower() in (".mot", ".sto") else path.with_suffix(".mot")
     if not known:
@@ -208,37 +218,62 @@ def _write_table(table: Table, path: Path) -> str:
 
 
 def c3d_trial(recording: Recording) -> Trial:
-    """A recording in the form of a C3D file: analog channels and plates a whole number of samples a
-    frame. Forces of a table become plates of type 2 under their centers of pressure. What does not
-    lie on the clock of the file is interpolated linearly.
+    """Bring a recording into the form of a C3D file.
+
+    Analog channels and plates have a whole number of samples a frame. Forces of a table become
+    plates of type 2 under their centers of pressure. What does not lie on the clock of the file is
+    interpolated linearly.
     """
     if recording.markers is None:
         raise BadData("a C3D file needs markers: give the recording (.trc) beside the tables")
     markers = recording.markers
     if len(markers) < 2:
         return Trial(markers=markers)
-    clocks = (
-        [recording.wrenches.time] if recording.wrenches is not None and not recording.plates else []
-    )
-    clocks += [table.time for table in recording.tables.values()]
-    clocks += [recording.plate_time] if recording.plates else []
-    clocks += [recording.analog.time] if recording.analog is not None else []
+    clocks = _clocks(recording)
     if not clocks:
         return Trial(markers=markers, events=recording.events)
     fastest = max(1.0 / float(np.median(np.diff(clock))) for clock in clocks if len(clock) > 1)
     every = max(1, round(fastest / markers.rate))
     step = 1.0 / (markers.rate * every)
     clock = markers.time[0] + step * np.arange(len(markers) * every)
-    up = np.eye(3)["xyz".index(vertical(recording) or "y")]
-    plates = tuple(
-        replace(plate, channels=_at(recording.plate_time, plate.channels, clock))
-        for plate in recording.plates
+    return Trial(
+        markers=markers,
+        plate_recordings=_plates(recording, clock),
+        plate_time=clock,
+        analog=_analog(recording, clock),
+        events=recording.events,
+        source=recording.name,
     )
-    if recording.wrenches is not None and not plates:
-        plates = tuple(
-            _plate(recording.wrenches, index, clock, up)
-            for index in range(len(recording.wrenches.names))
+
+
+def _clocks(recording: Recording) -> list[Array]:
+    """Collect times (samples,) of forces, tables, plates and analog channels [s]."""
+    clocks = [table.time for table in recording.tables.values()]
+    if recording.plates:
+        clocks.append(recording.plate_time)
+    elif recording.wrenches is not None:
+        clocks.append(recording.wrenches.time)
+    if recording.analog is not None:
+        clocks.append(recording.analog.time)
+    return clocks
+
+
+def _plates(recording: Recording, clock: Array) -> tuple[PlateRecording, ...]:
+    """Bring plates, or the forces of a table as plates, to a clock (samples,) [s]."""
+    if recording.plates:
+        return tuple(
+            replace(plate, channels=_at(recording.plate_time, plate.channels, clock))
+            for plate in recording.plates
         )
+    wrenches = recording.wrenches
+    if wrenches is None:
+        return ()
+    up = np.eye(3)["xyz".index(vertical(recording) or "y")]
+    return tuple(_plate(wrenches, index, clock, up) for index in range(len(wrenches.names)))
+
+
+def _analog(recording: Recording, clock: Array) -> Analog | None:
+    """Bring analog channels and tables to a clock (samples,) [s]; None where there are none."""
     names: list[str] = []
     units: list[str] = []
     columns: list[Array] = []
@@ -250,20 +285,23 @@ def c3d_trial(recording: Recording) -> Trial:
         names += [name if name not in names else f"{name}_2" for name in table.names]
         units += ["V"] * len(table.names)
         columns.append(_at(table.time, table.values, clock))
-    analog = Analog(clock, tuple(names), np.hstack(columns), units=tuple(units)) if names else None
-    return Trial(
-        markers=markers,
-        plate_recordings=plates,
-        plate_time=clock,
-        analog=analog,
-        events=recording.events,
-        source=recording.name,
-    )
+    if not names:
+        return None
+    return Analog(clock, tuple(names), np.hstack(columns), units=tuple(units))
 
 
 def _at(time: Array, values: Array, clock: Array) -> Array:
-    """Columns (samples, columns) at other times, zero outside theirs; exact where the times are the
-    same.
+    """Bring columns to other times, exactly where the times are the same.
+
+    Parameters
+    ----------
+    time : (samples,) [s]
+    values : (samples, columns)
+    clock : (times,) [s]
+
+    Returns
+    -------
+    (times, columns), zero outside
     """
     inside = (clock >= time[0] - SAME) & (clock <= time[-1] + SAME)
     after = np.clip(np.searchsorted(time, clock), 1, len(time) - 1)
@@ -276,26 +314,15 @@ def _at(time: Array, values: Array, clock: Array) -> Array:
 
 
 def _plate(wrenches: Wrenches, number: int, clock: Array, up: Array) -> PlateRecording:
-    """A force as a plate of type 2 that lies under its center of pressure, z downwards."""
+    """Make a plate of type 2 of a force, which lies under its center of pressure, z downwards."""
     force = np.nan_to_num(wrenches.forces[:, number])
     point = np.nan_to_num(wrenches.points[:, number])
     size = np.linalg.norm(force, axis=1)
     loaded = size > 0.05 * max(float(size.max(initial=0.0)), 1e-9)
     seen = point[loaded] if loaded.any() else np.zeros((1, 3))
-    across = np.roll(up, -1) if up[0] == 0.0 else np.roll(up, 1)
-    x = np.eye(3)[0] if up[0] == 0.0 else across
+    x = np.eye(3)[0] if up[0] == 0.0 else np.roll(up, 1)
     axes = np.stack([x, np.cross(-up, x), -up], axis=1)
-    low = (seen @ axes).min(axis=0) - 0.2
-    high = (seen @ axes).max(axis=0) + 0.2
-    height = float(np.median(seen @ up))
-    middle = axes[:, :2] @ (0.5 * (low + high))[:2] + height * up
-    half = 0.5 * (high - low)
-    corners = np.stack(
-        [
-            middle + a * half[0] * axes[:, 0] + b * half[1] * axes[:, 1]
-            for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))
-        ]
-    )
+    middle, corners = _under(seen, axes, up)
     moment = np.nan_to_num(wrenches.torques[:, number]) + np.cross(point - middle, force)
     channels = _at(wrenches.time, np.hstack([force @ axes, moment @ axes]), clock)
     names = tuple(f"{part}{number + 1}" for part in ("Fx", "Fy", "Fz", "Mx", "My", "Mz"))
@@ -307,6 +334,33 @@ def _plate(wrenches: Wrenches, number: int, clock: Array, up: Array) -> PlateRec
         channels=channels,
         channel_names=names,
     )
+
+
+def _under(points: Array, axes: Array, up: Array) -> tuple[Array, Array]:
+    """Lay a rectangle under centers of pressure, 20 cm larger on all sides.
+
+    Parameters
+    ----------
+    points : (samples, 3) [m]
+    axes : (3, 3) columns are the axes of the plate, z downwards
+    up : (3,)
+
+    Returns
+    -------
+    middle (3,) and corners (4, 3) [m]
+    """
+    low = (points @ axes).min(axis=0) - 0.2
+    high = (points @ axes).max(axis=0) + 0.2
+    height = float(np.median(points @ up))
+    middle = axes[:, :2] @ (0.5 * (low + high))[:2] + height * up
+    half = 0.5 * (high - low)
+    corners = np.stack(
+        [
+            middle + a * half[0] * axes[:, 0] + b * half[1] * axes[:, 1]
+            for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+        ]
+    )
+    return middle, corners
 
 
 FOOT_MARKER = re.compile(
@@ -321,17 +375,18 @@ LOADED = 20.0  # Force from which a plate carries somebody [N].
 
 
 def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] = ()) -> Wrenches:
-    """Forces with the bodies given, else step by step on the nearest foot; those that never act are
-    left out.
+    """Put forces on bodies that are given, else step by step on the nearest foot.
+
+    Forces that never act are left out.
+
+    Parameters
+    ----------
+    wrenches : bodies "" where they are not known
+    markers : of the recording, None for none
+    bodies : in the order of the forces, "" for one that is left out; () for the feet
     """
     if bodies:
-        if len(bodies) > len(wrenches.names):
-            raise BadData(
-                f"{len(bodies)} bodies are given, but the forces are {', '.join(wrenches.names)}"
-            )
-        chosen = [index for index, body in enumerate(bodies) if body]
-        bodies = (*bodies, *wrenches.bodies[len(bodies) :])
-        return replace(wrenches, bodies=bodies).columns(chosen)
+        return _on_given(wrenches, bodies)
     size = np.nan_to_num(np.linalg.norm(wrenches.forces, axis=2))
     used = [
         index for index in range(len(wrenches.names)) if size[:, index].max(initial=0.0) > LOADED
@@ -347,9 +402,28 @@ def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] =
     return replace(assigned.wrenches.columns(kept), notes=(*notes, *assigned.warnings))
 
 
+def _on_given(wrenches: Wrenches, bodies: Sequence[str]) -> Wrenches:
+    """Put forces on bodies that are given, in their order; "" leaves one out."""
+    if len(bodies) > len(wrenches.names):
+        raise BadData(
+            f"{len(bodies)} bodies are given, but the forces are {', '.join(wrenches.names)}"
+        )
+    chosen = [index for index, body in enumerate(bodies) if body]
+    bodies = (*bodies, *wrenches.bodies[len(bodies) :])
+    return replace(wrenches, bodies=bodies).columns(chosen)
+
+
 def foot_places(markers: Markers, time: Array) -> dict[str, Array]:
-    """Positions (frames, markers, 3) of the markers on each foot at some times, by the feet's
-    bodies.
+    """Positions of the markers on each foot, by the bodies of the feet.
+
+    Parameters
+    ----------
+    markers : of the recording
+    time : (times,) [s]
+
+    Returns
+    -------
+    (times, markers, 3) by body [m]
     """
     sided = [
         (FEET.get(side_of(name)), column)

@@ -1,6 +1,4 @@
-"""What one or several files hold of a recording, as one: markers, forces, EMG and events on one
-clock.
-"""
+"""One recording from one or several files: markers, forces, EMG and events on one clock."""
 
 from __future__ import annotations
 
@@ -17,7 +15,15 @@ from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.series import Analog, Event, Markers, PlateRecording, Table, Wrenches
+from myomorph.core.model.series import (
+    Analog,
+    Event,
+    Markers,
+    PlateRecording,
+    Table,
+    Trial,
+    Wrenches,
+)
 from myomorph.core.motion.sync import cut
 from myomorph.lab.study.inputs.plate_wrenches import recorded_wrenches
 from myomorph.lab.study.inputs.reading import about, faces_z, read_recording, renamed
@@ -79,14 +85,22 @@ def read_parts(paths: Sequence[Path]) -> Recording:
 
 
 def _with_recording(recording: Recording, path: Path) -> Recording:
+    """Add what a recording holds; what it lacks stays as it was."""
     trial = read_recording(path)
     if recording.markers is not None and trial.markers is not None:
         raise BadData(f"{path}: a second file with markers: convert one recording at a time")
-    plates = {name for plate in trial.plate_recordings for name in plate.channel_names}
-    others = None
-    if trial.analog is not None:
-        kept = [index for index, name in enumerate(trial.analog.names) if name not in plates]
-        others = trial.analog.columns(kept)
+    if trial.plates:
+        recording = replace(
+            recording,
+            wrenches=recorded_wrenches(trial),
+            plates=trial.plate_recordings,
+            plate_time=trial.plate_time,
+        )
+    others = _other_channels(trial)
+    if others is not None and others.names:
+        recording = replace(recording, analog=others)
+    if trial.markers is not None:
+        recording = replace(recording, markers=trial.markers)
     notes = [f"{path.name}: {text}" for text in trial.warnings]
     if trial.other_points is not None:
         count = len(trial.other_points.names)
@@ -96,16 +110,20 @@ def _with_recording(recording: Recording, path: Path) -> Recording:
         )
     return replace(
         recording,
-        markers=trial.markers if trial.markers is not None else recording.markers,
-        wrenches=recorded_wrenches(trial) if trial.plates else recording.wrenches,
-        plates=trial.plate_recordings if trial.plates else recording.plates,
-        plate_time=trial.plate_time if trial.plates else recording.plate_time,
-        analog=others if others is not None and others.names else recording.analog,
         emg=emg_channels(trial) or recording.emg,
         events=trial.events or recording.events,
         level=bool(trial.plates) and all(map(faces_z, trial.plates)),
         notes=(*recording.notes, *notes),
     )
+
+
+def _other_channels(trial: Trial) -> Analog | None:
+    """Analog channels that are no plate's; None where there are no analog channels."""
+    if trial.analog is None:
+        return None
+    plates = {name for plate in trial.plate_recordings for name in plate.channel_names}
+    kept = [index for index, name in enumerate(trial.analog.names) if name not in plates]
+    return trial.analog.columns(kept)
 
 
 def _with_table(recording: Recording, path: Path) -> Recording:
@@ -120,7 +138,7 @@ def _with_table(recording: Recording, path: Path) -> Recording:
 
 
 def between(recording: Recording, start: float, end: float) -> Recording:
-    """The part of a recording between two times [s]."""
+    """Cut the part of a recording between two times [s]."""
     if not start < end:
         raise BadData(f"--time {start:g} {end:g}: expected a start before an end [s]")
     wrenches = recording.wrenches
@@ -149,7 +167,7 @@ def between(recording: Recording, start: float, end: float) -> Recording:
 
 
 def labelled(recording: Recording, labels: Mapping[str, str]) -> Recording:
-    """The recording with other names of markers and channels; "" drops one."""
+    """Give markers and channels of a recording other names; "" drops one."""
     markers = recording.markers
     analog = recording.analog
     known = {*(markers.names if markers else ()), *(analog.names if analog else ())}

@@ -27,10 +27,14 @@ EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a
 
 
 def inspect(path: str | os.PathLike[str], reasons: bool = False) -> Inspection:
-    """What a model, C3D, TRC, MAT, H5, MOT, STO or external loads file holds, and what looks wrong
-    with it; of a folder of recordings who was recorded, when and in which movements.
+    """Find out what a file holds, and what looks wrong with it.
 
-    `reasons`: of a folder, how each statement is known.
+    Of a folder of recordings, who was recorded, when and in which movements.
+
+    Parameters
+    ----------
+    path : model, C3D, TRC, MAT, H5, MOT, STO, external loads, or a folder of recordings
+    reasons : of a folder, how each statement is known
     """
     path = Path(path)
     if is_composed(path):
@@ -62,7 +66,7 @@ def inspect(path: str | os.PathLike[str], reasons: bool = False) -> Inspection:
 
 
 def _inspect_xml(path: Path) -> Inspection:
-    """A MuJoCo model, or one of OpenSim's settings."""
+    """Inspect a model of MuJoCo, or one of OpenSim's settings."""
     from myomorph.core.io.parsing.xml import read_xml
 
     file = read_xml(path)
@@ -118,7 +122,7 @@ def _inspect_loads(path: Path) -> Inspection:
 
 
 def inspect_model(model: Model) -> Inspection:
-    """Counts, mass, joints and muscles of a model, and what its reader and its numbers warn of."""
+    """Count bodies, joints and muscles of a model, and collect what looks wrong with it."""
     facts = [
         ("name", model.name),
         ("mass", f"{model.mass:.5g} kg in {len(model.bodies)} bodies"),
@@ -132,23 +136,23 @@ def inspect_model(model: Model) -> Inspection:
         ("coordinate names", listed(model.coordinate_names)),
         ("body names", listed(model.body_names)),
     ]
-    passive = [
-        *(torque.name for torque in model.passive_torques),
-        *(bushing.name for bushing in model.bushings),
-    ]
+    warnings = (*model.warnings, *_model_warnings(model), *_arm_warnings(model))
+    return Inspection("model", (*facts, *_further_parts(model)), warnings)
+
+
+def _further_parts(model: Model) -> list[tuple[str, str]]:
+    """List parts that few models have."""
+    passive = [torque.name for torque in model.passive_torques]
+    passive += [bushing.name for bushing in model.bushings]
     further = {
         "closed loops": [loop.name for loop in model.loops],
         "springs, limits and bushings": passive,
         "muscles with viscosity": [muscle.name for muscle in model.muscles if muscle.viscosity],
     }
-    facts += [(label, listed(names)) for label, names in further.items() if names]
+    facts = [(label, listed(names)) for label, names in further.items() if names]
     modelled = {name.removesuffix("_upper").removesuffix("_lower") for name in passive}
     kept = [part.kind for part in model.kept if part.name not in modelled]
-    if kept:
-        facts.append(("kept, not modelled", _counted(kept)))
-    return Inspection(
-        "model", tuple(facts), (*model.warnings, *_model_warnings(model), *_arm_warnings(model))
-    )
+    return facts + ([("kept, not modelled", _counted(kept))] if kept else [])
 
 
 def _arm_warnings(model: Model) -> tuple[str, ...]:
@@ -180,7 +184,7 @@ def _coordinates(model: Model) -> str:
 
 
 def _model_warnings(model: Model) -> list[str]:
-    """What looks wrong with a model's numbers."""
+    """List what looks wrong with the numbers of a model."""
     result = []
     light = [body.name for body in model.bodies if body.mass <= 0.0]
     if not np.isfinite(model.mass) or model.mass <= 0:

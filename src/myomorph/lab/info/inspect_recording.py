@@ -78,23 +78,8 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], warnings: l
     if never:
         warnings.append(f"{len(never)} markers are never seen: {listed(never)}")
     if SELDOM < hidden.mean() < 1.0:
-        spans = crossings(markers)
-        shown = ", ".join(f"{start:.2f} to {end:.2f}" for start, end in spans[:SHOWN])
-        more = f", ... ({len(spans)} in all)" if len(spans) > SHOWN else ""
-        facts.append(("most markers seen", f"{shown}{more} s" if spans else "nowhere for long"))
-    order = np.argsort(-share, kind="stable")
-    gappy = [int(column) for column in order if 0.0 < share[column] < 1.0]
-    for index in gappy[:SHOWN]:
-        gaps = runs(hidden[:, index])
-        longest = max(stop - start for start, stop in gaps) / markers.rate
-        facts.append(
-            (
-                f"gaps of {markers.names[index]}",
-                f"{100 * share[index]:.1f} % in {len(gaps)} gaps, longest {longest:.2f} s",
-            )
-        )
-    if len(gappy) > SHOWN:
-        facts.append(("more gaps", f"in {counted(len(gappy) - SHOWN, 'other marker')}"))
+        facts.append(("most markers seen", _passages(markers)))
+    facts += _gaps(markers, hidden)
     seen = np.flatnonzero(~hidden.all(axis=1))
     if not len(seen):
         warnings.append("no marker is ever seen")
@@ -103,18 +88,54 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], warnings: l
     extent = np.nanmedian(np.nanmax(values, axis=1) - np.nanmin(values, axis=1), axis=0)
     size = float(np.linalg.norm(extent))
     facts.append(("spread", " x ".join(f"{length:.3g}" for length in extent) + " m (x, y, z)"))
-    if len(markers.names) > 2 and size > 15.0:
-        warnings.append(
-            f"the markers spread over {size:.0f} m: are the positions in another unit than the file"
-            " says?"
-        )
-    if len(markers.names) > 2 and 0.0 < size < 0.005:
-        warnings.append(
-            f"the markers spread over {1000 * size:.2g} mm: are the positions in another unit than"
-            " the file says?"
-        )
+    if len(markers.names) > 2:
+        warnings += _odd_sizes(size)
     warnings += _jumps(markers, size)
     return size
+
+
+def _passages(markers: Markers) -> str:
+    """Say when most markers are seen."""
+    spans = crossings(markers)
+    shown = ", ".join(f"{start:.2f} to {end:.2f}" for start, end in spans[:SHOWN])
+    more = f", ... ({len(spans)} in all)" if len(spans) > SHOWN else ""
+    return f"{shown}{more} s" if spans else "nowhere for long"
+
+
+def _gaps(markers: Markers, hidden: np.ndarray) -> list[tuple[str, str]]:
+    """List the gaps of single markers, the largest first.
+
+    Parameters
+    ----------
+    hidden : (frames, markers)
+    """
+    share = hidden.mean(axis=0)
+    order = np.argsort(-share, kind="stable")
+    gappy = [int(column) for column in order if 0.0 < share[column] < 1.0]
+    facts = []
+    for index in gappy[:SHOWN]:
+        gaps = runs(hidden[:, index])
+        longest = max(stop - start for start, stop in gaps) / markers.rate
+        text = f"{100 * share[index]:.1f} % in {len(gaps)} gaps, longest {longest:.2f} s"
+        facts.append((f"gaps of {markers.names[index]}", text))
+    if len(gappy) > SHOWN:
+        facts.append(("more gaps", f"in {counted(len(gappy) - SHOWN, 'other marker')}"))
+    return facts
+
+
+def _odd_sizes(size: float) -> list[str]:
+    """Warn of a cloud of markers that is of no body's size [m]."""
+    if size > 15.0:
+        return [
+            f"the markers spread over {size:.0f} m: are the positions in another unit than the file"
+            " says?"
+        ]
+    if 0.0 < size < 0.005:
+        return [
+            f"the markers spread over {1000 * size:.2g} mm: are the positions in another unit than"
+            " the file says?"
+        ]
+    return []
 
 
 def _clock(series: Series) -> str:
@@ -292,8 +313,9 @@ def _unit_warnings(table: Table) -> list[str]:
 
 
 def _reach(table: Table, name: str) -> float:
-    """Largest coordinate of a point of application while its force is more than a tenth of its
-    peak.
+    """Find the largest coordinate of a point of application under load.
+
+    Under load the force is more than a tenth of its peak.
     """
     forces = [f"{name[:-2]}v{axis}" for axis in "xyz"]
     point = np.abs(np.nan_to_num(table[name]))
@@ -310,8 +332,13 @@ def listed(names: Sequence[str], most: int = 400) -> str:
 
 @dataclass(frozen=True)
 class Inspection:
-    """What a file holds: its kind in words, (label, text) in the order to show them, and what looks
-    wrong.
+    """What a file holds, and what looks wrong with it.
+
+    Attributes
+    ----------
+    kind : of the file, in words
+    facts : label and text, in the order in which they are shown
+    warnings : what looks wrong, one line each
     """
 
     kind: str
@@ -319,7 +346,7 @@ class Inspection:
     warnings: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
-        """The inspection as text, a fact or a warning a line."""
+        """Write the inspection as text, a fact or a warning a line."""
         width = max((len(label) for label, _ in self.facts), default=0)
         shown = [self.kind, *(f"  {label:<{width}}  {text}" for label, text in self.facts)]
         return shown + [f"  warning: {line}" for line in self.warnings]

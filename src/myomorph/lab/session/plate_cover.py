@@ -29,8 +29,21 @@ SECONDS = 1.5
 def weighed(
     static: Recording | None, moving: Sequence[Recording], options: ForceOptions
 ) -> tuple[float, str]:
-    """Mass of the subject [kg] by the plates of the static trial, else of a long gait on belts, and
-    a sentence on it. Raises `BadData`: no recording weighs the subject.
+    """Weigh the subject by the plates of the static trial, else of a long gait on belts.
+
+    Parameters
+    ----------
+    static : recording of standing still, None for none
+    moving : the other recordings
+    options : how a table of forces is laid out, and its clock
+
+    Returns
+    -------
+    mass [kg], and a sentence on it
+
+    Raises
+    ------
+    BadData : no recording weighs the subject
     """
     recordings = [*([static] if static is not None else []), *moving]
     for recording in sorted(recordings, key=lambda recording: not recording.still):
@@ -52,8 +65,16 @@ def weighed(
 
 
 def mass_on_plates(recording: Recording, options: ForceOptions) -> float | None:
-    """Mass by a recording [kg], None where its plates do not carry all of the body, or not
-    steadily.
+    """Mass by the plates of a recording.
+
+    Parameters
+    ----------
+    recording : with plates or a table of forces
+    options : how a table is laid out, and its clock
+
+    Returns
+    -------
+    [kg]; None where the plates do not carry all of the body, or not steadily
     """
     measured = total_force(recording, options)
     if measured is None or len(measured[0]) < 2:
@@ -90,9 +111,17 @@ LASTS = 0.05  # Share of a recording in which feet stand without a force, from w
 def uncovered_share(
     recording: Recording, weight: float, options: ForceOptions | None = None
 ) -> float:
-    """Share of a recording's frames in which a foot stands and the measured forces carry less than
-    half the weight. `weight`: of the body [N]; `options`: layout and clock of a table of forces,
-    where it does not say them. Returns nan where there are no forces, or no marker of a foot.
+    """Share of the frames in which a foot stands and plates carry less than half the weight.
+
+    Parameters
+    ----------
+    recording : with plates or a table of forces
+    weight : of the body [N]
+    options : layout and clock of a table of forces, where it does not say them
+
+    Returns
+    -------
+    0 to 1; nan where there are no forces, or no marker of a foot
     """
     found = total_force(recording, options or ForceOptions())
     markers = recording.trial.markers
@@ -126,13 +155,22 @@ def uncovered_share(
 
 
 def is_between_feet(recording: Recording, center: Array) -> bool:
-    """Whether a center of pressure (samples, 3) lies between the feet of somebody who stands on
-    both.
+    """Whether a center of pressure lies between the feet of somebody who stands on both.
+
+    Parameters
+    ----------
+    recording : whose markers show the feet
+    center : (samples, 3) y up [m]
+
+    Returns
+    -------
+    False where a foot is not seen
     """
     feet = [_foot(recording, side) for side in SIDES]
     if feet[0] is None or feet[1] is None:
         return False
-    right, left = (np.nanmedian(foot, axis=0)[[0, 2]] for foot in feet if foot is not None)
+    right = np.nanmedian(feet[0], axis=0)[[0, 2]]
+    left = np.nanmedian(feet[1], axis=0)[[0, 2]]
     along = left - right
     share = (np.nanmedian(center, axis=0)[[0, 2]] - right) @ along / (along @ along)
     return bool(BETWEEN < share < 1.0 - BETWEEN)
@@ -148,10 +186,17 @@ def _stands(place: Array, time: Array) -> np.ndarray:
 
 
 def total_force(recording: Recording, options: ForceOptions) -> tuple[Array, Array, Array] | None:
-    """Clock, vertical force [N] and center of pressure (samples, 3) of all plates or of the table
-    together.
+    """Vertical force of all plates, or of the table of forces, together.
 
-    None where there are none.
+    Parameters
+    ----------
+    recording : with plates or a table of forces
+    options : how a table is laid out
+
+    Returns
+    -------
+    clock (samples,) [s], force (samples,) [N] and center of pressure (samples, 3), y up [m]; None
+    where there are none
     """
     plates = _plate_forces(recording, options)
     if plates is None:
@@ -163,8 +208,12 @@ def total_force(recording: Recording, options: ForceOptions) -> tuple[Array, Arr
 
 
 def _plate_forces(recording: Recording, options: ForceOptions) -> tuple[Array, Array, Array] | None:
-    """Clock, vertical forces (samples, plates) [N] and centers of pressure (samples, plates, 3), y
-    up.
+    """Read the forces of each plate.
+
+    Returns
+    -------
+    clock (samples,) [s], vertical forces (samples, plates) [N], and centers of pressure
+    (samples, plates, 3), y up [m]; None where there are none
     """
     upright = recording.laboratory.rotation
     loads = recording.near.get("loads")
@@ -189,8 +238,9 @@ def _plate_forces(recording: Recording, options: ForceOptions) -> tuple[Array, A
 
 
 def shared_time(recording: Recording, weight: float, options: ForceOptions) -> float:
-    """How long two feet that stand share a plate, whose center of pressure then lies between them
-    [s].
+    """Time for which two feet that stand share a plate [s].
+
+    Its center of pressure then lies between them.
     """
     plates = _plate_forces(recording, options)
     markers = recording.trial.markers

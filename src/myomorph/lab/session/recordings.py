@@ -1,10 +1,8 @@
-"""What a recording is: its marker protocol and axes, whether somebody stands still, and the files
-that belong to it.
-"""
+"""A recording looked at: its protocol and axes, whether somebody stands still, files beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -61,6 +59,8 @@ FACING = (
     ("the chest faces", STERNUM, BACK),
 )
 """What shows which way people face: landmarks in front, and those behind them."""
+MARKER_FOLDERS = ("MarkerData", "pose-3d", "markers")
+"""Folders of markers that programs write, those first that are looked for first."""
 # A laboratory's axes are taken to be along the walk where they are by less [degrees].
 RIGHT_ANGLE = 20.0
 
@@ -102,7 +102,7 @@ class Recording:
 
 
 def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> Recording:
-    """A recording of a file, looked at.
+    """Look at the recording of a file.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> R
 
 
 def _of_sensors(path: Path, name: str, trial: Trial, files: tuple[Path, ...]) -> Recording:
-    """A recording that inertial sensors alone show."""
+    """Look at a recording that inertial sensors alone show."""
     sensors = read_inertial(files)
     near = _near(path, trial)
     nothing = Recognized(None, FrozenMap({}))
@@ -183,7 +183,10 @@ def _near(path: Path, trial: Trial) -> Mapping[str, Path]:
 
 
 def by_what_shows(recordings: Iterable[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """Recordings of markers, and those of sensors alone that belong to none of them."""
+    """Sort recordings into those of markers, and those of sensors alone.
+
+    Sensors that belong to a recording of markers are not listed again.
+    """
     recordings = list(recordings)
     marked = [recording for recording in recordings if recording.trial.markers is not None]
     taken = {file for recording in marked for file in recording.sensor_files}
@@ -193,8 +196,17 @@ def by_what_shows(recordings: Iterable[Recording]) -> tuple[list[Recording], lis
 
 
 def mean_place(recording: Recording, *keys: str, side: str = "") -> Array | None:
-    """(frames, 3) mean of the markers of landmarks of a side ("" for both), None where there is
-    none.
+    """Mean of the markers of landmarks.
+
+    Parameters
+    ----------
+    recording : that was looked at
+    keys : landmarks, as `foot.heel`
+    side : of the body, "" for both
+
+    Returns
+    -------
+    (frames, 3) [m]; None where there is none
     """
     markers = recording.trial.markers
     sites = recording.found.sites.items()
@@ -209,8 +221,11 @@ def mean_place(recording: Recording, *keys: str, side: str = "") -> Array | None
 def _mean(
     recognized: Recognized, places: dict[str, Array], *keys: str, segments: tuple[str, ...] = ()
 ) -> Array | None:
-    """(frames, 3) mean of the markers of landmarks or segments that have a place, None where there
-    is none.
+    """Mean of the markers of landmarks or segments that have a place.
+
+    Returns
+    -------
+    (frames, 3) [m]; None where there is none
     """
     chosen = [
         places[label]
@@ -228,7 +243,7 @@ def _mean(
 
 
 def _up(trial: Trial, recognized: Recognized, places: dict[str, Array]) -> tuple[Up, str]:
-    """The axis that points up, "" where it is y; and why."""
+    """Find the axis that points up, "" where it is y; and why."""
     low = _mean(recognized, places, segments=("foot", "shank"))
     high = _mean(recognized, places, segments=("pelvis", "trunk", "head"))
     axis: Up = "y"
@@ -261,8 +276,11 @@ def _up(trial: Trial, recognized: Recognized, places: dict[str, Array]) -> tuple
 def _turn(
     upright: Laboratory, recognized: Recognized, places: dict[str, Array]
 ) -> tuple[float, str]:
-    """By how much the recording is turned about the vertical so that people face along x [degrees];
-    and why.
+    """Find by how much the recording is turned so that people face along x.
+
+    Returns
+    -------
+    angle about the vertical [degrees], and why
     """
     for what, before, behind in FACING:
         front = _mean(recognized, places, *before)
@@ -297,7 +315,16 @@ def _turn(
 
 
 def stands_still(places: Iterable[Array]) -> bool:
-    """Whether somebody stands still: no marker (frames, 3) of the body leaves its place."""
+    """Whether somebody stands still: no marker of the body leaves its place.
+
+    Parameters
+    ----------
+    places : (frames, 3) of each marker [m]
+
+    Returns
+    -------
+    False without markers
+    """
     ways = []
     for place in places:
         seen = place[np.isfinite(place).all(axis=1)]
@@ -309,31 +336,39 @@ def stands_still(places: Iterable[Array]) -> bool:
 
 
 def static_beside(recording: Recording, table: ProtocolTable | None = None) -> Recording | None:
-    """A recording beside another one, by its name of standing still, with the same markers on the
-    same body.
+    """Find a recording of standing still beside another one.
+
+    Its name says that somebody stands, and it has the same markers on the same body.
     """
-    path = recording.path
-    homes = [path.parent]
-    if path.parent.parent.is_dir():
-        homes += [
-            one
-            for one in sorted(path.parent.parent.iterdir())
-            if one.is_dir()
-            and one != path.parent
-            and any(word in one.name.lower() for word in STATIC_WORDS)
-        ]
-    for home in homes:
-        for other in sorted(home.iterdir()):
-            named = home != path.parent or any(word in other.stem.lower() for word in STATIC_WORDS)
-            if not named or other == path or not other.is_file() or trial_format(other) is None:
-                continue
-            try:
-                result = look_at(other, table=table)
-            except MyomorphError:
-                continue
-            if result.still and same_body(result, recording):
-                return result
+    for path in _static_files(recording.path):
+        try:
+            result = look_at(path, table=table)
+        except MyomorphError:
+            continue
+        if result.still and same_body(result, recording):
+            return result
     return None
+
+
+def _static_files(path: Path) -> Iterator[Path]:
+    """Yield recordings whose names, or whose folders' names, say that somebody stands still."""
+    for other in sorted(path.parent.iterdir()):
+        if _says_static(other.stem) and _is_another(other, path):
+            yield other
+    if not path.parent.parent.is_dir():
+        return
+    for home in sorted(path.parent.parent.iterdir()):
+        if home.is_dir() and home != path.parent and _says_static(home.name):
+            yield from (other for other in sorted(home.iterdir()) if _is_another(other, path))
+
+
+def _says_static(name: str) -> bool:
+    return any(word in name.lower() for word in STATIC_WORDS)
+
+
+def _is_another(other: Path, path: Path) -> bool:
+    """Whether a file is a recording, and not the one at the path."""
+    return other != path and other.is_file() and trial_format(other) is not None
 
 
 def same_body(recording: Recording, other: Recording) -> bool:
@@ -363,11 +398,23 @@ def same_body(recording: Recording, other: Recording) -> bool:
 
 
 def files_of(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
-    """The recordings that files and folders stand for, and what was passed over, one line each. A
-    folder is one of recordings, or of OpenCap (`MarkerData`) or Pose2Sim (`pose-3d`), of whose
+    """Find the recordings that files and folders stand for.
+
+    A folder is one of recordings, or of OpenCap (`MarkerData`) or Pose2Sim (`pose-3d`), of whose
     files of one recording the last stage counts: with markers added, else filtered, else as
-    triangulated. Raises `BadFile` where a path does not exist, is no recording, or a folder holds
-    none.
+    triangulated.
+
+    Parameters
+    ----------
+    paths : files and folders
+
+    Returns
+    -------
+    the recordings, and what was passed over, one line each
+
+    Raises
+    ------
+    BadFile : a path does not exist, is no recording, or a folder holds none
     """
     found: list[Path] = []
     notes: list[str] = []
@@ -400,16 +447,15 @@ def files_of(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
 
 
 def _in_folder(folder: Path, notes: list[str]) -> list[Path]:
-    for name in ("MarkerData", "pose-3d", "markers"):
-        inside = sorted(path for path in folder.rglob(name) if path.is_dir())
-        if inside:
-            files = [
-                path
-                for home in inside
-                for path in sorted(home.rglob("*"))
-                if trial_format(path) is not None
-            ]
-            return _last_stage(files, notes)
+    """List recordings of markers in a folder, else those of sensors.
+
+    Parameters
+    ----------
+    notes : gets what was passed over
+    """
+    written = _written_markers(folder)
+    if written is not None:
+        return _last_stage(written, notes)
     here = [path for path in sorted(folder.iterdir()) if path.is_file()]
     below = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     for files in (here, below):
@@ -417,14 +463,18 @@ def _in_folder(folder: Path, notes: list[str]) -> list[Path]:
         trials = [path for path in files if trial_format(path) and not is_part(path)]
         if trials:
             return _last_stage(trials, notes)
-    return next(
-        (
-            sensors
-            for files in (here, below)
-            if (sensors := [path for path in files if sensor_files(path)])
-        ),
-        [],
-    )
+    of_sensors = [[path for path in files if sensor_files(path)] for files in (here, below)]
+    return of_sensors[0] or of_sensors[1]
+
+
+def _written_markers(folder: Path) -> list[Path] | None:
+    """List recordings in the folders that a program wrote, of the first kind that is there."""
+    for name in MARKER_FOLDERS:
+        inside = sorted(path for path in folder.rglob(name) if path.is_dir())
+        every = [path for home in inside for path in sorted(home.rglob("*"))]
+        if inside:
+            return [path for path in every if trial_format(path) is not None]
+    return None
 
 
 def _last_stage(files: list[Path], notes: list[str]) -> list[Path]:
@@ -457,14 +507,23 @@ def sites_of(recordings: Iterable[Recording]) -> dict[str, Site]:
 
 
 def bare(label: str) -> str:
-    """A label without the subject's name before it."""
+    """Take the subject's name before a label away."""
     return label.split(":")[-1].strip()
 
 
 def standing_height(recording: Recording) -> float | None:
-    """Height of the body that markers show [m], by the usual shares of a body's height; None where
-    unknown.
+    """Height of the body that markers show, by the usual shares of a body's height.
 
+    Parameters
+    ----------
+    recording : that was looked at
+
+    Returns
+    -------
+    [m]; None where it is unknown
+
+    Notes
+    -----
     Source: Winter 2009, table 4.1 (after Drillis and Contini 1966): the acromion at 0.818 of the
     height, the ankle at 0.039.
     """

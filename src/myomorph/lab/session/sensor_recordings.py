@@ -1,6 +1,4 @@
-"""Recordings of inertial sensors: their files, the bodies that they are on, the pose that
-calibrates them.
-"""
+"""Inertial sensors of recordings: files, bodies that they are on, the pose that calibrates them."""
 
 from __future__ import annotations
 
@@ -26,7 +24,16 @@ QUIET = 90.0  # Percentile of the speeds of rotation that are slow while somebod
 
 
 def speeds_of_rotation(sensors: InertialSensors) -> Array:
-    """(frames, sensors) [rad/s]."""
+    """Speeds with which sensors rotate.
+
+    Parameters
+    ----------
+    sensors : of a recording
+
+    Returns
+    -------
+    (frames, sensors) [rad/s]
+    """
     if sensors.orientations is None:
         assert sensors.angular_velocities is not None
         return np.asarray(np.linalg.norm(sensors.angular_velocities, axis=2))
@@ -47,7 +54,19 @@ def starts_still(sensors: InertialSensors) -> bool:
 def placed_sensors(
     sensors: InertialSensors, files: Sequence[Path], model: Model, asked: ImuFiles, alone: bool
 ) -> tuple[ImuFiles, list[str]]:
-    """Settings of the sensors of a recording, those without a body left out, and sentences on them.
+    """Put the sensors of a recording on bodies, and leave out those without one.
+
+    Parameters
+    ----------
+    sensors : of the recording
+    files : that they come from
+    model : whose bodies they are on
+    asked : settings of the user
+    alone : sensors are all there is
+
+    Returns
+    -------
+    the settings, and sentences on them
 
     Raises
     ------

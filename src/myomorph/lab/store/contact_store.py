@@ -50,13 +50,13 @@ JOINT_WEIGHT = "joint_contact_body_weight"
 
 
 def put_contact_forces(writer: ResultWriter, contact_forces: ContactForces) -> None:
-    """Forces at contact sites, and what the sites are."""
+    """Write forces at contact sites, and what the sites are."""
     writer.fact(SITES, json.dumps([_plain_site(site) for site in contact_forces.sites]))
     put_value(writer, contact_forces)
 
 
 def get_contact_forces(stored: Stored) -> ContactForces | None:
-    """What `put_contact_forces` wrote, or None."""
+    """Read what `put_contact_forces` wrote, or None."""
     fields = get_fields(stored, FORCES)
     if "contact_force" not in fields:
         return None
@@ -75,7 +75,7 @@ def put_contacts(
 
 
 def get_contacts(stored: Stored) -> Contacts | None:
-    """What `put_contacts` wrote, or None."""
+    """Read what `put_contacts` wrote, or None."""
     if CHECKED not in stored.facts:
         return None
     return Contacts(
@@ -91,7 +91,7 @@ def put_forces_with_contacts(writer: ResultWriter, torques: Series) -> None:
 
 
 def get_forces_with_contacts(stored: Stored) -> Series | None:
-    """What `put_forces_with_contacts` wrote, or None."""
+    """Read what `put_forces_with_contacts` wrote, or None."""
     return get_series(stored, GENERALIZED_FORCE_WITH_CONTACTS)
 
 
@@ -136,7 +136,7 @@ def get_infeasible_contacts(stored: Stored) -> tuple[InfeasibleContact, ...]:
 
 
 def put_joint_contacts(writer: ResultWriter, contacts: JointContactForces) -> None:
-    """Forces at contact points, those of their joints, and what the points do not carry."""
+    """Write forces at contact points, those of their joints, and what the points do not carry."""
     put_value(writer, contacts)
     for quantity in (JOINT_CONTACT_POINT, JOINT_CONTACT_JOINT):
         put_quantity(writer, quantity, quantity.of(contacts))
@@ -144,7 +144,7 @@ def put_joint_contacts(writer: ResultWriter, contacts: JointContactForces) -> No
 
 
 def get_joint_contacts(stored: Stored) -> JointContactForces | None:
-    """What `put_joint_contacts` wrote, or None."""
+    """Read what `put_joint_contacts` wrote, or None."""
     fields = get_fields(stored, (*JOINT_CONTACTS, JOINT_CONTACT_POINT, JOINT_CONTACT_JOINT))
     if "joint_contact_force" not in fields:
         return None
@@ -171,4 +171,11 @@ def _site(plain: dict[str, Any]) -> Site:
     # Results of 34e3048 and before know one law.
     numbers = {"law": "pyramid"} | plain["cone"]
     cone = contact_law(numbers.pop("law"))(**numbers)
-    return Site(**{**plain, "points": np.array(plain["points"]), "cone": cone})
+    return Site(
+        name=plain["name"],
+        body=plain["body"],
+        points=np.array(plain["points"]),
+        cone=cone,
+        against=plain["against"],
+        group=plain["group"],
+    )

@@ -28,8 +28,15 @@ PATIENCE = 600.0  # How long a trial waits for a process that still writes into 
 
 @dataclass(frozen=True)
 class RunMark:
-    """The run that a folder belongs to: identifier, host, process, begin; `format` and `version` of
-    what wrote it.
+    """The run that a folder belongs to.
+
+    Attributes
+    ----------
+    folder : of the study
+    run : identifier
+    host, process : on which it runs
+    since : when it began
+    format, version : of what wrote it
     """
 
     folder: Path
@@ -41,8 +48,11 @@ class RunMark:
     format: int = FORMAT
 
     def check(self) -> None:
-        """Raise `BadData` where another run has begun meanwhile, so that this process has been
-        given up.
+        """Refuse to go on where another run has begun meanwhile.
+
+        Raises
+        ------
+        BadData : this process has been given up
         """
         now = read_mark(self.folder)
         if now is not None and now.run != self.run:
@@ -57,8 +67,15 @@ def read_mark(folder: Path) -> RunMark | None:
     path = folder / MARK
     try:
         mark = json.loads(path.read_text(encoding="utf-8"))
-        texts = {name: mark[name] for name in ("run", "host", "since", "version")}
-        return RunMark(folder, process=int(mark["process"]), format=int(mark["format"]), **texts)
+        return RunMark(
+            folder=folder,
+            run=mark["run"],
+            host=mark["host"],
+            process=int(mark["process"]),
+            since=mark["since"],
+            version=mark["version"],
+            format=int(mark["format"]),
+        )
     except FileNotFoundError:
         return None
     except (ValueError, KeyError, TypeError) as error:
@@ -81,7 +98,7 @@ def check_age(mark: RunMark | None) -> None:
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """The numbers that a version begins with: 1.2.0rc1 is (1, 2, 0)."""
+    """Take the numbers that a version begins with: 1.2.0rc1 is (1, 2, 0)."""
     return tuple(map(int, re.findall(r"\d+", re.split(r"[^\d.]", version)[0])))
 
 
@@ -148,8 +165,9 @@ def _taken(out: Path) -> str:
 def folder_lock(
     folder: Path, mark: RunMark | None = None, patience: float = PATIENCE
 ) -> Iterator[None]:
-    """Keep other processes away from a trial's folder: one of a run that was killed, or one that
-    was cut off.
+    """Keep other processes away from a trial's folder.
+
+    They are of a run that was killed, or that was cut off.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     lock = FileLock(folder.with_name(f".{folder.name}.lock"), timeout=patience, poll_interval=0.05)
@@ -168,9 +186,10 @@ def folder_lock(
 
 
 def _let_go(lock: FileLock) -> None:
-    """Remove a lock with its file; where an open file cannot be removed (Windows), let go of it
-    before. Whoever waits for a file that is removed meanwhile sees that and begins anew: filelock
-    does so since 3.24.
+    """Remove a lock with its file.
+
+    Where an open file cannot be removed (Windows), it is let go of before. Whoever waits for a file
+    that is removed meanwhile sees that and begins anew: filelock does so since 3.24.
     """
     path = Path(lock.lock_file)
     try:

@@ -9,7 +9,7 @@ from myomorph.core.model.errors import listing
 
 
 def existing(folder: Path, name: str | None, what: str, problems: list[str]) -> Path | None:
-    """A file that a study file names; what is not there is added to the problems."""
+    """Find a file that a study file names; what is not there is added to the problems."""
     if name is None:
         return None
     path = folder / name
@@ -28,7 +28,7 @@ def existing(folder: Path, name: str | None, what: str, problems: list[str]) -> 
 
 
 def matching(folder: Path, pattern: str, where: str, problems: list[str]) -> list[Path]:
-    """The files that a name or a pattern stands for."""
+    """List the files that a name or a pattern stands for."""
     if is_pattern(pattern) and not os.path.isfile(folder / pattern):
         result = [path for path in globbed(folder, pattern) if path.is_file()]
         if not result:
@@ -58,7 +58,10 @@ def is_pattern(text: str) -> bool:
 
 
 def globbed(folder: Path, pattern: str) -> list[Path]:
-    """What a pattern matches, in order; a name without such signs is itself, where it exists."""
+    """List what a pattern matches, in order.
+
+    A name without the characters of a pattern is itself, where it exists.
+    """
     if not is_pattern(pattern):
         path = folder / pattern
         return [path] if pattern and os.path.exists(path) else []

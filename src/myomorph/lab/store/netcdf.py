@@ -1,5 +1,4 @@
-"""A NetCDF-4 file as the HDF5 that it is, on disk or in memory: dimensions are scales, and
-variables refer to them.
+"""NetCDF-4 files as the HDF5 that they are: dimensions are scales that variables refer to.
 
 Libraries for NetCDF look through the whole file for every variable they make, which for the many
 small ones of a short recording takes longer than the recording's steps. A result that is quickly
@@ -102,8 +101,9 @@ class NetcdfFile:
 
 
 def _texts_of() -> Callable[[Any, str, str], None]:
-    """A function that writes a new attribute, as the library does, but without looking for it
-    first: there are many.
+    """Make a function that writes a new attribute as the library does, without looking for it.
+
+    There are many.
     """
     import h5py
 
@@ -117,8 +117,9 @@ def _texts_of() -> Callable[[Any, str, str], None]:
 
 
 class _Disk:
-    """A file for HDF5, which ends the whole process where a write fails: the first failure is
-    reported after.
+    """A file for HDF5, whose first failed write is reported after.
+
+    HDF5 ends the whole process where a write fails.
     """
 
     def __init__(self, path: str | os.PathLike[str]):
@@ -151,7 +152,7 @@ class _Disk:
         return self._file.seek(offset, whence)
 
     def tell(self) -> int:
-        """The place."""
+        """Return the position."""
         return self._file.tell()
 
     def truncate(self, size: int | None = None) -> int:
@@ -177,7 +178,7 @@ class _Disk:
 
 @contextmanager
 def new_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfFile]:
-    """A new file; where an error ends the block, it is left unfinished."""
+    """Make a new file; where an error ends the block, it is left unfinished."""
     import h5py
 
     with closing(_Disk(path)) as disk, h5py.File(disk, "w", track_order=True) as file:
@@ -188,8 +189,9 @@ def new_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfFile]:
 
 @dataclass(frozen=True)
 class NetcdfVariable:
-    """A variable of an open file: the data set, read by its parts, its attributes but those of the
-    format, and the names of its dimensions.
+    """A variable of an open file: its data set, attributes and names of dimensions.
+
+    The data set is read by its parts; attributes of the format are left out.
     """
 
     name: str
@@ -215,8 +217,11 @@ class NetcdfSource:
         }
 
     def data(self, only: Sequence[str] = ()) -> Iterator[tuple[str, Any]]:
-        """Name and data set of variables (of `only`, () for all), in the order in which they were
-        made where known.
+        """Yield name and data set of variables, in the order in which they were made where known.
+
+        Parameters
+        ----------
+        only : names, () for all
         """
         for name in [name for name in only if name in self._file] if only else self._file:
             values = self._file[name]
@@ -224,7 +229,7 @@ class NetcdfSource:
                 yield name, values
 
     def variables(self) -> Iterator[NetcdfVariable]:
-        """The same with all their attributes."""
+        """Yield the same with all their attributes."""
         for name, values in self._file.items():
             # Attributes are slow to find: they are read once, but never the long list of who refers
             # to a dimension.
@@ -245,7 +250,7 @@ class NetcdfSource:
             yield NetcdfVariable(name=name, values=values, told=told, dimensions=dimensions or own)
 
     def _name(self, reference: Any) -> str:
-        """What a reference to a dimension leads to; looked up once."""
+        """Look up what a reference to a dimension leads to, once."""
         if reference not in self._names:
             self._names[reference] = self._file[reference].name.removeprefix("/")
         return self._names[reference]
@@ -253,7 +258,7 @@ class NetcdfSource:
 
 @contextmanager
 def open_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfSource]:
-    """A file to read from; raises `OSError` where it is none."""
+    """Open a file to read from; raises `OSError` where it is none."""
     import h5py
 
     with h5py.File(path, "r", track_order=True) as file:
@@ -261,7 +266,7 @@ def open_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfSource]:
 
 
 def as_text(value: Any) -> str:
-    """A text of the file, however it is stored."""
+    """Read a text of the file, however it is stored."""
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
@@ -281,7 +286,9 @@ class HeldVariable:
 
 
 class HeldFile:
-    """Takes dimensions, variables and attributes as `NetcdfFile` does, and gives them as
+    """A file that is held in memory.
+
+    It takes dimensions, variables and attributes as `NetcdfFile` does, and gives them as
     `NetcdfSource` does.
     """
 
@@ -318,14 +325,17 @@ class HeldFile:
         variable.attrs.update(told)
 
     def data(self, only: Sequence[str] = ()) -> Iterator[tuple[str, Any]]:
-        """Name and values of every variable, or `only` of some, in the order in which they were
-        made.
+        """Yield name and values of variables, in the order in which they were made.
+
+        Parameters
+        ----------
+        only : names, () for all
         """
         for name in [name for name in only if name in self] if only else self._variables:
             yield name, self._variables[name].values
 
     def variables(self) -> Iterator[NetcdfVariable]:
-        """The same with all their attributes."""
+        """Yield the same with all their attributes."""
         for name, variable in self._variables.items():
             # In the order in which a file gives them.
             told = dict(sorted(variable.attrs.items()))

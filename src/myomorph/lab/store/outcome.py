@@ -95,8 +95,9 @@ class Conditions:
 
 
 def failed(outcome: Outcome, error: BaseException, step: str = "") -> Outcome:
-    """The outcome of a trial that an error ended, in a step if any; of several errors, the first is
-    reported.
+    """Make the outcome of a trial that an error ended, in a step if any.
+
+    Of several errors, the first is reported.
     """
     text = " ".join(str(error).split())
     full = disk_full(error, outcome.folder)
@@ -117,8 +118,9 @@ def failed(outcome: Outcome, error: BaseException, step: str = "") -> Outcome:
 
 
 def disk_full(error: BaseException, folder: Path) -> bool:
-    """Whether an error came of a file system without space; libraries hide the number of the
-    system's error.
+    """Whether an error came of a file system without space.
+
+    Libraries hide the number of the system's error.
     """
     if isinstance(error, OSError) and (
         error.errno in FULL or getattr(error, "winerror", None) in WINDOWS_FULL

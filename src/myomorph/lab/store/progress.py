@@ -19,8 +19,15 @@ _SILENT = False
 
 
 def silence(silent: bool = True) -> bool:
-    """Let `progress` say nothing here, because another tells how far all is; whether it was silent
-    before.
+    """Let `progress` say nothing here, because another says how far all is.
+
+    Parameters
+    ----------
+    silent : say nothing
+
+    Returns
+    -------
+    whether it was silent before
     """
     global _SILENT
     before = _SILENT
@@ -30,10 +37,14 @@ def silence(silent: bool = True) -> bool:
 
 @contextmanager
 def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
-    """Show how far a piece of work has come, on standard error; yields the function to call with
-    the number of units just done. Where that is a terminal, a bar with the time left appears once
-    the work has taken `PATIENCE`; else one line tells at the end what was done and how long it
-    took. Shorter work stays silent.
+    """Show how far a piece of work has come, on standard error.
+
+    Where that is a terminal, a bar with the time left appears once the work has taken `PATIENCE`;
+    else one line says at the end what was done and how long it took. Shorter work stays silent.
+
+    Yields
+    ------
+    a function to call with the number of units just done
     """
     started = time.monotonic()
     bar: Progress | None = None
@@ -62,7 +73,7 @@ def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
 
 
 def shown_bar(title: str, total: int, done: float = 0.0) -> Progress:
-    """A bar on standard error with the time left."""
+    """Show a bar on standard error with the time left."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -72,7 +83,7 @@ def shown_bar(title: str, total: int, done: float = 0.0) -> Progress:
         TimeRemainingColumn,
     )
 
-    bar = Progress(
+    bar = Progress(  # page: rich takes columns by position
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),

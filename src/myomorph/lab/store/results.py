@@ -52,7 +52,7 @@ _HASHES: dict[tuple[int, ...], str] = {}
 
 
 def file_source(role: str, path: str | os.PathLike[str]) -> Source:
-    """A file as input of a step, by the hash of its bytes; a `myo-sim` model by its version."""
+    """Name a file as input of a step, by its hash; a model of `myo-sim` by its version."""
     if is_composed(path):
         # It takes long to import, and few models are of `myo-sim`.
         from importlib.metadata import version
@@ -95,8 +95,9 @@ def _hash_of(path: str | os.PathLike[str]) -> str:
 
 
 def value_source(role: str, name: str, *values: object) -> Source:
-    """A value that was made in memory as an input of a step: arrays by their bytes, the rest by its
-    text.
+    """Name a value that was made in memory as input of a step.
+
+    Arrays count by their bytes, the rest by its text.
     """
     digest = hashlib.sha256()
     for value in values:
@@ -121,24 +122,26 @@ def provenance_of(
 
 
 def fixed_date() -> int | None:
-    """The time that results are to be dated with [s since 1970], from SOURCE_DATE_EPOCH; None for
-    that of the clock. Results of the same inputs are then equal byte for byte, whenever they were
-    made.
+    """Read the time that results are to be dated with [s since 1970], from SOURCE_DATE_EPOCH.
+
+    None for that of the clock. Results of the same inputs are then equal byte for byte, whenever
+    they were made.
     """
     seconds = os.environ.get("SOURCE_DATE_EPOCH", "")
     return int(seconds) if seconds.isdigit() else None
 
 
 def made_at() -> str:
-    """The date of a result that is made now, ISO 8601 with time zone."""
+    """Return the date of a result that is made now, ISO 8601 with time zone."""
     fixed = fixed_date()
     now = datetime.now(UTC) if fixed is None else datetime.fromtimestamp(fixed, UTC)
     return now.isoformat(timespec="seconds")
 
 
 class ResultWriter:
-    """An open NetCDF file that takes named values, made by `new_result`, or one that is held in
-    memory.
+    """An open NetCDF file that takes named values.
+
+    It is made by `new_result`, or held in memory.
     """
 
     def __init__(self, file: NetcdfFile | HeldFile, step: str = ""):
@@ -163,7 +166,12 @@ class ResultWriter:
             self._file.variable(name, (dimension,), _texts(), np.array(list(texts), dtype=object))
 
     def time(self, time: Array) -> None:
-        """Make the dimension of time [s]."""
+        """Make the dimension of time.
+
+        Parameters
+        ----------
+        time : (frames,) [s]
+        """
         if "time" not in self._file.dimensions:
             self.sizes("time", len(time))
             self._file.variable("time", ("time",), np.float64, np.asarray(time)).attrs["units"] = (
@@ -219,8 +227,10 @@ class ResultWriter:
         self.fact(REMARKS + step, json.dumps(list(texts)))
 
     def gather_remarks(self, steps: Sequence[str], others: Sequence[str]) -> None:
-        """Put the warnings of the steps of this file together, in their order and before other
-        lines. A step of a result that an older version wrote left its lines among all of them.
+        """Put the warnings of the steps of this file together, in their order.
+
+        They come before other lines. A step of a result that an older version wrote left its lines
+        among all of them.
         """
         facts = self._file.attributes
         known = [step for step in steps if REMARKS + step in facts]
@@ -229,14 +239,15 @@ class ResultWriter:
         self.fact("warnings", json.dumps(list(dict.fromkeys([*remarks, *others, *kept]))))
 
     def copy(self, path: Path, steps: Sequence[str]) -> None:
-        """Take over what some steps wrote into another result, block by block, unless it is here
-        already.
+        """Take over what some steps wrote into another result, block by block.
+
+        What is here already stays.
         """
         with open_netcdf(path) as other:
             self.take(other, steps)
 
     def take(self, other: NetcdfSource | HeldFile, steps: Sequence[str]) -> None:
-        """The same from a file that is open, or held in memory."""
+        """Take the same over from a file that is open, or held in memory."""
         for variable in other.variables():
             made_by = as_text(variable.told.get(STEP, ""))
             if variable.name not in self._file and (not made_by or made_by in steps):
@@ -270,7 +281,7 @@ class ResultWriter:
 
 
 def _texts() -> Any:
-    """The type of texts in a file."""
+    """Return the type of texts in a file."""
     import h5py
 
     return h5py.string_dtype()
@@ -278,8 +289,12 @@ def _texts() -> Any:
 
 @contextmanager
 def new_result(path: str | os.PathLike[str], step: str = "") -> Iterator[ResultWriter]:
-    """A NetCDF file that appears under its name only when it is whole; `step` is what makes its
-    values.
+    """Make a NetCDF file that appears under its name only when it is whole.
+
+    Parameters
+    ----------
+    path : of the file
+    step : what makes its values
     """
     path = Path(path)
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
@@ -321,7 +336,7 @@ class Stored:
 
 
 def result_files(folder: Path) -> list[Path]:
-    """The result files in a folder, or the file itself; raises `BadFile` if there are none."""
+    """List the result files in a folder, or the file itself; raises `BadFile` if there are none."""
     if not folder.exists():
         raise BadFile(
             folder, "does not exist", "give a folder that run, tension, muscles or demo wrote"
@@ -344,8 +359,12 @@ beyond all memory.
 
 
 def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> Stored:
-    """Read a NetCDF that `new_result` wrote, without variables that are not needed and may be
-    large.
+    """Read a NetCDF that `new_result` wrote.
+
+    Parameters
+    ----------
+    path : of the file
+    leave_out : variables that are not needed and may be large
     """
     try:
         with open_netcdf(path) as file:
@@ -362,8 +381,14 @@ def stored_values(
     leave_out: Sequence[str] = (),
     only: Sequence[str] = (),
 ) -> Stored:
-    """What a file holds that is open, or in memory until it has that path; variables of `only`, ()
-    for all.
+    """Read what a file holds that is open, or in memory until it has that path.
+
+    Parameters
+    ----------
+    path : of the file
+    file : open, or in memory
+    leave_out : variables that are not needed
+    only : variables, () for all
     """
     values = {}
     names = {}
@@ -400,8 +425,10 @@ def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:
 
 @contextmanager
 def whole_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
-    """A folder whose new files appear all together: they are written beside it and then moved in.
-    Files that are in the folder already stay, unless a new one has their name.
+    """Make a folder whose new files appear all together.
+
+    They are written beside it and then moved in. Files that are in the folder already stay, unless
+    a new one has their name.
     """
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
@@ -422,8 +449,9 @@ def whole_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def file_name(name: str) -> str:
-    """A name of the model as part of a file's name: other signs than letters, digits, - . _ become
-    _.
+    """Make a name of the model part of a file's name.
+
+    Other characters than letters, digits, - . _ become _.
     """
     return "".join(
         character if character.isalnum() or character in "-._" else "_" for character in name
@@ -431,30 +459,36 @@ def file_name(name: str) -> str:
 
 
 def coordinate_units(model: Model, names: Sequence[str]) -> tuple[str, ...]:
-    """Unit of each coordinate: "rad", "m", or "" where it is the file's own."""
+    """Name the unit of each coordinate: "rad", "m", or "" where it is the file's own."""
     units = {"rotational": "rad", "translational": "m", "coupled": ""}
     return tuple(units[model.coordinate(name).motion] for name in names)
 
 
 def put_findings(writer: ResultWriter, name: str, findings: Sequence[Finding]) -> None:
-    """Findings as a text about the whole file."""
+    """Write findings as a text about the whole file."""
     writer.fact(name, findings_text(findings))
 
 
 def get_findings(stored: Stored, name: str) -> tuple[Finding, ...]:
-    """What `put_findings` wrote; none where an older version wrote the file."""
+    """Read what `put_findings` wrote; none where an older version wrote the file."""
     return findings_of(stored.facts.get(name, "[]"))
 
 
 def findings_text(findings: Sequence[Finding]) -> str:
-    """Findings as JSON."""
+    """Write findings as JSON."""
     return json.dumps([finding.record for finding in findings])
 
 
 def findings_of(text: str) -> tuple[Finding, ...]:
-    """What `findings_text` wrote."""
+    """Read what `findings_text` wrote."""
     records = json.loads(text)
     return tuple(
-        Finding(**{**record, "times": tuple((a, b) for a, b in record["times"])})
+        Finding(
+            kind=record["kind"],
+            place=record["place"],
+            text=record["text"],
+            times=tuple((start, stop) for start, stop in record["times"]),
+            mended=record["mended"],
+        )
         for record in records
     )

@@ -1,6 +1,4 @@
-"""A step's options as settings that the command line and study files share, taken from its option
-dataclass.
-"""
+"""Options of steps as settings that command line and study files share, by option dataclasses."""
 
 from __future__ import annotations
 
@@ -40,8 +38,14 @@ SIMPLE = (bool, int, float, str)
 
 @dataclass(frozen=True)
 class Setting:
-    """An option of a command or a study file; `kind` bool, int, float, str, a Literal of texts, or
-    one of these or None.
+    """An option of a command or a study file.
+
+    Attributes
+    ----------
+    name : of the option
+    kind : bool, int, float, str, a Literal of texts, or one of these or None
+    default : where nothing is given
+    help : for the command line
     """
 
     name: str
@@ -52,8 +56,13 @@ class Setting:
 
 @dataclass(frozen=True)
 class Differentiation:
-    """Low-pass filter of coordinates and external forces [Hz]; 0 for none, as OpenSim's default; by
-    default the one that the motion asks for, none where it is smooth already (`automatic_cutoff`).
+    """Low-pass filter before derivatives.
+
+    Attributes
+    ----------
+    cutoff : Low-pass filter of coordinates and external forces [Hz]; 0 for none, as OpenSim's
+        default; by default the one that the motion asks for, none where it is smooth already
+        (`automatic_cutoff`).
     """
 
     cutoff: float | None = None
@@ -155,10 +164,11 @@ class ReportOptions:
 
 
 def settings_of(options: type) -> tuple[Setting, ...]:
-    """Settings of an option dataclass: every field that a number, a text or a switch can give.
+    """Collect the settings of an option dataclass: what a number, a text or a switch can give.
+
     Fields of other types (mappings, motions) are not settings: they come from files. Where a
-    dataclass has a `SETTING_PREFIX`, names begin with it, so that they are told from those of other
-    steps.
+    dataclass has a `SETTING_PREFIX`, names begin with it, so that they are known from those of
+    other steps.
     """
     return _settings_of(options)
 
@@ -180,13 +190,14 @@ def _settings_of(options: type) -> tuple[Setting, ...]:
 
 
 def prefix_of(options: type) -> str:
-    """What the names of an option dataclass's settings begin with."""
+    """Return what the names of an option dataclass's settings begin with."""
     return getattr(options, "SETTING_PREFIX", "")
 
 
 def attribute_help(owner: Any, heading: str = "Attributes") -> dict[str, str]:
-    """What a section of a numpydoc docstring says of each attribute or parameter, as one line;
-    those of bases too. Of an only attribute the docstring itself tells it.
+    """Read what a section of a numpydoc docstring says of each attribute, as one line.
+
+    Those of bases are read too. Of an only attribute the docstring itself says it.
     """
     text = inspect.cleandoc(owner.__doc__ or "")
     if (
@@ -213,9 +224,7 @@ def attribute_help(owner: Any, heading: str = "Attributes") -> dict[str, str]:
 
 
 def with_settings(options: Options, settings: Mapping[str, Any]) -> Options:
-    """The options with the settings among `settings` that are theirs; None leaves a default as it
-    is.
-    """
+    """Give options the settings that are theirs; None leaves a default as it is."""
     names = {setting.name for setting in settings_of(type(options))}
     prefix = prefix_of(type(options))
     changes = {
@@ -227,7 +236,7 @@ def with_settings(options: Options, settings: Mapping[str, Any]) -> Options:
 
 
 def plain_settings(options: object) -> dict[str, object]:
-    """The settings of an option value as plain values, for provenance and reports."""
+    """List the settings of an option value as plain values, for provenance and reports."""
     prefix = prefix_of(type(options))
     names = [setting.name for setting in settings_of(type(options))]
     return {name: getattr(options, name.removeprefix(prefix)) for name in names}
@@ -235,8 +244,12 @@ def plain_settings(options: object) -> dict[str, object]:
 
 @dataclass(frozen=True)
 class TrialMotion:
-    """Trials go on with the refined motion, forces filtered alike; else with that of inverse
-    kinematics on the refined model.
+    """The motion that trials go on with.
+
+    Attributes
+    ----------
+    use_motions : Trials go on with the refined motion, forces filtered alike; else with that of
+        inverse kinematics on the refined model.
     """
 
     use_motions: bool = True

@@ -1,6 +1,4 @@
-"""Nouns to the variables of a result file, and back: their quantities, and what is more than
-quantities.
-"""
+"""Nouns to the variables of a result file, and back: quantities, and what is more than these."""
 
 from __future__ import annotations
 
@@ -73,7 +71,7 @@ def put_fit(writer: ResultWriter, fit: KinematicsFit, model: Model) -> None:
 
 
 def get_fit(stored: Stored) -> KinematicsFit | None:
-    """What `put_fit` wrote, or None."""
+    """Read what `put_fit` wrote, or None."""
     fields = get_fields(stored, FIT)
     if "converged" not in fields:
         return None
@@ -99,8 +97,9 @@ def put_motion(writer: ResultWriter, motion: Motion, model: Model) -> None:
 
 
 def put_derivatives(writer: ResultWriter, motion: Motion, model: Model) -> None:
-    """Coordinates as the forces were computed from them (filtered where asked for), and their
-    derivatives.
+    """Write coordinates as the forces were computed from them, and their derivatives.
+
+    They are filtered where that was asked for.
     """
     _put_coordinates(writer, replace(motion, quantity=COORDINATE_FILTERED), model)
 
@@ -111,12 +110,12 @@ def _put_coordinates(writer: ResultWriter, motion: Motion, model: Model) -> None
 
 
 def get_motion(stored: Stored) -> Motion:
-    """The coordinates of a result."""
+    """Read the coordinates of a result."""
     return Motion(stored.time, stored.names["coordinate"], stored.values[COORDINATE_VALUE.name])
 
 
 def get_derivatives(stored: Stored) -> Motion | None:
-    """The coordinates that forces were computed from, with derivatives, or None."""
+    """Read the coordinates that forces were computed from, with derivatives, or None."""
     fields = get_fields(stored, FILTERED_MOTION)
     if COORDINATE_FILTERED.field not in fields:
         return None
@@ -126,7 +125,7 @@ def get_derivatives(stored: Stored) -> Motion | None:
 
 
 def get_series(stored: Stored, quantity: Quantity) -> Series | None:
-    """A quantity with one column a name, or None."""
+    """Read a quantity with one column a name, or None."""
     values = get_quantity(stored, quantity)
     if values is None:
         return None
@@ -172,7 +171,7 @@ def get_emg(stored: Stored) -> Emg | None:
 
 
 def put_truth(writer: ResultWriter, truth: Mapping[str, Series]) -> None:
-    """The true values of a simulated recording, each on its own clock.
+    """Write the true values of a simulated recording, each on its own clock.
 
     Parameters
     ----------
@@ -187,7 +186,7 @@ def put_truth(writer: ResultWriter, truth: Mapping[str, Series]) -> None:
 
 
 def get_truth(stored: Stored) -> dict[str, Series]:
-    """True values by the names of their quantities; older files have other names."""
+    """Read true values by the names of their quantities; older files have other names."""
     truth = {}
     for quantity in KNOWN:
         for name in (quantity.name, FORMER_NAMES[quantity.name]):
@@ -248,7 +247,7 @@ def put_tension(
 
 
 def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
-    """What `put_tension` wrote, or None."""
+    """Read what `put_tension` wrote, or None."""
     from myomorph.core.tension.tension import Tension
 
     fields = get_fields(stored, TENSION)
@@ -324,12 +323,13 @@ def get_fibers(stored: Stored) -> Fibers | None:
 
 
 def put_conflicts(writer: ResultWriter, conflicts: Sequence[EmgConflict]) -> None:
-    """Write conflicts, none of them too: an empty table says that EMG took part and nothing
-    contradicts it.
+    """Write conflicts, none of them too.
+
+    An empty table says that EMG took part and nothing contradicts it.
     """
     put_rows(writer, CONFLICTS, conflicts)
 
 
 def get_conflicts(stored: Stored) -> tuple[EmgConflict, ...] | None:
-    """What `put_conflicts` wrote, None where EMG took no part."""
+    """Read what `put_conflicts` wrote, None where EMG took no part."""
     return get_rows(stored, CONFLICTS, EmgConflict)

@@ -25,9 +25,7 @@ class StudyTable(Strict):
 
 
 def options_table(settings: Mapping[str, Sequence[Setting]]) -> type[BaseModel]:
-    """The table `[options]`: one table a step, its keys the settings of the step's option
-    dataclasses.
-    """
+    """Make the table `[options]`: one table a step, its keys the settings of its options."""
     tables: dict[str, Any] = {}
     for step, setting in settings.items():
         keys: dict[str, Any] = {option.name: (option.kind, option.default) for option in setting}
@@ -40,9 +38,14 @@ MAX_CHARACTERS = 200  # Problems of a file that are told, and signs of a value.
 
 
 def checked(file: type[BaseModel], raw: Mapping[str, Any]) -> tuple[Any, list[str]]:
-    """The file as checked values and what is wrong; None for the values unless all that is wrong
-    are unknown keys. These are left out, so that what else is wrong with the file, as files that it
-    names, is found with them.
+    """Check a file.
+
+    Unknown keys are left out, so that what else is wrong with the file, as files that it names, is
+    found with them.
+
+    Returns
+    -------
+    the checked values, None unless unknown keys are all that is wrong; and what is wrong
     """
     try:
         return file.model_validate(raw), []
@@ -64,8 +67,9 @@ def checked(file: type[BaseModel], raw: Mapping[str, Any]) -> tuple[Any, list[st
 
 
 def _leave_out(table: Any, place: Sequence[Any]) -> None:
-    """Delete the key at a place of nested tables and lists; parts that are no key but the type of
-    one are skipped.
+    """Delete the key at a position of nested tables and lists.
+
+    Parts that are no key but the type of one are skipped.
     """
     *inner, key = place
     for part in inner:
@@ -102,7 +106,7 @@ def _sentence(error: Any, file: type[BaseModel]) -> str:
 
 
 def _shown(value: Any) -> str:
-    """A value as the file may have it, cut short."""
+    """Write a value as the file may have it, cut short."""
     try:
         text = repr(value)
     except ValueError:
@@ -125,8 +129,9 @@ def _keys(file: type[BaseModel], where: Sequence[Any]) -> tuple[str, ...]:
 
 
 def _tables_with(key: str, table: type[BaseModel], place: str = "") -> Iterator[str]:
-    """Tables of a file that have a key, as their headings; options stand first where they are those
-    of the file.
+    """Yield tables of a file that have a key, as their headings.
+
+    Options stand first where they are those of the file.
     """
     for name, field in table.model_fields.items():
         inner = _table(field.annotation)
@@ -139,7 +144,7 @@ def _tables_with(key: str, table: type[BaseModel], place: str = "") -> Iterator[
 
 
 def _table(kind: Any) -> type[BaseModel] | None:
-    """The table among the types that a key may have."""
+    """Find the table among the types that a key may have."""
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return kind
     return next((table for table in map(_table, get_args(kind)) if table is not None), None)

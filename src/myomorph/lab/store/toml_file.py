@@ -13,7 +13,7 @@ MAX_PROBLEMS = 200  # Of a file that are printed
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a study file."""
+    """Read the tables of a study file."""
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:

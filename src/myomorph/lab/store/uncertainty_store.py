@@ -61,7 +61,7 @@ def put_uncertainty(writer: ResultWriter, uncertainty: Uncertainty) -> None:
 
 
 def get_uncertainty(stored: Stored) -> Uncertainty | None:
-    """What `put_uncertainty` wrote, or None."""
+    """Read what `put_uncertainty` wrote, or None."""
     if "draws" not in stored.facts:
         return None
     spreads = {}
@@ -83,7 +83,7 @@ def get_uncertainty(stored: Stored) -> Uncertainty | None:
         failed=failed,
         factors=FrozenMap({_name_now(name): factor for name, factor in factors.items()}),
         sizes=tuple(
-            SourceSize(*load) for load in json.loads(stored.facts.get("error_sizes", "[]"))
+            SourceSize._make(load) for load in json.loads(stored.facts.get("error_sizes", "[]"))
         ),
         gait={side: errors for side, errors in gait if errors is not None},
     )
@@ -144,8 +144,9 @@ def put_value_errors(writer: ResultWriter, value_errors: ValueErrors) -> None:
 
 
 def get_value_limits(stored: Stored) -> dict[tuple[str, str], tuple[float, float, float]]:
-    """By step and quantity how far limits lie from the value, and the SD; {} where nothing was
-    drawn.
+    """Read how far limits lie from the value, and the SD, by step and quantity.
+
+    Nothing where nothing was drawn.
     """
     if "value_sd" not in stored.values or VALUE not in stored.names:
         return {}
@@ -154,8 +155,9 @@ def get_value_limits(stored: Stored) -> dict[tuple[str, str], tuple[float, float
 
 
 def read_value_errors(path: Path) -> ValueErrors | None:
-    """Errors of the numbers of a trial under its draws, None where nothing was drawn or there is no
-    such file.
+    """Read the errors of the numbers of a trial under its draws.
+
+    None where nothing was drawn or there is no such file.
     """
     if not path.is_file():
         return None
