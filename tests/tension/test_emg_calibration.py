@@ -16,6 +16,7 @@ from myomorph.body.tension.emg_calibration import calibrate_emg
 from myomorph.body.tension.emg_groups import kept_level
 from myomorph.body.tension.emg_held_out import WEIGHTS, EmgTrial, HeldOut
 from myomorph.body.tension.task import EmgRecording, emg_targets_of
+from myomorph.core.fit.bounds import bounded_step
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.errors import BadData, UnknownName
@@ -25,7 +26,6 @@ from myomorph.core.motion.filters import differentiate, lowpass
 from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.tension.emg_conflicts import APART, conflict_line, emg_conflicts
 from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
-from myomorph.core.tension.emg_tracking import _bounded
 from myomorph.core.tension.problem import TensionInputs, tension_problem
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import TensionOptions
@@ -114,6 +114,9 @@ def test_co_contraction_is_found_by_default(pair, gains, delay):
     assert (found.intervals[:, 0] <= gains).all()
     assert (found.intervals[:, 1] >= gains).all()
     assert found.warnings == ()
+    assert found.estimate.converged
+    np.testing.assert_allclose(np.exp(found.estimate.values["gains"]), found.gains, rtol=1e-12)
+    assert "joint torques" in " ".join(found.estimate.certificate)
     target = emg_targets(emg, PAIR, model, motion.time, None, found)
     informed = solve_tension(model, motion, torques, RIGID, emg=target)
     # Both muscles press the joint together: their forces add up.
@@ -262,7 +265,7 @@ def test_bounded_least_squares_is_that_of_scipy():
         target = rng.standard_normal(12)
         upper = rng.uniform(0.05, 0.6, 6)
         wanted = lsq_linear(rows, target, (0.0, upper), tol=1e-12).x
-        found = _bounded(rows.T @ rows, rows.T @ target, upper)
+        found = bounded_step(rows.T @ rows, -rows.T @ target, np.zeros(6), upper)
         cost = float(np.sum((rows @ found - target) ** 2))
         least = float(np.sum((rows @ wanted - target) ** 2))
         assert ((found >= 0.0) & (found <= upper + 1e-12)).all()

@@ -4,56 +4,60 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph.body.tension.emg_groups import (
-    calibration_of,
-    kept_level,
-    settled_fit,
-    some_names,
-    synergy_groups,
-)
+from myomorph.body.tension.emg_groups import synergy_groups
 from myomorph.body.tension.emg_held_out import HELD_FRAMES, EmgTrial, HeldOut, swap_lines
+from myomorph.body.tension.emg_profile import Profile
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.series import Emg
-from myomorph.core.motion.emg_activation import (
-    LIKELIHOOD_95,
-    USUAL,
-    ChannelMap,
-    EmgCalibration,
-    uncalibrated,
-)
+from myomorph.core.motion.emg_activation import USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.core.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
 from myomorph.core.motion.filters import lowpass
+from myomorph.core.tension.emg_gains import gain_prior
 from myomorph.core.tension.emg_targets import EmgOptions, mapped_muscles
-from myomorph.core.tension.emg_tracking import (
-    Prior,
-    TorqueTracking,
-    few_frames,
-    gain_prior,
-    tracked_frames,
-)
+from myomorph.core.tension.emg_tracking import TorqueTracking, few_frames, tracked_frames
 from myomorph.core.tension.problem import TensionInputs
 from myomorph.core.tension.tension import TensionOptions
 
 # About how many frames of all trials together the gains are fitted on, evenly spread
 MAX_FRAMES = 300
-SHAPES = (-0.5, -1.0, -1.5, -2.0, -2.5, -3.0)
-"""Shape factors that are tried beside a straight line; -3 is the limit of Lloyd and Besier (2003).
+SMOOTH = 8.0
+"""Low-pass of envelopes while gains are fitted [Hz]: noise makes gains smaller, and muscles follow
+no faster.
 """
-# Standard deviation of delays about the usual one, before any torque is seen [s]
-DELAY_SPREAD = 0.03
-LONGEST = 0.150
-COARSE = 0.01
-FINE = 0.002  # Of the delays that are tried, and between them first and last [s]
-ROUNDS = 4  # Searches of delay and shape in turn, at most
+ROUGHNESS = 0.03  # Share of an envelope that may be faster than that
+# Percentile of the envelopes over all trials that counts as a channel's largest: a spike is none
+PEAK = 99.0
 
 
-def calibrate_emg(
+class Envelopes(NamedTuple):
+    """Envelopes of the channels in all trials.
+
+    Attributes
+    ----------
+    measured : of each trial, without what is faulty
+    smooth : the same without what is too fast for a muscle
+    """
+
+    measured: list[Emg]
+    smooth: list[Emg]
+
+    @property
+    def peaks(self) -> Array:
+        """(channels,) largest envelope over all trials, 0 where a channel has none."""
+        values = [emg.values for emg in self.smooth]
+        silence = np.zeros((1, values[0].shape[1]))
+        heights = [np.vstack([part, silence]) for part in values]
+        return np.asarray(np.nanpercentile(np.vstack(heights), PEAK, axis=0))
+
+
+def calibrate_emg(  # page: the tension problem and the maxima are optional
     model: Model,
     trials: Sequence[EmgTrial],
     channels: ChannelMap,
@@ -82,7 +86,7 @@ def calibrate_emg(
 
     Returns
     -------
-    calibration of all channels, with intervals of the gains and warnings
+    calibration of all channels, with intervals of the gains, the estimate and warnings
 
     Raises
     ------
@@ -90,61 +94,33 @@ def calibrate_emg(
     UnknownName : a channel with a maximum is not calibrated
     """
     options = options or EmgOptions()
-    if not trials:
-        raise BadData("EMG is calibrated on trials: none was given")
-    for trial in trials:
-        mapped_muscles(trial.emg, channels, model)
-        refuse_unfit(trial.emg, trial.motion.time, channels)
+    maxima = maxima or {}
+    _check(model, trials, channels, maxima)
+    names = tuple(channels)
+    if options.gains == "normalized":
+        delay = USUAL if options.delay is None else options.delay
+        return uncalibrated(names, delay, options.shape or 0.0)
+
     # Frames are looked at one by one here, whatever the tensions are then found with.
     tension = None if tension is None else replace(tension, tendons="rigid", recruitment="power")
-    names = tuple(channels)
-    for name in maxima or {}:
-        check_name("EMG channel", name, names, "the calibration")
-    if options.gains == "normalized":
-        return uncalibrated(
-            names, USUAL if options.delay is None else options.delay, options.shape or 0.0
-        )
-    cleaned = [without_faults(trial.emg, envelope_faults(trial.emg)) for trial in trials]
-    cleaned = [Emg(emg.time, names, np.array([emg[name] for name in names]).T) for emg in cleaned]
-    envelopes = [_smooth(emg) for emg in cleaned]
-    every = max(sum(len(trial.motion) for trial in trials) // MAX_FRAMES, 1)
-    tells = np.array(
-        [[muscle in channels[name] for name in names] for muscle in model.muscle_names], dtype=float
-    )
+    envelopes = _envelopes(trials, names)
+    peaks = envelopes.peaks
+    bounds = np.array([maxima.get(name, np.nan) for name in names])
+    count = sum(len(trial.motion) for trial in trials)
+    every = max(count // MAX_FRAMES, 1)
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
     with threadpool_limits(limits=1, user_api="blas"):
-        setting = (tension or TensionOptions(), actuators)
-        frames = [
-            tracked_frames(
-                TensionInputs(model, one.motion, one.torques, *setting, one.contacts),
-                emg,
-                tells,
-                every,
-            )
-            for one, emg in zip(trials, envelopes, strict=True)
-        ]
-        heights = [np.vstack([emg.values, np.zeros((1, len(names)))]) for emg in envelopes]
-        peaks = np.nanpercentile(np.vstack(heights), PEAK, axis=0)
-        bounds = np.array([(maxima or {}).get(name, np.nan) for name in names])
-        groups = synergy_groups(frames, names, tells, peaks)
-        prior = gain_prior(peaks, bounds)
-        tracking = TorqueTracking(
-            frames=frames,
-            tells=tells,
-            groups=groups,
-            prior=prior,
-            offsets=options.offsets,
-            noise=_noise(cleaned, envelopes),
-        )
-        result = _Search(tracking, names, options, gain_prior(peaks, bounds, 0.0)).found(
-            model.muscle_names
-        )
+        inputs = [_inputs(model, trial, tension, actuators) for trial in trials]
+        tracking = _tracking(inputs, channels, envelopes, bounds, every, options.offsets)
+        level = gain_prior(peaks, bounds, 0.0)
+        profile = Profile(tracking=tracking, names=names, options=options, level=level)
+        result = profile.calibration(model.muscle_names)
     if any(trial.contacts is not None for trial in trials):
         # No channel is left out where forces of contacts are unknown: nothing shows that synergies
         # tell of others.
         return result if options.unmeasured_weight else replace(result, synergies=())
-    step = every * max(sum(len(trial.motion) for trial in trials) // every // HELD_FRAMES, 1)
-    few = [few_frames(trial.motion, trial.torques, step) for trial in trials]
+
+    step = every * max(count // every // HELD_FRAMES, 1)
     held = HeldOut(
         model=model,
         channels=channels,
@@ -154,17 +130,95 @@ def calibrate_emg(
         calibration=result,
         peaks=peaks,
         maxima=bounds,
-        few=few,
+        few=[few_frames(trial.motion, trial.torques, step) for trial in trials],
     )
     result = replace(result, warnings=(*swap_lines(names, held.swapped()), *result.warnings))
     return result if options.mode == "driven" or options.weight is not None else held.chosen(result)
 
 
-SMOOTH = 8.0
-"""Low-pass of envelopes while gains are fitted [Hz]: noise makes gains smaller, and muscles follow
-no faster.
-"""
-ROUGHNESS = 0.03  # Share of an envelope that may be faster than that
+def _check(
+    model: Model, trials: Sequence[EmgTrial], channels: ChannelMap, maxima: Mapping[str, float]
+) -> None:
+    """Refuse what cannot be calibrated; errors are those of `calibrate_emg`."""
+    if not trials:
+        raise BadData("EMG is calibrated on trials: none was given")
+    for trial in trials:
+        mapped_muscles(trial.emg, channels, model)
+        refuse_unfit(trial.emg, trial.motion.time, channels)
+    for name in maxima:
+        check_name("EMG channel", name, tuple(channels), "the calibration")
+
+
+def _envelopes(trials: Sequence[EmgTrial], names: tuple[str, ...]) -> Envelopes:
+    """Take the channels of all trials without their faults.
+
+    Parameters
+    ----------
+    trials : of one subject
+    names : of the channels that are calibrated
+    """
+    measured = []
+    for trial in trials:
+        cleaned = without_faults(trial.emg, envelope_faults(trial.emg))
+        values = np.array([cleaned[name] for name in names]).T
+        measured.append(Emg(cleaned.time, names, values))
+    return Envelopes(measured=measured, smooth=[_smooth(emg) for emg in measured])
+
+
+def _inputs(
+    model: Model,
+    trial: EmgTrial,
+    tension: TensionOptions | None,
+    actuators: Sequence[Actuator] | None,
+) -> TensionInputs:
+    """State the tension problem of a trial, without EMG."""
+    return TensionInputs(
+        model=model,
+        motion=trial.motion,
+        torques=trial.torques,
+        options=tension or TensionOptions(),
+        actuators=actuators,
+        contacts=trial.contacts,
+    )
+
+
+def _tracking(
+    inputs: Sequence[TensionInputs],
+    channels: ChannelMap,
+    envelopes: Envelopes,
+    maxima: Array,
+    every: int,
+    offsets: bool,
+) -> TorqueTracking:
+    """Set up the regression of the torques of all trials on their envelopes.
+
+    Parameters
+    ----------
+    inputs : of the tension problem of each trial
+    channels : channel to muscles of the model
+    envelopes : of all trials
+    maxima : (channels,) envelope in a maximum voluntary contraction, NaN where there is none
+    every : distance of the frames that are read
+    offsets : whether channels may have an activation at rest
+    """
+    names = tuple(channels)
+    muscles = inputs[0].model.muscle_names
+    tells = np.array(
+        [[muscle in channels[name] for name in names] for muscle in muscles], dtype=float
+    )
+    frames = [
+        tracked_frames(trial, emg, tells, every)
+        for trial, emg in zip(inputs, envelopes.smooth, strict=True)
+    ]
+    peaks = envelopes.peaks
+    return TorqueTracking(
+        frames=frames,
+        tells=tells,
+        groups=synergy_groups(frames, names, tells, peaks),
+        prior=gain_prior(peaks, maxima),
+        offsets=offsets,
+        noise=_noise(envelopes.measured, envelopes.smooth),
+    )
 
 
 def _smooth(emg: Emg) -> Emg:
@@ -201,105 +255,3 @@ def _noise(envelopes: Sequence[Emg], smooth: Sequence[Emg]) -> Array:
         squares += (np.where(known, fast, 0.0) ** 2).sum(axis=0) * SMOOTH / beyond
         counts += known.sum(axis=0)
     return np.sqrt(squares / np.maximum(counts, 1.0))
-
-
-# Percentile of the envelopes over all trials that counts as a channel's largest: a spike is none
-PEAK = 99.0
-
-
-class _Search:
-    """Search delay and shape of all channels by the profile of the posterior.
-
-    At each of them the gains are the most probable ones.
-    """
-
-    def __init__(
-        self, tracking: TorqueTracking, names: tuple[str, ...], options: EmgOptions, level: Prior
-    ):
-        self.tracking = tracking
-        self.names = names
-        self.options = options
-        self.level = level
-        self.prior = tracking.prior
-        self.delay = USUAL if options.delay is None else options.delay
-        self.shape = options.shape or 0.0
-        self.warnings: list[str] = []
-
-    def found(self, muscles: tuple[str, ...]) -> EmgCalibration:
-        """Alternate the search with errors of the torques, and build the calibration."""
-        tracking = self.tracking
-        tracking.learn_errors(*self._each(self.delay, self.shape))
-        self.prior = kept_level(tracking, self.level, *self._each(self.delay, self.shape))
-        for _ in range(ROUNDS):
-            before = np.array([self.delay, self.shape])
-            self._step()
-            if np.abs(before - [self.delay, self.shape]).max() < COARSE:
-                break
-            tracking.learn_errors(*self._each(self.delay, self.shape), self.prior)
-        each = self._each(self.delay, self.shape)
-        result = calibration_of(
-            tracking, settled_fit(tracking, self.prior, *each), self.names, muscles, *each
-        )
-        silent = [name for name, item in zip(self.names, result.by_torque, strict=True) if not item]
-        if silent:
-            self.warnings.append(
-                f"torques say little of the EMG gain of {some_names(silent)}: a usual one is taken"
-            )
-        return replace(result, warnings=tuple(self.warnings))
-
-    def _each(self, delay: float, shape: float) -> tuple[Array, Array]:
-        """Repeat a delay and a shape for all channels.
-
-        Returns
-        -------
-        (channels,) delays [s], and (channels,) shape factors
-        """
-        return np.full(len(self.names), delay), np.full(len(self.names), shape)
-
-    def _cost(self, delay: float, shape: float) -> float:
-        """Compute minus the logarithm of the posterior of delay [s] and shape."""
-        unusual = (delay - USUAL) / DELAY_SPREAD
-        return self.tracking.fit(*self._each(delay, shape), self.prior).cost + 0.5 * float(
-            unusual**2
-        )
-
-    def _step(self) -> None:
-        """Move to the most probable delay and shape at the errors of torques known so far.
-
-        The shape is not straight only where torques are more likely so.
-        """
-        free = self.options.shape is None
-        tried = list[tuple[float, float, float]]()
-        for shape in (0.0, *SHAPES) if free else (self.shape,):
-            delay = self._delay(shape) if self.options.delay is None else self.delay
-            tried.append((self._cost(delay, shape), shape, delay))
-        best = min(tried, key=lambda candidate: candidate[0])
-        if free and best[0] > tried[0][0] - LIKELIHOOD_95:
-            best = tried[0]
-        _, self.shape, self.delay = best
-
-    def _delay(self, shape: float) -> float:
-        """Find the most probable delay [s].
-
-        Warn where torques say nothing of it, or want one beyond the range.
-        """
-        coarse = np.append(np.arange(0.0, LONGEST, COARSE), LONGEST)
-        costs = np.array([self._cost(delay, shape) for delay in coarse])
-        best = int(np.argmin(costs))
-        low = coarse[max(best - 1, 0)]
-        high = coarse[min(best + 1, len(coarse) - 1)]
-        fine = np.arange(low, high + 0.5 * FINE, FINE)
-        delay = float(fine[int(np.argmin([self._cost(delay, shape) for delay in fine]))])
-        likely = costs - 0.5 * ((coarse - USUAL) / DELAY_SPREAD) ** 2
-        self.warnings = [text for text in self.warnings if "delay of all EMG channels " not in text]
-        if float(np.ptp(likely)) < LIKELIHOOD_95:
-            self.warnings.append(
-                f"no delay of all EMG channels shows in the torques: {delay:.3f} s taken"
-            )
-        elif delay >= LONGEST - 0.5 * FINE:
-            text = (
-                f"the delay of all EMG channels is {delay:g} s or more: EMG and motion may not be"
-                " on one clock"
-            )
-            self.warnings.append(text)
-        return delay

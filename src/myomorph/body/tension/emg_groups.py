@@ -7,10 +7,14 @@ would move it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.core.fit.estimation import Estimate, estimate_of
+from myomorph.core.fit.posterior import Posterior
 from myomorph.core.model.arrays import Array
 from myomorph.core.motion.emg_activation import (
     LIKELIHOOD_95,
@@ -19,21 +23,16 @@ from myomorph.core.motion.emg_activation import (
     SynergyWeights,
     find_synergies,
 )
+from myomorph.core.tension.emg_gains import GAINS, NEAR_MAXIMUM, Prior, gain_posterior
 from myomorph.core.tension.emg_tracking import (
-    NEAR_MAXIMUM,
     Fit,
     Group,
-    Prior,
     TorqueTracking,
     TrackedFrames,
     action_cosines,
     alike,
 )
 
-TOLD = 0.5
-"""Torques tell a gain where they leave less than this share of the prior's standard deviation of
-its logarithm.
-"""
 MIN_CHANNELS = 2
 """Number of channels that synergies need."""
 SAME = 0.95
@@ -114,42 +113,72 @@ def _connected_rows(reach: NDArray[np.bool_], channels: Sequence[int]) -> NDArra
     return rows
 
 
-def calibration_of(  # page: a fit, and what names its arrays
+class SettledGains(NamedTuple):
+    """Gains that were settled on, at some delays and shapes.
+
+    Attributes
+    ----------
+    fit : gains, offsets and weights
+    posterior : what torques leave open of them, with a common level that is not known
+    delays, shapes : (channels,) [s], shape factors
+    """
+
+    fit: Fit
+    posterior: Posterior
+    delays: Array
+    shapes: Array
+
+    @property
+    def deviation(self) -> Array:
+        """(channels,) standard deviation of the gains' logarithms."""
+        return self.posterior.sd[self.posterior.unknowns.slices[GAINS]]
+
+    @property
+    def shown(self) -> NDArray[np.bool_]:
+        """(channels,) whether torques halve the standard deviation of the gain's logarithm."""
+        return np.asarray(self.posterior.shown[self.posterior.unknowns.slices[GAINS]])
+
+    @property
+    def estimate(self) -> Estimate:
+        """The gains with what certifies them."""
+        posterior = replace(self.posterior, x=self.fit.solution.x)
+        return estimate_of(self.fit.solution, posterior=posterior)
+
+
+def calibration_of(
     tracking: TorqueTracking,
-    fit: Fit,
+    settled: SettledGains,
     names: tuple[str, ...],
     muscles: tuple[str, ...],
-    delays: Array,
-    shapes: Array,
 ) -> EmgCalibration:
     """Make a calibration of the channels from a fit.
 
     Parameters
     ----------
     tracking : the regression over all trials
-    fit : the most probable gains
+    settled : the most probable gains
     names, muscles : of the channels, and of all muscles
-    delays, shapes : (channels,) [s], shape factors
 
     Returns
     -------
     gains with intervals, and activations of muscles that act as measured ones do
     """
-    prior = np.sqrt(np.diag(np.linalg.inv(tracking.prior.precision)))
-    spread = np.exp(np.outer(fit.deviation, (-1.96, 1.96)))
+    gains = settled.fit.gains
+    spread = np.exp(np.outer(settled.deviation, (-1.96, 1.96)))
     cosines = np.maximum(action_cosines(tracking.frames), 0.0)
     near = cosines @ tracking.tells / np.maximum(tracking.tells.sum(axis=0), 1.0)
-    synergies = tuple(_twins(group, near, fit.gains, names, muscles) for group in tracking.groups)
+    synergies = tuple(_twins(group, near, gains, names, muscles) for group in tracking.groups)
     return EmgCalibration(
         channels=names,
-        delays=delays,
-        gains=fit.gains,
-        offsets=fit.offsets,
+        delays=settled.delays,
+        gains=gains,
+        offsets=settled.fit.offsets,
         warnings=(),
-        shapes=shapes,
-        intervals=fit.gains[:, None] * spread,
-        by_torque=fit.deviation < TOLD * prior,
+        shapes=settled.shapes,
+        intervals=gains[:, None] * spread,
+        by_torque=settled.shown,
         synergies=tuple(synergy for synergy in synergies if synergy.muscles),
+        estimate=settled.estimate,
     )
 
 
@@ -207,7 +236,9 @@ def kept_level(tracking: TorqueTracking, level: Prior, delays: Array, shapes: Ar
     return tracking.prior if usual.misfit - free.misfit > LIKELIHOOD_95 else level
 
 
-def settled_fit(tracking: TorqueTracking, prior: Prior, delays: Array, shapes: Array) -> Fit:
+def settled_gains(
+    tracking: TorqueTracking, prior: Prior, delays: Array, shapes: Array
+) -> SettledGains:
     """Find gains, those that torques do not show as usual beside those that they do.
 
     The mean of the silent ones, given the others, is that of a normal distribution,
@@ -227,18 +258,23 @@ def settled_fit(tracking: TorqueTracking, prior: Prior, delays: Array, shapes: A
     -------
     gains, offsets and weights, with their cost
     """
-    deviation = tracking.fit(delays, shapes).deviation
-    fit = tracking.fit(delays, shapes, prior)
+    posterior = gain_posterior(tracking.fit(delays, shapes).solution, tracking.prior)
+    settled = SettledGains(
+        fit=tracking.fit(delays, shapes, prior),
+        posterior=posterior,
+        delays=delays,
+        shapes=shapes,
+    )
     spread = np.sqrt(np.diag(np.linalg.inv(tracking.prior.precision)))
     # A maximum contraction tells a gain well enough to be weighed against torques.
-    silent = (deviation >= TOLD * spread) & (spread > 2.0 * NEAR_MAXIMUM)
+    silent = ~settled.shown & (spread > 2.0 * NEAR_MAXIMUM)
     if not silent.any():
-        return fit._replace(deviation=deviation)
-    difference = (np.log(fit.gains) - prior.mean)[~silent]
+        return settled
+    difference = (np.log(settled.fit.gains) - prior.mean)[~silent]
     P = prior.precision
     shift = np.linalg.solve(P[np.ix_(silent, silent)], P[np.ix_(silent, ~silent)] @ difference)
     mean = prior.mean.copy()
     mean[silent] = np.minimum(mean[silent] - shift, prior.upper[silent])
     precision = P + HELD * np.diag(silent.astype(float))
     held = Prior(mean=mean, precision=precision, upper=prior.upper)
-    return tracking.fit(delays, shapes, held)._replace(deviation=deviation)
+    return settled._replace(fit=tracking.fit(delays, shapes, held))

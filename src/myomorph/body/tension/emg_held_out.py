@@ -18,7 +18,7 @@ from myomorph.body.tension.emg_groups import (
     SAME,
     calibration_of,
     kept_level,
-    settled_fit,
+    settled_gains,
     some_names,
     synergy_groups,
 )
@@ -26,8 +26,9 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.series import Emg, Motion, Series
 from myomorph.core.motion.emg_activation import ChannelMap, EmgCalibration, channel_means, shifted
+from myomorph.core.tension.emg_gains import gain_prior
 from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
-from myomorph.core.tension.emg_tracking import TorqueTracking, action_cosines, gain_prior
+from myomorph.core.tension.emg_tracking import TorqueTracking, action_cosines
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.contacts import ContactTask
@@ -308,8 +309,8 @@ class HeldOut:
         with threadpool_limits(limits=1, user_api="blas"):
             tracking.whiten(delays)
             prior = kept_level(tracking, gain_prior(peaks, self.maxima[rest], 0.0), delays, shapes)
-            fit = settled_fit(tracking, prior, delays, shapes)
-        return calibration_of(tracking, fit, names, self.model.muscle_names, delays, shapes)
+            settled = settled_gains(tracking, prior, delays, shapes)
+        return calibration_of(tracking, settled, names, self.model.muscle_names)
 
     def _warnings(self, held: Array) -> tuple[str, ...]:
         """Warn of channels whose muscles the others mislead.

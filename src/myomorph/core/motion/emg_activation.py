@@ -8,6 +8,7 @@ from dataclasses import field
 import numpy as np
 import scipy
 
+from myomorph.core.fit.estimation import Estimate
 from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import index_of
@@ -138,6 +139,8 @@ class EmgCalibration:
     held_out : (channels, 2) correlation of a channel left out with its muscles without EMG, and
         with that of the others; NaN where not computed
     others_weight : of what synergies predict, chosen on channels left out
+    estimate : of the gains' logarithms, with what certifies it; None where torques had no part, or
+        gains were read from a file
     """
 
     channels: tuple[str, ...]
@@ -152,6 +155,7 @@ class EmgCalibration:
     weight: float = 10.0
     held_out: Array = field(default_factory=lambda: np.full((1, 2), np.nan))
     others_weight: float = 1.0
+    estimate: Estimate | None = None
 
     def __post_init__(self) -> None:
         count = len(self.channels)

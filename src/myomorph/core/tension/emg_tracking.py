@@ -19,11 +19,20 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
+from myomorph.core.fit.solver import Solution, minimize
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.series import Emg, Motion, Series
 from myomorph.core.motion.emg_activation import Synergies, independent_samples, shaped, shifted
+from myomorph.core.tension.emg_gains import (
+    GAINS,
+    METHOD,
+    Prior,
+    Squares,
+    gain_problem,
+    gain_unknowns,
+    parameters_of,
+)
 from myomorph.core.tension.problem import TensionInputs, TensionProblem, tension_problem
 from myomorph.core.tension.terms.actuators import default_reserves
 from myomorph.core.tension.terms.contacts import ContactTask
@@ -46,22 +55,6 @@ LIKE = 4.0
 """
 REST = 0.05
 """Activation at rest: scale of a half-normal prior."""
-LEVEL = 0.4
-COMMON = 1.0
-SHARED = 0.7
-APART = 0.5
-"""Prior of gains: median of the activation at a channel's largest envelope where every channel is
-in units of its own; median of the gain where all are in common units, as of maximum contractions;
-standard deviations of the logarithm of what all channels share, and of each about it. Torque
-decides where it says anything; this decides where it does not.
-"""
-ALIKE = 1.5
-"""Largest envelopes that differ by no more than this factor are each channel's own unit."""
-AT_MAXIMUM = 0.9
-NEAR_MAXIMUM = 0.2
-"""Median of the activation in a maximum voluntary contraction, and standard deviation of its
-logarithm.
-"""
 SURE = 0.01
 ROUGH = 0.1
 """Error of a torque in shares of its RMS: the least that is believed, and a first guess."""
@@ -202,50 +195,6 @@ def _thinned(contacts: ContactTask, chosen: slice) -> ContactTask:
     )
 
 
-class Prior(NamedTuple):
-    """Normal prior of the logarithms of gains.
-
-    Attributes
-    ----------
-    mean : (channels,)
-    precision : (channels, channels)
-    upper : (channels,) bounds
-    """
-
-    mean: Array
-    precision: Array
-    upper: Array
-
-
-def gain_prior(peaks: Array, maxima: Array, shared: float = SHARED) -> Prior:
-    """Prior of the logarithms of gains.
-
-    Parameters
-    ----------
-    peaks : (channels,) largest envelope over all trials
-    maxima : (channels,) envelope in a maximum voluntary contraction, NaN where none was measured
-    shared : standard deviation of what all channels share
-
-    Returns
-    -------
-    mean, precision and upper bound
-    """
-    known = np.isfinite(maxima)
-    alive = peaks > 0.0
-    largest = np.where(known, maxima, np.where(alive, peaks, 1.0))
-    alike_units = np.ptp(np.log(peaks[alive])) < np.log(ALIKE) if alive.any() else True
-    if alike_units:
-        usual = np.log(LEVEL) - np.log(largest)
-    else:
-        usual = np.full(len(peaks), np.log(COMMON))
-    upper = -np.log(largest)
-    mean = np.where(known, np.log(AT_MAXIMUM) + upper, np.minimum(usual, upper))
-    level = np.where(known, 0.0, shared)
-    spread = np.where(known, NEAR_MAXIMUM, APART)
-    covariance = np.diag(spread**2) + np.outer(level, level)
-    return Prior(mean=mean, precision=np.linalg.inv(covariance), upper=upper)
-
-
 class Fit(NamedTuple):
     """The most probable gains.
 
@@ -255,16 +204,16 @@ class Fit(NamedTuple):
     gains, offsets : (channels,)
     parameters : (parameters,) gains, offsets where channels may have any, weights of the synergies
         in muscles without EMG
-    deviation : (channels,) standard deviation of the gains' logarithms
     misfit : the part of the cost that is of torques, without that of the priors
+    solution : of the estimate's problem, see `emg_gains`
     """
 
     cost: float
     gains: Array
     offsets: Array
     parameters: Array
-    deviation: Array
     misfit: float
+    solution: Solution
 
 
 @read_only
@@ -336,6 +285,10 @@ class TorqueTracking:
         elsewhere
     noise : (channels,) standard deviation of noise in the envelopes; it makes gains smaller unless
         that is corrected
+
+    Attributes
+    ----------
+    unknowns : logarithms of gains, offsets, weights
     """
 
     def __init__(  # page: the data of the regression and its options
@@ -363,7 +316,23 @@ class TorqueTracking:
         self.noise = np.zeros(tells.shape[1]) if noise is None else noise
         self._excess = np.zeros(tells.shape[1])
         self._courses = [[_courses(frame, group) for group in groups] for frame in frames]
-        self._log_gains = np.minimum(prior.mean, prior.upper)
+        channels = frames[0].emg.names
+        self.unknowns = gain_unknowns(channels, prior, offsets, self._weight_names())
+        self._last = self.unknowns.start
+
+    @property
+    def _gains(self) -> Array:
+        """Gains (channels,) of the last fit, the usual ones before the first."""
+        return parameters_of(self.unknowns, self._last)[self.unknowns.slices[GAINS]]
+
+    def _weight_names(self) -> list[str]:
+        """Names of the weights, in the order of the parameters."""
+        return [
+            f"weight of synergy {synergy + 1} of group {number + 1} in muscle {muscle + 1}"
+            for number, group in enumerate(self.groups)
+            for muscle in group.muscles
+            for synergy in range(len(group.synergies))
+        ]
 
     def learn_errors(self, delays: Array, shapes: Array, prior: Prior | None = None) -> None:
         """Estimate the errors of the torques from what is left of them.
@@ -421,16 +390,22 @@ class TorqueTracking:
         matrix = np.zeros((size, size))
         slope = np.zeros(size)
         square = 0.0
+        count = 0
         for rows, (_, torques) in zip(designs, self._white, strict=True):
             design = rows.reshape(-1, size)
             target = torques.reshape(-1)
             matrix += design.T @ design
             slope += design.T @ target
             square += float(target @ target)
+            count += len(target)
         worth = self.errors[1]
-        return self._most_probable(
-            worth * matrix, worth * slope, worth * square, prior or self.prior
+        squares = Squares(
+            matrix=worth * matrix,
+            slope=worth * slope,
+            square=worth * square,
+            compared=round(worth * count),
         )
+        return self._most_probable(squares, prior or self.prior)
 
     def _covariance(self, tracked_frames: TrackedFrames, delays: Array) -> tuple[np.ndarray, Array]:
         """Frames in which some channel is known, and the covariance C of their torques.
@@ -444,7 +419,7 @@ class TorqueTracking:
         silent = (known[good].astype(float) @ self.tells[self.measured].T) == 0.0
         spread = np.full((int(good.sum()), tracked_frames.columns.shape[2]), UNMEASURED)
         spread[:, self.measured] = np.where(silent, UNKNOWN, 0.0)
-        noise = np.exp(self._log_gains) * self.noise
+        noise = self._gains * self.noise
         of_noise = self._mixed(tracked_frames, delays)[good] * noise
         of_muscles = tracked_frames.columns[good] * spread[:, None]
         acting = np.concatenate([of_muscles, tracked_frames.others[good], of_noise], axis=2)
@@ -573,71 +548,61 @@ class TorqueTracking:
                 break
         return result
 
-    def _most_probable(self, matrix: Array, slope: Array, square: float, prior: Prior) -> Fit:
-        """Gauss-Newton steps on the prior of log gains.
-
-        Each is a non-negative least squares problem.
-
-        Parameters
-        ----------
-        matrix, slope, square : of the squares |A x - tau|^2 = x^T matrix x - 2 slope^T x + square
-        """
-        mean, precision, _ = prior
-        count = len(mean)
-        ridge = self._ridge(len(slope), prior)
-        matrix = self._corrected(matrix, ridge)
-        x, log_gains = self._steps(matrix + ridge, slope, prior)
-        self._log_gains = log_gains
-        gains = np.exp(log_gains)
-        x[:count] = gains
-        distance = log_gains - mean
-        misfit = 0.5 * float(square - 2.0 * slope @ x + x @ matrix @ x)
-        cost = misfit + 0.5 * float(distance @ precision @ distance) + 0.5 * float(x @ ridge @ x)
-        deviation = _deviation(matrix + ridge, x, gains, precision)
-        offsets = x[count : 2 * count] if self.offsets else np.zeros(count)
-        weights = slice(count + self.offsets * count, None)
-        x[weights] = np.minimum(x[weights], 1.0)
-        return Fit(
-            cost=cost,
-            gains=gains,
-            offsets=offsets,
-            parameters=x,
-            deviation=deviation,
-            misfit=misfit,
-        )
-
-    def _steps(self, matrix: Array, slope: Array, prior: Prior) -> tuple[Array, Array]:
-        """Step to the most probable parameters from the gains of the last fit.
+    def _most_probable(self, squares: Squares, prior: Prior) -> Fit:
+        """Find the most probable parameters, from those of the last fit on.
 
         These are near where delays differ little.
 
         Parameters
         ----------
-        matrix, slope : (parameters, parameters) and (parameters,) of the squares, ridge included
-
-        Returns
-        -------
-        (parameters,) and (channels,) logarithms of gains
+        squares : of the torques, |A x - tau|^2
+        prior : of the gains
         """
-        mean, precision, upper = prior
-        count = len(mean)
-        bounds = np.concatenate([np.exp(upper), np.full(len(slope) - count, np.inf)])
-        log_gains = self._log_gains
-        x = np.zeros(len(slope))
-        for _ in range(20):
-            gains = np.exp(log_gains)
-            curved = matrix.copy()
-            right = slope.copy()
-            curved[:count, :count] += precision / np.outer(gains, gains)
-            right[:count] += (precision @ (1.0 - log_gains + mean)) / gains
-            x = _bounded(curved, right, bounds)
-            # The prior is straightened about the step before: steps are kept to a factor of 3.
-            moved = np.log(np.clip(x[:count] / gains, 1.0 / 3.0, 3.0)) + log_gains
-            converged = float(np.abs(moved - log_gains).max(initial=0.0)) < 1e-5
-            log_gains = np.minimum(moved, upper)
-            if converged:
-                break
-        return x, log_gains
+        ridge = self._ridge(len(squares.slope), prior)
+        squares = squares._replace(matrix=self._corrected(squares.matrix, ridge))
+        shift = self._shift(squares, ridge)
+        problem = gain_problem(
+            self.unknowns, squares._replace(square=squares.square + shift), ridge, prior
+        )
+        solution = minimize(problem, problem.at(self._last), method=METHOD)
+        self._last = solution.x
+        return self._fit_of(solution, shift)
+
+    def _fit_of(self, solution: Solution, shift: float) -> Fit:
+        """Take gains, offsets and weights out of a solution.
+
+        Parameters
+        ----------
+        shift : that is in the cost of the torques
+        """
+        count = self.tells.shape[1]
+        x = parameters_of(solution.problem.unknowns, solution.x)
+        offsets = x[count : 2 * count].copy() if self.offsets else np.zeros(count)
+        weights = slice(count + self.offsets * count, None)
+        x[weights] = np.minimum(x[weights], 1.0)
+        return Fit(
+            cost=0.5 * (solution.at.cost - shift),
+            gains=x[:count].copy(),
+            offsets=offsets,
+            parameters=x,
+            misfit=0.5 * (solution.at.parts[0].cost - shift),
+            solution=solution,
+        )
+
+    def _shift(self, squares: Squares, ridge: Array) -> float:
+        """Constant that keeps the squares from falling below 0 where noise was taken off.
+
+        Torques that envelopes explain better than their noise allows leave less than nothing.
+
+        Parameters
+        ----------
+        squares : of the torques, without what noise adds
+        ridge : (parameters, parameters) of the prior
+        """
+        if not self._excess.any():
+            return 0.0
+        best = np.linalg.solve(squares.matrix + ridge, squares.slope)
+        return max(0.0, float(squares.slope @ best) - squares.square)
 
 
 def _worths(error: Array) -> list[float]:
@@ -647,28 +612,6 @@ def _worths(error: Array) -> list[float]:
         for values in error.T
         if len(values) > 8 and np.std(values) > 0.0
     ]
-
-
-def _deviation(matrix: Array, x: Array, gains: Array, precision: Array) -> Array:
-    """Spread of the logarithms of gains, given the parameters that are off their bounds.
-
-    Parameters
-    ----------
-    matrix : (parameters, parameters) normal matrix, ridge included
-    x : (parameters,) gains first
-    gains : (channels,)
-    precision : (channels, channels) of the prior
-
-    Returns
-    -------
-    (channels,)
-    """
-    count = len(gains)
-    free = np.flatnonzero((x > 0.0) | (np.arange(len(x)) < count))
-    scale = np.concatenate([gains, np.ones(len(x) - count)])[free]
-    curved = matrix[np.ix_(free, free)] * np.outer(scale, scale)
-    curved[:count, :count] += precision
-    return np.sqrt(np.diag(np.linalg.inv(curved))[:count])
 
 
 def _courses(tracked_frames: TrackedFrames, group: Group) -> Emg:
@@ -684,32 +627,3 @@ def _courses(tracked_frames: TrackedFrames, group: Group) -> Emg:
         tuple(str(index) for index in range(len(group.synergies))),
         courses,
     )
-
-
-def _bounded(matrix: Array, right: Array, upper: Array) -> Array:
-    """Least x^T M x / 2 - r^T x with 0 <= x <= upper.
-
-    The bounds above are few, and met one after the other.
-
-    Parameters
-    ----------
-    matrix, right, upper : (n, n), (n,) and (n,) M, r and the upper bounds
-
-    Returns
-    -------
-    (n,)
-    """
-    held = np.zeros(len(right), dtype=bool)
-    while True:
-        x = np.where(held, upper, 0.0)
-        free = ~held
-        part = matrix[np.ix_(free, free)]
-        part = part + 1e-12 * np.trace(part) / max(len(part), 1) * np.eye(len(part))
-        lower = np.linalg.cholesky(part)
-        left = right[free] - matrix[np.ix_(free, held)] @ upper[held]
-        target = scipy.linalg.solve_triangular(lower, left, lower=True)
-        x[free] = scipy.optimize.nnls(lower.T, target, maxiter=30 * len(part))[0]
-        over = free & (x > upper * (1.0 + 1e-9))
-        if not over.any():
-            return x
-        held |= over

@@ -56,9 +56,12 @@ def write_gains(gains: SubjectGains, path: Path) -> None:
         vars(part.synergies) | {"muscles": part.muscles, "weights": part.weights}
         for part in gains.calibration.synergies
     ]
+    fields = dict(vars(gains.calibration))
+    # What certifies gains stays with the run that found them.
+    fields.pop("estimate")
     data = {
         "format": FORMAT,
-        **vars(gains.calibration),
+        **fields,
         "synergies": synergies,
         "scale": dict(gains.scale),
     }
