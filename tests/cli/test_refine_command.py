@@ -80,3 +80,29 @@ def test_a_walk_is_refined(command, data, tmp_path):
         ),
     )
     assert torques.status == 0, torques.err
+
+
+@pytest.mark.long
+def test_the_clock_of_a_walk_is_found_where_it_is_asked_for(command, data, tmp_path):
+    """Forces that come 20 ms late are moved back, and trials of the folder say by how much."""
+    folder = data(OPENCAP)
+    offsets = {}
+    for shift in (0.0, -0.02):
+        out = tmp_path / f"refined_{abs(shift):g}.osim"
+        told = command(
+            *("refine", "--model", folder / "models" / "manually_scaled.osim", "--mass", 62.6),
+            *("--markers", folder / "markers" / "walking1.trc", "--time", 0.2, 1.1),
+            *("--loads", folder / "grf" / "walking1_external_forces.xml"),
+            *("--force-checks", "report", "--force-shift", shift, "--no-check"),
+            *("--fit", "masses", "clock", "--out", out),
+        )
+        assert told.status == 0, told.err
+        tables = out.with_name(f"{out.stem}_refinement")
+        (row,) = csv.DictReader((tables / "clocks.csv").read_text().splitlines())
+        assert (row["trial"], row["shown"]) == ("walking1", "yes")
+        offsets[shift] = float(row["offset_s"])
+        assert f"--force-shift {offsets[shift]:.4f}"[:-2] in told.out
+        # Lengths stay as given, so that no factor differs from 1.
+        factors = csv.DictReader((tables / "lengths.csv").read_text().splitlines())
+        assert {float(row["factor"]) for row in factors} == {1.0}
+    assert offsets[-0.02] - offsets[0.0] == pytest.approx(0.02, abs=0.004)

@@ -50,6 +50,7 @@ from truths.simulated_bodies import TETRAHEDRON
 from truths.simulated_engines import TreeEngine
 from truths.simulated_subject import (
     Instruments,
+    Recording,
     SubjectOptions,
     exciting_curves,
     middles_and_reaches,
@@ -65,6 +66,8 @@ CASES = (
     ("Hamner, calibrated", ("run200",)),
 )
 """Subjects and the trials refined together; sit-to-stand has a chair that no plate measures."""
+SKIN = 0.005
+"""Root mean square by which skin moves markers along one axis [m]."""
 NINETY = 1.645
 """Standard deviations to either side that hold 90 %."""
 
@@ -163,12 +166,40 @@ def _percent(masses: Array, truth: Array) -> float:
     return float(100.0 * np.abs(masses / truth - 1.0).max())
 
 
-def simulated(
-    seed: int, seconds: float, options: RefineOptions | None = None
-) -> tuple[mm.Model, mm.Model, Refinement]:
-    """A person with unequal legs and moving skin, the calibrated model at its mass, and the
-    refinement.
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """How a simulated person and its laboratory differ from what is assumed.
+
+    Attributes
+    ----------
+    skin : from markers (frames, markers, 3), their times (frames,) and a seed to markers that move
+        on the body [m]
+    mass : largest relative difference of a link's mass from the generic model's
+    late : what the times of forces lack [s]
     """
+
+    skin: Callable[[Array, Array, int], Array]
+    mass: float = SubjectOptions.mass
+    late: float = 0.0
+
+
+def simulated(
+    seed: int, seconds: float, options: RefineOptions | None = None, truth: Truth | None = None
+) -> tuple[mm.Model, mm.Model, Refinement]:
+    """Simulate a person with unequal legs and moving skin, and refine it.
+
+    Parameters
+    ----------
+    seed : of person, movement and noise
+    seconds : of the recording
+    options : of the refinement
+    truth : what differs; by default skin that moves in waves
+
+    Returns
+    -------
+    the person, the calibrated model at its mass, and the refinement
+    """
+    truth = truth or Truth(skin=waving_skin)
     compiled = mujoco.MjModel.from_xml_string(_person())
     model = model_from_mujoco(compiled, name="person")
     markers = tuple(
@@ -177,19 +208,32 @@ def simulated(
         for i, offset in enumerate(TETRAHEDRON)
     )
     subject = random_subject(
-        model.with_markers(markers), SubjectOptions(length=0.05, asymmetry=0.09, seed=seed)
+        model.with_markers(markers),
+        SubjectOptions(length=0.05, asymmetry=0.09, mass=truth.mass, seed=seed),
     )
     engine = TreeEngine(compiled, subject.person)
     names, middles, reaches = middles_and_reaches(subject.person)
     tools = Instruments(rate=50.0, seed=seed)
     found = record(subject, engine, names, exciting_curves(middles, reaches), seconds, tools)
-    moving = with_skin(found.markers.values, found.markers.time, 0.005, seed)
-    trial = SubjectTrial("exciting", replace(found.markers, values=moving), found.wrenches)
+    trial = _with_errors(found, truth, seed)
     mass = subject.person.mass
     calibrated = mm.calibrate(
         subject.generic, [trial.markers], mm.CalibrationOptions(mass=mass)
     ).model
     return subject.person, calibrated, refine(calibrated, [trial], mass, options)
+
+
+def _with_errors(found: Recording, truth: Truth, seed: int) -> SubjectTrial:
+    """Move skin and the clock of a recording."""
+    markers = found.markers
+    moving = truth.skin(markers.values, markers.time, seed)
+    wrenches = replace(found.wrenches, time=found.wrenches.time - truth.late)
+    return SubjectTrial("exciting", replace(markers, values=moving), wrenches)
+
+
+def waving_skin(values: Array, time: Array, seed: int) -> Array:
+    """Move markers (frames, markers, 3) on the body by 5 mm, see `with_skin`."""
+    return with_skin(values, time, SKIN, seed)
 
 
 def with_skin(values: Array, time: Array, sd: float, seed: int) -> Array:

@@ -43,6 +43,8 @@ from myomorph.body.identify import base
 from myomorph.body.identify.least_squares import Recording
 from myomorph.body.identify.recordings import Usable
 from myomorph.body.identify.subject import IdentificationOptions
+from myomorph.body.refine.options import RefineOptions
+from myomorph.body.refine.refinement import Refinement
 from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
 from myomorph.body.sensors.sensor_recording import SensorRecording
 from myomorph.body.tension.emg_calibration import calibrate_emg
@@ -87,8 +89,10 @@ SENSOR_SEEDS = 6
 SENSOR_SECONDS = 12.0
 PLATES = 40
 BODIES_DRAWN = 6
-REFINED = 2
+REFINED = 8
 REFINED_SECONDS = 5.0
+MASSES_OFF = 0.4
+LATE = 0.03
 GAINED = 6
 PERSONAL = 8
 LIMBS = 40
@@ -108,6 +112,7 @@ DROPPED: Mapping[str, relaxed.Kind] = {
     ),
 }
 """What is wrong with relaxed limbs."""
+LEGS = tuple(f"{name}_{side}" for name in ("femur", "tibia") for side in "rl")
 GAINS = Errors(torque=0.02, emg=0.0, floor=0.0, gain=0.3)
 
 
@@ -319,23 +324,77 @@ def _measured(model: mm.Model, truth: Array, one: Usable, rng: np.random.Generat
 
 
 def refined(folder: Path) -> Iterator[Case]:
-    """Lengths and masses of the legs of simulated people with unequal legs."""
-    lengths = []
-    masses = []
-    links = [f"{name}_{side}" for name in ("femur", "tibia") for side in "rl"]
-    for seed in range(FIRST, FIRST + REFINED):
-        person, given, found = refine.simulated(seed, REFINED_SECONDS)
-        rows = [found.model.body_names.index(name) for name in links]
-        off = found.parameters[rows, 0] - [person.body(name).mass for name in links]
-        masses.append(Covered.of_sd(off, found.mass_sd[rows]))
-        extents = {one.name: one.extent for one in lengths_of(person)}
-        named = [one for one in lengths_of(given) if one.along and one.segment in links]
-        at = [found.lengths.index(one.name) for one in named]
-        before = np.array([one.extent for one in named])
-        errors = before * found.factors[at] - [extents[one.name] for one in named]
-        lengths.append(Covered.of_sd(errors, before * found.factors_sd[at]))
-    for unknown, parts in (("lengths of legs", lengths), ("masses of legs", masses)):
-        yield Case(unknown=unknown, noise="skin in waves", truths=REFINED, covered=joined(parts))
+    """Lengths and masses of the legs of simulated people with unequal legs, and clocks."""
+    waves = refine.Truth(skin=refine.waving_skin)
+    alike = f"skin alike over {ALIKE:g} s"
+    default = RefineOptions().fit
+    truths = {
+        "skin in waves": (waves, default),
+        alike: (refine.Truth(skin=_alike_skin), default),
+        f"skin in waves, generic masses off by up to {100 * MASSES_OFF:g} %": (
+            replace(waves, mass=MASSES_OFF),
+            default,
+        ),
+        f"{alike}, forces late by up to {1e3 * LATE:g} ms": (
+            refine.Truth(skin=_alike_skin, late=LATE),
+            (*default, "clock"),
+        ),
+    }
+    for noise, (truth, fit) in truths.items():
+        people = [_refined_person(seed, truth, fit) for seed in range(FIRST, FIRST + REFINED)]
+        for unknown in people[0]:
+            yield Case(
+                unknown=unknown,
+                noise=noise,
+                truths=REFINED,
+                covered=joined([person[unknown] for person in people]),
+            )
+
+
+def _alike_skin(values: Array, time: Array, seed: int) -> Array:
+    """Move markers (frames, markers, 3) by noise that is alike for a while."""
+    rng = np.random.default_rng(seed)
+    return values + refine.SKIN * alike_noise(time, values.shape, rng)
+
+
+def _refined_person(seed: int, truth: refine.Truth, fit: tuple[str, ...]) -> dict[str, Covered]:
+    """Refine one person and compare intervals with the truth, by unknown."""
+    late = truth.late * np.random.default_rng(seed).uniform(-1.0, 1.0)
+    # What is held out chooses parts to keep; intervals are of what is estimated.
+    options = RefineOptions(fit=fit, check=False)
+    person, given, found = refine.simulated(
+        seed, REFINED_SECONDS, options, replace(truth, late=late)
+    )
+    covered = {
+        "lengths of legs": _refined_lengths(person, given, found),
+        "masses of legs": _refined_masses(person, found),
+    }
+    for clock in found.clocks:
+        low = np.array([clock.offset.low])
+        high = np.array([clock.offset.high])
+        covered["clock of forces"] = Covered.of_limits(np.array([late]), low, high)
+    return covered
+
+
+def _refined_lengths(person: mm.Model, given: mm.Model, found: Refinement) -> Covered:
+    """Compare lengths of the legs with the truth."""
+    truth = {one.name: one.extent for one in lengths_of(person)}
+    named = [one for one in lengths_of(given) if one.along and one.segment in LEGS]
+    places = [found.lengths.index(one.name) for one in named]
+    extent = np.array([one.extent for one in named])
+    errors = extent * found.factors[places] - [truth[one.name] for one in named]
+    own = found.estimate.unknowns.slices["lengths"]
+    prior_sd = np.sqrt(found.estimate.posterior.before[own])[places]
+    return Covered.of_sd(errors, extent * found.factors_sd[places], extent * prior_sd)
+
+
+def _refined_masses(person: mm.Model, found: Refinement) -> Covered:
+    """Compare masses of the legs with the truth."""
+    rows = [found.model.body_names.index(name) for name in LEGS]
+    errors = found.parameters[rows, 0] - [person.body(name).mass for name in LEGS]
+    own = found.estimate.unknowns.slices["masses"]
+    prior_sd = np.sqrt(found.estimate.posterior.before[own]).reshape(-1, 10)[rows, 0]
+    return Covered.of_sd(errors, found.mass_sd[rows], prior_sd)
 
 
 def gained(folder: Path) -> Iterator[Case]:

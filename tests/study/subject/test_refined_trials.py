@@ -10,11 +10,13 @@ import pytest
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.sto import read_sto, table_from_motion, write_sto
-from myomorph.core.model.series import Motion
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.model.soft_tissue import SoftTissue, coordinate_groups
 from myomorph.lab.report.trial.identification_tables import tissue_sheet
 from myomorph.lab.store.results import read_result
 from myomorph.lab.study.inputs import refined
+from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.plan.plan import read_plan
 from myomorph.lab.study.run.run import run_study
 
@@ -69,17 +71,22 @@ def residual(path):
     ]
 
 
+def one_body(folder):
+    """Write a trunk with an arm as a file."""
+    ball = '<geom type="sphere" size=".1" mass="1"/>'
+    arm = f'<body name="arm" pos="0 0 .3"><joint name="shoulder" axis="1 0 0"/>{ball}</body>'
+    path = folder / "body.xml"
+    path.write_text(
+        f'<mujoco><worldbody><body name="trunk"><freejoint/>{ball}{arm}</body></worldbody></mujoco>'
+    )
+    return path
+
+
 def test_markers_lie_where_soft_tissue_has_them(tmp_path):
     """A refined motion is that of the mass; its marker errors are of q - alpha q'', here q (1 +
     alpha w^2).
     """
-    ball = '<geom type="sphere" size=".1" mass="1"/>'
-    arm = f'<body name="arm" pos="0 0 .3"><joint name="shoulder" axis="1 0 0"/>{ball}</body>'
-    body = tmp_path / "body.xml"
-    body.write_text(
-        f'<mujoco><worldbody><body name="trunk"><freejoint/>{ball}{arm}</body></worldbody></mujoco>'
-    )
-    model = read_model(body)
+    model = read_model(one_body(tmp_path))
     time = np.arange(0.0, 2.0, 0.005)
     w = 12.0
     alpha = 5e-4
@@ -99,6 +106,40 @@ def test_markers_lie_where_soft_tissue_has_them(tmp_path):
     (tmp_path / "soft_tissue.csv").write_text(tissue_sheet(tissue).csv())
     of_markers = refined._open(refined.RefinedFile(path, 6.0), opening).values[0].of_markers
     np.testing.assert_allclose(of_markers[20:-20], (1.0 + alpha * w**2) * values[20:-20], atol=1e-3)
+
+
+def test_forces_move_by_the_clock_that_was_found(tmp_path):
+    """The trial's own line in clocks.csv counts; a table without it is refused."""
+    model = read_model(one_body(tmp_path))
+    time = np.arange(0.0, 1.0, 0.01)
+    values = np.zeros((len(time), len(model.coordinates)))
+    motion = Motion(time, model.coordinate_names, values)
+    path = tmp_path / "motions" / "a_walk.mot"
+    path.parent.mkdir()
+    write_sto(table_from_motion(motion, model), path)
+    force = np.sin(5.0 * time)[:, None, None] * [0.0, 700.0, 0.0]
+    wrenches = Wrenches(
+        time=time,
+        names=("plate",),
+        bodies=("trunk",),
+        forces=force,
+        points=np.zeros_like(force),
+        torques=np.zeros_like(force),
+    )
+    loads = ExternalLoads(lambda moved: wrenches)
+    opening = SimpleNamespace(model=model, values={ExternalLoads: loads})
+
+    def times():
+        found = refined._open(refined.RefinedFile(path, 6.0), opening).values[1]
+        return found.of(motion).time
+
+    np.testing.assert_array_equal(times(), time)
+    head = "trial,offset_s,low_s,high_s,shown\n"
+    (tmp_path / "clocks.csv").write_text(head + "other,0.5,0,1,no\na walk,0.012,0.01,0.014,yes\n")
+    np.testing.assert_allclose(times(), time + 0.012)
+    (tmp_path / "clocks.csv").write_text(head + "other,0.5,0,1,no\n")
+    with pytest.raises(BadFile, match="no clock of 'a_walk'"):
+        times()
 
 
 @pytest.mark.long

@@ -15,9 +15,10 @@ from myomorph.body.refine.options import (
     RefineOptions,
 )
 from myomorph.body.refine.point import Point
-from myomorph.body.refine.predictions import LEAVES_MARKERS, WORSE
+from myomorph.body.refine.predictions import LEAVES_MARKERS
 from myomorph.body.refine.problem import Problem
 from myomorph.body.refine.refinement import ClockOffset, Prediction, RefinedTrial
+from myomorph.core.fit.verdict import WORSE
 from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.model import GROUND, Model
 

@@ -18,7 +18,7 @@ from myomorph.body.refine.problem import Problem
 from myomorph.body.refine.refinement import Errors, Prediction
 from myomorph.body.refine.search import motions_alone, settle, solve
 from myomorph.body.refine.trial_data import opened, problem_of, thinned
-from myomorph.core.fit.verdict import Verdict
+from myomorph.core.fit.verdict import WORSE, Verdict
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertia import with_inertial_parameters
 from myomorph.core.model.model import Model
@@ -27,7 +27,6 @@ from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.core.motion.lengths import factors_of
 from myomorph.core.rigid.regressor import base_wrench
 
-WORSE = 1.02  # Ratio to the given model above which a prediction is worse
 LEAVES_MARKERS = 1.1
 """Ratio of the marker errors of predictions to those of a body that only markers made, above which
 a refined body is not taken, whatever its forces.
