@@ -25,12 +25,11 @@ from myomorph.body.personalize.parameter_slopes import (
 )
 from myomorph.body.personalize.prior import Prior
 from myomorph.body.personalize.recorded import Recorded
+from myomorph.core.fit.correlation import correlation_times
 from myomorph.core.fit.residuals import NormalEquations
 from myomorph.core.model.arrays import Array, read_only
 
-MIN_ERROR = 10
-MAX_ERROR = 50  # Frames over which errors are taken to be alike at least and at most
-CUT = 0.05  # Correlation from which on errors are not alike
+MIN_ERROR = 10  # Frames over which errors of a movement are alike at least
 MAX_CHANGE = 0.2  # Of an activation in a step
 
 
@@ -137,22 +136,12 @@ class RecordingAt:
         return float(0.5 * np.sum(self.white.ravel() ** 2) + 0.5 * np.sum(logarithm))
 
     def error_length(self) -> float:
-        """Measure over how many frames misfits are alike: 1 + 2 sum rho_k.
-
-        rho_k is the correlation of the whitened misfit over k frames.
-        """
+        """Measure over how many frames whitened misfits are alike, in all rows together."""
         counted = self.recorded.windows.counted
         frames = np.full((*counted.shape, self.white.shape[1]), np.nan)
         frames[counted] = np.where(self.recorded.known, self.white, np.nan)
-        square = np.nanmean(frames**2)
-        length = 1.0
-        for lag in range(1, min(MAX_ERROR, frames.shape[1] // 2)):
-            pairs = frames[:, :-lag] * frames[:, lag:]
-            known = np.isfinite(pairs)
-            rho = float(pairs[known].sum()) / max(int(known.sum()), 1) / max(square, 1e-12)
-            if rho < CUT:
-                break
-            length += 2.0 * rho
+        runs = [window[:, [row]] for window in frames for row in range(window.shape[1])]
+        length = float(correlation_times(runs)[0])
         # Poses held still may be in any order.
         return max(length, 1.0 if self.recorded.at_rest else MIN_ERROR)
 
