@@ -5,9 +5,9 @@
 Of every frame the activations are marginalized to first order: with G = R^T dF/da the misfit r has
 the covariance S = var(e_tau) + G var(a) G^T, so that least effort weighs no more than what is known
 of activations says. Gauss-Newton steps in p use S^-1; activations follow as their mean given p,
-within 0 and 1. Errors of neighboring frames are alike: frames count by one over the correlation time
-of the whitened misfit (`correlation_times`). Errors of torques and activations are estimated beside
-p from the squared misfits (Rasmussen and Williams 2006 for the marginal).
+within 0 and 1. Errors of neighboring frames are alike: frames count by one over the correlation
+time of the whitened misfit (`correlation_times`). Errors of torques and activations are estimated
+beside p from the squared misfits (Rasmussen and Williams 2006 for the marginal).
 """
 
 from __future__ import annotations

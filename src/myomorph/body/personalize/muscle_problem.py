@@ -186,11 +186,11 @@ class RecordingsAt:
         information = prior.precision.copy()
         for part in self.parts:
             information += part.equations.H
-        rows = _fiber_range_rows(self.problem, self.p).slopes
-        information += rows.T @ rows
+        information += _fiber_range_rows(self.problem, self.p).normal().H
         inner = np.ix_(self.free, self.free)
+        known = NormalEquations(H=information[inner], g=np.zeros(int(self.free.sum())))
         covariance = np.zeros_like(information)
-        covariance[inner] = np.linalg.inv(information[inner])
+        covariance[inner] = known.covariance
         return covariance
 
     def state_after(self, p: Array) -> FitState:

@@ -140,8 +140,7 @@ class RecordingAt:
         counted = self.recorded.windows.counted
         frames = np.full((*counted.shape, self.white.shape[1]), np.nan)
         frames[counted] = np.where(self.recorded.known, self.white, np.nan)
-        runs = [window[:, [row]] for window in frames for row in range(window.shape[1])]
-        length = float(correlation_times(runs)[0])
+        length = float(correlation_times(list(frames), together=True)[0])
         # Poses held still may be in any order.
         return max(length, 1.0 if self.recorded.at_rest else MIN_ERROR)
 

@@ -33,7 +33,7 @@ def autocovariance(runs: Sequence[Array]) -> Array:
     return covariance
 
 
-def correlation_times(runs: Sequence[Array]) -> Array:
+def correlation_times(runs: Sequence[Array], together: bool = False) -> Array:
     """Frames that say as much about a mean as one independent frame.
 
         1 + 2 sum_k rho_k
@@ -47,10 +47,11 @@ def correlation_times(runs: Sequence[Array]) -> Array:
     Parameters
     ----------
     runs : (frames, columns) errors about 0, evenly spaced in time; NaN where missing
+    together : whether all columns have one correlation
 
     Returns
     -------
-    (columns,) [frames], 1 or more
+    (columns,) [frames], 1 or more; (1,) of all columns together
 
     Examples
     --------
@@ -61,6 +62,8 @@ def correlation_times(runs: Sequence[Array]) -> Array:
     True
     """
     covariance = autocovariance(runs)
+    if together:
+        covariance = covariance.sum(axis=1, keepdims=True)
     pairs = len(covariance) // 2
     if not pairs:
         return np.ones(covariance.shape[1])

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from myomorph.core.fit.unknowns import Unknowns, Values
@@ -35,6 +36,21 @@ class NormalEquations:
 
     H: Array
     g: Array
+
+    @property
+    def covariance(self) -> Array:
+        """(unknowns, unknowns) inverse of H, by its Cholesky factor.
+
+        Raises
+        ------
+        LinAlgError : a direction has no information
+        """
+        factor, failed = scipy.linalg.lapack.dpotrf(self.H, lower=True)
+        if failed:
+            raise np.linalg.LinAlgError("the normal equations are not positive definite")
+        lower, _ = scipy.linalg.lapack.dpotri(factor, lower=True)
+        below = np.tril(lower, -1)
+        return np.asarray(below + below.T + np.diag(np.diag(lower)))
 
 
 class Evaluation(Protocol):

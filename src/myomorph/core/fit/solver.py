@@ -229,7 +229,7 @@ class _Model:
     def sd(self) -> Array:
         """Standard deviations (unknowns,) of the free unknowns; infinite for the others."""
         sd = np.full(len(self.free), np.inf)
-        sd[self.free] = np.sqrt(np.diag(np.linalg.inv(self._H)))
+        sd[self.free] = np.sqrt(np.diag(NormalEquations(H=self._H, g=self.g).covariance))
         return sd
 
     def damped(self, damping: float | Array) -> Array:
