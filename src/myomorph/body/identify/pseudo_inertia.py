@@ -16,17 +16,24 @@ of their entropic divergence too).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
-import clarabel
 import numpy as np
 import scipy
 
+from myomorph.core.fit.cones import Cone, Cones
+from myomorph.core.fit.linear import LinearMinimum, minimize_linear
+from myomorph.core.fit.problem import Problem
+from myomorph.core.fit.residuals import Condensed
+from myomorph.core.fit.unknowns import Block, Unknown, Unknowns
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.inertia import parameters_of, pseudo_inertias
 
 TRIANGLE = tuple((i, j) for j in range(4) for i in range(j + 1))
 """Entries of a symmetric 4 x 4 matrix in the order of the solver: columns of the upper triangle."""
+CHANGES = "changes of pseudo-inertias"
+CLOSED_FORM = "closed form"
 SMALLEST_SHARE = 1e-6  # A link of less than this share of the whole mass stays at its reference
 
 
@@ -119,18 +126,9 @@ def solve_pseudo_inertia(
     BadData : a shape is wrong, a value is not finite, the mass is not above 0, or the reference of
         a link is of no body
     """
-    problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
-    free = _least_squares(problem, mass)
-    # Changes that keep every inequality are the optimum with them too.
-    if (
-        1.0 + np.linalg.eigvalsh(symmetric(free.reshape(-1, 10)))[:, 0] >= problem.options.margin
-    ).all():
-        return problem.fit(free)
-    for residuals in (False, True):
-        solution = _solve(problem, mass, residuals)
-        if str(solution.status) == "Solved":
-            break
-    return problem.fit(np.array(solution.x)[: problem.A.shape[1]], solution)
+    options = options or PseudoInertiaOptions()
+    changes = _Changes.of(A, b, reference, mass, options)
+    return changes.fit(minimize_linear(changes.problem, changes.cones, options.tolerance))
 
 
 def solve_ridge(
@@ -161,8 +159,8 @@ def solve_ridge(
     ------
     BadData : as in `solve_pseudo_inertia`
     """
-    problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
-    return problem.fit(_least_squares(problem, mass))
+    changes = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
+    return changes.fit(minimize_linear(changes.problem, changes.total))
 
 
 def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
@@ -193,7 +191,7 @@ def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
     return repaired
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Changes:
     """The problem in the changes E of the moved links, ten scaled entries each.
 
@@ -201,27 +199,20 @@ class _Changes:
 
     Attributes
     ----------
-    A, b : (rows, 10 moved), (rows,) what was measured less what the reference says
-    given_A, given_b : (rows, 10 links), (rows,) as given
+    A, b : (rows, 10 links), (rows,) as given
     reference : (links, 10)
     moved : (moved,) links that may change
     basis : (moved, 10, 10) parameters of a unit of each entry
-    prior : (10 moved, 10 moved) its precision
-    total : (10 moved,) mass of a unit of each entry [kg]
-    lacking : mass that the changes must add [kg]
+    mass : total [kg]; None leaves it free
     options : as given
     """
 
     A: Array
     b: Array
-    given_A: Array
-    given_b: Array
     reference: Array
     moved: np.ndarray
     basis: Array
-    prior: Array
-    total: Array
-    lacking: float
+    mass: float | None
     options: PseudoInertiaOptions
 
     @staticmethod
@@ -241,146 +232,125 @@ class _Changes:
             raise BadData("A, b or the reference holds a number that is not finite")
         if mass is not None and not mass > 0.0:
             raise BadData(f"the body's mass is {mass:g} kg: expected above 0")
-        P = pseudo_inertias(reference)
         moved = np.flatnonzero(reference[:, 0] > SMALLEST_SHARE * reference[:, 0].sum())
-        scale = np.sqrt(np.diagonal(P[moved], axis1=1, axis2=2).clip(min=1e-300))
-        least = np.linalg.eigvalsh(P[moved] / scale[:, :, None] / scale[:, None])[:, 0]
-        if len(least) and least.min() < 1e-9:
-            worst = moved[int(least.argmin())]
-            raise BadData(
-                f"the reference of link {worst} is of no body: its pseudo-inertia is not positive"
-                " definite; give it an inertia that a body of its mass can have, or pass it"
-                " through `possible_reference`"
-            )
-        basis = tangents(reference[moved])
-        by_link = A.reshape(len(A), len(reference), 10)[:, moved]
-        reduced = np.einsum("rli,lij->rlj", by_link, basis, optimize=True).reshape(
-            len(A), 10 * len(moved)
-        )
-        total = basis[:, 0].ravel()
+        _refuse_no_body(reference, moved)
         return _Changes(
-            reduced,
-            b - A @ reference.ravel(),
-            A,
-            b,
-            reference,
-            moved,
-            basis,
-            np.eye(10 * len(moved)) / options.mass_sd**2,
-            total,
-            0.0 if mass is None else mass - reference[:, 0].sum(),
-            options,
+            A=A,
+            b=b,
+            reference=reference,
+            moved=moved,
+            basis=tangents(reference[moved]),
+            mass=mass,
+            options=options,
         )
 
-    def fit(
-        self, x: Array, default_solution: clarabel.DefaultSolution | None = None
-    ) -> PseudoInertiaFit:
-        """Build the fit of changes, and report how the solver found them where it was needed.
+    @property
+    def problem(self) -> Problem:
+        """What was measured, and the prior of the changes, as a problem of core/fit."""
+        count = 10 * len(self.moved)
+        by_link = self.A.reshape(len(self.A), len(self.reference), 10)[:, self.moved]
+        rows = np.einsum("rli,lij->rlj", by_link, self.basis, optimize=True)
+        measured = Condensed(
+            name="measured parameters",
+            blocks=(CHANGES,),
+            rows=rows.reshape(len(self.A), count),
+            right=self.b - self.A @ self.reference.ravel(),
+        )
+        return Problem(_unknowns(tuple(self.moved.tolist()), self.options.mass_sd), (measured,))
+
+    @property
+    def total(self) -> Cones | None:
+        """The equation of the whole mass; None where it is free."""
+        if self.mass is None:
+            return None
+        return Cones(
+            rows=self.basis[:, 0].reshape(1, -1),
+            right=np.array([self.mass - self.reference[:, 0].sum()]),
+            cones=(Cone("zero", 1),),
+        )
+
+    @property
+    def cones(self) -> Cones:
+        """The whole mass, and I + E - margin I positive semidefinite for every moved link."""
+        links = len(self.moved)
+        unit = [1.0 - self.options.margin if i == j else 0.0 for i, j in TRIANGLE]
+        rows = -scipy.sparse.eye_array(10 * links)
+        right = np.tile(unit, links)
+        cones = (Cone("semidefinite", 4),) * links
+        total = self.total
+        if total is None:
+            return Cones(rows=rows, right=right, cones=cones)
+        return Cones(
+            rows=scipy.sparse.vstack([scipy.sparse.csr_array(total.rows), rows]),
+            right=np.concatenate([total.right, right]),
+            cones=(*total.cones, *cones),
+        )
+
+    def fit(self, found: LinearMinimum) -> PseudoInertiaFit:
+        """Build the fit of changes that were found.
 
         Parameters
         ----------
-        x : (10 moved,)
-        default_solution : of the solver; None for the closed form
+        found : minimum of the problem
         """
-        changes = x.reshape(-1, 10)
+        changes = found.solution.x.reshape(-1, 10)
         parameters = self.reference.copy()
         parameters[self.moved] += np.einsum("lij,lj->li", self.basis, changes)
         smallest = np.full(len(parameters), np.nan)
         smallest[self.moved] = 1.0 + np.linalg.eigvalsh(symmetric(changes))[:, 0]
         kept = np.ones(len(parameters), bool)
         kept[self.moved] = False
-        missed = self.given_b - self.given_A @ parameters.ravel()
+        missed = self.b - self.A @ parameters.ravel()
+        conic = found.conic
         return PseudoInertiaFit(
             parameters=parameters,
             misfit=float(missed @ missed),
             smallest=smallest,
             kept=kept,
-            status="closed form" if default_solution is None else str(default_solution.status),
-            converged=default_solution is None or str(default_solution.status) == "Solved",
-            residual=(
-                0.0
-                if default_solution is None
-                else float(max(default_solution.r_prim, default_solution.r_dual))
-            ),
-            iterations=0 if default_solution is None else int(default_solution.iterations),
+            status=CLOSED_FORM if conic is None else conic.status,
+            converged=found.solution.search.converged,
+            residual=0.0 if conic is None else conic.residual,
+            iterations=0 if conic is None else conic.iterations,
             options=self.options,
         )
 
 
-def _solve(problem: _Changes, mass: float | None, residuals: bool) -> clarabel.DefaultSolution:
-    """Solve the conic program by Clarabel.
-
-    right - rows x lies in the cones, those of the total mass and the pseudo-inertias.
+@lru_cache(maxsize=64)
+def _unknowns(moved: tuple[int, ...], mass_sd: float) -> Unknowns:
+    """List the changes of links, made once for all that is tried.
 
     Parameters
     ----------
-    problem : in the changes of the moved links
-    mass : total [kg]; None leaves it free
-    residuals : whether the rows' misses are variables of their own, which squares no condition
-        number but takes ten times longer: for measurements that no body near the reference can meet
+    moved : numbers of the links that may change
+    mass_sd : standard deviation of each entry
     """
-    n = problem.A.shape[1]
-    links = len(problem.moved)
-    rows = -scipy.sparse.eye_array(n)
-    cones = [clarabel.PSDTriangleConeT(4)] * links
-    right = np.tile([1.0 - problem.options.margin if i == j else 0.0 for i, j in TRIANGLE], links)
-    if mass is not None:
-        rows = scipy.sparse.vstack([scipy.sparse.csr_array(problem.total[None]), rows])
-        cones = [clarabel.ZeroConeT(1), *cones]
-        right = np.append(problem.lacking, right)
-    if residuals:
-        A = problem.A
-        b = problem.b
-        if len(A) > n:
-            Q, A = np.linalg.qr(A)
-            b = Q.T @ b
-        misses = scipy.sparse.hstack([scipy.sparse.csr_array(A), -scipy.sparse.eye_array(len(A))])
-        rows = scipy.sparse.vstack(
-            [misses, scipy.sparse.hstack([rows, scipy.sparse.csr_array((len(right), len(A)))])]
-        )
-        right = np.concatenate([b, right])
-        cones = [clarabel.ZeroConeT(len(A)), *cones]
-        H = scipy.sparse.block_diag([problem.prior, scipy.sparse.eye_array(len(A))])
-        linear = np.zeros(n + len(A))
-    else:
-        full = problem.A.T @ problem.A + problem.prior
-        scale = 1.0 / np.diagonal(full).mean()
-        H = scipy.sparse.csc_array(scale * full)
-        linear = -scale * (problem.A.T @ problem.b)
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = problem.options.tolerance
-    return clarabel.DefaultSolver(
-        scipy.sparse.csc_matrix(scipy.sparse.triu(H)),
-        linear,
-        scipy.sparse.csc_matrix(rows),
-        right,
-        cones,
-        settings,
-    ).solve()
+    names = [f"link {link} E_{i + 1}{j + 1}" for link in moved for i, j in TRIANGLE]
+    changes = [Unknown(name=name, sd=mass_sd, scale=mass_sd) for name in names]
+    return Unknowns((Block(name=CHANGES, unknowns=tuple(changes)),))
 
 
-def _least_squares(problem: _Changes, mass: float | None) -> Array:
-    """Solve without the inequalities, by QR of the stacked rows.
+def _refuse_no_body(reference: Array, moved: np.ndarray) -> None:
+    """Refuse a reference that no distribution of mass can have.
 
-    Returns
-    -------
-    (10 moved,) changes
+    Parameters
+    ----------
+    reference : (links, 10)
+    moved : (moved,) links that may change
+
+    Raises
+    ------
+    BadData : a pseudo-inertia of these links is not positive definite
     """
-    root = scipy.linalg.cholesky(problem.prior)
-    n = len(root)
-    rows = np.block([[problem.A, problem.b[:, None]], [root, np.zeros((n, 1))]])
-    factor = scipy.linalg.qr(rows, mode="r")[0]
-    R = factor[:n, :n]
-    right = factor[:n, n]
-    x: Array = scipy.linalg.solve_triangular(R, right)
-    if mass is not None:
-        # The least change of the total in the metric of the problem: (R^T R)^-1 total.
-        toward = scipy.linalg.solve_triangular(
-            R, scipy.linalg.solve_triangular(R, problem.total, trans="T")
+    P = pseudo_inertias(reference)[moved]
+    scale = np.sqrt(np.diagonal(P, axis1=1, axis2=2).clip(min=1e-300))
+    least = np.linalg.eigvalsh(P / scale[:, :, None] / scale[:, None])[:, 0]
+    if len(least) and least.min() < 1e-9:
+        worst = moved[int(least.argmin())]
+        raise BadData(
+            f"the reference of link {worst} is of no body: its pseudo-inertia is not positive"
+            " definite; give it an inertia that a body of its mass can have, or pass it"
+            " through `possible_reference`"
         )
-        x = x + toward * ((problem.lacking - problem.total @ x) / (problem.total @ toward))
-    return x
 
 
 def symmetric(entries: Array) -> Array:

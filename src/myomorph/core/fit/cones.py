@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import clarabel
 import numpy as np
 import scipy
 
-from myomorph.core.fit.residuals import NormalEquations
+from myomorph.core.fit.residuals import NormalEquations, Rows
 from myomorph.core.model.arrays import Array, read_only
 
 SOLVED = "Solved"
@@ -49,6 +50,42 @@ class Cones:
     rows: Array | scipy.sparse.sparray
     right: Array
     cones: tuple[Cone, ...]
+
+    @cached_property
+    def _parts(self) -> tuple[slice, ...]:
+        """Rows of each cone."""
+        ends = np.cumsum([0, *(cone.rows for cone in self.cones)]).tolist()
+        return tuple(map(slice, ends[:-1], ends[1:]))
+
+    @property
+    def equations(self) -> tuple[Array, Array]:
+        """(equations, unknowns) and (equations,) rows x = right of cones of the kind "zero"."""
+        pairs = zip(self.cones, self._parts, strict=True)
+        every = np.arange(len(self.right))
+        chosen = [every[part] for cone, part in pairs if cone.kind == "zero"]
+        index = np.concatenate([np.zeros(0, np.int64), *chosen])
+        rows = scipy.sparse.csr_array(self.rows)[index].toarray()
+        return rows, self.right[index]
+
+    def hold(self, x: Array) -> bool:
+        """Tell whether a point lies in the cones; equations are not looked at.
+
+        Parameters
+        ----------
+        x : (unknowns,)
+        """
+        rest = self.right - self.rows @ x
+        pairs = zip(self.cones, self._parts, strict=True)
+        return all(_least(cone, rest[part]) >= 0.0 for cone, part in pairs)
+
+    def moved(self, start: Array) -> Cones:
+        """Return the cones of the steps from a point.
+
+        Parameters
+        ----------
+        start : (unknowns,)
+        """
+        return Cones(rows=self.rows, right=self.right - self.rows @ start, cones=self.cones)
 
 
 @read_only
@@ -125,6 +162,54 @@ def minimize_in_cones(
         residual=float(max(found.r_prim, found.r_dual)),
         iterations=int(found.iterations),
     )
+
+
+def minimize_misses_in_cones(rows: Rows, cones: Cones, tolerance: float = 1e-8) -> ConicSolution:
+    """Minimum of |J x + r|^2 with right - rows x in cones, the misses as unknowns of their own.
+
+        minimize |m|^2,    m = J x + r
+
+    No condition number is squared, but it takes ten times longer than `minimize_in_cones`: for
+    measurements that nothing in the cones can meet.
+
+    Parameters
+    ----------
+    rows : residuals r and slopes J at x = 0, as many as unknowns at most
+    cones : what x has to meet
+    tolerance : of the solver's residuals and gap
+    """
+    misses, unknowns = rows.slopes.shape
+    total = unknowns + misses
+    H = np.zeros((total, total))
+    H[unknowns:, unknowns:] = np.eye(misses)
+    equations = scipy.sparse.hstack([rows.slopes, -scipy.sparse.eye_array(misses)])
+    nothing = scipy.sparse.csr_array((len(cones.right), misses))
+    whole = Cones(
+        rows=scipy.sparse.vstack([equations, scipy.sparse.hstack([cones.rows, nothing])]),
+        right=np.concatenate([-rows.residuals, cones.right]),
+        cones=(Cone("zero", misses), *cones.cones),
+    )
+    found = minimize_in_cones(NormalEquations(H=H, g=np.zeros(total)), whole, tolerance)
+    return replace(found, x=found.x[:unknowns])
+
+
+def _least(cone: Cone, entries: Array) -> float:
+    """Find the smallest of what may not be below 0 in a cone: entries, or eigenvalues.
+
+    Parameters
+    ----------
+    cone : of any kind
+    entries : (rows of the cone,)
+    """
+    if cone.kind == "zero":
+        return 0.0
+    if cone.kind == "nonnegative":
+        return float(entries.min(initial=0.0))
+    columns, rows = np.tril_indices(cone.size)
+    matrix = np.zeros((cone.size, cone.size))
+    # Eigenvalues are found from the lower triangle alone.
+    matrix[columns, rows] = np.where(rows == columns, entries, np.sqrt(0.5) * entries)
+    return float(np.linalg.eigvalsh(matrix)[0])
 
 
 def _clarabel_cone(cone: Cone) -> object:

@@ -89,6 +89,11 @@ class Equations(NamedTuple):
     data: NormalEquations
     prior: NormalEquations
 
+    @property
+    def all(self) -> NormalEquations:
+        """Of both together."""
+        return NormalEquations(H=self.data.H + self.prior.H, g=self.data.g + self.prior.g)
+
 
 class Damped(NamedTuple):
     """Normal equations of all unknowns together, their diagonals raised.

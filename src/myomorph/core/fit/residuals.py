@@ -263,6 +263,38 @@ class _MeasuredAt:
 
 
 @read_only
+class Condensed:
+    """Linear measurements condensed to few rows: |rows x - right|^2 is their misfit.
+
+    It is so but for a constant, which no value removes. Rows from a QR decomposition of all
+    measurements keep digits that normal equations lose.
+
+    Attributes
+    ----------
+    name, blocks : see `Residuals`
+    rows, right : (rows, unknowns) and (rows,) in units of noise
+    prior : False: it was measured
+    """
+
+    name: str
+    blocks: tuple[str, ...]
+    rows: Array
+    right: Array
+    prior: bool = field(default=False, init=False)
+
+    def at(self, values: Values, before: Evaluation | None = None) -> Rows:
+        """Compute the misfits in units of noise.
+
+        Parameters
+        ----------
+        values : of the unknowns
+        before : not used
+        """
+        x = np.concatenate([values[name] for name in self.blocks])
+        return Rows(residuals=self.rows @ x - self.right, slopes=self.rows)
+
+
+@read_only
 class LinearPrior:
     """A normal prior of linear combinations of unknowns: rows x ~ N(right, 1).
 

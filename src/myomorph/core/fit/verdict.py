@@ -88,6 +88,11 @@ class Verdict:
         return self.known and self.ratio < self.limit
 
     @property
+    def worse(self) -> bool:
+        """Whether the generic values predict at least as well."""
+        return self.known and not self.better
+
+    @property
     def losses(self) -> tuple[str, ...]:
         """Parts and kinds that the estimate predicts worse by `WORSE`."""
         lost = []
@@ -98,17 +103,21 @@ class Verdict:
         return tuple(lost)
 
     @property
+    def numbers(self) -> str:
+        """Misfits of the estimate and of the generic values, for a line of output."""
+        pairs = zip(self.kinds, self.rms(self.estimate), self.rms(self.generic), strict=True)
+        return ", ".join(
+            f"{kind} {found:.3g} {unit} (generic {other:.3g})"
+            for (kind, unit), found, other in pairs
+        )
+
+    @property
     def sentence(self) -> str:
         """The verdict with its numbers."""
         if not self.known:
             return "nothing was held out: whether the estimate is better is not known"
-        pairs = zip(self.kinds, self.rms(self.estimate), self.rms(self.generic), strict=True)
-        numbers = ", ".join(
-            f"{kind} {found:.3g} {unit} (generic {other:.3g})"
-            for (kind, unit), found, other in pairs
-        )
         verb = "better" if self.better else "not better"
-        return f"predicts {self.what} {verb} than the generic values: {numbers}"
+        return f"predicts {self.what} {verb} than the generic values: {self.numbers}"
 
 
 def simplest(verdicts: Mapping[Name, Verdict], factor: float) -> Name:
