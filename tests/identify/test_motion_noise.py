@@ -4,12 +4,20 @@ shrunk by it.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from myomorph.body.identify.base_parameters import base_parameters, held_in
 from myomorph.body.identify.least_squares import Recording
-from myomorph.body.identify.motion_noise import motion_noise, noise_of, plus
+from myomorph.body.identify.motion_noise import (
+    coordinate_noise,
+    motion_noise,
+    noise_of,
+    plus,
+    with_noise,
+)
 from myomorph.body.identify.parts import MAX_NOISE, parts_of, without_noise
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.sto import motion_from_table, read_sto
@@ -84,10 +92,11 @@ def noisy_walk(data):
         points=points,
         torques=wrench[:, None, :3],
     )
-    from_noise = plus(motion, noise_of(motion, SD, 6.0, np.random.default_rng(5)))
-    recording = Recording(from_noise, exact)
+    drawn = noise_of(motion, coordinate_noise(motion, SD, 6.0), np.random.default_rng(5))
+    from_noise = plus(motion, drawn)
+    recording = with_noise(Recording(from_noise, exact), SD)
     parts = parts_of(model, [recording], base_parameters(model, held=held_in(model, [from_noise])))
-    return model, recording, parts, motion_noise(model, [recording], parts, SD)
+    return model, recording, parts, motion_noise(model, [recording], parts)
 
 
 def test_the_misfit_that_noise_makes_is_foretold(noisy_walk):
@@ -101,11 +110,12 @@ def test_noise_larger_than_the_misfit_is_taken_as_less(noisy_walk):
     model, recording, parts, noise = noisy_walk
     truth = inertial_parameters(model)
     less = noise.at_most(0.5 * noise.misfit(truth), truth)
-    assert less.sd == pytest.approx(0.5 * SD)
+    assert less.share == pytest.approx(0.5)
     np.testing.assert_allclose(less.misfit(truth), 0.5 * noise.misfit(truth), rtol=1e-9)
     assert noise.at_most(2.0 * noise.misfit(truth), truth) is noise
     # Made anew with half the noise: the same pulls on the mean, draw by draw.
-    again = motion_noise(model, [recording], parts, 0.5 * SD)
+    half = replace(recording, noise=coordinate_noise(recording.motion, 0.5 * SD))
+    again = motion_noise(model, [half], parts)
     own = less.scores(parts.rms(truth), truth)
     other = again.scores(parts.rms(truth), truth)
     assert np.linalg.norm(own - other) < 0.2 * np.linalg.norm(other)

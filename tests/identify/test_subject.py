@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from myomorph.body.identify.base_parameters import base_parameters, held_in
-from myomorph.body.identify.determined import LINK_SD, NINETY, determined
+from myomorph.body.identify.determined import LINK_SD, MeasuredRows, determined
 from myomorph.body.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
 from myomorph.body.identify.parts import parts_of
 from myomorph.body.identify.pseudo_inertia import PseudoInertiaOptions, solve_ridge
@@ -25,6 +25,7 @@ from myomorph.body.identify.subject import (
 )
 from myomorph.body.identify.unseen import thinned
 from myomorph.body.identify.validation import cross_validate
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.loads import read_external_loads
 from myomorph.core.io.sto import motion_from_table, read_sto
@@ -104,7 +105,7 @@ def test_the_model_is_a_body_of_the_given_mass(real):
     assert found.mass_sd in found.tried
     assert np.mean(np.square(found.tried[found.mass_sd] / found.noise)) <= 1.0
     assert not found.unseen.worse
-    assert found.unseen.ratio[0] < 0.8
+    assert found.unseen.ratios[0] < 0.8
 
 
 def test_what_the_data_do_not_show_is_marked(real):
@@ -122,7 +123,8 @@ def test_what_the_data_do_not_show_is_marked(real):
 
 def test_without_data_nothing_is_shown(walk):
     model, points, _ = walk
-    known = determined(points["own"], np.zeros((1, 10 * len(model.bodies))), MASS, 0.1)
+    nothing = MeasuredRows(A=np.zeros((1, 10 * len(model.bodies))))
+    known = determined(points["own"], nothing, MASS, 0.1)
     np.testing.assert_allclose(known.shares, 0.0, atol=1e-9)
     np.testing.assert_allclose(known.sd, known.prior_sd, rtol=1e-9)
     assert known.rank == 0
@@ -136,11 +138,11 @@ def test_a_sum_of_two_masses_is_not_two_masses(walk):
     one = model.body_names.index("femur_r")
     other = model.body_names.index("femur_l")
     A[0, [10 * one, 10 * other]] = 1e6
-    known = determined(points["own"], A, MASS, 0.1)
+    known = determined(points["own"], MeasuredRows(A=A), MASS, 0.1)
     assert known.rank == 1
     assert not known.data.any()
     A[0, 10 * other] = 0.0
-    known = determined(points["own"], A, MASS, 0.1)
+    known = determined(points["own"], MeasuredRows(A=A), MASS, 0.1)
     assert np.argwhere(known.data).tolist() == [[one, 0]]
     assert known.sd[one, 0] < 1e-3 * known.prior_sd[one, 0]
 
@@ -157,7 +159,7 @@ def test_intervals_hold_masses_of_many_bodies(walk):
     rng = np.random.default_rng(3)
     mass_sd = 0.1
     samples = 4.0
-    known = determined(few, A, MASS, mass_sd, samples)
+    known = determined(few, MeasuredRows(A=A, samples=samples), MASS, mass_sd)
     center = few.parameters(few.reference).ravel()
     options = PseudoInertiaOptions(mass_sd=mass_sd)
     inside = []
@@ -170,7 +172,9 @@ def test_intervals_hold_masses_of_many_bodies(walk):
         found_masses = solve_ridge(
             A, b, center.reshape(-1, 10), mass=MASS, options=options
         ).parameters[:, 0]
-        inside.append(np.abs(found_masses - truth.reshape(-1, 10)[:, 0]) < NINETY * known.sd[:, 0])
+        inside.append(
+            np.abs(found_masses - truth.reshape(-1, 10)[:, 0]) < half_width(known.sd[:, 0])
+        )
     assert 0.85 < np.mean(inside) < 0.95
 
 

@@ -14,14 +14,15 @@ from threadpoolctl import threadpool_limits
 import myomorph as mm
 from benchmarks.accuracy.identification.identification import CUTOFF, SPACING, SUBJECTS, opened
 from myomorph.body.identify.base_parameters import base_parameters
-from myomorph.body.identify.determined import LINK_SD, NINETY
+from myomorph.body.identify.determined import LINK_SD
 from myomorph.body.identify.least_squares import Recording
-from myomorph.body.identify.motion_noise import noise_of, plus
+from myomorph.body.identify.motion_noise import coordinate_noise, noise_of, plus
 from myomorph.body.identify.parts import parts_of
 from myomorph.body.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.body.identify.soft_tissue import Use
 from myomorph.body.identify.subject import GENERIC, IdentificationOptions
 from myomorph.body.refine.subject_trial import SubjectTrial
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
 from myomorph.core.model.soft_tissue import SoftTissue
@@ -160,7 +161,7 @@ def measure(folder: Path) -> Iterator[Row]:
                     [_errors(model, runner.truth, parameters, limbs) for limbs in LIMBS.values()]
                 )
                 off = np.abs(parameters[:, 0] - runner.truth[:, 0]) / np.maximum(sd, 1e-12)
-                inside.append(off[heavy] < NINETY)
+                inside.append(off[heavy] < half_width(1.0))
                 taken += found is not None
             name = way if use == "auto" else f"{way}, soft tissue never"
             yield _row(tissue, name, ratios, errors, float(np.mean(inside)), taken)
@@ -314,7 +315,7 @@ def measure_intervals(folder: Path) -> Iterator[dict[str, object]]:
                 kept += found.chosen == GENERIC
                 ranks.append(found.known.rank)
                 shown.append(int(found.known.data.sum()))
-            inside = np.abs(np.array(errors)) < NINETY
+            inside = np.abs(np.array(errors)) < half_width(1.0)
             yield {
                 "motion": subject.name,
                 "noise of coordinates [mrad, mm]": 1e3 * sd,
@@ -363,7 +364,9 @@ def _recorded(
     return replace(
         one,
         recording=Recording(
-            plus(motion, noise_of(motion, sd, 6.0, random)), wrenches, one.recording.use
+            plus(motion, noise_of(motion, coordinate_noise(motion, sd, 6.0), random)),
+            wrenches,
+            one.recording.use,
         ),
         notes=(),
     )

@@ -18,7 +18,7 @@ from myomorph.body.identify.base_parameters import (
     link_levels,
     root_coordinates,
 )
-from myomorph.body.identify.least_squares import fold, levels, rank_and_condition, with_prior
+from myomorph.body.identify.triangles import fold, levels, rank_and_condition, with_prior
 from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap

@@ -18,10 +18,14 @@ from myomorph.body.calibrate.calibration import (
 from myomorph.body.identify.base import BaseFit, Tare
 from myomorph.body.identify.base_parameters import BaseParameters
 from myomorph.body.identify.determined import Determined
+from myomorph.body.identify.estimate import mass_unknowns
 from myomorph.body.identify.subject import Identification
-from myomorph.body.identify.unseen import Unseen
 from myomorph.body.identify.validation import Consistency, CrossValidation, LinkConsistency
 from myomorph.body.shape.points import MassPoints, links_of
+from myomorph.core.fit.estimation import Estimate
+from myomorph.core.fit.posterior import Posterior
+from myomorph.core.fit.solver import Search
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.model import Body, Joint, Model
 from myomorph.core.model.segments import segments_of
@@ -210,12 +214,38 @@ def base_fit() -> BaseFit:
     )
 
 
+def tenth_of(names: tuple[str, ...], parameters: Array) -> Posterior:
+    """Make standard deviations of a tenth of each parameter, from a fifth before.
+
+    Parameters
+    ----------
+    names : of the bodies
+    parameters : (bodies, 10)
+
+    Returns
+    -------
+    as identification has it
+    """
+    variances = np.square(parameters.ravel())
+    unknowns = mass_unknowns(names, parameters, np.abs(parameters))
+    return Posterior(
+        unknowns=unknowns,
+        x=unknowns.start,
+        free=unknowns.free(),
+        covariance=0.01 * np.diag(variances),
+        after=0.01 * variances,
+        before=0.04 * variances,
+        hidden=np.zeros((0, len(unknowns))),
+    )
+
+
 def walker_identification() -> Identification:
     """A walker whose identified masses are its own, and a generic model a tenth heavier."""
     body = walker()
     true = inertial_parameters(body)
     share = np.repeat(np.array([0.9, 0.5, 0.25, np.nan, 0.0])[:, None], 10, axis=1)
     names = body.body_names
+    posterior = tenth_of(names, true)
     links = (link(names[0], 36.0, 0.1), link(names[1], 9.0, -0.2, "center outside <skin>"))
     pose = links_of(body, Motion(np.zeros(1), (), np.zeros((1, 0))))
     weights = sparse.csr_array((np.ones(5), (np.arange(5), np.arange(5))), shape=(5, 5))
@@ -225,8 +255,11 @@ def walker_identification() -> Identification:
         identified="identified",
         parameters={"identified": true, "generic": 1.1 * true},
         residuals={"identified": np.array([1.0, 2.0]), "generic": np.array([3.0, 4.0])},
-        unseen=Unseen(
-            identified=np.zeros((0, 2)), generic=np.zeros((0, 2)), frames=np.zeros(0, int), what=""
+        estimate=Estimate(
+            unknowns=posterior.unknowns,
+            explained=(),
+            search=Search(status="converged", costs=(0.0,), change=0.0),
+            posterior=posterior,
         ),
         tried={},
         mass_sd=0.2,
@@ -244,8 +277,7 @@ def walker_identification() -> Identification:
             shares=share,
             rank=2,
             data=share > 0.6,
-            sd=0.1 * np.abs(true),
-            prior_sd=0.2 * np.abs(true),
+            posterior=posterior,
         ),
         consistency={
             "identified": Consistency((*links, *(link(name, 5.0, 0.1) for name in names[2:])))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,16 +15,8 @@ from myomorph.body.identify.base_parameters import (
     held_in,
     link_levels,
 )
-from myomorph.body.identify.least_squares import (
-    Recording,
-    Rows,
-    Solution,
-    gather,
-    levels,
-    rank_and_condition,
-    residuals,
-    solve,
-)
+from myomorph.body.identify.least_squares import Blocks, Recording, Rows, gather, residuals
+from myomorph.body.identify.triangles import Solution, levels, rank_and_condition, solve
 from myomorph.core.fit.correlation import correlation_times
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
@@ -102,6 +95,35 @@ class Tare:
         """Whether the constant exceeds 5 standard deviations and improves a row by a tenth."""
         sure = bool((np.abs(self.constant) > 5.0 * self.sd).any())
         return sure and bool((self.rms_with < 0.9 * self.rms_without).any())
+
+
+class WeakPrior(NamedTuple):
+    """Base parameters before anything is measured, so weak that it only holds what nothing shows.
+
+    Attributes
+    ----------
+    mean : (n,) those of the model
+    sizes : (n,) how large each is in the model
+    sd : (n,) standard deviations, multiples of the sizes
+    """
+
+    mean: Array
+    sizes: Array
+    sd: Array
+
+    @classmethod
+    def of(cls, model: Model, base: BaseParameters, multiple: float) -> WeakPrior:
+        """Make the prior about a model's own masses.
+
+        Parameters
+        ----------
+        model : with its masses
+        base : of the same bodies
+        multiple : standard deviation over the size
+        """
+        sizes = base_sizes(model, base)
+        mean = base.of(inertial_parameters(model))
+        return cls(mean=mean, sizes=sizes, sd=multiple * sizes)
 
 
 @read_only
@@ -212,70 +234,93 @@ def fit_base(
     if base is None:
         held = held_in(model, [recording.motion for recording in recordings], options.fixed)
         base = base_parameters(model, options.fixed, held)
-    if base.bodies != model.body_names:
-        raise BadData(
-            f"base parameters are of bodies {base.bodies[:3]}..., the model has"
-            f" {model.body_names[:3]}..."
-        )
-    rows = gather(model, recordings, base, options.reference, options.block)
-    n = len(base)
-    sizes = base_sizes(model, base)
-    mean = base.of(inertial_parameters(model))
-    spread = options.prior * sizes
-    sigma = _noise(rows, mean, spread, options)
+    _check_bodies(base, model)
+    blocks = Blocks(reference=options.reference, frames=options.block)
+    rows = gather(model, recordings, base, blocks)
+    prior = WeakPrior.of(model, base, options.prior)
+    sigma = _noise(rows, prior, options)
     samples = np.full(6, float(rows.frames))
     if options.correlated:
-        first = solve(rows.plain, sigma, mean, spread)
-        left = residuals(model, recordings, base, first.solution, options.reference, options.block)
+        first = solve(rows.plain, sigma, prior.mean, prior.sd)
+        left = residuals(model, recordings, base, first.solution, blocks)
         samples = rows.frames / correlation_times(left)
+
     weight = sigma * np.sqrt(rows.frames / samples)
-    plain = solve(rows.plain, weight, mean, spread)
-    tared = solve(rows.factors, weight, mean, spread)
-    tare = Tare(
-        constant=tared.solution[n:],
-        sd=tared.sd[n:],
-        rms_without=rows.rms(plain.solution),
-        rms_with=rows.rms(tared.solution),
-    )
-    chosen: Solution = tared if options.tare else plain
+    plain = solve(rows.plain, weight, prior.mean, prior.sd)
+    tared = solve(rows.factors, weight, prior.mean, prior.sd)
+    tare = _tare(rows, plain, tared)
+    n = len(base)
+    chosen = tared if options.tare else plain
     estimate = chosen.solution[:n]
     sd = chosen.sd[:n]
     R, z = chosen.without(n)
     rank, condition = rank_and_condition(R, options.rank_tolerance)
-    basis = levels(R, mean, sizes)
-    square = float(model.gravity @ model.gravity)
+    by_parameter = levels(R, prior.mean, prior.sizes)
     return BaseFit(
         base=base,
         estimate=estimate,
         sd=sd,
-        size=sizes,
+        size=prior.sizes,
         information=R,
         z=z,
         rank=rank,
         condition=condition,
-        identifiable=sd <= options.identifiable * np.maximum(np.abs(estimate), sizes),
-        levels=basis,
-        link_levels=link_levels(model, base, basis),
+        identifiable=sd <= options.identifiable * np.maximum(np.abs(estimate), prior.sizes),
+        levels=by_parameter,
+        link_levels=link_levels(model, base, by_parameter),
         sigma=sigma,
         samples=samples,
         frames=rows.frames,
         left_out=rows.left_out,
         residual_rms=tare.rms_with if options.tare else tare.rms_without,
         wrench_rms=rows.wrench_rms,
-        carried_mass=(
-            -float(rows.mean_force @ model.gravity) / square if square > 0.0 else float("nan")
-        ),
+        carried_mass=_carried_mass(rows, model),
         tare=tare,
         options=options,
     )
 
 
-def _noise(rows: Rows, mean: Array, spread: Array, options: BaseOptions) -> Array:
+def _check_bodies(base: BaseParameters, model: Model) -> None:
+    """Refuse base parameters of other bodies than the model's."""
+    if base.bodies != model.body_names:
+        raise BadData(
+            f"base parameters are of bodies {base.bodies[:3]}..., the model has"
+            f" {model.body_names[:3]}..."
+        )
+
+
+def _tare(rows: Rows, plain: Solution, tared: Solution) -> Tare:
+    """Compare the fit with a constant wrench and the one without.
+
+    Parameters
+    ----------
+    rows : of all frames
+    plain : base parameters alone
+    tared : with the constant, which comes last
+    """
+    n = len(plain.solution)
+    return Tare(
+        constant=tared.solution[n:],
+        sd=tared.sd[n:],
+        rms_without=rows.rms(plain.solution),
+        rms_with=rows.rms(tared.solution),
+    )
+
+
+def _carried_mass(rows: Rows, model: Model) -> float:
+    """Compute what the mean force carries [kg]; NaN without gravity."""
+    square = float(model.gravity @ model.gravity)
+    if not square > 0.0:
+        return float("nan")
+    return -float(rows.mean_force @ model.gravity) / square
+
+
+def _noise(rows: Rows, prior: WeakPrior, options: BaseOptions) -> Array:
     """Estimate the noise of the rows: as specified, or from the residuals of a fit.
 
     Parameters
     ----------
-    mean, spread : (n,) prior of the base parameters
+    prior : of the base parameters
 
     Returns
     -------
@@ -288,9 +333,10 @@ def _noise(rows: Rows, mean: Array, spread: Array, options: BaseOptions) -> Arra
     sigma: Array = np.where(known, noise, np.maximum(0.05 * measured, floor))
     if known.all():
         return sigma
-    freedom = max(1.0 - len(mean) / (6.0 * rows.frames), 0.1)
+    freedom = max(1.0 - len(prior.mean) / (6.0 * rows.frames), 0.1)
     for _ in range(8):
-        left = rows.rms(solve(rows.plain, sigma, mean, spread).solution) / np.sqrt(freedom)
+        fitted = solve(rows.plain, sigma, prior.mean, prior.sd)
+        left = rows.rms(fitted.solution) / np.sqrt(freedom)
         before = sigma
         sigma = np.where(known, noise, np.maximum(left, floor))
         if np.all(np.abs(sigma - before) < 0.01 * before):

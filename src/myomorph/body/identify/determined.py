@@ -10,12 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.body.identify.estimate import mass_unknowns
 from myomorph.body.identify.mass_points import MassPointOptions, prior_variances
 from myomorph.body.shape.points import MassPoints, point_moments
+from myomorph.core.fit.posterior import Posterior
+from myomorph.core.fit.unknowns import Unknowns
 from myomorph.core.model.arrays import Array, read_only
 
 # Share of a parameter's prior variance that the data must take away to count as determined by them
 DETERMINED = 0.9
+MASS_ERROR = 1e-6  # Relative error of the whole mass, which counts as exact
 LINK_SD = 0.2
 """Relative standard deviation by which a link's mass differs from the scaled model's, for
 intervals.
@@ -24,7 +28,39 @@ Segment masses of cadaver studies differ by 10 to 20 % of themselves at the same
 1969, de Leva 1996).
 """
 
-NINETY = 1.645  # Standard deviations of a 90 % interval
+
+@read_only
+class MeasuredRows:
+    """What was measured of the parameters of all links: A x with noise of 1.
+
+    Attributes
+    ----------
+    A : (rows, 10 bodies) that were fitted, in units of noise
+    samples : frames that make one independent sample; noise that repeats itself counts so much less
+    forces : (rows, 10 bodies) the rows in units of the noise that is not the motion's; `A` itself
+        where None
+    scores : (draws, 10 bodies) how noise of the motion pulls at the estimate
+        (`MotionNoise.scores`), which adds to its standard deviation; more than three draws
+    """
+
+    A: Array
+    samples: float = 1.0
+    forces: Array | None = None
+    scores: Array | None = None
+
+    def gradient_covariance(self) -> Array:
+        """Compute the covariance of A^T r, with the noise r of the rows.
+
+        Returns
+        -------
+        (10 bodies, 10 bodies)
+        """
+        forces = self.A if self.forces is None else self.forces
+        covariance: Array = self.samples * (forces.T @ forces)
+        if self.scores is not None:
+            # Known from few draws only: the variance of Student's t, not of a normal distribution.
+            covariance = covariance + self.scores.T @ self.scores / (len(self.scores) - 3)
+        return covariance
 
 
 @read_only
@@ -37,75 +73,103 @@ class Determined:
         away, 0 to 1
     rank : number of combinations of parameters that the data know better than the prior
     data : (bodies, 10) whether the data determine the parameter, never more than `rank`
-    sd : (bodies, 10) standard deviation of the identified parameters' error [kg, kg m, kg m^2]
-    prior_sd : (bodies, 10) the same of the shape's parameters, before anything was measured
+    posterior : of the identified parameters
     """
 
     shares: Array
     rank: int
     data: np.ndarray
-    sd: Array
-    prior_sd: Array
+    posterior: Posterior
+
+    @property
+    def sd(self) -> Array:
+        """(bodies, 10) standard deviation of the parameters' error [kg, kg m, kg m^2]."""
+        return self.posterior.sd.reshape(self.shares.shape)
+
+    @property
+    def prior_sd(self) -> Array:
+        """(bodies, 10) the same of the shape's parameters, before anything was measured."""
+        return np.sqrt(self.posterior.before).reshape(self.shares.shape)
 
 
 def determined(
     points: MassPoints,
-    A: Array,
+    measured: MeasuredRows,
     mass: float,
     mass_sd: float,
-    samples: float = 1.0,
-    forces: Array | None = None,
-    scores: Array | None = None,
+    parameters: Array | None = None,
 ) -> Determined:
-    """Judge what rows A x = b of unit noise say of the parameters x of every link.
+    """Judge what measurements say of the parameters of every link.
 
     Parameters
     ----------
     points : mass points, whose geometry ties the parameters
-    A : (rows, 10 bodies) that were fitted, in units of noise
+    measured : rows and their noise
     mass : of the body, known exactly [kg]
     mass_sd : relative standard deviation of a link's mass in the prior of the fit
-    samples : frames that make one independent sample; noise that repeats itself counts so much less
-    forces : (rows, 10 bodies) the rows in units of the noise that is not the motion's; `A` itself
-        where None
-    scores : (draws, 10 bodies) how noise of the motion pulls at the estimate
-        (`MotionNoise.scores`), which adds to its standard deviation; more than three draws
+    parameters : (bodies, 10) that were identified; the shape's where None
 
     Returns
     -------
-    shares of the data, and standard deviations of the errors [kg, kg m, kg m^2]
+    shares of the data, and the posterior of the parameters
     """
-    links = len(points.links.names)
+    names = points.links.names
     covariance = prior_covariance(points, LINK_SD)
-    known = np.zeros((1, 10 * links))
-    known[0, ::10] = 1.0 / (1e-6 * mass)
-    truth = conditioned(covariance, known)
-
     sizes = np.sqrt(np.diag(covariance))
-    scaled = (A / np.sqrt(samples)) * sizes
-    free = np.diag(conditioned(np.eye(10 * links), scaled))
+    scaled = (measured.A / np.sqrt(measured.samples)) * sizes
+    free = np.diag(conditioned(np.eye(len(sizes)), scaled))
     shares = np.where(sizes > 0.0, np.clip(1.0 - free, 0.0, 1.0), 0.0)
     rank = int(np.sum(np.linalg.svd(scaled, compute_uv=False) > 1.0))
-    data = shares >= DETERMINED
     best = np.argsort(-shares, kind="stable")[:rank]
-    data &= np.isin(np.arange(len(shares)), best)
+    data = (shares >= DETERMINED) & np.isin(np.arange(len(shares)), best)
 
-    # The estimate leans on its own prior, which may be tighter than what bodies differ by.
-    after = conditioned(conditioned((mass_sd / LINK_SD) ** 2 * covariance, known), A)
-    left = np.eye(10 * links) - after @ A.T @ A
-    variance: Array = np.einsum("ij,jk,ik->i", left, truth, left)
-    forces = A if forces is None else forces
-    variance = variance + samples * np.square(after @ forces.T).sum(axis=1)
-    if scores is not None:
-        # Known from few draws only: the variance of Student's t, not of a normal distribution.
-        variance = variance + np.square(after @ scores.T).sum(axis=1) / (len(scores) - 3)
-    table = (links, 10)
+    x = points.parameters(points.reference) if parameters is None else parameters
+    table = (len(names), 10)
     return Determined(
         shares=shares.reshape(table),
         rank=rank,
         data=data.reshape(table),
-        sd=np.sqrt(np.maximum(variance, 0.0)).reshape(table),
-        prior_sd=np.sqrt(np.maximum(np.diag(truth), 0.0)).reshape(table),
+        posterior=_posterior(mass_unknowns(names, x, sizes), covariance, measured, mass, mass_sd),
+    )
+
+
+def _posterior(
+    unknowns: Unknowns, covariance: Array, measured: MeasuredRows, mass: float, mass_sd: float
+) -> Posterior:
+    """Make the posterior of parameters whose fit had another prior than bodies have.
+
+    The fit leans on its own prior, which may be tighter than what bodies differ by. With its
+    covariance C_fit after the data, its error has the covariance
+
+        (1 - C_fit A^T A) C (1 - C_fit A^T A)^T + C_fit cov(A^T r) C_fit
+
+    where C is that of bodies of this mass, and r the noise of the rows.
+
+    Parameters
+    ----------
+    unknowns : the parameters, which start where they were found
+    covariance : (n, n) of links' parameters before anything is measured, the whole mass free
+    measured : rows and their noise
+    mass : of the body [kg]
+    mass_sd : relative standard deviation of a link's mass in the prior of the fit
+    """
+    n = len(unknowns)
+    A = measured.A
+    whole = np.zeros((1, n))
+    whole[0, ::10] = 1.0 / (MASS_ERROR * mass)
+    truth = conditioned(covariance, whole)
+    own_prior = conditioned((mass_sd / LINK_SD) ** 2 * covariance, whole)
+    after = conditioned(own_prior, A)
+    left = np.eye(n) - after @ A.T @ A
+    error = left @ truth @ left.T + after @ measured.gradient_covariance() @ after.T
+    return Posterior(
+        unknowns=unknowns,
+        x=unknowns.start,
+        free=unknowns.free(),
+        covariance=error,
+        after=np.maximum(np.diag(error), 0.0),
+        before=np.maximum(np.diag(truth), 0.0),
+        hidden=np.zeros((0, n)),
     )
 
 

@@ -1,22 +1,17 @@
-"""Recordings as rows [Y_B, constants, measured wrench], condensed to factors R x = z.
-
-R^T R is the information. R of a QR decomposition goes on growing: [R; rows] is reduced to a new R
-by Householder reflections, a few rows at a time and without BLAS. For six rows at a time the
-compiled loops are as fast as LAPACK's, and its threads, which disturb work beside them, are not
-needed.
-"""
+"""Recordings as rows [Y_B, constants, measured wrench], condensed to factors (`triangles`)."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from myomorph.body.identify.base_parameters import BaseParameters
+from myomorph.body.identify.triangles import absorb, fold
+from myomorph.core.fit.noise import RecordingNoise
 from myomorph.core.model.arrays import Array, checked_array, read_only, runs
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
@@ -26,6 +21,7 @@ from myomorph.core.rigid.frames import over_frames
 from myomorph.core.rigid.kernels import kernel
 from myomorph.core.rigid.regressor import (
     BLOCK,
+    RegressorBlock,
     base_regressor,
     base_wrench,
     regressor_blocks,
@@ -42,83 +38,7 @@ UNMEASURED = "force missing"
 
 
 @kernel
-def fold(R, rows):
-    """Turn six rows into a triangular factor by Householder reflections, in place.
-
-    Parameters
-    ----------
-    R : (n, n + 1) or (n + 1, n + 1) upper triangular, changed in place
-    rows : (6, n + 1), used up
-    """
-    for j in range(R.shape[0]):
-        x0 = rows[0, j]
-        x1 = rows[1, j]
-        x2 = rows[2, j]
-        x3 = rows[3, j]
-        x4 = rows[4, j]
-        x5 = rows[5, j]
-        square = x0 * x0 + x1 * x1 + x2 * x2 + x3 * x3 + x4 * x4 + x5 * x5
-        if square == 0.0:
-            continue
-        diagonal = R[j, j]
-        length = math.sqrt(diagonal * diagonal + square)
-        new = -length if diagonal > 0.0 else length
-        factor = (new - diagonal) / new
-        scale = 1.0 / (diagonal - new)
-        x0 = x0 * scale
-        x1 = x1 * scale
-        x2 = x2 * scale
-        x3 = x3 * scale
-        x4 = x4 * scale
-        x5 = x5 * scale
-        R[j, j] = new
-        # Views that start at 0: only so does the compiler take several columns at a time, three
-        # times faster.
-        r = R[j, j + 1 :]
-        b0 = rows[0, j + 1 :]
-        b1 = rows[1, j + 1 :]
-        b2 = rows[2, j + 1 :]
-        b3 = rows[3, j + 1 :]
-        b4 = rows[4, j + 1 :]
-        b5 = rows[5, j + 1 :]
-        for row in range(r.shape[0]):
-            w = factor * (
-                r[row]
-                + x0 * b0[row]
-                + x1 * b1[row]
-                + x2 * b2[row]
-                + x3 * b3[row]
-                + x4 * b4[row]
-                + x5 * b5[row]
-            )
-            r[row] -= w
-            b0[row] -= w * x0
-            b1[row] -= w * x1
-            b2[row] -= w * x2
-            b3[row] -= w * x3
-            b4[row] -= w * x4
-            b5[row] -= w * x5
-
-
-@kernel
-def fold_rows(R, new, rows):
-    """Turn any number of rows into a factor, in place.
-
-    Parameters
-    ----------
-    R : (k or k - 1, k) upper triangular, changed in place
-    new : (m, k)
-    rows : (6, k) scratch
-    """
-    for first in range(0, new.shape[0], 6):
-        rows[:] = 0.0
-        for index in range(min(6, new.shape[0] - first)):
-            rows[index] = new[first + index]
-        fold(R, rows)
-
-
-@kernel
-def fold_frames(R, i, Y, columns, constants, wrench, used, rows):
+def _fold_frames(R, i, Y, columns, constants, wrench, used, rows):
     """Turn row i of the base wrench in some frames into a factor, in place.
 
     Parameters
@@ -143,161 +63,6 @@ def fold_frames(R, i, Y, columns, constants, wrench, used, rows):
                 rows[row, n + j] = constants[f, i, j]
             rows[row, n + 6] = wrench[f, i]
         fold(R, rows)
-
-
-def absorb(factor: Array, rows: Array) -> Array:
-    """Compute the factor R of the QR decomposition of [factor; rows].
-
-    Parameters
-    ----------
-    factor : (k, k) upper triangular
-    rows : (m, k); leading zeros of a row cost nothing
-
-    Returns
-    -------
-    (k, k) upper triangular
-    """
-    triangle = np.array(factor, dtype=np.float64, order="C")
-    fold_rows(
-        triangle, np.array(rows, dtype=np.float64, order="C"), np.empty((6, triangle.shape[1]))
-    )
-    return triangle
-
-
-def with_prior(factor: Array, mean: Array, sd: Array) -> tuple[Array, Array]:
-    """Add independent priors of n parameters to triangular data [R, z].
-
-    Parameters
-    ----------
-    factor : (unknowns, unknowns + 1) [R, z]; unknowns beyond n come last and stay without a prior
-    mean, sd : (n,) of the priors
-
-    Returns
-    -------
-    (unknowns, unknowns) R and (unknowns,) z
-    """
-    unknowns = len(factor)
-    n = len(mean)
-    whole = np.zeros((unknowns + 1, unknowns + 1))
-    whole[:unknowns] = factor
-    rows = np.zeros((n, unknowns + 1))
-    rows[:, :n] = np.diag(1.0 / sd)
-    rows[:, -1] = mean / sd
-    done = absorb(whole, rows)
-    return done[:unknowns, :unknowns], done[:unknowns, unknowns]
-
-
-def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
-    """Compute rank and condition number of R with columns scaled to length 1.
-
-    Parameters
-    ----------
-    R : (n, n)
-    tolerance : singular values below this share of the largest do not count for the rank
-
-    Returns
-    -------
-    rank, and the largest over the smallest singular value; infinite where rounding cannot tell it
-        from that
-    """
-    length = np.linalg.norm(R, axis=0)
-    values = np.linalg.svd(R / np.where(length > 0.0, length, 1.0), compute_uv=False)
-    rank = int(np.sum(values > tolerance * values[0])) if values[0] > 0.0 else 0
-    singular = values[-1] <= len(R) * np.finfo(float).eps * values[0]
-    return rank, float("inf") if singular else float(values[0] / values[-1])
-
-
-@read_only
-class Solution:
-    """A least-squares problem in triangular form, and its solution with a prior.
-
-    Attributes
-    ----------
-    R, z : (k, k) and (k,) with R x = z, data alone, in units of noise
-    solution, sd : (k,) with the prior
-    """
-
-    R: Array
-    z: Array
-    solution: Array
-    sd: Array
-
-    def without(self, n: int) -> tuple[Array, Array]:
-        """Return R and z of the first n unknowns, whatever the others are.
-
-        Parameters
-        ----------
-        n : number of unknowns that are kept
-
-        Returns
-        -------
-        (n, n) R and (n,) z
-        """
-        size = len(self.z)
-        if n == size:
-            return self.R, self.z
-        # With the others first, their rows can be left out: they can be met for any value of the
-        # rest.
-        order = np.concatenate([np.arange(n, size), np.arange(n)])
-        turned = absorb(np.zeros((size + 1, size + 1)), np.column_stack([self.R[:, order], self.z]))
-        return turned[size - n : size, size - n : size], turned[size - n : size, size]
-
-
-def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
-    """Solve least squares from factors of rows, weighed by their noise, with a prior.
-
-    Parameters
-    ----------
-    factors : (m, k + 1, k + 1) triangular factors of [rows, right side]
-    sigma : (m,) noise of each
-    mean, sd : (n,) prior of the first n unknowns
-
-    Returns
-    -------
-    the data alone, and the solution with the prior
-    """
-    size = factors.shape[2] - 1
-    data = np.zeros((size + 1, size + 1))
-    for factor, noise in zip(factors, sigma, strict=True):
-        data = absorb(data, factor / noise)
-    R, z = with_prior(data[:size], mean, sd)
-    estimate = scipy.linalg.solve_triangular(R, z)
-    return Solution(
-        R=data[:size, :size], z=data[:size, size], solution=estimate, sd=row_lengths_of_inverse(R)
-    )
-
-
-def row_lengths_of_inverse(R: Array) -> Array:
-    """Compute standard deviations of unknowns whose information is R^T R.
-
-    Parameters
-    ----------
-    R : (k, k) upper triangular
-
-    Returns
-    -------
-    (k,) norms of the rows of R^-1
-    """
-    return np.linalg.norm(scipy.linalg.solve_triangular(R, np.eye(len(R))), axis=1)
-
-
-def levels(R: Array, mean: Array, sizes: Array) -> Array:
-    """Compute the share of what is known that comes from the data: 1 - var / size^2.
-
-    var is the variance with data, had the mean been right to within the sizes before.
-
-    Parameters
-    ----------
-    R : (n, n) upper triangular, of the data
-    mean : (n,) before anything is measured
-    sizes : (n,) standard deviations before
-
-    Returns
-    -------
-    (n,) 0 to 1
-    """
-    whole, _ = with_prior(np.column_stack([R, np.zeros(len(R))]), mean, sizes)
-    return np.clip(1.0 - np.square(row_lengths_of_inverse(whole) / sizes), 0.0, 1.0)
 
 
 @read_only
@@ -350,12 +115,14 @@ class Recording:
     use : (frames,) which frames count, e.g. those with both feet on plates; all where None
     finer : the same frames with little filter, from which masses are identified; None where nothing
         was filtered
+    noise : of the motion's coordinates, as it is after the filter; None where it is not known
     """
 
     motion: Motion
     wrenches: Wrenches
     use: np.ndarray | None = None
     finer: Finer | None = None
+    noise: RecordingNoise | None = None
 
     def __post_init__(self) -> None:
         if self.use is not None:
@@ -476,12 +243,21 @@ class Rows:
         return np.sqrt(np.square(self.factors @ x).sum(axis=1) / self.frames)
 
 
+class Blocks(NamedTuple):
+    """How a recording is taken apart.
+
+    Attributes
+    ----------
+    reference : point in ground that moments are about [m]; None for the base's origin
+    frames : that are taken at a time
+    """
+
+    reference: tuple[float, float, float] | None
+    frames: int
+
+
 def gather(
-    model: Model,
-    recordings: Sequence[Recording],
-    base: BaseParameters,
-    reference: tuple[float, float, float] | None,
-    block: int,
+    model: Model, recordings: Sequence[Recording], base: BaseParameters, blocks: Blocks
 ) -> Rows:
     """Condense recordings by QR, so that memory does not grow with the frames.
 
@@ -490,8 +266,7 @@ def gather(
     model : with the recordings' joints
     recordings : with derivatives of the motion
     base : whose columns of the regressor count
-    reference : point in ground that moments are about [m]; None for the base's origin
-    block : frames at a time
+    blocks : what moments are about, and frames at a time
 
     Returns
     -------
@@ -507,28 +282,17 @@ def gather(
     frames = 0
     for recording in recordings:
         total = _measured(model, recording)
-        for part in regressor_blocks(model, recording.motion, reference, block):
-            wanted = (
-                np.ones(len(part.rows), bool)
-                if recording.use is None
-                else np.asarray(recording.use)[part.frames]
-            )
-            # A sum, because a missing coordinate shows in it and costs no copy.
-            moving = np.isfinite(part.rows.sum(axis=(1, 2)))
-            pushed = np.isfinite(total[part.frames]).all(axis=1)
-            for reason, lacking in (
-                (UNWANTED, ~wanted),
-                (UNSEEN, wanted & ~moving),
-                (UNMEASURED, wanted & moving & ~pushed),
-            ):
-                left_out[reason] += int(lacking.sum())
-            used = np.flatnonzero(wanted & moving & pushed)
+        for part in regressor_blocks(model, recording.motion, *blocks):
+            wrench = _about(total[part.frames], part.reference)
+            missing = _missing(recording, part, wrench)
+            for reason, marked in missing.items():
+                left_out[reason] += int(marked.sum())
+            used = np.flatnonzero(~np.any(list(missing.values()), axis=0))
             if not len(used):
                 continue
             if not frames:
                 _check_base(part.rows[used[0]], base)
             frames += len(used)
-            wrench = _about(total[part.frames], part.reference)
             constants = _constants(part.reference)
             _fold(factors, part.rows, base.columns, constants, wrench, used)
     if not frames:
@@ -537,13 +301,38 @@ def gather(
     return Rows(factors, frames, left_out)
 
 
+def _missing(recording: Recording, part: RegressorBlock, wrench: Array) -> dict[str, np.ndarray]:
+    """Mark frames of a block that cannot be used, each under its first reason.
+
+    Parameters
+    ----------
+    recording : says which frames are wanted
+    part : of its motion
+    wrench : (frames, 6) measured in the block [N m], [N]
+
+    Returns
+    -------
+    reason to (frames,) whether it applies
+    """
+    wanted = np.ones(len(part.rows), bool)
+    if recording.use is not None:
+        wanted = np.asarray(recording.use)[part.frames]
+    # A sum, because a missing coordinate shows in it and costs no copy.
+    moving = np.isfinite(part.rows.sum(axis=(1, 2)))
+    pushed = np.isfinite(wrench).all(axis=1)
+    return {
+        UNWANTED: ~wanted,
+        UNSEEN: wanted & ~moving,
+        UNMEASURED: wanted & moving & ~pushed,
+    }
+
+
 def residuals(
     model: Model,
     recordings: Sequence[Recording],
     base: BaseParameters,
     estimate: Array,
-    reference: tuple[float, float, float] | None,
-    block: int,
+    blocks: Blocks,
 ) -> list[Array]:
     """Compute the wrench that base parameters leave of each recording.
 
@@ -553,8 +342,7 @@ def residuals(
     recordings : with derivatives of the motion
     base : of the estimate
     estimate : (n,) base parameters
-    reference : point in ground that moments are about [m]; None for the base's origin
-    block : frames at a time
+    blocks : what moments are about, and frames at a time
 
     Returns
     -------
@@ -565,7 +353,7 @@ def residuals(
     left = []
     for recording in recordings:
         residual = _measured(model, recording)
-        for part in regressor_blocks(model, recording.motion, reference, block):
+        for part in regressor_blocks(model, recording.motion, *blocks):
             residual[part.frames] = (
                 _about(residual[part.frames], part.reference) - part.rows @ parameters
             )
@@ -625,7 +413,7 @@ def _fold(
     def some(start: int, stop: int) -> None:
         scratch = np.empty((6, factors.shape[2]))
         for i in range(start, stop):
-            fold_frames(factors[i], i, Y, chosen, constants, wrench, used, scratch)
+            _fold_frames(factors[i], i, Y, chosen, constants, wrench, used, scratch)
 
     over_frames(some, 6, chunk=1)
 

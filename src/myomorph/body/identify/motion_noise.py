@@ -22,6 +22,7 @@ import scipy
 
 from myomorph.body.identify.least_squares import Recording
 from myomorph.body.identify.parts import Parts, parts_of
+from myomorph.core.fit.noise import RecordingNoise
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
@@ -40,13 +41,13 @@ class MotionNoise:
 
     Attributes
     ----------
-    sd : of the noise of a coordinate after filtering [rad or m]
+    share : of the standard deviations of the recordings' noise, at most 1, that is taken
     parts : that it was added to
     squares : (parts, 2, n + 1, n + 1) added on the mean, moments and forces apart [(N m)^2], [N^2]
     draws : (draws, 2, n + 1, n + 1) squares of all parts together, with noise added once more
     """
 
-    sd: float
+    share: float
     parts: Parts
     squares: Array
     draws: Array
@@ -71,8 +72,28 @@ class MotionNoise:
         mean = np.einsum("pkij,i,j->k", self.squares, x, x) / self.parts.frames.sum()
         return np.sqrt(np.maximum(mean, 0.0))
 
+    def pulls(self, noise: Array, parameters: Array) -> Array:
+        """Compute how each draw pulls at base parameters, about the mean of the draws.
+
+        Parameters
+        ----------
+        noise : (2,) of moments and forces [N m], [N]
+        parameters : (bodies, 10)
+
+        Returns
+        -------
+        (draws, n) in units of the noise
+        """
+        x = self.parts.unknowns(parameters)
+        g = self.parts.groups
+        squares = np.einsum("dkij,k->dij", self.draws, np.square(self.parts.weights(noise)))
+        pulls = -(squares @ x)[:, :-1]
+        if g:
+            pulls = pulls[:, g:] - pulls[:, :g] @ self.parts.carried(noise)
+        return pulls - pulls.mean(axis=0)
+
     def scores(self, noise: Array, parameters: Array) -> Array:
-        """Compute how each draw pulls at parameters, about the mean of the draws.
+        """Compute how each draw pulls at the parameters of all links.
 
         Parameters
         ----------
@@ -83,13 +104,7 @@ class MotionNoise:
         -------
         (draws, 10 bodies) in units of the noise
         """
-        x = self.parts.unknowns(parameters)
-        g = self.parts.groups
-        squares = np.einsum("dkij,k->dij", self.draws, np.square(self.parts.weights(noise)))
-        pulls = -(squares @ x)[:, :-1]
-        if g:
-            pulls = pulls[:, g:] - pulls[:, :g] @ self.parts.carried(noise)
-        return (pulls - pulls.mean(axis=0)) @ self.parts.base.combination
+        return self.pulls(noise, parameters) @ self.parts.base.combination
 
     def at_most(self, misfit: Array, parameters: Array) -> MotionNoise:
         """Return the same noise, or less where it alone would make more misfit than there is.
@@ -104,9 +119,8 @@ class MotionNoise:
         noise whose standard deviation is scaled by at most 1
         """
         noise_alone = self.misfit(parameters)
-        share = float(
-            np.min(np.where(noise_alone > 0.0, misfit / np.maximum(noise_alone, 1e-300), np.inf))
-        )
+        ratios = misfit / np.maximum(noise_alone, 1e-300)
+        share = float(np.min(np.where(noise_alone > 0.0, ratios, np.inf)))
         if share >= 1.0:
             return self
         whole = np.einsum("pkji,pkjl->kil", self.parts.factors, self.parts.factors)
@@ -115,43 +129,89 @@ class MotionNoise:
         mean = self.squares.sum(axis=0)
         draws = whole + share**2 * mean + share * (self.draws - whole - mean)
         return MotionNoise(
-            sd=share * self.sd, parts=self.parts, squares=share**2 * self.squares, draws=draws
+            share=share * self.share,
+            parts=self.parts,
+            squares=share**2 * self.squares,
+            draws=draws,
         )
 
 
+def coordinate_noise(motion: Motion, sd: float, cutoff: float | None = None) -> RecordingNoise:
+    """Describe noise that is alike in all coordinates that move, as a low-pass filter leaves it.
+
+    Parameters
+    ----------
+    motion : whose coordinates err
+    sd : standard deviation after the filter [rad or m]
+    cutoff : of the filter [Hz]; `CUTOFF` where None
+
+    Returns
+    -------
+    the noise of a recording; white noise through an ideal low-pass has two samples a period of its
+    cutoff
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> from myomorph.body.identify.motion_noise import coordinate_noise
+    >>> time = np.arange(0.0, 1.0, 0.01)
+    >>> motion = mm.Motion(time, ("knee", "toes"), np.column_stack([time, 0.0 * time]))
+    >>> coordinate_noise(motion, 0.002, cutoff=10.0).sd.tolist()
+    [0.002, 0.0]
+    """
+    known: np.ndarray = np.asarray(np.isfinite(motion.values))
+    seen = np.where(known, motion.values, np.nanmean(motion.values, axis=0))
+    moving = np.ptp(seen, axis=0) > STILL
+    count = len(motion.names)
+    return RecordingNoise(
+        names=motion.names,
+        unit="rad or m",
+        sd=sd * moving,
+        correlation_time=np.full(count, 0.5 / (cutoff or CUTOFF)),
+        floor=np.full(count, np.nan),
+        gaps=1.0 - known.mean(axis=0),
+    )
+
+
+def with_noise(recording: Recording, sd: float, cutoff: float | None = None) -> Recording:
+    """Give a recording the noise of its coordinates, unless it has one.
+
+    Parameters
+    ----------
+    recording : with a motion
+    sd, cutoff : of `coordinate_noise`
+    """
+    if recording.noise is not None:
+        return recording
+    return replace(recording, noise=coordinate_noise(recording.motion, sd, cutoff))
+
+
 def motion_noise(
-    model: Model,
-    recordings: Sequence[Recording],
-    parts: Parts,
-    sd: float,
-    cutoff: float | None = None,
-    draws: int = DRAWS,
+    model: Model, recordings: Sequence[Recording], parts: Parts, draws: int = DRAWS
 ) -> MotionNoise:
     """Compute what noise of the motion adds to the parts made of these recordings.
 
     Parameters
     ----------
     model : of which the parts were made
-    recordings : of which the parts were made
+    recordings : of which the parts were made, with the noise of their coordinates
     parts : of `parts_of` from the same model and recordings
-    sd : of the noise of a coordinate after filtering [rad or m]
-    cutoff : of its low-pass filter [Hz]; `CUTOFF` where None
     draws : times that noise is added
 
     Returns
     -------
     squares that noise added, always from the same random numbers
+
+    Raises
+    ------
+    BadData : the noise of a recording is not known
     """
     random = np.random.default_rng(0)
     made = []
     mean = np.zeros_like(parts.factors)
     for _ in range(draws):
-        noisy_ones = [
-            recording.moved(
-                partial(plus, noise=noise_of(recording.motion, sd, cutoff or CUTOFF, random))
-            )
-            for recording in recordings
-        ]
+        noisy_ones = [_with_noise_once_more(recording, random) for recording in recordings]
         factors = parts_of(
             model, noisy_ones, parts.base, least=parts.least, tissue=parts.tissue
         ).factors
@@ -159,35 +219,49 @@ def motion_noise(
         mean += squares / draws
         made.append(squares.sum(axis=0))
     before = np.einsum("pkji,pkjl->pkil", parts.factors, parts.factors)
-    return MotionNoise(sd=sd, parts=parts, squares=mean - before, draws=np.array(made))
+    return MotionNoise(share=1.0, parts=parts, squares=mean - before, draws=np.array(made))
 
 
-def noise_of(motion: Motion, sd: float, cutoff: float, random: np.random.Generator) -> Motion:
-    """Draw low-passed noise for every coordinate of a motion that moves, with derivatives.
+def _with_noise_once_more(recording: Recording, random: np.random.Generator) -> Recording:
+    """Add the noise of the coordinates to a recording that has it already."""
+    if recording.noise is None:
+        raise BadData("the noise of a recording's coordinates is not known: give `noise`")
+    drawn = noise_of(recording.motion, recording.noise, random)
+    return recording.moved(partial(plus, noise=drawn))
+
+
+def noise_of(motion: Motion, noise: RecordingNoise, random: np.random.Generator) -> Motion:
+    """Draw noise for every coordinate of a motion, with derivatives.
 
     Parameters
     ----------
     motion : at whose times and for whose coordinates
-    sd : standard deviation after the filter [rad or m]
-    cutoff : of the filter [Hz]
+    noise : of the coordinates; errors that are alike over t pass a low-pass of cutoff 0.5 / t
     random : generator, which advances
 
     Returns
     -------
     motion of the noise alone
+
+    Raises
+    ------
+    BadData : the noise is of other coordinates
     """
-    rate = 1.0 / float(np.median(np.diff(motion.time)))
-    white = random.normal(size=motion.values.shape)
-    if 2.0 * cutoff < 0.95 * rate and len(white) > 30:
-        white = scipy.signal.sosfiltfilt(
-            scipy.signal.butter(2, cutoff, fs=rate, output="sos"), white, axis=0
+    if noise.names != motion.names:
+        raise BadData(
+            f"noise of coordinates {noise.names[:3]}..., but the motion has {motion.names[:3]}..."
         )
-    seen = np.where(np.isfinite(motion.values), motion.values, np.nanmean(motion.values, axis=0))
-    moving = np.ptp(seen, axis=0) > STILL
+    rate = 1.0 / float(np.median(np.diff(motion.time)))
+    drawn = random.normal(size=motion.values.shape)
+    cutoffs = 0.5 / noise.correlation_time
+    for cutoff in np.unique(cutoffs):
+        if 2.0 * cutoff < 0.95 * rate and len(drawn) > 30:
+            filtered = scipy.signal.butter(2, cutoff, fs=rate, output="sos")
+            chosen = cutoffs == cutoff
+            drawn[:, chosen] = scipy.signal.sosfiltfilt(filtered, drawn[:, chosen], axis=0)
+    scaled = drawn * (noise.sd / drawn.std(axis=0))
     # The noise is differentiated by itself: derivatives of the motion stay those of its own filter.
-    return differentiate(
-        Motion(motion.time, motion.names, white * (sd * moving / white.std(axis=0))), None
-    )
+    return differentiate(Motion(motion.time, motion.names, scaled), None)
 
 
 def plus(motion: Motion, noise: Motion) -> Motion:

@@ -9,7 +9,8 @@ import numpy as np
 import scipy
 
 from myomorph.body.identify.base_parameters import BaseParameters
-from myomorph.body.identify.least_squares import Recording, absorb
+from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.triangles import absorb
 from myomorph.core.model.arrays import Array, checked_array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.inertia import inertial_parameters

@@ -12,11 +12,17 @@ from typing import Literal
 import numpy as np
 
 from myomorph.body.identify.base import BaseFit, BaseOptions, fit_base
-from myomorph.body.identify.base_parameters import BaseParameters, base_parameters, held_in
-from myomorph.body.identify.determined import Determined, determined
+from myomorph.body.identify.base_parameters import base_parameters, held_in
+from myomorph.body.identify.determined import (
+    Determined,
+    MeasuredRows,
+    determined,
+    prior_covariance,
+)
+from myomorph.body.identify.estimate import mass_problem
 from myomorph.body.identify.least_squares import Recording
 from myomorph.body.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
-from myomorph.body.identify.motion_noise import MotionNoise, motion_noise
+from myomorph.body.identify.motion_noise import MotionNoise, motion_noise, with_noise
 from myomorph.body.identify.parts import Parts, parts_of
 from myomorph.body.identify.pseudo_inertia import (
     PseudoInertiaFit,
@@ -27,26 +33,33 @@ from myomorph.body.identify.pseudo_inertia import (
 from myomorph.body.identify.recordings import RecordingOptions, Usable, all_left_out, check_excited
 from myomorph.body.identify.soft_tissue import Fitted, Use, with_soft_tissue
 from myomorph.body.identify.unseen import (
+    KINDS,
     ChosenPrior,
     Paper,
     Strength,
-    Unseen,
     thinned,
     unseen_parts,
 )
 from myomorph.body.identify.validation import Consistency, Inside, consistency
 from myomorph.body.shape.points import MassPoints
 from myomorph.core.fit.correlation import correlation_times
+from myomorph.core.fit.estimation import Estimate, estimate_of
+from myomorph.core.fit.interval_rule import LEVEL, half_width
+from myomorph.core.fit.solver import CONVERGED, NO_LOWER, Search, Solution
+from myomorph.core.fit.verdict import Verdict
 from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
-from myomorph.core.model.model import Model
+from myomorph.core.model.interval import Interval
+from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.soft_tissue import SoftTissue
 
 GENERIC = "generic, scaled"
 SHAPE = "shape only"
 CONIC = "identified, pseudo-inertia"
+BY_POINTS = "identified, "
+"""Names of ways to identify: of masses of points, the name of their weight map follows."""
 MAX_MASS_CHANGE = 0.6
 MIN_MASS_SHARE = 0.003
 """Change of a link's mass, of itself, that is reported; and the share of the body under which a
@@ -137,8 +150,9 @@ class Identification:
         at its mass
     residuals : (2,) root mean square of the base wrench's misfit of each in the frames used, moment
         [N m] and force [N]
-    unseen : the same of identified and generic masses on what was not used: recordings given apart,
-        else each recording or part in turn, with the strength of the prior chosen without it
+    estimate : the identified parameters as unknowns "femur_r m", ... with their intervals. Its
+        verdict is on what was not used: recordings given apart, else each recording or part in
+        turn, with the strength of the prior chosen without it
     tried : relative standard deviation of the prior -> held-out misfit (2,)
     mass_sd : the one that was used
     noise : (2,) misfit that a moment and a force are taken to have without any fault of the masses
@@ -158,7 +172,7 @@ class Identification:
     identified: str
     parameters: Mapping[str, Array]
     residuals: Mapping[str, Array]
-    unseen: Unseen
+    estimate: Estimate
     tried: Mapping[float, Array]
     mass_sd: float
     noise: Array
@@ -169,6 +183,31 @@ class Identification:
     recordings: tuple[Usable, ...]
     soft_tissue: SoftTissue | None = None
     notes: tuple[str, ...] = field(default=())
+
+    @property
+    def unseen(self) -> Verdict:
+        """Misfit of identified and generic masses on what was not used, moment and force."""
+        verdict = self.estimate.verdict
+        if verdict is None:
+            return _verdict_on((), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, int))
+        return verdict
+
+    def mass_interval(self, body: str, level: float = LEVEL) -> Interval:
+        """Find the interval that holds the mass of one of the model's bodies.
+
+        Parameters
+        ----------
+        body : its name
+        level : probability
+
+        Returns
+        -------
+        mass and its limits [kg]
+        """
+        index = index_of("body", body, self.model.body_names)
+        mass = float(self.model.bodies[index].mass)
+        half = float(half_width(self.sd[index, 0], level))
+        return Interval(value=mass, low=max(mass - half, 0.0), high=mass + half)
 
     @property
     def from_shape(self) -> Mapping[str, tuple[str, ...]]:
@@ -210,7 +249,7 @@ class Identification:
         return FrozenMap(dict(all_left_out(self.recordings)))
 
 
-def identify(
+def identify(  # page: recordings and a body's shape, and what is known of them, optional
     model: Model,
     recordings: Sequence[Usable],
     points: Mapping[str, MassPoints],
@@ -280,113 +319,242 @@ def identify(
     [2.0, 2.0]
     """
     options = options or IdentificationOptions()
-    mass = model.mass if mass is None else mass
     if not points:
         raise BadData("identification needs mass points: give those of at least one weight map")
     check_excited(model, tuple(recordings), recording)
-    first_map = next(iter(points))
-    body_points = points[first_map]
-    few_points = thinned(body_points)
-    scaled = inertial_parameters(model) * (mass / model.mass)
-    generic = with_inertial_parameters(model, scaled)
-    paper = _paper(generic, options, mass)
-    strength = Strength(
-        points=few_points,
-        generic=inertial_parameters(generic),
-        method=options.method,
-        mass_sd=options.mass_sd,
-        paper=paper,
-    )
-
-    # Equations of the motion: as markers show it, without soft tissue, without noise of the filter.
-    used = [values.recording for values in recordings]
-    base = base_parameters(model, held=held_in(model, [values.motion for values in used]))
-    marker_parts = parts_of(generic, used, base)
-    fitted = Fitted(
-        recordings=tuple(used),
-        parts=marker_parts,
-        tissue=None,
-        choice=strength.choose(marker_parts),
-    )
-    if paper is None:
-        fitted = with_soft_tissue(generic, fitted, strength, options.soft_tissue)
-    parts = fitted.parts
-    chosen_prior = fitted.choice
-    noise_of_motion = None
-    if options.motion_sd and paper is None:
-        cutoff = recording.cutoff if recording else None
-        noise_of_motion = _noise_of_motion(generic, fitted, strength, options.motion_sd, cutoff)
-        parts = noise_of_motion.corrected
-        chosen_prior = strength.choose(parts)
+    body = _Body.of(model, points, model.mass if mass is None else mass)
+    strength = body.strength(options)
+    cutoff = recording.cutoff if recording else None
+    equations = _equations(body, recordings, strength, options, cutoff)
 
     # Every way to identify, beside the shape alone and the generic model.
-    rows = parts.rows(chosen_prior.noise)
-    solved = _solved(points, rows, mass, chosen_prior.mass_sd, options, advance)
-    if paper is not None:
-        solved[f"identified, {first_map}"] = paper.solve(body_points, parts, chosen_prior.noise)
-    identified = f"identified, {first_map}" if options.method == "points" else CONIC
-    parameters = {name: solved[name].parameters for name in dict.fromkeys((identified, *solved))}
-    parameters[SHAPE] = body_points.parameters(body_points.reference)
-    parameters[GENERIC] = inertial_parameters(generic)
+    solved = _solved(body, equations, strength, options, advance)
+    identified = body.first_way if options.method == "points" else CONIC
+    parameters = _parameters(body, solved, identified)
+    found = parameters[identified]
 
     # Masses that predict worse than the generic model's are not used.
     if unseen:
-        held_out_misfits = _on_other_recordings(
-            generic, unseen, base, parameters[identified], parameters[GENERIC], fitted.tissue
-        )
+        verdict = _on_other_recordings(body, equations, unseen, found)
     else:
         names = tuple(values.name for values in recordings)
-        held_out_misfits = unseen_parts(parts, strength, names, marker_parts)
-    chosen = identified
-    if held_out_misfits.worse and options.if_worse == "generic":
-        chosen = GENERIC
+        verdict = unseen_parts(equations.parts, strength, names, equations.markers)
+    kept = verdict.worse and options.if_worse == "generic"
+    chosen = GENERIC if kept else identified
 
-    misfits = [_used(values, generic, parameters[identified]) for values in fitted.recordings]
-    # Frames that make one independent sample, beyond those that count as one already.
-    frames_a_sample = max(1.0, float(np.mean(correlation_times(misfits))) / parts.alike)
+    known = _known(body, equations, found)
+    notes = [
+        *_verdict(verdict, chosen == identified),
+        *_not_converged(solved),
+        *_far_from_shape(
+            model, parameters[chosen][:, 0], parameters[SHAPE][:, 0], equations.choice.mass_sd
+        ),
+    ]
+    for one in recordings:
+        notes += one.notes
     return Identification(
         model=with_inertial_parameters(model, parameters[chosen]),
         chosen=chosen,
         identified=identified,
         parameters=FrozenMap({name: frozen_array(values) for name, values in parameters.items()}),
-        residuals=FrozenMap(
-            {
-                name: (marker_parts if name == GENERIC else parts).rms(masses)
-                for name, masses in parameters.items()
-            }
-        ),
-        unseen=held_out_misfits,
-        tried=FrozenMap(chosen_prior.misfits),
-        mass_sd=chosen_prior.mass_sd,
-        noise=chosen_prior.noise,
-        base=_base_fit(generic, fitted, base, chosen_prior),
-        points=body_points,
-        known=_known(
-            few_points,
-            parts,
-            noise_of_motion,
-            parameters[identified],
-            chosen_prior,
-            mass,
-            frames_a_sample,
-        ),
-        consistency=FrozenMap(
-            {
-                name: consistency(model.body_names, masses, inside=inside, points=body_points)
-                for name, masses in parameters.items()
-            }
-        ),
+        residuals=_misfits(equations, parameters),
+        estimate=_estimate(body, equations, known, solved[identified], verdict),
+        tried=FrozenMap(equations.choice.misfits),
+        mass_sd=equations.choice.mass_sd,
+        noise=equations.choice.noise,
+        base=_base_fit(body, equations),
+        points=body.points,
+        known=known,
+        consistency=_consistency(body, parameters, inside),
         recordings=tuple(recordings),
-        soft_tissue=fitted.tissue if chosen == identified else None,
-        notes=(
-            *_verdict(held_out_misfits, chosen == identified),
-            *_not_converged(solved),
-            *_far_from_shape(
-                model, parameters[chosen][:, 0], parameters[SHAPE][:, 0], chosen_prior.mass_sd
-            ),
-            *(note for recording in recordings for note in recording.notes),
-        ),
+        soft_tissue=equations.fitted.tissue if chosen == identified else None,
+        notes=tuple(notes),
     )
+
+
+@read_only
+class _Body:
+    """The body to be identified, as it is before anything is measured.
+
+    Attributes
+    ----------
+    generic : the scaled model at the body's mass
+    maps : mass points by the name of their weight map, the one to use first
+    few : points that stand for those of the first map
+    mass : of the whole body [kg]
+    """
+
+    generic: Model
+    maps: Mapping[str, MassPoints]
+    few: MassPoints
+    mass: float
+
+    @classmethod
+    def of(cls, model: Model, maps: Mapping[str, MassPoints], mass: float) -> _Body:
+        """Bring a scaled model to the mass of the body."""
+        scaled = inertial_parameters(model) * (mass / model.mass)
+        return cls(
+            generic=with_inertial_parameters(model, scaled),
+            maps=FrozenMap(dict(maps)),
+            few=thinned(next(iter(maps.values()))),
+            mass=mass,
+        )
+
+    @property
+    def first_map(self) -> str:
+        """Name of the weight map that is used."""
+        return next(iter(self.maps))
+
+    @property
+    def first_way(self) -> str:
+        """Name of the way to identify by its points."""
+        return f"{BY_POINTS}{self.first_map}"
+
+    @property
+    def points(self) -> MassPoints:
+        """Mass points of the first map."""
+        return self.maps[self.first_map]
+
+    def strength(self, options: IdentificationOptions) -> Strength:
+        """State the problem of choosing how far data may move masses."""
+        return Strength(
+            points=self.few,
+            generic=inertial_parameters(self.generic),
+            method=options.method,
+            mass_sd=options.mass_sd,
+            paper=_paper(self.generic, options, self.mass),
+        )
+
+
+@read_only
+class _Equations:
+    """Equations of the motion, and what was chosen on them.
+
+    Attributes
+    ----------
+    markers : parts of the motion as markers show it
+    fitted : without soft tissue, where that predicts better
+    noise : of the motion; None where there is none
+    parts : without soft tissue and, on the mean, without noise of the motion
+    choice : noise and strength of the prior on these parts
+    """
+
+    markers: Parts
+    fitted: Fitted
+    noise: MotionNoise | None
+    parts: Parts
+    choice: ChosenPrior
+
+    @property
+    def rows(self) -> tuple[Array, Array]:
+        """(rows, 10 bodies) A and (rows,) b of the parameters, in units of noise."""
+        return self.parts.rows(self.choice.noise)
+
+
+def _equations(
+    body: _Body,
+    recordings: Sequence[Usable],
+    strength: Strength,
+    options: IdentificationOptions,
+    cutoff: float | None,
+) -> _Equations:
+    """Condense recordings: as markers show them, without soft tissue, without noise of the motion.
+
+    Parameters
+    ----------
+    body : before anything is measured
+    recordings : with frames that can be used
+    strength : problem of choosing how far data may move masses
+    options : of identification
+    cutoff : of the recordings' filter [Hz], None for the usual one
+    """
+    model = body.generic
+    used = [with_noise(one.recording, options.motion_sd, cutoff) for one in recordings]
+    base = base_parameters(model, held=held_in(model, [one.motion for one in used]))
+    markers = parts_of(model, used, base)
+    fitted = Fitted(
+        recordings=tuple(used), parts=markers, tissue=None, choice=strength.choose(markers)
+    )
+    by_paper = strength.paper is not None
+    if not by_paper:
+        fitted = with_soft_tissue(model, fitted, strength, options.soft_tissue)
+    if by_paper or not options.motion_sd:
+        return _Equations(
+            markers=markers, fitted=fitted, noise=None, parts=fitted.parts, choice=fitted.choice
+        )
+    noise = _noise_of_motion(model, fitted, strength)
+    return _Equations(
+        markers=markers,
+        fitted=fitted,
+        noise=noise,
+        parts=noise.corrected,
+        choice=strength.choose(noise.corrected),
+    )
+
+
+def _parameters(
+    body: _Body, solved: Mapping[str, MassPointFit | PseudoInertiaFit], identified: str
+) -> dict[str, Array]:
+    """List parameters (bodies, 10) of all ways, the one that is used first."""
+    parameters = {name: solved[name].parameters for name in dict.fromkeys((identified, *solved))}
+    parameters[SHAPE] = body.points.parameters(body.points.reference)
+    parameters[GENERIC] = inertial_parameters(body.generic)
+    return parameters
+
+
+def _misfits(equations: _Equations, parameters: Mapping[str, Array]) -> Mapping[str, Array]:
+    """Compute misfits (2,) of all ways in the frames used; the generic masses move as markers."""
+    misfits = {name: equations.parts.rms(masses) for name, masses in parameters.items()}
+    misfits[GENERIC] = equations.markers.rms(parameters[GENERIC])
+    return FrozenMap(misfits)
+
+
+def _consistency(
+    body: _Body, parameters: Mapping[str, Array], inside: Inside | None
+) -> Mapping[str, Consistency]:
+    """Check the links of all ways."""
+    names = body.generic.body_names
+    return FrozenMap(
+        {
+            name: consistency(names, masses, inside=inside, points=body.points)
+            for name, masses in parameters.items()
+        }
+    )
+
+
+def _estimate(
+    body: _Body,
+    equations: _Equations,
+    known: Determined,
+    solved: MassPointFit | PseudoInertiaFit,
+    verdict: Verdict,
+) -> Estimate:
+    """State the identified masses with all that certifies them.
+
+    Parameters
+    ----------
+    body : before anything is measured
+    equations : that were solved
+    known : with the posterior
+    solved : the way that is used
+    verdict : on what was not used
+    """
+    few = body.few
+    unknowns = known.posterior.unknowns
+    problem = mass_problem(
+        unknowns,
+        equations.rows,
+        few.parameters(few.reference),
+        prior_covariance(few, equations.choice.mass_sd),
+    )
+    at = problem.at(solved.parameters.ravel())
+    search = Search(
+        status=CONVERGED if solved.converged else NO_LOWER,
+        costs=(problem.at(few.parameters(few.reference).ravel()).cost, at.cost),
+        change=0.0,
+    )
+    solution = Solution(x=at.x, free=unknowns.free(), at=at, search=search)
+    return estimate_of(solution, posterior=known.posterior, verdict=verdict)
 
 
 def _paper(generic: Model, options: IdentificationOptions, mass: float) -> Paper | None:
@@ -402,30 +570,28 @@ def _paper(generic: Model, options: IdentificationOptions, mass: float) -> Paper
     return Paper(model=generic, options=weights, mass=mass if options.keep_mass else None)
 
 
-def _noise_of_motion(
-    generic: Model, fitted: Fitted, strength: Strength, sd: float, cutoff: float | None
-) -> MotionNoise:
+def _noise_of_motion(generic: Model, fitted: Fitted, strength: Strength) -> MotionNoise:
     """Compute what noise of the motion adds to the equations.
 
     Parameters
     ----------
-    sd : of the noise that the filter leaves in a coordinate [rad or m]
-    cutoff : of the filter [Hz], None for the usual one
+    generic : the scaled model at the body's mass
+    fitted : recordings with the noise of their coordinates, and their parts
+    strength : problem of choosing how far data may move masses
     """
     noise, misfits, mass_sd = fitted.choice
-    added = motion_noise(generic, fitted.recordings, fitted.parts, sd, cutoff)
+    added = motion_noise(generic, fitted.recordings, fitted.parts)
     # What parts that were not fitted leave is as much as noise can have made.
     return added.at_most(misfits[mass_sd], strength.fit(fitted.parts, noise, mass_sd))
 
 
-def _base_fit(
-    generic: Model, fitted: Fitted, base: BaseParameters, chosen_prior: ChosenPrior
-) -> BaseFit:
+def _base_fit(body: _Body, equations: _Equations) -> BaseFit:
     """Estimate base parameters, with the noise that the misfit of held-out parts shows."""
-    moment, force = chosen_prior.misfits[chosen_prior.mass_sd]
+    moment, force = equations.choice.misfits[equations.choice.mass_sd]
     # Of one component: misfits are those of vectors.
     options = BaseOptions(moment_noise=moment / np.sqrt(3.0), force_noise=force / np.sqrt(3.0))
-    return fit_base(generic, fitted.recordings, base, options)
+    recordings = equations.fitted.recordings
+    return fit_base(body.generic, recordings, equations.parts.base, options)
 
 
 def _not_converged(solved: Mapping[str, MassPointFit | PseudoInertiaFit]) -> list[str]:
@@ -453,84 +619,103 @@ def _used(recording: Recording, model: Model, parameters: Array) -> Array:
     return left
 
 
-def _known(
-    points: MassPoints,
-    parts: Parts,
-    noise_of_motion: MotionNoise | None,
-    parameters: Array,
-    chosen_prior: ChosenPrior,
-    mass: float,
-    frames_a_sample: float,
-) -> Determined:
+def _known(body: _Body, equations: _Equations, parameters: Array) -> Determined:
     """Judge what the data determine, with noise of the motion apart from other misfit.
 
     Parameters
     ----------
+    body : before anything is measured
+    equations : that were solved
     parameters : (bodies, 10) that were identified
-    mass : of the body [kg]
-    frames_a_sample : frames that make one independent sample
     """
-    noise = chosen_prior.noise
-    mass_sd = chosen_prior.mass_sd
-    rows, _ = parts.rows(noise)
-    if noise_of_motion is None:
-        return determined(points, rows, mass, mass_sd, frames_a_sample)
+    parts = equations.parts
+    recordings = equations.fitted.recordings
+    misfits = [_used(one, body.generic, parameters) for one in recordings]
+    # Frames that make one independent sample, beyond those that count as one already.
+    samples = max(1.0, float(np.mean(correlation_times(misfits))) / parts.alike)
+    noise = equations.choice.noise
+    mass_sd = equations.choice.mass_sd
+    rows, _ = equations.rows
+    motion = equations.noise
+    if motion is None:
+        measured = MeasuredRows(A=rows, samples=samples)
+        return determined(body.few, measured, body.mass, mass_sd, parameters)
     # Variances add up: what noise of the motion did not make of the misfit is noise of forces.
-    share = np.square(noise_of_motion.misfit(parameters) / noise)
+    share = np.square(motion.misfit(parameters) / noise)
     force_noise = noise / np.maximum(np.sqrt(np.clip(1.0 - share, 0.0, 1.0)), 1e-9)
-    force_rows, _ = noise_of_motion.parts.rows(force_noise)
-    scores = noise_of_motion.scores(noise, parameters)
-    return determined(points, rows, mass, mass_sd, frames_a_sample, force_rows, scores)
+    force_rows, _ = motion.parts.rows(force_noise)
+    measured = MeasuredRows(
+        A=rows, samples=samples, forces=force_rows, scores=motion.scores(noise, parameters)
+    )
+    return determined(body.few, measured, body.mass, mass_sd, parameters)
 
 
 def _on_other_recordings(
-    model: Model,
-    recordings: Sequence[Usable],
-    base: BaseParameters,
-    identified: Array,
-    generic: Array,
-    tissue: SoftTissue | None,
-) -> Unseen:
+    body: _Body, equations: _Equations, recordings: Sequence[Usable], identified: Array
+) -> Verdict:
     """Compute the misfit of identified and generic masses on held-out recordings.
 
     Identified masses move as soft tissue leaves them, the generic ones as markers do.
 
     Parameters
     ----------
-    identified, generic : (bodies, 10) parameters
+    body : before anything is measured
+    equations : with base parameters and soft tissue
+    recordings : that masses were not identified from
+    identified : (bodies, 10) parameters
     """
+    model = body.generic
+    base = equations.parts.base
+    tissue = equations.fitted.tissue
+    generic = inertial_parameters(model)
     used = [recording for recording in recordings if recording.use.any()]
     markers = [parts_of(model, [values.recording], base, least=1) for values in used]
     parts = markers
     if tissue is not None:
         softened = [values.recording.moved(tissue.of) for values in used]
         parts = [parts_of(model, [values], base, least=1) for values in softened]
-    return Unseen(
+    return _verdict_on(
+        names=tuple(values.name for values in used),
         identified=np.reshape([part.rms(identified) for part in parts], (-1, 2)),
         generic=np.reshape([part.rms(generic) for part in markers], (-1, 2)),
         frames=np.array([part.frames.sum() for part in parts], int),
-        what="recordings that were not used",
-        names=tuple(values.name for values in used),
     )
 
 
-def _verdict(unseen: Unseen, taken: bool) -> tuple[str, ...]:
+def _verdict_on(
+    names: tuple[str, ...], identified: Array, generic: Array, frames: np.ndarray
+) -> Verdict:
+    """Make the verdict on recordings that were not used.
+
+    Parameters
+    ----------
+    names : of the recordings
+    identified, generic : (recordings, 2) misfits of moment and force [N m], [N]
+    frames : (recordings,) of each
+    """
+    return Verdict(
+        kinds=KINDS,
+        parts=names,
+        estimate=identified,
+        generic=generic,
+        weights=frames,
+        what="recordings that were not used",
+    )
+
+
+def _verdict(unseen: Verdict, taken: bool) -> tuple[str, ...]:
     """Report where identified masses do not predict what was not used, first of all notes."""
-    if not len(unseen.frames):
+    if not unseen.known:
         return (
-            (
-                "the recording is too short to hold parts of it out: whether the masses predict"
-                " anything is unknown"
-            ),
+            "the recording is too short to hold parts of it out: whether the masses predict"
+            " anything is unknown",
         )
-    where = f"on {unseen.what}: {unseen.words}"
+    where = f"on {unseen.what}: {unseen.numbers}"
     cause = "the motion is too short or too uniform, or forces and motion do not belong together"
     if unseen.worse and taken:
         return (
-            (
-                f"identified masses predict no better than the generic model {where}; {cause};"
-                " taken all the same"
-            ),
+            f"identified masses predict no better than the generic model {where}; {cause};"
+            " taken all the same",
         )
     if unseen.worse:
         return (
@@ -540,44 +725,45 @@ def _verdict(unseen: Unseen, taken: bool) -> tuple[str, ...]:
         )
     if not unseen.losses:
         return ()
-    return (
-        (
-            "identified masses predict worse than the generic model in the"
-            f" {', the '.join(unseen.losses[:3])}"
-        ),
-    )
+    losses = ", the ".join(unseen.losses[:3])
+    return (f"identified masses predict worse than the generic model in the {losses}",)
 
 
 def _solved(
-    points: Mapping[str, MassPoints],
-    rows: tuple[Array, Array],
-    mass: float,
-    mass_sd: float,
+    body: _Body,
+    equations: _Equations,
+    strength: Strength,
     options: IdentificationOptions,
     advance: Callable[[int], None],
 ) -> dict[str, MassPointFit | PseudoInertiaFit]:
-    """Fit rows A x = b of unit noise by the requested way, and by the others to compare.
+    """Fit the equations by the requested way, and by the others to compare.
 
     Parameters
     ----------
-    rows : (rows, 10 bodies) A and (rows,) b
-    mass : of the body [kg]
-    mass_sd : relative standard deviation of a link's mass
+    body : before anything is measured
+    equations : to be solved
+    strength : with the paper's weights, where these were requested
+    options : of identification
+    advance : called with the number of ways solved, as they are
     """
-    first = next(iter(points))
+    A, b = equations.rows
+    mass = body.mass
+    mass_sd = equations.choice.mass_sd
     solved: dict[str, MassPointFit | PseudoInertiaFit] = {}
-    for name, point in points.items():
-        if options.compare or (name == first and options.method == "points"):
-            solved[f"identified, {name}"] = solve_mass_points(
-                point, *rows, mass=mass, options=MassPointOptions(mass_sd=mass_sd)
-            )
+    for name, point in body.maps.items():
+        if options.compare or (name == body.first_map and options.method == "points"):
+            of_points = MassPointOptions(mass_sd=mass_sd)
+            fit = solve_mass_points(point, A, b, mass=mass, options=of_points)
+            solved[f"{BY_POINTS}{name}"] = fit
             advance(1)
     if options.compare or options.method == "pseudo-inertia":
-        shape = possible_reference(points[first].parameters(points[first].reference))
-        solved[CONIC] = solve_pseudo_inertia(
-            *rows, shape, mass=mass, options=PseudoInertiaOptions(mass_sd=mass_sd)
-        )
+        shape = possible_reference(body.points.parameters(body.points.reference))
+        of_cones = PseudoInertiaOptions(mass_sd=mass_sd)
+        solved[CONIC] = solve_pseudo_inertia(A, b, shape, mass=mass, options=of_cones)
         advance(1)
+    if strength.paper is not None:
+        noise = equations.choice.noise
+        solved[body.first_way] = strength.paper.solve(body.points, equations.parts, noise)
     return solved
 
 

@@ -22,6 +22,7 @@ from myomorph.body.identify.pseudo_inertia import (
     solve_pseudo_inertia,
 )
 from myomorph.body.shape.points import MassPoints
+from myomorph.core.fit.verdict import Verdict
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.model import Model
@@ -36,85 +37,14 @@ that come back every step are then blamed on hands and forearms.
 
 POINTS_PER_LINK = 60  # Points a link that stand for all of them while strengths are tried
 ROUNDS = 5  # Times that the noise is taken anew from what the fit leaves of unseen parts
+WHOLE = "recordings held out in turn"
+PIECES = "parts of the recording held out in turn"
 PAPER_SD = 0.2
 """Relative standard deviation of a link's mass that stands for [D]'s weights, which state none, in
 intervals.
 """
-# Ratio of misfits on unseen parts, identified over generic, from which one counts as worse
-WORSE = 1.02
-
-
-@read_only
-class Unseen:
-    """Misfit on recordings, or parts of one, that took no part in the fit.
-
-    Identified masses compared with the generic model's.
-
-    Attributes
-    ----------
-    identified, generic : (parts, 2) root mean square misfit, moment [N m] and force [N]
-    frames : (parts,) number of frames
-    what : what the parts are, in words
-    names : of the parts, where they are recordings
-    """
-
-    identified: Array
-    generic: Array
-    frames: np.ndarray
-    what: str
-    names: tuple[str, ...] = ()
-
-    def rms(self, values: Array) -> Array:
-        """Combine misfits of all parts.
-
-        Parameters
-        ----------
-        values : (parts, 2) `identified` or `generic`
-
-        Returns
-        -------
-        (2,) root mean square, weighed by frames
-        """
-        weights = self.frames / self.frames.sum()
-        return np.sqrt(weights @ np.square(values))
-
-    @property
-    def ratio(self) -> Array:
-        """(2,) misfit of identified masses over that of the generic model, moment and force."""
-        return self.rms(self.identified) / np.maximum(self.rms(self.generic), 1e-300)
-
-    @property
-    def worse(self) -> bool:
-        """Whether identified masses predict worse: moment and force together.
-
-        The measure is the mean of their squared ratios.
-        """
-        return bool(len(self.frames)) and float(np.mean(np.square(self.ratio))) >= 1.0
-
-    @property
-    def words(self) -> str:
-        """Both misfits, for a line of output."""
-        identified = self.rms(self.identified)
-        generic = self.rms(self.generic)
-        return (
-            f"{identified[1]:.1f} N, {identified[0]:.1f} N m (generic {generic[1]:.1f} N,"
-            f" {generic[0]:.1f} N m)"
-        )
-
-    @property
-    def losses(self) -> tuple[str, ...]:
-        """Parts and kinds, moment or force, that identified masses predict worse by `WORSE`."""
-        lost = []
-        ratios = self.identified / np.maximum(self.generic, 1e-300)
-        for i, row in enumerate(ratios):
-            name = self.names[i] if self.names else f"part {i + 1} of {len(ratios)}"
-            for kind, unit, j in (("force", "N", 1), ("moment", "N m", 0)):
-                if row[j] > WORSE:
-                    lost.append(
-                        f"{kind} of {name} {self.identified[i, j]:.1f} {unit} (generic"
-                        f" {self.generic[i, j]:.1f})"
-                    )
-        return tuple(lost)
+KINDS = (("moment", "N m"), ("force", "N"))
+"""What held-out parts are predicted of, in the order of arrays of misfits (parts, 2)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,7 +257,7 @@ def _walk(scores: Callable[[float], Array], several: bool) -> float:
 
 def unseen_parts(
     parts: Parts, strength: Strength, names: tuple[str, ...], markers: Parts
-) -> Unseen:
+) -> Verdict:
     """Predict every fold by what was fitted, and chosen, without it.
 
     Parameters
@@ -354,14 +284,20 @@ def unseen_parts(
         generic.append(markers.rms(strength.generic, left_out))
         frames.append(int(parts.frames[left_out].sum()))
     several = len(names) > 1
-    what = "recordings held out in turn" if several else "parts of the recording held out in turn"
-    return Unseen(
-        identified=np.reshape(identified, (-1, 2)),
+    named = names if several and len(frames) == len(names) else _numbered(len(frames))
+    return Verdict(
+        kinds=KINDS,
+        parts=named,
+        estimate=np.reshape(identified, (-1, 2)),
         generic=np.reshape(generic, (-1, 2)),
-        frames=np.array(frames, int),
-        what=what,
-        names=names if several and len(frames) == len(names) else (),
+        weights=np.array(frames, int),
+        what=WHOLE if several else PIECES,
     )
+
+
+def _numbered(count: int) -> tuple[str, ...]:
+    """Name parts of a recording."""
+    return tuple(f"part {number + 1} of {count}" for number in range(count))
 
 
 def thinned(points: MassPoints, most: int = POINTS_PER_LINK) -> MassPoints:

@@ -68,22 +68,30 @@ class Cones:
         return rows, self.right[index]
 
     def hold(self, x: Array) -> bool:
-        """Tell whether a point lies in the cones; equations are not looked at.
+        """Tell whether a point lies in the cones.
 
         Parameters
         ----------
         x : (unknowns,)
+
+        Returns
+        -------
+        whether it does; equations are not looked at
         """
         rest = self.right - self.rows @ x
         pairs = zip(self.cones, self._parts, strict=True)
         return all(_least(cone, rest[part]) >= 0.0 for cone, part in pairs)
 
     def moved(self, start: Array) -> Cones:
-        """Return the cones of the steps from a point.
+        """Write the cones for steps from a point.
 
         Parameters
         ----------
         start : (unknowns,)
+
+        Returns
+        -------
+        what a step has to meet so that the point after it meets these
         """
         return Cones(rows=self.rows, right=self.right - self.rows @ start, cones=self.cones)
 

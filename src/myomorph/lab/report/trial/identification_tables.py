@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from myomorph.body.identify.determined import NINETY
 from myomorph.body.identify.subject import GENERIC, Identification
 from myomorph.body.identify.validation import COMPONENTS, CrossValidation
 from myomorph.core.model.arrays import Array
@@ -92,10 +91,9 @@ def mass_sheet(identification: Identification) -> Sheet:
     masses = identification.masses
     rows: list[tuple[Cell, ...]] = []
     for i, body in enumerate(identification.model.bodies):
-        sd = float(identification.sd[i, 0])
-        low = max(float(body.mass) - NINETY * sd, 0.0)
-        high = float(body.mass) + NINETY * sd
-        trust = (sd, low, high, "data" if identification.from_data[i, 0] else "prior")
+        interval = identification.mass_interval(body.name)
+        origin = "data" if identification.from_data[i, 0] else "prior"
+        trust = (float(identification.sd[i, 0]), interval.low, interval.high, origin)
         rows.append((body.name, *(float(mass[i]) for mass in masses.values()), *trust))
     total = ("Total", *(float(mass.sum()) for mass in masses.values()), *(None,) * len(TRUST))
     return Sheet(("link", *(f"{name} [kg]" for name in masses), *TRUST), (*rows, total))
@@ -222,8 +220,8 @@ def misfit_sheet(identification: Identification) -> Sheet:
     """
     misfits = dict(identification.residuals)
     unseen = identification.unseen
-    if len(unseen.frames):
-        misfits[f"{identification.identified}, on {unseen.what}"] = unseen.rms(unseen.identified)
+    if unseen.known:
+        misfits[f"{identification.identified}, on {unseen.what}"] = unseen.rms(unseen.estimate)
         misfits[f"{GENERIC}, on {unseen.what}"] = unseen.rms(unseen.generic)
     rows = tuple((name, float(errors[0]), float(errors[1])) for name, errors in misfits.items())
     return Sheet(("method", "moment [N m]", "force [N]"), rows)

@@ -310,8 +310,8 @@ def summary(identified: Identified) -> list[str]:
         f"misfit of the ground wrench: {now[1]:.1f} N, {now[0]:.1f} N m (generic {generic[1]:.1f}"
         f" N, {generic[0]:.1f} N m)"
         + (
-            f"; {identification.unseen.what}: {identification.unseen.words}"
-            if len(identification.unseen.frames)
+            f"; {identification.unseen.what}: {identification.unseen.numbers}"
+            if identification.unseen.known
             else ""
         )
     )
