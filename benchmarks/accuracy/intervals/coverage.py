@@ -40,8 +40,8 @@ from benchmarks.accuracy.viscosity.signatures import CASES, heavy_limb
 from benchmarks.recordings import RECORDINGS
 from data_collection import data_folder
 from myomorph.body.identify import base
-from myomorph.body.identify.least_squares import Recording
-from myomorph.body.identify.recordings import Usable
+from myomorph.body.identify.motion_noise import coordinate_noise
+from myomorph.body.identify.recordings import RecordingOptions, Usable
 from myomorph.body.identify.subject import IdentificationOptions
 from myomorph.body.refine.options import RefineOptions
 from myomorph.body.refine.refinement import Refinement
@@ -283,11 +283,10 @@ def _identified_body(
     truth = drawn_body(model, heavy, rng)
     seen = [_measured(model, truth, one, rng) for one in trials.values()]
     options = IdentificationOptions(compare=False, motion_sd=COORDINATE_SD)
-    found = mm.identify(model, seen, points, mass=model.mass, options=options)
+    filtered = RecordingOptions(cutoff=identification.CUTOFF)
+    found = mm.identify(model, seen, points, mass=model.mass, options=options, recording=filtered)
     off = (found.parameters[found.chosen] - truth)[heavy, 0]
-    fit = base.fit_base(
-        model, [one.recording for one in seen], options=base.BaseOptions(reference=None)
-    )
+    fit = base.fit_base(model, [one.recording for one in seen])
     shown = fit.identifiable
     base_off = (fit.estimate - fit.base.of(truth))[shown]
     return {
@@ -298,6 +297,8 @@ def _identified_body(
 
 def _measured(model: mm.Model, truth: Array, one: Usable, rng: np.random.Generator) -> Usable:
     """Measure a body that moves as recorded: coordinates and forces with noise that is alike.
+
+    Both pass one filter, as a user's do. Coordinates that rest, as locked ones, have no errors.
 
     Parameters
     ----------
@@ -316,11 +317,13 @@ def _measured(model: mm.Model, truth: Array, one: Usable, rng: np.random.Generat
         reference_points(model, motion)[:, None],
         wrench[:, None, :3],
     )
-    off = COORDINATE_SD * alike_noise(motion.time, motion.values.shape, rng)
+    moving = np.ptp(motion.values, axis=0) > 0.0
+    off = COORDINATE_SD * moving * alike_noise(motion.time, motion.values.shape, rng)
     noisy = mm.Motion(motion.time, motion.names, motion.values + off)
-    smooth = mm.differentiate(noisy, identification.CUTOFF)
-    recording = Recording(smooth, wrenches, one.recording.use)
-    return replace(one, recording=recording, notes=())
+    options = RecordingOptions(cutoff=identification.CUTOFF)
+    seen = mm.usable(model, noisy, wrenches, mass=model.mass, name=one.name, options=options)
+    noise = coordinate_noise(noisy, COORDINATE_SD, identification.CUTOFF)
+    return replace(seen, recording=replace(seen.recording, noise=noise), notes=())
 
 
 def refined(folder: Path) -> Iterator[Case]:

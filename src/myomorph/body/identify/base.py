@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from myomorph.body.identify.base_parameters import (
     BaseParameters,
@@ -16,13 +17,23 @@ from myomorph.body.identify.base_parameters import (
     link_levels,
 )
 from myomorph.body.identify.least_squares import Blocks, Recording, Rows, gather, residuals
-from myomorph.body.identify.triangles import Solution, levels, rank_and_condition, solve
+from myomorph.body.identify.motion_noise import MotionNoise, motion_noise
+from myomorph.body.identify.parts import parts_of
+from myomorph.body.identify.triangles import (
+    Solution,
+    levels,
+    rank_and_condition,
+    solve,
+    with_prior,
+)
 from myomorph.core.fit.correlation import correlation_times
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.model import Model
+
+MIN_FREEDOM = 0.1  # Share of the samples that the fit is taken not to follow, at least
 
 
 @dataclass(frozen=True)
@@ -59,6 +70,11 @@ class BaseOptions:
     identifiable: float = 0.2
     rank_tolerance: float = 1e-6
     block: int = 512
+
+    @property
+    def blocks(self) -> Blocks:
+        """How recordings are taken apart."""
+        return Blocks(reference=self.reference, frames=self.block)
 
     def __post_init__(self) -> None:
         for name in (
@@ -197,11 +213,28 @@ class BaseFit:
         return self.information @ self.base.combination, np.array(self.z)
 
 
+class RowNoise(NamedTuple):
+    """Noise of the six rows of the wrench.
+
+    Attributes
+    ----------
+    sigma : (6,) standard deviation [N m], [N]
+    samples : (6,) independent samples of each row
+    weight : (6,) what a residual of each frame is divided by: sigma, and the root of the frames
+        that make one sample
+    """
+
+    sigma: Array
+    samples: Array
+    weight: Array
+
+
 def fit_base(
     model: Model,
     recordings: Sequence[Recording],
     base: BaseParameters | None = None,
     options: BaseOptions | None = None,
+    motion: MotionNoise | None = None,
 ) -> BaseFit:
     """Estimate the base parameters that reproduce the measured base wrench best, [D] eq. 3.1.
 
@@ -210,7 +243,14 @@ def fit_base(
     by QR factors that take block after block of frames, so that memory does not grow with them.
     Each of the six rows keeps a factor of its own: their noise is estimated from the residuals, and
     weighed, without going through the frames again. A second, cheap pass gives the residuals'
-    autocorrelation.
+    autocorrelation. Rows and forces of recordings that have a finer motion pass the filter after
+    they are made.
+
+    Where the noise of the motion is known, its share in the error is added: it is drawn anew some
+    times, and each draw d of it pulls at the estimate by g_d = -Y_d^T (Y_d phi_B - f), so that with
+    the information H the covariance is
+
+        H^-1 + H^-1 cov(g) H^-1
 
     Parameters
     ----------
@@ -220,6 +260,8 @@ def fit_base(
         locked (and, on a base that is fixed, those of its joint to the ground) where the recordings
         have them
     options : noise, prior and tare; see `BaseOptions`
+    motion : what noise of the motion adds to the rows; by default made from the noise of the
+        recordings, where all have it
 
     Returns
     -------
@@ -231,30 +273,22 @@ def fit_base(
         used
     """
     options = options or BaseOptions()
-    if base is None:
-        held = held_in(model, [recording.motion for recording in recordings], options.fixed)
-        base = base_parameters(model, options.fixed, held)
+    base = base or _base_of(model, recordings, options)
     _check_bodies(base, model)
-    blocks = Blocks(reference=options.reference, frames=options.block)
-    rows = gather(model, recordings, base, blocks)
+    rows = gather(model, recordings, base, options.blocks)
     prior = WeakPrior.of(model, base, options.prior)
-    sigma = _noise(rows, prior, options)
-    samples = np.full(6, float(rows.frames))
-    if options.correlated:
-        first = solve(rows.plain, sigma, prior.mean, prior.sd)
-        left = residuals(model, recordings, base, first.solution, blocks)
-        samples = rows.frames / correlation_times(left)
-
-    weight = sigma * np.sqrt(rows.frames / samples)
-    plain = solve(rows.plain, weight, prior.mean, prior.sd)
-    tared = solve(rows.factors, weight, prior.mean, prior.sd)
-    tare = _tare(rows, plain, tared)
-    n = len(base)
+    noise = _row_noise(model, recordings, base, rows, prior, options)
+    plain = solve(rows.plain, noise.weight, prior.mean, prior.sd)
+    tared = solve(rows.factors, noise.weight, prior.mean, prior.sd)
     chosen = tared if options.tare else plain
-    estimate = chosen.solution[:n]
-    sd = chosen.sd[:n]
-    R, z = chosen.without(n)
-    rank, condition = rank_and_condition(R, options.rank_tolerance)
+    estimate = chosen.solution[: len(base)]
+    R, z = chosen.without(len(base))
+
+    motion = motion or _noise_of_motion(model, recordings, base, rows.rms(estimate), estimate)
+    sd = chosen.sd[: len(base)]
+    if motion is not None:
+        sd = np.hypot(sd, _motion_sd(R, prior, motion, noise, estimate))
+    shown = rank_and_condition(R, options.rank_tolerance)
     by_parameter = levels(R, prior.mean, prior.sizes)
     return BaseFit(
         base=base,
@@ -263,21 +297,84 @@ def fit_base(
         size=prior.sizes,
         information=R,
         z=z,
-        rank=rank,
-        condition=condition,
+        rank=shown.rank,
+        condition=shown.condition,
         identifiable=sd <= options.identifiable * np.maximum(np.abs(estimate), prior.sizes),
         levels=by_parameter,
         link_levels=link_levels(model, base, by_parameter),
-        sigma=sigma,
-        samples=samples,
+        sigma=noise.sigma,
+        samples=noise.samples,
         frames=rows.frames,
         left_out=rows.left_out,
-        residual_rms=tare.rms_with if options.tare else tare.rms_without,
+        residual_rms=rows.rms(chosen.solution),
         wrench_rms=rows.wrench_rms,
         carried_mass=_carried_mass(rows, model),
-        tare=tare,
+        tare=_tare(rows, plain, tared),
         options=options,
     )
+
+
+def _base_of(model: Model, recordings: Sequence[Recording], options: BaseOptions) -> BaseParameters:
+    """Find the base parameters of motions, with the coordinates that rest in them."""
+    held = held_in(model, [recording.motion for recording in recordings], options.fixed)
+    return base_parameters(model, options.fixed, held)
+
+
+def _noise_of_motion(
+    model: Model,
+    recordings: Sequence[Recording],
+    base: BaseParameters,
+    misfit: Array,
+    estimate: Array,
+) -> MotionNoise | None:
+    """Compute what noise of the motion adds to rows; None where that of a recording is not known.
+
+    Parameters
+    ----------
+    model, recordings, base : of the rows
+    misfit : (6,) root mean square that the estimate leaves [N m], [N]
+    estimate : (n,) base parameters
+    """
+    if any(recording.noise is None for recording in recordings):
+        return None
+    parts = parts_of(model, recordings, base, least=1)
+    added = motion_noise(model, recordings, parts)
+    # Noise that alone would make more misfit than there is was given too large.
+    return added.at_most(_vectors(misfit), base.standard(estimate))
+
+
+def _motion_sd(
+    R: Array, prior: WeakPrior, motion: MotionNoise, noise: RowNoise, estimate: Array
+) -> Array:
+    """Compute the standard deviation that noise of the motion adds.
+
+    Parameters
+    ----------
+    R : (n, n) upper triangular, of the data
+    prior : of the base parameters
+    motion : what noise of the motion adds to rows
+    noise : of the rows
+    estimate : (n,) base parameters
+
+    Returns
+    -------
+    (n,)
+    """
+    # Moments have one weight in `motion`, and so have forces: the root mean square of their rows'.
+    kinds = np.mean(np.reshape(noise.weight, (2, 3)) ** -2.0, axis=1) ** -0.5
+    vectors = kinds * np.sqrt(3.0 / motion.parts.alike)
+    pulls = motion.pulls(vectors, motion.parts.base.standard(estimate))
+    whole, _ = with_prior(np.column_stack([R, np.zeros(len(R))]), prior.mean, prior.sd)
+    half = scipy.linalg.solve_triangular(whole, pulls.T, trans="T")
+    moved = scipy.linalg.solve_triangular(whole, half)
+    # Known from few draws only: the variance of Student's t, not of a normal distribution.
+    sd: Array = np.sqrt(np.square(moved).sum(axis=1) / (len(pulls) - 3))
+    return sd
+
+
+def _vectors(rows: Array) -> Array:
+    """Join root mean squares of six rows (6,) to those of the moment and the force (2,)."""
+    return np.sqrt(np.square(np.reshape(rows, (2, 3))).sum(axis=1))
 
 
 def _check_bodies(base: BaseParameters, model: Model) -> None:
@@ -315,11 +412,59 @@ def _carried_mass(rows: Rows, model: Model) -> float:
     return -float(rows.mean_force @ model.gravity) / square
 
 
-def _noise(rows: Rows, prior: WeakPrior, options: BaseOptions) -> Array:
-    """Estimate the noise of the rows: as specified, or from the residuals of a fit.
+def _row_noise(
+    model: Model,
+    recordings: Sequence[Recording],
+    base: BaseParameters,
+    rows: Rows,
+    prior: WeakPrior,
+    options: BaseOptions,
+) -> RowNoise:
+    """Estimate the noise of the rows, and how many of them are independent.
+
+    Residuals that the fit can follow are smaller than the noise:
+
+        sigma^2 = rms^2 / (1 - n / samples)
 
     Parameters
     ----------
+    model, recordings, base : of the rows
+    rows : of all frames
+    prior : of the base parameters
+    options : noise, where it is known
+    """
+    sigma = _noise(rows, prior, options)
+    samples = np.full(6, float(rows.frames))
+    if options.correlated:
+        first = solve(rows.plain, sigma, prior.mean, prior.sd)
+        left = residuals(model, recordings, base, first.solution, options.blocks)
+        samples = rows.frames / correlation_times(left)
+        n = len(prior.mean)
+        followed = _freedom(n, 6.0 * rows.frames) / _freedom(n, float(samples.sum()))
+        sigma = np.where(_known_noise(options) > 0.0, sigma, sigma * np.sqrt(followed))
+    return RowNoise(sigma=sigma, samples=samples, weight=sigma * np.sqrt(rows.frames / samples))
+
+
+def _freedom(unknowns: int, samples: float) -> float:
+    """Compute the share of the samples that unknowns cannot follow."""
+    return max(1.0 - unknowns / samples, MIN_FREEDOM)
+
+
+def _known_noise(options: BaseOptions) -> Array:
+    """List the noise of the rows (6,) that is specified; NaN where none is [N m], [N]."""
+    noise = [options.moment_noise] * 3 + [options.force_noise] * 3
+    return np.array(noise, dtype=np.float64)
+
+
+def _noise(rows: Rows, prior: WeakPrior, options: BaseOptions) -> Array:
+    """Estimate the noise of the rows: as specified, or from the residuals of a fit.
+
+    No row errs by more than the masses before anything was measured leave: a fit could else give
+    up one row, whose weight falls with its residual, for all others.
+
+    Parameters
+    ----------
+    rows : of all frames
     prior : of the base parameters
 
     Returns
@@ -328,15 +473,16 @@ def _noise(rows: Rows, prior: WeakPrior, options: BaseOptions) -> Array:
     """
     measured = rows.wrench_rms
     floor = 1e-9 * np.maximum(measured, measured.max() * 1e-3) + 1e-12
-    noise = np.array([options.moment_noise] * 3 + [options.force_noise] * 3, dtype=np.float64)
+    noise = _known_noise(options)
     known = np.isfinite(noise)
     sigma: Array = np.where(known, noise, np.maximum(0.05 * measured, floor))
     if known.all():
         return sigma
-    freedom = max(1.0 - len(prior.mean) / (6.0 * rows.frames), 0.1)
+    freedom = _freedom(len(prior.mean), 6.0 * rows.frames)
+    most = rows.rms(prior.mean) / np.sqrt(freedom)
     for _ in range(8):
         fitted = solve(rows.plain, sigma, prior.mean, prior.sd)
-        left = rows.rms(fitted.solution) / np.sqrt(freedom)
+        left = np.minimum(rows.rms(fitted.solution) / np.sqrt(freedom), most)
         before = sigma
         sigma = np.where(known, noise, np.maximum(left, floor))
         if np.all(np.abs(sigma - before) < 0.01 * before):

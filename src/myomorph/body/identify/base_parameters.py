@@ -85,6 +85,21 @@ class BaseParameters:
         """
         return self.combination @ np.asarray(parameters).ravel()
 
+    def standard(self, values: Array) -> Array:
+        """Give base parameters to the standard ones that they are named after.
+
+        Parameters
+        ----------
+        values : (n,) base parameters
+
+        Returns
+        -------
+        (bodies, 10) one of all bodies that have them, possible or not; others are 0
+        """
+        parameters = np.zeros(self.combination.shape[1])
+        parameters[self.columns] = values
+        return parameters.reshape(-1, 10)
+
     def describe(self, i: int, most: int | None = None) -> str:
         """Write base parameter i as a sum of standard ones, the largest terms first.
 

@@ -21,11 +21,10 @@ from myomorph.core.rigid.frames import over_frames
 from myomorph.core.rigid.kernels import kernel
 from myomorph.core.rigid.regressor import (
     BLOCK,
-    RegressorBlock,
     base_regressor,
     base_wrench,
+    reference_points,
     regressor_blocks,
-    sum_of_wrenches,
 )
 
 FILTER_REACH = 3.0  # How far a filter's ends reach, times 1 / cutoff, until rounding
@@ -63,6 +62,37 @@ def _fold_frames(R, i, Y, columns, constants, wrench, used, rows):
                 rows[row, n + j] = constants[f, i, j]
             rows[row, n + 6] = wrench[f, i]
         fold(R, rows)
+
+
+class Blocks(NamedTuple):
+    """How a recording is taken apart.
+
+    Attributes
+    ----------
+    reference : point in ground that moments are about [m]; None for the base's origin
+    frames : that are taken at a time
+    """
+
+    reference: tuple[float, float, float] | None = None
+    frames: int = BLOCK
+
+
+class RowBlock(NamedTuple):
+    """Equations of some frames.
+
+    Attributes
+    ----------
+    frames : which they are
+    rows : (frames, 6, 10 bodies) regressor
+    wrench : (frames, 6) measured moment and force [N m], [N]
+    constants : (frames, 6, 6) rows of a constant wrench about the ground's origin; None where they
+        were not requested
+    """
+
+    frames: slice
+    rows: Array
+    wrench: Array
+    constants: Array | None
 
 
 @read_only
@@ -141,34 +171,53 @@ class Recording:
         rate = 1.0 / float(np.median(np.diff(self.motion.time))) if len(self.motion) > 1 else 0.0
         return 1.0 if self.finer is None else max(1.0, 0.5 * rate / self.finer.cutoff)
 
-    def rows(self, model: Model) -> Iterator[tuple[slice, Array, Array]]:
+    def rows(
+        self, model: Model, blocks: Blocks | None = None, constants: bool = False
+    ) -> Iterator[RowBlock]:
         """Yield the equations block by block.
 
         Parameters
         ----------
         model : whose regressor is built
+        blocks : what moments are about, and frames at a time
+        constants : whether to build the rows of a constant wrench too
 
         Yields
         ------
-        frames, (frames, 6, 10 bodies) regressor, and (frames, 6) measured wrench about the base [N
-            m], [N]
+        equations, those of `finer` through its filter
         """
+        blocks = blocks or Blocks()
         finer = self.finer
         if finer is None:
-            measured = base_wrench(model, self.motion, self.wrenches)
-            for block in regressor_blocks(model, self.motion):
-                yield block.frames, block.rows, measured[block.frames]
+            measured = base_wrench(model, self.motion, self.wrenches, blocks.reference)
+            for block in regressor_blocks(model, self.motion, *blocks):
+                yield RowBlock(
+                    frames=block.frames,
+                    rows=block.rows,
+                    wrench=measured[block.frames],
+                    constants=_constants(block.reference) if constants else None,
+                )
             return
-        measured = base_wrench(model, finer.motion, finer.wrenches)
+        measured = base_wrench(model, finer.motion, finer.wrenches, blocks.reference)
         frames = len(finer.motion)
         margin = int(FILTER_REACH / finer.cutoff / float(np.median(np.diff(finer.motion.time)))) + 1
-        for start in range(0, frames, BLOCK):
-            stop = min(start + BLOCK, frames)
+        for start in range(0, frames, blocks.frames):
+            stop = min(start + blocks.frames, frames)
             around = slice(max(0, start - margin), min(frames, stop + margin))
-            rows = base_regressor(model, finer.motion.frames(around))
-            passed = finer.passed(np.concatenate([rows, measured[around, :, None]], axis=2))
-            passed = passed[start - around.start : stop - around.start]
-            yield slice(start, stop), passed[:, :, :-1], passed[:, :, -1]
+            inner = slice(start - around.start, stop - around.start)
+            motion = finer.motion.frames(around)
+            rows = base_regressor(model, motion, blocks.reference)
+            columns = [rows, measured[around, :, None]]
+            if constants:
+                columns.append(_constants(_points(model, motion, blocks)))
+            passed = finer.passed(np.concatenate(columns, axis=2))[inner]
+            size = rows.shape[2]
+            yield RowBlock(
+                frames=slice(start, stop),
+                rows=passed[:, :, :size],
+                wrench=passed[:, :, size],
+                constants=passed[:, :, size + 1 :] if constants else None,
+            )
 
     def missing(self, model: Model, parameters: Array) -> Array:
         """Compute the wrench that parameters need beyond the measured one.
@@ -243,19 +292,6 @@ class Rows:
         return np.sqrt(np.square(self.factors @ x).sum(axis=1) / self.frames)
 
 
-class Blocks(NamedTuple):
-    """How a recording is taken apart.
-
-    Attributes
-    ----------
-    reference : point in ground that moments are about [m]; None for the base's origin
-    frames : that are taken at a time
-    """
-
-    reference: tuple[float, float, float] | None
-    frames: int
-
-
 def gather(
     model: Model, recordings: Sequence[Recording], base: BaseParameters, blocks: Blocks
 ) -> Rows:
@@ -281,10 +317,8 @@ def gather(
     left_out = {UNWANTED: 0, UNSEEN: 0, UNMEASURED: 0}
     frames = 0
     for recording in recordings:
-        total = _measured(model, recording)
-        for part in regressor_blocks(model, recording.motion, *blocks):
-            wrench = _about(total[part.frames], part.reference)
-            missing = _missing(recording, part, wrench)
+        for part in recording.rows(model, blocks, constants=True):
+            missing = _missing(recording, part)
             for reason, marked in missing.items():
                 left_out[reason] += int(marked.sum())
             used = np.flatnonzero(~np.any(list(missing.values()), axis=0))
@@ -293,22 +327,20 @@ def gather(
             if not frames:
                 _check_base(part.rows[used[0]], base)
             frames += len(used)
-            constants = _constants(part.reference)
-            _fold(factors, part.rows, base.columns, constants, wrench, used)
+            _fold(factors, part, base.columns, used)
     if not frames:
         reasons = ", ".join(f"{reason}: {count}" for reason, count in left_out.items() if count)
         raise BadData(f"no frame can be used to identify ({reasons or 'there are none'})")
     return Rows(factors, frames, left_out)
 
 
-def _missing(recording: Recording, part: RegressorBlock, wrench: Array) -> dict[str, np.ndarray]:
+def _missing(recording: Recording, part: RowBlock) -> dict[str, np.ndarray]:
     """Mark frames of a block that cannot be used, each under its first reason.
 
     Parameters
     ----------
     recording : says which frames are wanted
-    part : of its motion
-    wrench : (frames, 6) measured in the block [N m], [N]
+    part : of it
 
     Returns
     -------
@@ -319,7 +351,7 @@ def _missing(recording: Recording, part: RegressorBlock, wrench: Array) -> dict[
         wanted = np.asarray(recording.use)[part.frames]
     # A sum, because a missing coordinate shows in it and costs no copy.
     moving = np.isfinite(part.rows.sum(axis=(1, 2)))
-    pushed = np.isfinite(wrench).all(axis=1)
+    pushed = np.isfinite(part.wrench).all(axis=1)
     return {
         UNWANTED: ~wanted,
         UNSEEN: wanted & ~moving,
@@ -348,31 +380,22 @@ def residuals(
     -------
     for each recording (frames, 6) [N m], [N]; NaN where not used
     """
-    parameters = np.zeros(base.combination.shape[1])
-    parameters[base.columns] = estimate
     left = []
     for recording in recordings:
-        residual = _measured(model, recording)
-        for part in regressor_blocks(model, recording.motion, *blocks):
-            residual[part.frames] = (
-                _about(residual[part.frames], part.reference) - part.rows @ parameters
-            )
+        residual = np.full((len(recording.motion), 6), np.nan)
+        for part in recording.rows(model, blocks):
+            residual[part.frames] = part.wrench - part.rows[:, :, base.columns] @ estimate
         if recording.use is not None:
             residual[~np.asarray(recording.use, bool)] = np.nan
         left.append(residual)
     return left
 
 
-def _measured(model: Model, recording: Recording) -> Array:
-    """Sum the measured forces to (frames, 6) moment about the ground's origin and force."""
-    return sum_of_wrenches(
-        model, recording.motion, recording.wrenches, np.zeros((len(recording.motion), 3))
-    )
-
-
-def _about(total: Array, points: Array) -> Array:
-    """Move a wrench (frames, 6) from the ground's origin to points (frames, 3)."""
-    return np.concatenate([total[:, :3] - np.cross(points, total[:, 3:]), total[:, 3:]], axis=1)
+def _points(model: Model, motion: Motion, blocks: Blocks) -> Array:
+    """Find the points (frames, 3) that moments are about, in ground [m]."""
+    if blocks.reference is None:
+        return reference_points(model, motion)
+    return np.tile(np.asarray(blocks.reference, np.float64), (len(motion), 1))
 
 
 def _constants(points: Array) -> Array:
@@ -393,27 +416,26 @@ def _constants(points: Array) -> Array:
     return rows
 
 
-def _fold(
-    factors: Array, Y: Array, columns: np.ndarray, constants: Array, wrench: Array, used: np.ndarray
-) -> None:
+def _fold(factors: Array, part: RowBlock, columns: np.ndarray, used: np.ndarray) -> None:
     """Fold frames into the factor of each row of the wrench, the rows shared among the cores.
 
     Parameters
     ----------
     factors : (6, n + 7, n + 7), changed in place
-    Y : (frames, 6, 10 bodies) regressor
-    columns : (n,) of Y that count
-    constants : (frames, 6, 6)
-    wrench : (frames, 6) [N m], [N]
-    used : (used,) frames that count
+    part : equations, with the rows of a constant wrench
+    columns : (n,) of the regressor that count
+    used : (used,) frames of the part that count
     """
-    # A copy, because a kernel is compiled anew for an array that is read-only.
+    # Copies, because a kernel is compiled anew for arrays that are read-only or no whole ones.
     chosen = columns.copy()
+    rows = np.ascontiguousarray(part.rows)
+    wrench = np.ascontiguousarray(part.wrench)
+    constants = np.ascontiguousarray(part.constants)
 
     def some(start: int, stop: int) -> None:
         scratch = np.empty((6, factors.shape[2]))
         for i in range(start, stop):
-            _fold_frames(factors[i], i, Y, chosen, constants, wrench, used, scratch)
+            _fold_frames(factors[i], i, rows, chosen, constants, wrench, used, scratch)
 
     over_frames(some, 6, chunk=1)
 

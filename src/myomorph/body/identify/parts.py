@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from myomorph.body.identify.base_parameters import BaseParameters
-from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.least_squares import Recording, RowBlock
 from myomorph.body.identify.triangles import absorb
 from myomorph.core.model.arrays import Array, checked_array, read_only
 from myomorph.core.model.errors import BadData
@@ -387,21 +387,17 @@ def parts_of(
         )
         piece = _pieces(recording.motion.time, use, least)
         sums = np.zeros((least + 1, 2, n + 1, n + 1))
-        for block, regressor, measured in recording.rows(model):
-            known = np.isfinite(measured).all(axis=1)
+        for block in recording.rows(model):
+            known = use[block.frames] & np.isfinite(block.wrench).all(axis=1)
             for lag in range(BORDER, least):
-                wanted = use[block] & known & (piece[block] == lag)
+                wanted = known & (piece[block.frames] == lag)
                 if not wanted.any():
                     continue
-                wrench = measured[wanted]
+                slopes = None
+                if tissue is not None:
+                    slopes = tissue.slopes[number][block.frames][wanted]
                 for kind, rows in enumerate((slice(0, 3), slice(3, 6))):
-                    table = np.empty((3 * int(wanted.sum()), n + 1), order="F")
-                    if tissue is not None:
-                        table[:, :g] = tissue.slopes[number][block][wanted][:, rows].reshape(-1, g)
-                    table[:, g:-1] = regressor[wanted][:, rows][:, :, base.columns].reshape(
-                        -1, n - g
-                    )
-                    table[:, -1] = wrench[:, rows].ravel()
+                    table = _table(block, wanted, rows, base.columns, slopes)
                     sums[lag, kind] = absorb(sums[lag, kind], table)
         for lag in (*range(least), BORDER):
             count = int((use & (piece == lag)).sum())
@@ -425,6 +421,33 @@ def parts_of(
         tissue=tissue,
         alike=float(np.mean([recording.alike for recording in recordings])),
     )
+
+
+def _table(
+    block: RowBlock, wanted: np.ndarray, rows: slice, columns: np.ndarray, slopes: Array | None
+) -> Array:
+    """Write three rows of the wrench in some frames as one table.
+
+    Parameters
+    ----------
+    block : equations
+    wanted : (frames,) of the block
+    rows : three of the six, moments or forces
+    columns : (n,) of the regressor that count
+    slopes : (wanted frames, 6, g) what soft tissue adds to the wrench; None without soft tissue
+
+    Returns
+    -------
+    (3 wanted frames, g + n + 1) soft tissue, base parameters and the measured wrench
+    """
+    g = 0 if slopes is None else slopes.shape[2]
+    n = len(columns)
+    table = np.empty((3 * int(wanted.sum()), g + n + 1), order="F")
+    if slopes is not None:
+        table[:, :g] = slopes[:, rows].reshape(-1, g)
+    table[:, g:-1] = block.rows[wanted][:, rows][:, :, columns].reshape(-1, n)
+    table[:, -1] = block.wrench[wanted][:, rows].ravel()
+    return table
 
 
 def without_noise(R: Array, z: Array, added: Array, center: Array) -> tuple[Array, Array]:

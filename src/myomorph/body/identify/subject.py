@@ -469,16 +469,19 @@ def _equations(
     cutoff : of the recordings' filter [Hz], None for the usual one
     """
     model = body.generic
-    used = [with_noise(one.recording, options.motion_sd, cutoff) for one in recordings]
+    used = [one.recording for one in recordings]
+    by_paper = strength.paper is not None
+    exact = by_paper or not options.motion_sd
+    if not exact:
+        used = [with_noise(one, options.motion_sd, cutoff) for one in used]
     base = base_parameters(model, held=held_in(model, [one.motion for one in used]))
     markers = parts_of(model, used, base)
     fitted = Fitted(
         recordings=tuple(used), parts=markers, tissue=None, choice=strength.choose(markers)
     )
-    by_paper = strength.paper is not None
     if not by_paper:
         fitted = with_soft_tissue(model, fitted, strength, options.soft_tissue)
-    if by_paper or not options.motion_sd:
+    if exact:
         return _Equations(
             markers=markers, fitted=fitted, noise=None, parts=fitted.parts, choice=fitted.choice
         )
@@ -591,7 +594,8 @@ def _base_fit(body: _Body, equations: _Equations) -> BaseFit:
     # Of one component: misfits are those of vectors.
     options = BaseOptions(moment_noise=moment / np.sqrt(3.0), force_noise=force / np.sqrt(3.0))
     recordings = equations.fitted.recordings
-    return fit_base(body.generic, recordings, equations.parts.base, options)
+    base = equations.parts.base
+    return fit_base(body.generic, recordings, base, options, motion=equations.noise)
 
 
 def _not_converged(solved: Mapping[str, MassPointFit | PseudoInertiaFit]) -> list[str]:

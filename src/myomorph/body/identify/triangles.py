@@ -9,6 +9,7 @@ needed.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -134,7 +135,21 @@ def with_prior(factor: Array, mean: Array, sd: Array) -> tuple[Array, Array]:
     return done[:unknowns, :unknowns], done[:unknowns, unknowns]
 
 
-def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
+class Shown(NamedTuple):
+    """How many combinations of unknowns rows show, and how well.
+
+    Attributes
+    ----------
+    rank : number of singular values that count
+    condition : largest over smallest singular value; infinite where rounding cannot tell it from
+        that
+    """
+
+    rank: int
+    condition: float
+
+
+def rank_and_condition(R: Array, tolerance: float = 1e-6) -> Shown:
     """Compute rank and condition number of R with columns scaled to length 1.
 
     Parameters
@@ -144,14 +159,14 @@ def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
 
     Returns
     -------
-    rank, and the largest over the smallest singular value; infinite where rounding cannot tell it
-        from that
+    both
     """
     length = np.linalg.norm(R, axis=0)
     values = np.linalg.svd(R / np.where(length > 0.0, length, 1.0), compute_uv=False)
     rank = int(np.sum(values > tolerance * values[0])) if values[0] > 0.0 else 0
     singular = values[-1] <= len(R) * np.finfo(float).eps * values[0]
-    return rank, float("inf") if singular else float(values[0] / values[-1])
+    condition = float("inf") if singular else float(values[0] / values[-1])
+    return Shown(rank=rank, condition=condition)
 
 
 @read_only
