@@ -19,7 +19,6 @@ from .body.identify.transfer import MassMatch as MassMatch
 from .body.identify.transfer import Transfer as Transfer
 from .body.identify.transfer import transfer as transfer
 from .body.identify.transfer_options import TransferOptions as TransferOptions
-from .body.identify.unseen import Unseen as Unseen
 from .body.identify.validation import Consistency as Consistency
 from .body.personalize.personalize import Personalized as Personalized
 from .body.personalize.personalize import PersonalizeOptions as PersonalizeOptions

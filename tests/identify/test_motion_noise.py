@@ -19,10 +19,13 @@ from myomorph.body.identify.motion_noise import (
     with_noise,
 )
 from myomorph.body.identify.parts import MAX_NOISE, parts_of, without_noise
+from myomorph.core.fit.correlation import correlation_times
+from myomorph.core.fit.noise import RecordingNoise
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData
 from myomorph.core.model.inertia import inertial_parameters
-from myomorph.core.model.series import Wrenches
+from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.rigid.regressor import base_regressor, reference_points
 
@@ -119,3 +122,28 @@ def test_noise_larger_than_the_misfit_is_taken_as_less(noisy_walk):
     own = less.scores(parts.rms(truth), truth)
     other = again.scores(parts.rms(truth), truth)
     assert np.linalg.norm(own - other) < 0.2 * np.linalg.norm(other)
+
+
+def test_drawn_noise_is_as_large_and_as_long_alike_as_stated(noisy_walk):
+    """Errors alike over a fifth of a second, and white ones below the filter's cutoff."""
+    _, recording, _, _ = noisy_walk
+    time = np.arange(0.0, 60.0, 0.01)
+    motion = Motion(time, ("hip", "knee", "toes"), np.zeros((len(time), 3)))
+    noise = RecordingNoise(
+        names=motion.names,
+        unit="rad",
+        sd=np.array([SD, SD, 0.0]),
+        correlation_time=np.array([0.2, 0.1, 0.2]),
+        floor=np.array([np.nan, SD, np.nan]),
+        gaps=np.zeros(3),
+    )
+    drawn = noise_of(motion, noise, np.random.default_rng(7), cutoff=6.0)
+    np.testing.assert_allclose(drawn.values.std(axis=0), [SD, SD, 0.0], rtol=1e-9)
+    times = 0.01 * correlation_times([drawn.values[:, :2]])
+    # The filter is no ideal low-pass: white noise through it is alike a fifth longer.
+    np.testing.assert_allclose(times, [0.2, 0.12], rtol=0.15)
+    power = np.abs(np.fft.rfft(drawn.values[:, 1]))
+    fast = np.fft.rfftfreq(len(time), 0.01) > 10.0
+    assert power[fast].max() < 0.1 * power.max()
+    with pytest.raises(BadData, match="noise of coordinates"):
+        noise_of(recording.motion, noise, np.random.default_rng(7))

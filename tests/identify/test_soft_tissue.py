@@ -5,11 +5,11 @@ there is none.
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
 
+from myomorph.body.identify.least_squares import Blocks
 from myomorph.body.identify.recordings import RecordingOptions, usable
 from myomorph.body.identify.subject import IdentificationOptions, identify
 from myomorph.core.model.errors import BadData, BadFile
@@ -152,17 +152,17 @@ def test_groups_are_those_of_both_sides(runner):
     assert groups["pelvis_ty"] != groups["pelvis_tilt"] != groups["lumbar_extension"]
 
 
-def test_rows_in_blocks_are_those_of_the_whole(runner, monkeypatch):
+def test_rows_in_blocks_are_those_of_the_whole(runner):
     """Filtered block by block, with what the filter reaches beside each, or all at once."""
     model, motion, wrenches, _, _ = runner
     recording = usable(model, motion, wrenches, options=RecordingOptions(cutoff=8.0)).recording
     whole = recording.finer.passed(base_regressor(model, recording.finer.motion))
-    monkeypatch.setattr(import_module("myomorph.body.identify.least_squares"), "BLOCK", 150)
-    blocks = np.concatenate([rows for _, rows, _ in recording.rows(model)])
+    parts = recording.rows(model, Blocks(frames=150))
+    blocks = np.concatenate([part.rows for part in parts])
     np.testing.assert_allclose(blocks, whole, atol=2e-3 * np.abs(whole).max())
     truth = runner[3]
     missing = np.concatenate(
-        [rows @ truth.ravel() - measured for _, rows, measured in recording.rows(model)]
+        [part.rows @ truth.ravel() - part.wrench for part in recording.rows(model)]
     )
     np.testing.assert_allclose(recording.missing(model, truth), missing, atol=0.5)
 

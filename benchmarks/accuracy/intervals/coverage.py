@@ -40,7 +40,8 @@ from benchmarks.accuracy.viscosity.signatures import CASES, heavy_limb
 from benchmarks.recordings import RECORDINGS
 from data_collection import data_folder
 from myomorph.body.identify import base
-from myomorph.body.identify.motion_noise import coordinate_noise
+from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.motion_noise import coordinate_noise, with_noise
 from myomorph.body.identify.recordings import RecordingOptions, Usable
 from myomorph.body.identify.subject import IdentificationOptions
 from myomorph.body.refine.options import RefineOptions
@@ -89,6 +90,7 @@ SENSOR_SEEDS = 6
 SENSOR_SECONDS = 12.0
 PLATES = 40
 BODIES_DRAWN = 6
+BASES_DRAWN = 24
 REFINED = 8
 REFINED_SECONDS = 5.0
 MASSES_OFF = 0.4
@@ -114,6 +116,12 @@ DROPPED: Mapping[str, relaxed.Kind] = {
 """What is wrong with relaxed limbs."""
 LEGS = tuple(f"{name}_{side}" for name in ("femur", "tibia") for side in "rl")
 GAINS = Errors(torque=0.02, emg=0.0, floor=0.0, gain=0.3)
+
+
+GIVEN = "base parameters that are identifiable"
+ASSUMED = "base parameters, noise of coordinates taken as white"
+NOT_GIVEN = "base parameters, noise of coordinates not given"
+"""Ways to estimate base parameters: with noise as it is, as `identify` assumes it, without it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -265,34 +273,72 @@ def identified(folder: Path) -> Iterator[Case]:
     model, trials = identification.opened(folder, subject)
     shape = BodyOptions(spacing=identification.SPACING)
     points, _, _ = body_points(model, BodyShape(), model.mass, shape)
-    found = [
-        _identified_body(model, trials, points, seed) for seed in range(FIRST, FIRST + BODIES_DRAWN)
-    ]
     noise = f"alike over {ALIKE:g} s, of coordinates and forces"
-    for unknown in found[0]:
-        covered = joined([one[unknown] for one in found])
-        yield Case(unknown=unknown, noise=noise, truths=BODIES_DRAWN, covered=covered)
+    masses = []
+    fitted: dict[str, list[Covered]] = {GIVEN: [], ASSUMED: [], NOT_GIVEN: []}
+    for seed in range(FIRST, FIRST + BASES_DRAWN):
+        truth, seen = _drawn_body(model, trials, seed)
+        recordings = [one.recording for one in seen]
+        unknown = [replace(one, noise=None) for one in recordings]
+        white = [with_noise(one, COORDINATE_SD, identification.CUTOFF) for one in unknown]
+        fitted[GIVEN].append(_base_covered(model, truth, recordings))
+        fitted[ASSUMED].append(_base_covered(model, truth, white))
+        fitted[NOT_GIVEN].append(_base_covered(model, truth, unknown))
+        if len(masses) < BODIES_DRAWN:
+            white_seen = [
+                replace(one, recording=recording)
+                for one, recording in zip(seen, white, strict=True)
+            ]
+            masses.append(_masses_covered(model, truth, white_seen, points))
+    yield Case(unknown="masses", noise=noise, truths=len(masses), covered=joined(masses))
+    for unknown, parts in fitted.items():
+        yield Case(unknown=unknown, noise=noise, truths=len(parts), covered=joined(parts))
 
 
-def _identified_body(
-    model: mm.Model, trials: Mapping[str, Usable], points: Mapping[str, mm.MassPoints], seed: int
-) -> dict[str, Covered]:
-    """Identify one drawn body and compare intervals with the truth, by unknown."""
+def _drawn_body(
+    model: mm.Model, trials: Mapping[str, Usable], seed: int
+) -> tuple[Array, list[Usable]]:
+    """Draw a body, (bodies, 10) parameters, and record it as it moves in the trials."""
     heavy = inertial_parameters(model)[:, 0] > HEAVY * model.mass
     rng = np.random.default_rng(seed)
     truth = drawn_body(model, heavy, rng)
-    seen = [_measured(model, truth, one, rng) for one in trials.values()]
-    options = IdentificationOptions(compare=False, motion_sd=COORDINATE_SD)
-    filtered = RecordingOptions(cutoff=identification.CUTOFF)
-    found = mm.identify(model, seen, points, mass=model.mass, options=options, recording=filtered)
+    return truth, [_measured(model, truth, one, rng) for one in trials.values()]
+
+
+def _masses_covered(
+    model: mm.Model, truth: Array, seen: Sequence[Usable], points: Mapping[str, mm.MassPoints]
+) -> Covered:
+    """Identify a body and compare intervals of its masses with the truth.
+
+    Parameters
+    ----------
+    truth : (bodies, 10) parameters
+    seen : recordings of the body
+    """
+    heavy = inertial_parameters(model)[:, 0] > HEAVY * model.mass
+    found = mm.identify(
+        model,
+        seen,
+        points,
+        mass=model.mass,
+        options=IdentificationOptions(compare=False, motion_sd=COORDINATE_SD),
+        recording=RecordingOptions(cutoff=identification.CUTOFF),
+    )
     off = (found.parameters[found.chosen] - truth)[heavy, 0]
-    fit = base.fit_base(model, [one.recording for one in seen])
+    return Covered.of_sd(off, found.sd[heavy, 0], found.known.prior_sd[heavy, 0])
+
+
+def _base_covered(model: mm.Model, truth: Array, recordings: Sequence[Recording]) -> Covered:
+    """Fit the base parameters of a body and compare intervals with the truth.
+
+    Parameters
+    ----------
+    truth : (bodies, 10) parameters
+    recordings : of the body
+    """
+    fit = base.fit_base(model, recordings)
     shown = fit.identifiable
-    base_off = (fit.estimate - fit.base.of(truth))[shown]
-    return {
-        "masses": Covered.of_sd(off, found.sd[heavy, 0], found.known.prior_sd[heavy, 0]),
-        "base parameters that are identifiable": Covered.of_sd(base_off, fit.sd[shown]),
-    }
+    return Covered.of_sd((fit.estimate - fit.base.of(truth))[shown], fit.sd[shown])
 
 
 def _measured(model: mm.Model, truth: Array, one: Usable, rng: np.random.Generator) -> Usable:
@@ -322,7 +368,12 @@ def _measured(model: mm.Model, truth: Array, one: Usable, rng: np.random.Generat
     noisy = mm.Motion(motion.time, motion.names, motion.values + off)
     options = RecordingOptions(cutoff=identification.CUTOFF)
     seen = mm.usable(model, noisy, wrenches, mass=model.mass, name=one.name, options=options)
-    noise = coordinate_noise(noisy, COORDINATE_SD, identification.CUTOFF)
+    # Errors whose correlation falls as exp(-lag / T) are one sample in 2 T.
+    noise = replace(
+        coordinate_noise(noisy, COORDINATE_SD),
+        correlation_time=np.full(len(noisy.names), 2.0 * ALIKE),
+        floor=np.zeros(len(noisy.names)),
+    )
     return replace(seen, recording=replace(seen.recording, noise=noise), notes=())
 
 

@@ -222,11 +222,14 @@ class RowNoise(NamedTuple):
     samples : (6,) independent samples of each row
     weight : (6,) what a residual of each frame is divided by: sigma, and the root of the frames
         that make one sample
+    followed : factor of standard deviations, because residuals that independent samples leave are
+        smaller than noise: the fit follows it with as many unknowns as it has
     """
 
     sigma: Array
     samples: Array
     weight: Array
+    followed: float
 
 
 def fit_base(
@@ -246,11 +249,11 @@ def fit_base(
     autocorrelation. Rows and forces of recordings that have a finer motion pass the filter after
     they are made.
 
-    Where the noise of the motion is known, its share in the error is added: it is drawn anew some
-    times, and each draw d of it pulls at the estimate by g_d = -Y_d^T (Y_d phi_B - f), so that with
-    the information H the covariance is
+    Where the noise of the motion is known, it is drawn anew some times, and each draw d of it pulls
+    at the estimate by g_d = -Y_d^T (Y_d phi_B - f). With the information H, and the share s of the
+    misfit's variance that other noise made, the covariance is
 
-        H^-1 + H^-1 cov(g) H^-1
+        s H^-1 + H^-1 cov(g) H^-1
 
     Parameters
     ----------
@@ -282,21 +285,23 @@ def fit_base(
     tared = solve(rows.factors, noise.weight, prior.mean, prior.sd)
     chosen = tared if options.tare else plain
     estimate = chosen.solution[: len(base)]
-    R, z = chosen.without(len(base))
+    data = chosen.without(len(base))
 
-    motion = motion or _noise_of_motion(model, recordings, base, rows.rms(estimate), estimate)
-    sd = chosen.sd[: len(base)]
+    misfit = rows.rms(chosen.solution)
+    motion = motion or _noise_of_motion(model, recordings, base, misfit, estimate)
+    sd = noise.followed * chosen.sd[: len(base)]
     if motion is not None:
-        sd = np.hypot(sd, _motion_sd(R, prior, motion, noise, estimate))
-    shown = rank_and_condition(R, options.rank_tolerance)
-    by_parameter = levels(R, prior.mean, prior.sizes)
+        sd = _share_of_others(motion, misfit, estimate) * sd
+        sd = np.hypot(sd, _motion_sd(data.R, prior, motion, noise, estimate))
+    shown = rank_and_condition(data.R, options.rank_tolerance)
+    by_parameter = levels(data.R, prior.mean, prior.sizes)
     return BaseFit(
         base=base,
         estimate=estimate,
         sd=sd,
         size=prior.sizes,
-        information=R,
-        z=z,
+        information=data.R,
+        z=data.z,
         rank=shown.rank,
         condition=shown.condition,
         identifiable=sd <= options.identifiable * np.maximum(np.abs(estimate), prior.sizes),
@@ -306,7 +311,7 @@ def fit_base(
         samples=noise.samples,
         frames=rows.frames,
         left_out=rows.left_out,
-        residual_rms=rows.rms(chosen.solution),
+        residual_rms=misfit,
         wrench_rms=rows.wrench_rms,
         carried_mass=_carried_mass(rows, model),
         tare=_tare(rows, plain, tared),
@@ -372,6 +377,26 @@ def _motion_sd(
     return sd
 
 
+def _share_of_others(motion: MotionNoise, misfit: Array, estimate: Array) -> float:
+    """Compute the share of the noise that is not the motion's, for variances add up.
+
+        sqrt(1 - misfit by the motion's noise^2 / misfit^2)
+
+    Parameters
+    ----------
+    motion : what noise of the motion adds to rows
+    misfit : (6,) root mean square that the estimate leaves [N m], [N]
+    estimate : (n,) base parameters
+
+    Returns
+    -------
+    the larger one of moments and forces
+    """
+    by_motion = motion.misfit(motion.parts.base.standard(estimate))
+    ratios = by_motion / np.maximum(_vectors(misfit), 1e-300)
+    return float(np.sqrt(np.clip(1.0 - np.square(ratios), 0.0, 1.0).max()))
+
+
 def _vectors(rows: Array) -> Array:
     """Join root mean squares of six rows (6,) to those of the moment and the force (2,)."""
     return np.sqrt(np.square(np.reshape(rows, (2, 3))).sum(axis=1))
@@ -422,7 +447,7 @@ def _row_noise(
 ) -> RowNoise:
     """Estimate the noise of the rows, and how many of them are independent.
 
-    Residuals that the fit can follow are smaller than the noise:
+    Residuals that n unknowns can follow are smaller than the noise:
 
         sigma^2 = rms^2 / (1 - n / samples)
 
@@ -435,14 +460,21 @@ def _row_noise(
     """
     sigma = _noise(rows, prior, options)
     samples = np.full(6, float(rows.frames))
+    followed = 1.0
     if options.correlated:
         first = solve(rows.plain, sigma, prior.mean, prior.sd)
         left = residuals(model, recordings, base, first.solution, options.blocks)
         samples = rows.frames / correlation_times(left)
+    if not np.isfinite(_known_noise(options)).any():
         n = len(prior.mean)
-        followed = _freedom(n, 6.0 * rows.frames) / _freedom(n, float(samples.sum()))
-        sigma = np.where(_known_noise(options) > 0.0, sigma, sigma * np.sqrt(followed))
-    return RowNoise(sigma=sigma, samples=samples, weight=sigma * np.sqrt(rows.frames / samples))
+        every = _freedom(n, 6.0 * rows.frames)
+        followed = np.sqrt(every / _freedom(n, float(samples.sum())))
+    return RowNoise(
+        sigma=sigma,
+        samples=samples,
+        weight=sigma * np.sqrt(rows.frames / samples),
+        followed=float(followed),
+    )
 
 
 def _freedom(unknowns: int, samples: float) -> float:

@@ -137,7 +137,7 @@ class MotionNoise:
 
 
 def coordinate_noise(motion: Motion, sd: float, cutoff: float | None = None) -> RecordingNoise:
-    """Describe noise that is alike in all coordinates that move, as a low-pass filter leaves it.
+    """Describe white noise, alike in all coordinates that move, as a low-pass filter leaves it.
 
     Parameters
     ----------
@@ -163,13 +163,12 @@ def coordinate_noise(motion: Motion, sd: float, cutoff: float | None = None) -> 
     known: np.ndarray = np.asarray(np.isfinite(motion.values))
     seen = np.where(known, motion.values, np.nanmean(motion.values, axis=0))
     moving = np.ptp(seen, axis=0) > STILL
-    count = len(motion.names)
     return RecordingNoise(
         names=motion.names,
         unit="rad or m",
         sd=sd * moving,
-        correlation_time=np.full(count, 0.5 / (cutoff or CUTOFF)),
-        floor=np.full(count, np.nan),
+        correlation_time=np.full(len(motion.names), 0.5 / (cutoff or CUTOFF)),
+        floor=sd * moving,
         gaps=1.0 - known.mean(axis=0),
     )
 
@@ -226,18 +225,32 @@ def _with_noise_once_more(recording: Recording, random: np.random.Generator) -> 
     """Add the noise of the coordinates to a recording that has it already."""
     if recording.noise is None:
         raise BadData("the noise of a recording's coordinates is not known: give `noise`")
-    drawn = noise_of(recording.motion, recording.noise, random)
+    cutoff = CUTOFF if recording.finer is None else recording.finer.cutoff
+    drawn = noise_of(recording.motion, recording.noise, random, cutoff)
     return recording.moved(partial(plus, noise=drawn))
 
 
-def noise_of(motion: Motion, noise: RecordingNoise, random: np.random.Generator) -> Motion:
+def noise_of(
+    motion: Motion,
+    noise: RecordingNoise,
+    random: np.random.Generator,
+    cutoff: float = CUTOFF,
+) -> Motion:
     """Draw noise for every coordinate of a motion, with derivatives.
+
+    Its white part (`floor`) fills the frequencies below that of two samples in a correlation time
+    t. The rest, or all where no white part is known, is alike over t:
+
+        e_k = r e_(k-1) + sqrt(1 - r^2) n_k,    r = exp(-2 step / t)
+
+    with white n, through the filter of the recording.
 
     Parameters
     ----------
     motion : at whose times and for whose coordinates
-    noise : of the coordinates; errors that are alike over t pass a low-pass of cutoff 0.5 / t
+    noise : of the coordinates, as the filter leaves it
     random : generator, which advances
+    cutoff : of the filter [Hz]
 
     Returns
     -------
@@ -251,17 +264,59 @@ def noise_of(motion: Motion, noise: RecordingNoise, random: np.random.Generator)
         raise BadData(
             f"noise of coordinates {noise.names[:3]}..., but the motion has {motion.names[:3]}..."
         )
-    rate = 1.0 / float(np.median(np.diff(motion.time)))
+    step = float(np.median(np.diff(motion.time)))
+    floor = np.where(np.isfinite(noise.floor), noise.floor, 0.0)
+    rest = np.sqrt(np.maximum(np.square(noise.sd) - np.square(floor), 0.0))
     drawn = random.normal(size=motion.values.shape)
-    cutoffs = 0.5 / noise.correlation_time
-    for cutoff in np.unique(cutoffs):
-        if 2.0 * cutoff < 0.95 * rate and len(drawn) > 30:
-            filtered = scipy.signal.butter(2, cutoff, fs=rate, output="sos")
-            chosen = cutoffs == cutoff
-            drawn[:, chosen] = scipy.signal.sosfiltfilt(filtered, drawn[:, chosen], axis=0)
-    scaled = drawn * (noise.sd / drawn.std(axis=0))
+    for time in np.unique(noise.correlation_time):
+        chosen = noise.correlation_time == time
+        drawn[:, chosen] = _lowpassed(drawn[:, chosen], step, 0.5 / time)
+    values = drawn * (floor / drawn.std(axis=0))
+    if rest.any():
+        alike = _alike(random.normal(size=values.shape), step, noise.correlation_time)
+        alike = _lowpassed(alike, step, cutoff)
+        values = values + alike * (rest / alike.std(axis=0))
     # The noise is differentiated by itself: derivatives of the motion stay those of its own filter.
-    return differentiate(Motion(motion.time, motion.names, scaled), None)
+    return differentiate(Motion(motion.time, motion.names, values), None)
+
+
+def _lowpassed(values: Array, step: float, cutoff: float) -> Array:
+    """Pass signals (frames, coordinates) through a low-pass, where they are long enough for it.
+
+    Parameters
+    ----------
+    step : between frames [s]
+    cutoff : [Hz]
+    """
+    rate = 1.0 / step
+    if 2.0 * cutoff >= 0.95 * rate or len(values) <= 30:
+        return values
+    sections = scipy.signal.butter(2, cutoff, fs=rate, output="sos")
+    return np.asarray(scipy.signal.sosfiltfilt(sections, values, axis=0))
+
+
+def _alike(white: Array, step: float, times: Array) -> Array:
+    """Make noise that is alike over some time from white noise of variance 1.
+
+    Parameters
+    ----------
+    white : (frames, coordinates)
+    step : between frames [s]
+    times : (coordinates,) over which noise is alike [s]
+
+    Returns
+    -------
+    (frames, coordinates) of variance 1
+    """
+    alike = np.array(white)
+    for time in np.unique(times):
+        share = float(np.exp(-2.0 * step / time))
+        new = np.sqrt(1.0 - share**2)
+        chosen = times == time
+        scaled = new * white[:, chosen]
+        scaled[0] /= new
+        alike[:, chosen] = scipy.signal.lfilter([1.0], [1.0, -share], scaled, axis=0)
+    return alike
 
 
 def plus(motion: Motion, noise: Motion) -> Motion:

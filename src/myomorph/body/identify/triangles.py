@@ -169,6 +169,19 @@ def rank_and_condition(R: Array, tolerance: float = 1e-6) -> Shown:
     return Shown(rank=rank, condition=condition)
 
 
+class Triangle(NamedTuple):
+    """Least squares in triangular form, R x = z, in units of noise.
+
+    Attributes
+    ----------
+    R : (n, n) upper triangular
+    z : (n,)
+    """
+
+    R: Array
+    z: Array
+
+
 @read_only
 class Solution:
     """A least-squares problem in triangular form, and its solution with a prior.
@@ -184,8 +197,8 @@ class Solution:
     solution: Array
     sd: Array
 
-    def without(self, n: int) -> tuple[Array, Array]:
-        """Return R and z of the first n unknowns, whatever the others are.
+    def without(self, n: int) -> Triangle:
+        """Return the data's equations of the first n unknowns, whatever the others are.
 
         Parameters
         ----------
@@ -193,16 +206,17 @@ class Solution:
 
         Returns
         -------
-        (n, n) R and (n,) z
+        equations of these alone
         """
         size = len(self.z)
         if n == size:
-            return self.R, self.z
+            return Triangle(R=self.R, z=self.z)
         # With the others first, their rows can be left out: they can be met for any value of the
         # rest.
         order = np.concatenate([np.arange(n, size), np.arange(n)])
         turned = absorb(np.zeros((size + 1, size + 1)), np.column_stack([self.R[:, order], self.z]))
-        return turned[size - n : size, size - n : size], turned[size - n : size, size]
+        kept = slice(size - n, size)
+        return Triangle(R=turned[kept, kept], z=turned[kept, size])
 
 
 def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
