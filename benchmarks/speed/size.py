@@ -79,7 +79,7 @@ def _whole(model: mm.Model, markers: mm.Markers, _: mm.Motion | None) -> list[di
     fit = step(
         "inverse kinematics",
         lambda: mm.inverse_kinematics(model, markers),
-        lambda r: nbytes(r.motion.values, r.errors),
+        lambda r: nbytes(r.motion.values, r.marker_error),
     )
     moving = step(
         "derivatives",

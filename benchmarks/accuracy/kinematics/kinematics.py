@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
@@ -19,8 +20,9 @@ from myomorph.core.io.sto import table_from_motion
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Marker, Model
 from myomorph.core.model.series import Markers
+from myomorph.core.motion import newton
 from myomorph.core.motion.ik import pose_problem, tracked_markers
-from myomorph.core.motion.newton import SCOUT, solve_poses
+from myomorph.core.motion.newton import SCOUT
 from myomorph.core.motion.starts import scout_poses
 from myomorph.core.motion.sync import cut
 from myomorph.core.motion.turns import floating_coordinates
@@ -308,7 +310,9 @@ def _solved(model: Model, markers: Markers, chunk: int) -> mm.Motion:
     options = mm.InverseKinematicsOptions()
     problem = pose_problem(tree, *tracked_markers(model, markers, options), options, markers)
     starts = np.repeat(scout_poses(tree, problem, options.settings), SCOUT, axis=0)[: len(markers)]
-    values = solve_poses(tree, problem, starts, options.settings, chunk=chunk).values
+    # Users cannot choose it: it changes no more than which frames a thread solves in turn.
+    with patch.object(newton, "CHUNK", chunk):
+        values = newton.solve_poses(tree, problem, starts, options.settings).values
     return mm.Motion(markers.time, model.coordinate_names, values)
 
 
