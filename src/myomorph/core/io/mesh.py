@@ -57,6 +57,24 @@ def mesh_files(model: Model) -> KeysView[str]:
     return dict.fromkeys(mesh.file for mesh in meshes if mesh.shape == "mesh" and mesh.file).keys()
 
 
+def mesh_folders(model: Model) -> list[Path]:
+    """List the folders in which the meshes of a model may lie: beside its file, and `Geometry`.
+
+    Parameters
+    ----------
+    model : with the path of the file that it was read from
+
+    Returns
+    -------
+    those that exist; none of a model that no file is known of
+    """
+    source = Path(model.source)
+    if not model.source or not source.parent.is_dir():
+        return []
+    folders = [source.parent, source.parent / "Geometry", source.parent / "geometry"]
+    return [folder for folder in folders if folder.is_dir()]
+
+
 def read_surfaces(
     model: Model, folders: Sequence[str | Path], root: str | Path | None = None
 ) -> tuple[dict[str, Surface], tuple[str, ...]]:

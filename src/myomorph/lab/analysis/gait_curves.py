@@ -144,7 +144,9 @@ def gait_curves(
     """
     limbs = {split_side(limb)[1]: limb for limb in strides.strikes}
     wanted = [
-        _coordinate(model, key, side) for side in SIDES for key in ("hip_flexion", "knee_flexion")
+        joint_coordinate(model, key, side)
+        for side in SIDES
+        for key in ("hip_flexion", "knee_flexion")
     ]
     if set(limbs) != set(SIDES) or not all(wanted):
         return None
@@ -169,10 +171,16 @@ def gait_curves(
     )
 
 
-def _coordinate(model: Model, key: str, side: str) -> str:
-    """Name of a joint angle's coordinate, "" where the model has none."""
+def joint_coordinate(model: Model, key: str, side: str) -> str:
+    """Name of the coordinate of a joint angle of `SPELLINGS`, "" where the model has none."""
     spellings = [(base, side) for base in SPELLINGS[key]]
     return next((name for name in model.coordinate_names if split_side(name) in spellings), "")
+
+
+def flexion_sign(model: Model, key: str, name: str) -> float:
+    """-1 for a knee's coordinate that goes down as it bends, as in OpenSim's gait2392, else 1."""
+    low, high = model.coordinate(name).range
+    return -1.0 if key == "knee_flexion" and -low > high else 1.0
 
 
 @read_only
@@ -200,7 +208,7 @@ class _Body:
         standing = np.where(turns, 0.0, tree.defaults)
         poses = forward_kinematics(tree, values)
         neutral = forward_kinematics(tree, standing[None])
-        names = [_coordinate(model, "hip_flexion", side) for side in SIDES]
+        names = [joint_coordinate(model, "hip_flexion", side) for side in SIDES]
         hips = [
             next(joint for joint in model.joints if name in joint.coordinates) for name in names
         ]
@@ -250,12 +258,10 @@ def _columns(
     moments = {}
     rates = {}
     for key in SPELLINGS:
-        name = _coordinate(model, key, side)
+        name = joint_coordinate(model, key, side)
         if not name:
             continue
-        # A knee's coordinate goes down as it bends in OpenSim's gait2392.
-        low, high = model.coordinate(name).range
-        sign = -1.0 if key == "knee_flexion" and -low > high else 1.0
+        sign = flexion_sign(model, key, name)
         column = motion.names.index(name)
         out[key] = np.degrees(sign * motion.values[:, column])
         rates[key] = sign * velocities[:, column]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.io.carried_meshes import carry_meshes
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.errors import BadData, BadFile, UnknownName, few, listing
 from myomorph.core.model.frozen_map import FrozenMap
@@ -735,6 +736,7 @@ def _generic(
     arms = alone or (request.arms and seen)
     model, without = generic_model(sites, height, request.mass, arms, alone)
     write_osim(model, path)
+    carry_meshes(model, path.parent)
     text = _of_generic_model(model, arms, height)
     if alone:
         text += (

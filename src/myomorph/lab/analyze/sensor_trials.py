@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from myomorph.core.io.carried_meshes import carry_meshes
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
@@ -145,6 +146,7 @@ def unmarked_model(request: AnalyzeRequest, path: Path) -> tuple[Model, Path, li
     model, _ = generic_model(FrozenMap({}), request.height, request.mass)
     model = scale(model, {}, request.mass)
     write_osim(model, path)
+    carry_meshes(model, path.parent)
     return (
         model,
         path,

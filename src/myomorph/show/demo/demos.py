@@ -13,6 +13,7 @@ import numpy as np
 
 from myomorph.core.model.errors import UnknownName
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.known import Known
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.core.motion.envelope import envelopes
@@ -25,6 +26,7 @@ from myomorph.lab.study.inputs.input import ByType, OptionSet
 from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.inputs.markers import Recording
 from myomorph.lab.study.inputs.mass import BodyMass
+from myomorph.lab.study.inputs.session import RecordedSession
 from myomorph.lab.study.inputs.time_span import TimeSpan
 from myomorph.lab.study.inputs.truth import KnownTruth
 from myomorph.lab.study.step.step_table import usual_steps
@@ -177,6 +179,7 @@ def _jump_trial() -> TrialInputs:
             ExternalLoads(lambda motion: jump.wrenches),
             RecordedEmg(envelopes(jump.analog)),
             BodyMass(jump.mass),
+            RecordedSession(movement=Known(value="jumping", origin="user")),
             TimeSpan(jump.window),
         ),
         notes=TrialNotes(jump.real, jump.assumed),

@@ -18,6 +18,7 @@ import numpy as np
 from myomorph.core.io.mjcf.read import composed_model
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.known import Known
 from myomorph.core.model.model import Marker, Model
 from myomorph.core.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
@@ -37,6 +38,7 @@ from myomorph.lab.study.inputs.input import ByType, OptionSet
 from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.inputs.markers import Recording
 from myomorph.lab.study.inputs.mass import BodyMass
+from myomorph.lab.study.inputs.session import RecordedSession
 from myomorph.lab.study.inputs.truth import KnownTruth
 from myomorph.lab.study.trial.trial_inputs import TrialInputs, TrialNotes
 
@@ -157,6 +159,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
             Recording(Trial(markers)),
             ExternalLoads(lambda motion: noisy),
             BodyMass(model.mass),
+            RecordedSession(movement=Known(value="squatting", origin="user")),
             KnownTruth(FrozenMap(known)),
         ),
         options=OptionSet(Differentiation(options.cutoff)),

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from importlib.resources import files
 from typing import get_args
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, FunctionLoader, StrictUndefined
 
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.page.parts import Link, PageHead, Reference, Section, State, Verdict
@@ -49,8 +49,11 @@ def rendered(
     muscles_colored: bool = False,
     arrows: str = "",
     pages: Sequence[Link] = (),
+    first: object | None = None,
 ) -> str:
-    """The page of given sections, as HTML text. `instants`, `motion`: pictures of the body, and the
+    """The page of given sections, as HTML text. `first`: what the page begins with
+    (`answer.html.j2`), and under which its sections are folded; without it the head, facts and
+    tiles stand first, and sections are open. `instants`, `motion`: pictures of the body, and the
     moving skeleton; `muscles_colored`: whether they show activations; `arrows`: the kind of forces
     that they show, "" where none; `pages`: further ones beside this one.
     """
@@ -82,15 +85,35 @@ def rendered(
         arrows=arrows,
         references=references,
         pages=pages,
+        first=first,
+        checks_note=_checks_note(verdicts, judged, over),
     )
+
+
+def _checks_note(verdicts: Sequence[Verdict], judged: int, over: int) -> str:
+    """How many checks passed, and which one is furthest over its limit."""
+    if not over:
+        return f"{judged}, all passed"
+    failed = [verdict for verdict in verdicts if verdict.state == "over" and verdict.limit]
+    worst = max(failed, key=lambda verdict: verdict.value / (verdict.limit or 1.0), default=None)
+    counts = f"{judged}, {over} need a look"
+    if worst is None or worst.limit is None:
+        return counts
+    times = number(worst.value / worst.limit, 1.0)
+    return f"{counts}; worst: {worst.quantity.lower()}, {times} times its limit"
 
 
 def page_text(template: str, **values: object) -> str:
     """A template of the room with the style of all pages, as HTML text."""
     environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=FunctionLoader(_text),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
-    return environment.from_string(_text(template)).render(style=_text("report.css"), **values)
+    style = _text("report.css") + _text("answer.css")
+    return environment.get_template(template).render(style=style, **values)
 
 
 def _date(text: str) -> str:

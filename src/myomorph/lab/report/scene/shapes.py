@@ -52,7 +52,7 @@ def _ball(rings: int = 10, sides: int = 14) -> Surface:
     """
     polar = np.linspace(0.0, np.pi, rings)[:, None, None]
     points = np.sin(polar) * _ring(sides) + np.cos(polar) * np.array([0.0, 0.0, 1.0])
-    return Surface(points.reshape(-1, 3), _quads(rings, sides))
+    return Surface(points.reshape(-1, 3), quads(rings, sides))
 
 
 @lru_cache(maxsize=1)
@@ -61,7 +61,7 @@ def _rod(sides: int = 10) -> Surface:
     ring = _ring(sides)
     up = np.array([0.0, 0.0, 1.0])
     points = np.concatenate([0.0 * ring + up, ring + up, ring - up, 0.0 * ring - up])
-    return Surface(points, _quads(4, sides))
+    return Surface(points, quads(4, sides))
 
 
 def _ring(sides: int) -> Array:
@@ -74,7 +74,7 @@ def tube(sides: int = 6) -> Surface:
     """Side of a unit cylinder along z from -1 to 1, open because muscles end in bones."""
     ring = _ring(sides)
     up = np.array([0.0, 0.0, 1.0])
-    return Surface(np.concatenate([ring + up, ring - up]), _quads(2, sides))
+    return Surface(np.concatenate([ring + up, ring - up]), quads(2, sides))
 
 
 @lru_cache(maxsize=1)
@@ -86,7 +86,7 @@ def cone(sides: int = 12) -> Surface:
         [np.zeros(sides - 2, np.int64), np.arange(2, sides), np.arange(1, sides - 1)], axis=1
     )
     return Surface(
-        np.concatenate([tips, ring, ring]), np.concatenate([_quads(2, sides), fan + 2 * sides])
+        np.concatenate([tips, ring, ring]), np.concatenate([quads(2, sides), fan + 2 * sides])
     )
 
 
@@ -106,7 +106,8 @@ def _box() -> Surface:
     return Surface(points, np.array(faces))
 
 
-def _quads(rings: int, sides: int) -> np.ndarray:
+def quads(rings: int, sides: int) -> np.ndarray:
+    """(2 (rings - 1) sides, 3) triangles of a surface whose vertices are rings, in order."""
     i, j = np.meshgrid(np.arange(rings - 1), np.arange(sides), indexing="ij")
     a = i * sides + j
     b = i * sides + (j + 1) % sides

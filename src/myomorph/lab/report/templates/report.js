@@ -469,6 +469,9 @@
       });
     }
 
+    // A folded body has no size to be drawn in.
+    box.closest("details")?.addEventListener("toggle", redraw);
+
     let before = 0;
     function step(stamp) {
       if (!state.playing) return;

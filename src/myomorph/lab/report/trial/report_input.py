@@ -67,6 +67,7 @@ class Recorded:
     """What was recorded, and of whom."""
 
     subject: str = ""  # name, as printed
+    mass: float | None = None  # as it was given or weighed [kg]
     # further lines of the heading, name to text
     facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     emg: Emg | None = None  # measured excitations

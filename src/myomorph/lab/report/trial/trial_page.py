@@ -7,6 +7,8 @@ import numpy as np
 from myomorph.core.model.known import Known
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Motion
+from myomorph.lab.report.answer.answer import answer_of
+from myomorph.lab.report.answer.first_screen import first_screen
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.pictures import nearest_frames
 from myomorph.lab.report.page.page import Instant, Tile, rendered
@@ -54,6 +56,7 @@ def prepared_page(prepared: Prepared) -> str:
     )
     cited |= {"owen2014", "mcmahon2018"} if prepared.ground.kind == "jump" else set()
     cited |= ANALYSIS if any(part.key == "analysis" for part in parts) else set()
+    answer = answer_of(prepared)
     return rendered(
         results.head,
         parts,
@@ -67,6 +70,7 @@ def prepared_page(prepared: Prepared) -> str:
         muscles_colored=results.tension is not None,
         arrows="" if acting_forces(results) is None else forces,
         pages=() if prepared.gait is None else (Link("Gait on one page", GAIT_PAGE),),
+        first=None if answer.result is None else first_screen(prepared, answer),
     )
 
 

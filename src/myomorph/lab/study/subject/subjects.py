@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
+from myomorph.core.io.carried_meshes import carry_meshes
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.errors import BadFile
@@ -92,4 +93,5 @@ def write_made_model(
         with result_folder(tables, made, notes) as folder:
             fill(folder)
         os.replace(path, out)
+    carry_meshes(model, out.parent)
     return lost

@@ -296,6 +296,7 @@ def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInpu
     )
     recorded = Recorded(
         subject=facts.get("subject", ""),
+        mass=float(mass) if mass else None,
         facts=FrozenMap({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
         emg=store.get_emg(stored),
         emg_muscles={
@@ -336,13 +337,10 @@ MAX_TRIANGLES = 40000
 
 def surfaces_of(model: Model) -> Mapping[str, Surface]:
     """Meshes of the model's bodies, as far as they lie beside its file."""
-    from myomorph.core.io.mesh import read_surfaces
+    from myomorph.core.io.mesh import mesh_folders, read_surfaces
 
-    source = Path(model.source)
-    if not model.source or not source.parent.is_dir():
-        return {}
-    folders = [source.parent, source.parent / "Geometry", source.parent / "geometry"]
-    return read_surfaces(model, [folder for folder in folders if folder.is_dir()])[0]
+    folders = mesh_folders(model)
+    return read_surfaces(model, folders)[0] if folders else {}
 
 
 def reduced_for_pictures(surfaces: Mapping[str, Surface]) -> Mapping[str, Surface]:

@@ -1,0 +1,76 @@
+"""One of the three curves beside the body: both sides, over a cycle or over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.lab.report.answer.sentence import Side
+
+FEW = 5
+"""From so many cycles on their spread is drawn as a band; below, each is drawn by itself."""
+
+
+@read_only
+class SideCurve:
+    """What one side shows.
+
+    Attributes
+    ----------
+    side : "right", "left", or "" of the trunk and of a single limb
+    label : word at the end of the line
+    cycles : (cycles, samples) values in the curve's unit, NaN where unknown
+    mark : sample whose value is printed, None for none
+    """
+
+    side: Side
+    label: str
+    cycles: Array
+    mark: int | None = None
+
+    @property
+    def mean(self) -> Array:
+        """(samples,) over the cycles that are known, NaN where none is."""
+        known = np.isfinite(self.cycles)
+        count = known.sum(axis=0)
+        total = np.where(known, self.cycles, 0.0).sum(axis=0)
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+    @property
+    def spread(self) -> Array | None:
+        """(samples,) standard deviation between cycles; None for fewer than `FEW`."""
+        if len(self.cycles) < FEW:
+            return None
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.nanstd(self.cycles, axis=0, ddof=1))
+
+    @property
+    def highest(self) -> int:
+        """Sample where the mean is largest."""
+        return int(np.nanargmax(self.mean))
+
+    def value(self, sample: int) -> float:
+        """Mean at a sample."""
+        return float(self.mean[sample])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AnswerCurve:
+    """A chart of the first screen.
+
+    Attributes
+    ----------
+    title : of what, as "Knee flexion"
+    unit : of its values in print
+    sides : one or both sides, or the trunk alone
+    at : (samples,) percent of the cycle, or time [s]
+    digits : after the point of printed values
+    """
+
+    title: str
+    unit: str
+    sides: tuple[SideCurve, ...]
+    at: Array
+    digits: int = 0

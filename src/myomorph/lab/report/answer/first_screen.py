@@ -1,0 +1,141 @@
+"""The first screen as HTML: sentence, verdict, body, three curves, facts, and causes of doubt."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.lab.report.answer.answer import Answer
+from myomorph.lab.report.answer.answer_chart import answer_chart
+from myomorph.lab.report.answer.answer_curve import FEW
+from myomorph.lab.report.answer.cause import Gravity
+from myomorph.lab.report.answer.judgement import Use
+from myomorph.lab.report.answer.main_result import KeyPose, MainResult
+from myomorph.lab.report.answer.over_time import SECONDS
+from myomorph.lab.report.answer.pose_pictures import PosePicture, pose_pictures
+from myomorph.lab.report.answer.sentence import with_unit
+from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.trial.prepared import Prepared
+
+STYLES: Mapping[Use, str] = FrozenMap(
+    {
+        "everything": "usable",
+        "angles and torques": "partly",
+        "angles": "partly",
+        "nothing": "unusable",
+    }
+)
+"""Class of the style sheet of each verdict."""
+GRAVE: Mapping[Gravity, str] = FrozenMap(
+    {
+        "changes results": "unusable",
+        "may change results": "partly",
+        "good to know": "usable",
+    }
+)
+"""Class of the style sheet of each cause."""
+
+
+@dataclass(frozen=True)
+class ShownPose:
+    """A pose with its picture and the words below it."""
+
+    pose: KeyPose
+    picture: PosePicture
+    busiest: str
+
+
+@dataclass(frozen=True)
+class ShownCurve:
+    """A chart with its heading."""
+
+    title: str
+    unit: str
+    svg: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstScreen:
+    """What the template of the page shows first.
+
+    Attributes
+    ----------
+    answer : the answer in words
+    style : class of its verdict
+    poses : pictures in order of time; none without a model or a motion
+    curves : at most three charts
+    note : what thick and thin lines or bands are
+    colored : whether the muscles have the colors of activations
+    """
+
+    answer: Answer
+    style: str
+    poses: tuple[ShownPose, ...]
+    curves: tuple[ShownCurve, ...]
+    note: str
+    colored: bool
+
+    @staticmethod
+    def grave(gravity: Gravity) -> str:
+        """Class of the style sheet of a cause."""
+        return GRAVE[gravity]
+
+
+def first_screen(prepared: Prepared, answer: Answer) -> FirstScreen:
+    """Pictures and charts of an answer."""
+    result = answer.result
+    curves: list[ShownCurve] = []
+    if result is not None:
+        for index, curve in enumerate(result.curves, 1):
+            chart = answer_chart(curve, result, last=index == len(result.curves))
+            curves.append(ShownCurve(curve.title, curve.unit, chart))
+    return FirstScreen(
+        answer=answer,
+        style=STYLES[answer.judgement.use],
+        poses=_poses(prepared, answer),
+        curves=tuple(curves),
+        note="" if result is None else _note(result),
+        colored=any(answer.busiest),
+    )
+
+
+def _poses(prepared: Prepared, answer: Answer) -> tuple[ShownPose, ...]:
+    """Key poses with their pictures; those whose frame is not known are left out."""
+    results = prepared.results
+    motion = results.kinematics.motion
+    if answer.result is None or results.model is None or motion is None:
+        return ()
+    known = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
+    if not len(known):
+        return ()
+    chosen = [
+        int(known[np.argmin(np.abs(motion.time[known] - pose.time))])
+        for pose in answer.result.poses
+    ]
+    if not chosen:
+        return ()
+    scene = make_scene(results.model, motion, chosen, results.surfaces, results.activations)
+    drawn = pose_pictures(results.model, scene)
+    return tuple(
+        ShownPose(pose, picture, busiest)
+        for pose, picture, busiest in zip(answer.result.poses, drawn, answer.busiest, strict=True)
+    )
+
+
+def _note(result: MainResult) -> str:
+    """What the lines of the charts are."""
+    counts = [len(side.cycles) for curve in result.curves for side in curve.sides]
+    most = max(counts, default=0)
+    lift = "" if result.lift is None else " Dotted: foot off."
+    if most >= FEW:
+        return f"Lines: mean; bands: 1 SD between cycles.{lift} Numbers: the poses."
+    if most > 1:
+        return f"Thick: mean. Thin: each cycle, as they are few.{lift} Numbers: the poses."
+    first, *_ = result.curves
+    start = f"{float(first.at[0]):.1f}"
+    stop = with_unit(float(first.at[-1]), "s", 1)
+    span = f" From {start} to {stop}." if result.axis == SECONDS else ""
+    return f"Once, so nothing is known of the spread.{span} Numbers: the poses."

@@ -1,0 +1,199 @@
+"""One verdict on a trial: what its results may be used for, by a rule on its checks.
+
+The rule, so that two people get the same verdict:
+
+- Frames that miss their markers (root mean square), or that no pose fits, in more than
+  `MOST_FRAMES`; a marker that misses the body by more than its limit over the whole recording (root
+  mean square); open loops: do not use.
+- No torques, limbs that bear load which nobody measured in more than `MOST_FRAMES`, a residual
+  whose root mean square is over its limit, or contacts that cannot carry the motion: angles only.
+- No tensions, or frames without an optimal solution, reserves over their limit or muscles stretched
+  beyond sense: angles and torques.
+- Else everything may be used. Single peaks over a limit are checks of the page, and no verdict.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.findings import spans_of, times_text
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.lab.report.answer.cause import Cause
+from myomorph.lab.report.answer.causes import FEET_BESIDE
+from myomorph.lab.report.answer.sentence import NO_BREAK
+from myomorph.lab.report.charts.axis import number
+from myomorph.lab.report.page.parts import Quantity, Verdict
+from myomorph.lab.report.trial.prepared import Prepared
+from myomorph.lab.report.trial.tables import MARKER_LARGEST, MARKER_RMS
+
+Use = Literal["everything", "angles and torques", "angles", "nothing"]
+
+USES: Mapping[Use, str] = FrozenMap(
+    {
+        "everything": "Usable",
+        "angles and torques": "Usable for angles and torques",
+        "angles": "Usable for angles only",
+        "nothing": "Do not use",
+    }
+)
+"""Verdicts in print."""
+MOST_FRAMES = 0.05
+"""Share of frames that may miss their markers."""
+OF_FRAMES = (Quantity.MARKER_RMS, Quantity.NOT_CONVERGED)
+OF_LOOPS = (Quantity.LOOP_CLOSURE,)
+OF_TORQUES = (
+    Quantity.RESIDUAL_FORCE_RMS,
+    Quantity.RESIDUAL_MOMENT_RMS,
+    Quantity.CONTACT_FORCE_RMS,
+    Quantity.CONTACT_MOMENT_RMS,
+    Quantity.INFEASIBLE_CONTACT,
+)
+OF_MUSCLES = (Quantity.NOT_OPTIMAL, Quantity.RESERVES, Quantity.OVERSTRETCHED)
+
+PLAIN: Mapping[Quantity, str] = FrozenMap(
+    {
+        Quantity.MARKER_RMS: "Markers miss the body",
+        Quantity.NOT_CONVERGED: "Frames that no pose fits",
+        Quantity.LOOP_CLOSURE: "A closed chain stays open",
+        Quantity.RESIDUAL_FORCE_RMS: "Force that the recording leaves unexplained",
+        Quantity.RESIDUAL_MOMENT_RMS: "Moment that the recording leaves unexplained",
+        Quantity.CONTACT_FORCE_RMS: "Force that no contact explains",
+        Quantity.CONTACT_MOMENT_RMS: "Moment that no contact explains",
+        Quantity.INFEASIBLE_CONTACT: "Frames that no contact explains",
+        Quantity.NOT_OPTIMAL: "Frames without a solution of the muscles",
+        Quantity.RESERVES: "Torque that no muscle gives",
+        Quantity.OVERSTRETCHED: "Muscles stretched beyond sense",
+    }
+)
+"""Checks in the words of the page."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What may be used, and the gravest reason with its number and limit."""
+
+    use: Use
+    reason: str
+
+    @property
+    def words(self) -> str:
+        """The verdict in print."""
+        return USES[self.use]
+
+
+def judged(prepared: Prepared, causes: Sequence[Cause]) -> Judgement:
+    """The verdict on what was computed, by the rule of this module."""
+    nothing = _nothing(prepared)
+    if nothing is not None:
+        return nothing
+    limited = _of_torques(prepared, causes) or _of_muscles(prepared)
+    passed = sum(check.limit is not None for check in prepared.verdicts)
+    over = sum(check.state == "over" for check in prepared.verdicts)
+    counted = f"All {passed} checks passed."
+    if over:
+        counted = f"{over} of {passed} checks need a look."
+    use, reason = limited or ("everything", counted)
+    simulated = prepared.results.recorded.truth is not None
+    nobody = " Simulated: nobody was measured." if simulated else ""
+    return Judgement(use, f"{reason}{nobody}{_exception(prepared)}")
+
+
+def _nothing(prepared: Prepared) -> Judgement | None:
+    """Whether not even angles hold, and why."""
+    loops = _gravest(prepared, OF_LOOPS)
+    if loops is not None:
+        return Judgement("nothing", _reason(loops))
+    frames = _gravest(prepared, OF_FRAMES)
+    share = float(np.mean(missed_frames(prepared)))
+    if frames is not None and share > MOST_FRAMES:
+        text = f"{_reason(frames)} So are {100.0 * share:.0f}{NO_BREAK}% of the frames."
+        return Judgement("nothing", text)
+    lost = _lost_marker(prepared)
+    return Judgement("nothing", lost) if lost else None
+
+
+def _lost_marker(prepared: Prepared) -> str:
+    """The marker that misses the body most, where it does so over the whole recording, else ""."""
+    fit = prepared.results.kinematics.fit
+    if fit is None or not np.isfinite(fit.marker_error).any():
+        return ""
+    seen = np.isfinite(fit.marker_error)
+    total = np.where(seen, fit.marker_error, 0.0) ** 2
+    each = np.sqrt(total.sum(axis=0) / np.maximum(seen.sum(axis=0), 1))
+    worst = int(np.argmax(each))
+    limit = MARKER_LARGEST * prepared.scale
+    if each[worst] <= limit:
+        return ""
+    size = f"{100.0 * each[worst]:.1f}{NO_BREAK}cm (limit {100.0 * limit:.1f}{NO_BREAK}cm)"
+    return f"Marker {fit.marker_names[worst]} misses the body by {size}, root mean square."
+
+
+def _of_torques(prepared: Prepared, causes: Sequence[Cause]) -> tuple[Use, str] | None:
+    """Why torques do not hold, None where they do."""
+    results = prepared.results
+    if results.dynamics.torques is None:
+        if results.dynamics.wrenches is None:
+            return "angles", "No force was measured, so there are no torques."
+        return "angles", "Torques were not computed."
+    unknown = max((cause.largest for cause in causes if cause.kind is FEET_BESIDE), default=0.0)
+    if unknown > 100.0 * MOST_FRAMES:
+        share = f"{unknown:.0f}{NO_BREAK}%"
+        return "angles", f"No plate measured the load of a foot in {share} of the time."
+    check = _gravest(prepared, OF_TORQUES)
+    return None if check is None else ("angles", _reason(check))
+
+
+def _of_muscles(prepared: Prepared) -> tuple[Use, str] | None:
+    """Why muscles do not hold although torques do, None where they do."""
+    if prepared.results.tension is None:
+        return "angles and torques", "Muscles were not solved for."
+    check = _gravest(prepared, OF_MUSCLES)
+    return None if check is None else ("angles and torques", _reason(check))
+
+
+def missed_frames(prepared: Prepared) -> Array:
+    """(frames,) whether markers are over their limit, or no pose fits; one False without a fit."""
+    fit = prepared.results.kinematics.fit
+    if fit is None or not len(fit.motion):
+        return np.zeros(1, dtype=bool)
+    with np.errstate(invalid="ignore"):
+        missed = fit.rms > MARKER_RMS * prepared.scale
+    unsolved = np.asarray(fit.seen) & ~np.asarray(fit.converged, dtype=bool)
+    return np.asarray(missed | unsolved)
+
+
+def _exception(prepared: Prepared) -> str:
+    """A sentence on the few frames that miss their markers, "" where none does."""
+    fit = prepared.results.kinematics.fit
+    missed = missed_frames(prepared)
+    if fit is None or not missed.any():
+        return ""
+    return f" Not {times_text(spans_of(fit.motion.time, missed))}: markers miss the body there."
+
+
+def _gravest(prepared: Prepared, quantities: tuple[Quantity, ...]) -> Verdict | None:
+    """Of some checks the one that is most times its limit; None where all passed."""
+    over = [
+        check
+        for check in prepared.verdicts
+        if check.quantity in quantities and check.state == "over"
+    ]
+    return max(over, key=times_over, default=None)
+
+
+def times_over(check: Verdict) -> float:
+    """How many times its limit a value is; infinite where the limit is 0."""
+    return check.value / check.limit if check.limit else float("inf")
+
+
+def _reason(check: Verdict) -> str:
+    """A failed check with its number, its limit, and where and when it was worst."""
+    unit = "%" if "%" in check.unit else check.unit
+    limit = "" if not check.limit else f" (limit {number(check.limit)}{NO_BREAK}{unit})"
+    value = f"{check.value:.0f}" if unit.startswith("of ") else number(check.value)
+    return f"{PLAIN[check.quantity]}: {value}{NO_BREAK}{unit}{limit}."

@@ -1,0 +1,200 @@
+"""Key poses as pictures: bones, and muscles as spindles, for light and dark pages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
+from myomorph.core.model.paths import Muscle
+from myomorph.core.model.surface import Surface
+from myomorph.lab.report.scene.image import data_uri, png
+from myomorph.lab.report.scene.raster import Canvas, View
+from myomorph.lab.report.scene.scene import MusclePath, Scene, solid_corners
+from myomorph.lab.report.scene.shapes import normals, quads
+
+Theme = Literal["light", "dark"]
+THEMES: tuple[Theme, ...] = get_args(Theme)
+
+AZIMUTH = 27.0
+"""Angle of the view from the subject's right side towards its front [degrees]."""
+ELEVATION = 6.0
+"""Angle of the view from above [degrees]."""
+PIXELS = 760
+"""Height of the tallest picture."""
+SHRINK = 2
+MARGIN = 0.02
+"""Free space around the body [m]."""
+
+FULL = 0.6
+"""Activation in the last color of the ramp, the same on all pages, so that they compare."""
+RAMPS: Mapping[Theme, tuple[str, ...]] = FrozenMap(
+    {
+        "light": ("#dccfc6", "#e9a26f", "#cf4f2f", "#7d0f26"),
+        "dark": ("#6b6774", "#b5613a", "#f59a3c", "#fff3c0"),
+    }
+)
+"""Colors from rest to `FULL`, monotonic in lightness: more active is further from the page."""
+BONES: Mapping[Theme, str] = FrozenMap({"light": "#e8e6df", "dark": "#a9aeb6"})
+
+SPECIFIC_TENSION = 3e5
+"""Force of muscle per cross section [N/m^2], 30 N/cm^2 (Zajac 1989)."""
+BELLY = 0.62
+"""Share of a muscle's length that is its belly."""
+THINNED = 0.8
+"""Of the radius that holds the muscle's volume: neighbours stay apart."""
+THICKEST = 0.1
+"""Largest radius as a share of the length: short muscles are no balls."""
+TENDON = 0.0016
+"""Radius of a tendon [m]."""
+RINGS = 18
+SIDES = 10
+"""Corners of a spindle along and around it."""
+
+
+@dataclass(frozen=True)
+class PosePicture:
+    """One pose in one theme, or in both: addresses of images that need no file.
+
+    Attributes
+    ----------
+    light, dark : addresses
+    width : of either [pixels]
+    """
+
+    light: str
+    dark: str
+    width: int
+
+
+def pose_pictures(model: Model, scene: Scene) -> tuple[PosePicture, ...]:
+    """Every frame of a scene, all at one scale and with one floor.
+
+    Parameters
+    ----------
+    model : whose muscles' volumes give the spindles their size
+    scene : the body in its key poses, with activations where they are known
+    """
+    axes = _camera(scene)
+    boxes = [_box(scene, frame, axes) for frame in range(len(scene.time))]
+    bottom = min(box[2] for box in boxes)
+    top = max(box[3] for box in boxes)
+    scale = PIXELS * SHRINK / max(top - bottom, 1e-6)
+    shading = [normals(solid.surface) for solid in scene.solids]
+    shown = []
+    for frame, (left, right, _, _) in enumerate(boxes):
+        middle = 0.5 * (left + right) * axes[0] + 0.5 * (bottom + top) * axes[1]
+        view = View(
+            axes=axes,
+            center=middle,
+            scale=scale,
+            width=int((right - left) * scale) // SHRINK * SHRINK,
+            height=PIXELS * SHRINK,
+        )
+        images = {theme: _image(model, scene, frame, view, shading, theme) for theme in THEMES}
+        shown.append(PosePicture(images["light"], images["dark"], view.width // SHRINK))
+    return tuple(shown)
+
+
+def _camera(scene: Scene) -> Array:
+    """(3, 3) rows: to the right of the picture, up in it, towards the viewer."""
+    azimuth = np.radians(AZIMUTH)
+    elevation = np.radians(ELEVATION)
+    level = np.cos(azimuth) * scene.right + np.sin(azimuth) * scene.forward
+    towards = np.cos(elevation) * level + np.sin(elevation) * scene.up
+    across = np.cross(scene.up, towards)
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(towards, across), towards])
+
+
+def _box(scene: Scene, frame: int, axes: Array) -> tuple[float, float, float, float]:
+    """Left, right, bottom and top of the body in a frame, along the picture's axes [m]."""
+    corners = solid_corners(
+        scene.solids, scene.rotations[frame : frame + 1], scene.origins[frame : frame + 1]
+    )
+    paths = [muscle.points[frame : frame + 1] for muscle in scene.muscles]
+    points = np.concatenate([scene.origins[frame : frame + 1, 1:], *corners, *paths], axis=1)[0]
+    across = points @ axes[0]
+    upward = points @ axes[1]
+    return (
+        float(np.nanmin(across)) - MARGIN,
+        float(np.nanmax(across)) + MARGIN,
+        float(np.nanmin(upward)) - MARGIN,
+        float(np.nanmax(upward)) + MARGIN,
+    )
+
+
+def _image(
+    model: Model, scene: Scene, frame: int, view: View, shading: list[Array], theme: Theme
+) -> str:
+    """One pose in the colors of a theme, as an address."""
+    canvas = Canvas(view)
+    bone = _rgb(BONES[theme])
+    for solid, normal in zip(scene.solids, shading, strict=True):
+        turn = scene.rotations[frame, solid.body]
+        vertices = solid.surface.vertices @ turn.T + scene.origins[frame, solid.body]
+        canvas.surface(vertices, normal @ turn.T, solid.surface.faces, bone)
+    for path, muscle in zip(scene.muscles, model.muscles, strict=True):
+        spindle = spindle_of(path, muscle, frame)
+        if spindle is None:
+            continue
+        color = ramp_color(theme, float(path.activation[frame]))
+        canvas.surface(spindle.vertices, normals(spindle), spindle.faces, color)
+    lean = canvas.picture(SHRINK) & np.array([252, 252, 252, 255], dtype=np.uint8)
+    lean[lean[..., 3] == 0] = 0
+    return data_uri(png(lean))
+
+
+def spindle_of(path: MusclePath, muscle: Muscle, frame: int) -> Surface | None:
+    """A spindle along a path, with the muscle's volume in its belly.
+
+    The volume is the cross section of the maximum isometric force by the optimal fiber length.
+    None where the path is not known in the frame.
+    """
+    points = path.points[frame]
+    points = points[np.isfinite(points).all(axis=1)]
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    points = points[np.concatenate([[True], steps > 1e-5])] if len(points) else points
+    if len(points) < 2:
+        return None
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    rings = np.linspace(0.0, along[-1], RINGS)
+    centers = np.stack([np.interp(rings, along, points[:, axis]) for axis in range(3)], axis=1)
+    volume = muscle.max_isometric_force / SPECIFIC_TENSION * muscle.optimal_fiber_length
+    length = float(along[-1])
+    radius = THINNED * np.sqrt(max(volume, 0.0) / (np.pi * BELLY * length))
+    belly = min(float(radius), THICKEST * length)
+    profile = np.sin(np.pi * np.linspace(0.0, 1.0, RINGS)) ** 1.2
+    return _around(centers, TENDON + belly * profile)
+
+
+def _around(centers: Array, radii: Array) -> Surface:
+    """A round surface of radii (rings,) around points (rings, 3) of a line."""
+    along = np.gradient(centers, axis=0)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    # Not along any axis of the body, so that it is across every muscle.
+    across = np.cross(along, np.array([0.31, 0.17, 0.93]))
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    aside = np.cross(along, across)
+    angle = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)[None, :, None]
+    directions = np.cos(angle) * across[:, None] + np.sin(angle) * aside[:, None]
+    points = centers[:, None] + radii[:, None, None] * directions
+    return Surface(points.reshape(-1, 3), quads(len(centers), SIDES))
+
+
+def ramp_color(theme: Theme, activation: float) -> Array:
+    """(3,) color in 0..1 of an activation; of one that is not known that of rest."""
+    stops = np.array([_rgb(code) for code in RAMPS[theme]])
+    share = 0.0 if np.isnan(activation) else min(max(activation / FULL, 0.0), 1.0)
+    at = share * (len(stops) - 1)
+    return np.array([np.interp(at, np.arange(len(stops)), stops[:, i]) for i in range(3)])
+
+
+def _rgb(code: str) -> Array:
+    """(3,) color in 0..1 of '#rrggbb'."""
+    return np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
