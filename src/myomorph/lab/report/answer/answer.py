@@ -40,7 +40,7 @@ class Answer:
 
 
 def answer_of(prepared: Prepared) -> Answer:
-    """The answer that a trial gives."""
+    """Return the answer that a trial gives."""
     causes = grouped(prepared.results.head.warnings, KINDS)
     judgement = judged(prepared, causes)
     result = main_result(prepared, judgement.use)
@@ -56,7 +56,7 @@ def answer_of(prepared: Prepared) -> Answer:
 
 
 def _busiest(activations: Series | None, time: float) -> str:
-    """The muscle, by its plain name, that is most active at a time; "" where none is known."""
+    """Return the plain name of the muscle that is most active at a time; "" where none is known."""
     if activations is None or not len(activations):
         return ""
     frame = int(np.argmin(np.abs(activations.time - time)))

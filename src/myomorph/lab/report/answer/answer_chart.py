@@ -37,7 +37,7 @@ class Printed:
 
 
 def answer_chart(curve: AnswerCurve, result: MainResult, last: bool) -> str:
-    """The chart of one curve; the last one names the axis, but of time, which the note does."""
+    """Return the chart of one curve; the last one names the axis; time is named by the note."""
     area = svg.frame(LEFT, TOP, WIDTH - RIGHT, HEIGHT - BOTTOM, _span(curve), _limits(curve))
     parts = [svg.grid_up(area, 3)]
     parts += [_pose(area, number_of, pose) for number_of, pose in enumerate(result.poses, 1)]
@@ -66,7 +66,7 @@ def _limits(curve: AnswerCurve) -> tuple[float, float]:
 
 
 def _pose(area: svg.Frame, count: int, pose: KeyPose) -> str:
-    """An upright line at a key pose, with its number below."""
+    """Return an upright line at a key pose, with its number below."""
     if not area.x.low <= pose.at <= area.x.high:
         return ""
     x = float(area.x.at(pose.at))
@@ -100,7 +100,7 @@ def _drawn(area: svg.Frame, at: Array, side: SideCurve) -> str:
 
 
 def _names(area: svg.Frame, curve: AnswerCurve) -> str:
-    """The name of each side at the end of its line."""
+    """Return the name of each side at the end of its line."""
     ends = [_end(area, side) for side in curve.sides]
     heights = _apart(ends)
     return "".join(
@@ -125,7 +125,7 @@ def _apart(heights: Sequence[float]) -> list[float]:
 
 
 def _values(area: svg.Frame, curve: AnswerCurve) -> list[Printed]:
-    """Marked values where they can be read: above, or below where two are close."""
+    """Place marked values where they can be read: above, or below where two are close."""
     found = []
     for side in curve.sides:
         if side.mark is None:
@@ -134,7 +134,8 @@ def _values(area: svg.Frame, curve: AnswerCurve) -> list[Printed]:
         text = f"{value:.{curve.digits}f}".replace("-", "−")
         text += "°" if curve.unit == "°" else ""
         x = float(area.x.at(curve.at[side.mark]))
-        found.append(Printed(x, float(area.y.at(value)), text, side.side or "middle"))
+        y = float(area.y.at(value))
+        found.append(Printed(x=x, y=y, text=text, side=side.side or "middle"))
     if len(found) == 2 and abs(found[0].x - found[1].x) < CLOSE:
         return _around(*found)
     return found
@@ -148,7 +149,7 @@ def _around(one: Printed, other: Printed) -> list[Printed]:
 
 
 def _value(printed: Printed) -> str:
-    """A mark with its value: round on the right side, square on the left."""
+    """Return a mark with its value: round on the right side, square on the left."""
     x = printed.x
     if printed.side == "left":
         mark = svg.rect("mark left", x - 3.2, printed.y - 3.2, 6.4, 6.4)
@@ -158,7 +159,7 @@ def _value(printed: Printed) -> str:
 
 
 def _described(curve: AnswerCurve) -> list[str]:
-    """What a screen reader says of each side."""
+    """Say what a screen reader says of each side."""
     return [
         f"{side.label} {number(side.value(side.mark))} at {number(float(curve.at[side.mark]))}"
         for side in curve.sides

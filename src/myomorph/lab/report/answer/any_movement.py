@@ -13,7 +13,7 @@ from myomorph.lab.analysis.selection import Pair, pairs, root_coordinates
 from myomorph.lab.report.answer.answer_curve import AnswerCurve
 from myomorph.lab.report.answer.judgement import Use
 from myomorph.lab.report.answer.main_result import KeyPose, MainResult
-from myomorph.lab.report.answer.over_time import SECONDS, time_curve
+from myomorph.lab.report.answer.over_time import SECONDS, Heading, time_curve
 from myomorph.lab.report.answer.sentence import Phrase, Sentence, Side, degrees, with_unit
 from myomorph.lab.report.trial.prepared import Prepared
 
@@ -23,7 +23,7 @@ SEEN = 1.0
 
 
 def any_movement(prepared: Prepared, use: Use) -> MainResult | None:
-    """The joints that move most, over time; None where no joint moves."""
+    """Return the joints that move most, over time; None where no joint moves."""
     motion = prepared.results.kinematics.motion
     model = prepared.results.model
     if model is None or motion is None or not len(motion):
@@ -68,9 +68,9 @@ def _range(pair: Pair, ranges: dict[str, float]) -> float:
 
 
 def _curve(pair: Pair, motion: Motion, span: tuple[float, float]) -> AnswerCurve | None:
-    """An angle of both sides over time."""
+    """Return an angle of both sides over time."""
     values = {side: np.degrees(motion[names[0]]) for side, names in pair.members.items() if names}
-    return time_curve(pair.label, "°", motion.time, values, span)
+    return time_curve(Heading(pair.label, "°"), motion.time, values, span)
 
 
 def _sentence(chosen: list[Pair], motion: Motion, ranges: dict[str, float]) -> Sentence:

@@ -100,7 +100,7 @@ def _cause(kind: CauseKind, messages: list[str]) -> Cause:
 
 
 def _size(kind: CauseKind, message: str) -> str:
-    """The number that a message says, "" for none."""
+    """Return the number that a message says, "" for none."""
     found = kind.match(message)
     if found is None or "size" not in found.re.groupindex:
         return ""

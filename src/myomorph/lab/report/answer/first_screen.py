@@ -126,7 +126,7 @@ def _poses(prepared: Prepared, answer: Answer) -> tuple[ShownPose, ...]:
 
 
 def _note(result: MainResult) -> str:
-    """What the lines of the charts are."""
+    """Say what the lines of the charts are."""
     counts = [len(side.cycles) for curve in result.curves for side in curve.sides]
     most = max(counts, default=0)
     lift = "" if result.lift is None else " Dotted: foot off."

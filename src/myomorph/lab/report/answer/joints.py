@@ -16,7 +16,18 @@ LOW_BACK = (r"lumbar_extension", r"L4_L5_FE", r"L5_S1_FE", r"flex_extension")
 
 
 def joint_angle(model: Model, motion: Series, key: str, side: str) -> Array | None:
-    """(frames,) a joint angle of `SPELLINGS` [degrees], None where the model has none."""
+    """Return a joint angle, flexion positive.
+
+    Parameters
+    ----------
+    model, motion : of the body; angles (frames, coordinates) [rad]
+    key : of `SPELLINGS`
+    side : "right" or "left"
+
+    Returns
+    -------
+    (frames,) [degrees], None where the model has no such joint
+    """
     name = joint_coordinate(model, key, side)
     if not name or name not in motion.names:
         return None
@@ -24,7 +35,19 @@ def joint_angle(model: Model, motion: Series, key: str, side: str) -> Array | No
 
 
 def extension_moment(model: Model, torques: Series | None, key: str, side: str) -> Array | None:
-    """(frames,) moment against a joint angle's flexion [N m], None where it is not known."""
+    """Return the moment that extends a joint.
+
+    Parameters
+    ----------
+    model : of the body
+    torques : (frames, coordinates) [N m]
+    key : of `SPELLINGS`, the angle whose flexion the moment is against
+    side : "right" or "left"
+
+    Returns
+    -------
+    (frames,) [N m], None where it is not known
+    """
     name = joint_coordinate(model, key, side)
     if torques is None or not name or name not in torques.names:
         return None
@@ -32,7 +55,16 @@ def extension_moment(model: Model, torques: Series | None, key: str, side: str) 
 
 
 def low_back_moment(torques: Series | None) -> Array | None:
-    """(frames,) size of the moment that holds the low back against bending [N m]."""
+    """Return the size of the moment that holds the low back against bending.
+
+    Parameters
+    ----------
+    torques : (frames, coordinates) [N m]
+
+    Returns
+    -------
+    (frames,) [N m], None where the model has no joint there
+    """
     if torques is None:
         return None
     found = (

@@ -87,7 +87,7 @@ class Judgement:
 
 
 def judged(prepared: Prepared, causes: Sequence[Cause]) -> Judgement:
-    """The verdict on what was computed, by the rule of this module."""
+    """Return the verdict on what was computed, by the rule of this module."""
     nothing = _nothing(prepared)
     if nothing is not None:
         return nothing
@@ -98,7 +98,7 @@ def judged(prepared: Prepared, causes: Sequence[Cause]) -> Judgement:
     if over:
         counted = f"{over} of {passed} checks need a look."
     use, reason = limited or ("everything", counted)
-    simulated = prepared.results.recorded.truth is not None
+    simulated = any(note.kind == "simulated" for note in prepared.results.head.notes)
     nobody = " Simulated: nobody was measured." if simulated else ""
     return Judgement(use, f"{reason}{nobody}{_exception(prepared)}")
 
@@ -118,7 +118,7 @@ def _nothing(prepared: Prepared) -> Judgement | None:
 
 
 def _lost_marker(prepared: Prepared) -> str:
-    """The marker that misses the body most, where it does so over the whole recording, else ""."""
+    """Return which marker misses the body over the whole recording, "" for none."""
     fit = prepared.results.kinematics.fit
     if fit is None or not np.isfinite(fit.marker_error).any():
         return ""
@@ -157,7 +157,16 @@ def _of_muscles(prepared: Prepared) -> tuple[Use, str] | None:
 
 
 def missed_frames(prepared: Prepared) -> Array:
-    """(frames,) whether markers are over their limit, or no pose fits; one False without a fit."""
+    """Find the frames that miss their markers.
+
+    Parameters
+    ----------
+    prepared : with the fit of the markers
+
+    Returns
+    -------
+    (frames,) whether markers are over their limit, or no pose fits; one False without a fit
+    """
     fit = prepared.results.kinematics.fit
     if fit is None or not len(fit.motion):
         return np.zeros(1, dtype=bool)
@@ -168,7 +177,7 @@ def missed_frames(prepared: Prepared) -> Array:
 
 
 def _exception(prepared: Prepared) -> str:
-    """A sentence on the few frames that miss their markers, "" where none does."""
+    """Return a sentence on the few frames that miss their markers, "" where none does."""
     fit = prepared.results.kinematics.fit
     missed = missed_frames(prepared)
     if fit is None or not missed.any():
@@ -192,7 +201,7 @@ def times_over(check: Verdict) -> float:
 
 
 def _reason(check: Verdict) -> str:
-    """A failed check with its number, its limit, and where and when it was worst."""
+    """Return a failed check with its number, its limit, and where and when it was worst."""
     unit = "%" if "%" in check.unit else check.unit
     limit = "" if not check.limit else f" (limit {number(check.limit)}{NO_BREAK}{unit})"
     value = f"{check.value:.0f}" if unit.startswith("of ") else number(check.value)

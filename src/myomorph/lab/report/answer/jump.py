@@ -3,101 +3,159 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion
 from myomorph.lab.analysis.gait_curves import SIDES
+from myomorph.lab.analysis.phases import GroundPhases
 from myomorph.lab.report.answer.answer_curve import AnswerCurve
 from myomorph.lab.report.answer.joints import extension_moment, joint_angle
 from myomorph.lab.report.answer.judgement import Use
 from myomorph.lab.report.answer.main_result import KeyPose, MainResult
-from myomorph.lab.report.answer.over_time import SECONDS, time_curve
+from myomorph.lab.report.answer.over_time import SECONDS, Heading, time_curve
 from myomorph.lab.report.answer.sentence import Sentence, degrees, with_unit
 from myomorph.lab.report.trial.prepared import Prepared
 
 HEIGHT = "Jump height from take-off velocity"
 LANDING = "Peak force of landing"
 STANDING = "Body weight on the plates"
-EVENTS = ("Lowest point", "Take-off", "Landing")
+FLIGHT = "Flight time"
+BEFORE = 1.0
+"""Charts begin so long before the lowest point where no onset was seen [s]."""
+LEAD = 0.1
+"""They begin so long before the onset [s], ..."""
+AFTER = 0.5
+"""... and end so long after the landing [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JumpInstants:
+    """When a jump does what [s].
+
+    Attributes
+    ----------
+    onset : of the movement, None where it was not seen
+    lowest : knees bent most before take-off
+    off, landing : feet leave the ground, and meet it again
+    """
+
+    onset: float | None
+    lowest: float
+    off: float
+    landing: float
+
+    def span(self, whole: tuple[float, float]) -> tuple[float, float]:
+        """Return from when to when charts show it, within the whole recording [s]."""
+        start = self.lowest - BEFORE if self.onset is None else self.onset - LEAD
+        return max(start, whole[0]), min(self.landing + AFTER, whole[1])
+
+    @property
+    def poses(self) -> tuple[KeyPose, ...]:
+        """Lowest point, take-off and landing."""
+        times = (self.lowest, self.off, self.landing)
+        words = ("lowest point", "take-off", "landing")
+        return tuple(KeyPose(time, word, time) for time, word in zip(times, words, strict=True))
 
 
 def jump(prepared: Prepared, use: Use) -> MainResult | None:
-    """Height and landing; None where forces show no jump."""
+    """Return height, landing and knees; None where forces show no jump."""
     results = prepared.results
     motion = results.dynamics.motion or results.kinematics.motion
     measures = {measure.name: measure.value for measure in prepared.ground.measures}
-    times = {event.label: event.time for event in prepared.ground.events}
-    needed = {"Take-off", "Landing"} <= set(times) and HEIGHT in measures
-    if not needed or results.model is None or motion is None:
+    if HEIGHT not in measures or results.model is None or motion is None:
         return None
-    torques = results.dynamics.torques if use in ("everything", "angles and torques") else None
-    angles = {side: joint_angle(results.model, motion, "knee_flexion", side) for side in SIDES}
-    hips = {side: joint_angle(results.model, motion, "hip_flexion", side) for side in SIDES}
-    moments = {
-        side: extension_moment(results.model, torques, "knee_flexion", side) for side in SIDES
-    }
-    clock = motion.time if torques is None else torques.time
-    times |= _deepest(angles, motion.time, times["Take-off"])
-    start = max(times.get("Onset", times["Lowest point"] - 1.0) - 0.1, prepared.span[0])
-    span = (start, min(times["Landing"] + 0.5, prepared.span[1]))
-    curves = (
-        _force_curve(prepared, measures[STANDING], span),
-        time_curve("Knee extension torque", "N·m", clock, moments, span),
-        time_curve("Knee flexion", "°", motion.time, angles, span, times["Lowest point"]),
-        time_curve("Hip flexion", "°", motion.time, hips, span, times["Lowest point"]),
-    )
+    knees = {side: joint_angle(results.model, motion, "knee_flexion", side) for side in SIDES}
+    instants = _instants(prepared.ground, knees, motion.time)
+    if instants is None:
+        return None
     return MainResult(
         movement="Countermovement jump",
-        sentence=_sentence(measures, angles, motion.time, times["Take-off"]),
+        sentence=_sentence(measures, knees, motion.time, instants.off),
         caveat="The height is that of the take-off velocity, by the impulse on the plates.",
-        curves=tuple(curve for curve in curves if curve is not None)[:3],
-        poses=tuple(
-            KeyPose(times[event], event.lower(), times[event]) for event in EVENTS if event in times
-        ),
+        curves=_curves(prepared, use, motion, knees, instants),
+        poses=instants.poses,
         axis=SECONDS,
-        amount=f"flies {with_unit(measures['Flight time'], 's', 2)}",
+        amount=f"flies {with_unit(measures[FLIGHT], 's', 2)}",
     )
 
 
-def _force_curve(
-    prepared: Prepared, weight: float, span: tuple[float, float]
-) -> AnswerCurve | None:
-    """Vertical force on the ground in body weights."""
+def _instants(
+    ground: GroundPhases, knees: Mapping[str, Array | None], time: Array
+) -> JumpInstants | None:
+    """Return when the jump does what; None where its flight, or no knee, was seen."""
+    times = {event.label: event.time for event in ground.events}
+    known = [angle for angle in knees.values() if angle is not None]
+    if not {"Take-off", "Landing"} <= set(times) or not known:
+        return None
+    off = times["Take-off"]
+    before = np.flatnonzero(time <= off)
+    bend = np.mean(known, axis=0)[before]
+    if not np.isfinite(bend).any():
+        return None
+    return JumpInstants(
+        onset=times.get("Onset"),
+        lowest=float(time[before[int(np.nanargmax(bend))]]),
+        off=off,
+        landing=times["Landing"],
+    )
+
+
+def _curves(
+    prepared: Prepared,
+    use: Use,
+    motion: Motion,
+    knees: Mapping[str, Array | None],
+    instants: JumpInstants,
+) -> tuple[AnswerCurve, ...]:
+    """Return the force on the plates, the knees, and their torque where it may be used."""
+    model = prepared.results.model
+    assert model is not None
+    span = instants.span(prepared.span)
+    force = _force_curve(prepared, span)
+    torque = _torque_curve(prepared, model, span) if use not in ("angles", "nothing") else None
+    bend = time_curve(Heading("Knee flexion", "°"), motion.time, knees, span, instants.lowest)
+    flexion = {side: joint_angle(model, motion, "hip_flexion", side) for side in SIDES}
+    hips = time_curve(Heading("Hip flexion", "°"), motion.time, flexion, span, instants.lowest)
+    shown = [curve for curve in (force, torque, bend, hips) if curve is not None]
+    return tuple(shown[:3])
+
+
+def _force_curve(prepared: Prepared, span: tuple[float, float]) -> AnswerCurve | None:
+    """Return the vertical force on the ground in body weights."""
     wrenches = prepared.results.dynamics.wrenches
-    if wrenches is None:
+    weight = next((each.value for each in prepared.ground.measures if each.name == STANDING), None)
+    if wrenches is None or not weight:
         return None
     total = np.nan_to_num(wrenches.forces @ prepared.up).sum(axis=1) / weight
-    return time_curve(
-        "Vertical force",
-        "body weights",
-        wrenches.time,
-        {"": total},
-        span,
-        digits=1,
-        middle="plates",
-    )
+    heading = Heading("Vertical force", "body weights", digits=1, middle="plates")
+    return time_curve(heading, wrenches.time, {"": total}, span)
 
 
-def _deepest(angles: Mapping[str, Array | None], time: Array, off: float) -> dict[str, float]:
-    """When the knees are bent most before take-off, by the name of its event [s]."""
-    known = [angle for angle in angles.values() if angle is not None]
-    before = np.flatnonzero(time <= off)
-    if not known or not len(before):
-        return {}
-    bend = np.mean(known, axis=0)[before]
-    return {"Lowest point": float(time[before[int(np.nanargmax(bend))]])}
+def _torque_curve(
+    prepared: Prepared, model: Model, span: tuple[float, float]
+) -> AnswerCurve | None:
+    """Return the extension torque of the knees."""
+    torques = prepared.results.dynamics.torques
+    if torques is None:
+        return None
+    moments = {side: extension_moment(model, torques, "knee_flexion", side) for side in SIDES}
+    return time_curve(Heading("Knee extension torque", "N·m"), torques.time, moments, span)
 
 
 def _sentence(
-    measures: Mapping[str, float], angles: Mapping[str, Array | None], time: Array, off: float
+    measures: Mapping[str, float], knees: Mapping[str, Array | None], time: Array, off: float
 ) -> Sentence:
-    """How high, how hard, and how deep before."""
+    """Say how high, how hard, and how deep before."""
     high = with_unit(100.0 * measures[HEIGHT], "cm")
     land = measures[LANDING] / measures[STANDING]
-    begin = f"Jumps {high} high and lands with {land:.1f} body weights"
-    before = [angle[time <= off] for angle in angles.values() if angle is not None]
-    if not before or not before[0].size:
-        return Sentence.of(f"{begin}.")
-    bends = degrees(float(np.nanmax(np.mean(before, axis=0))))
-    return Sentence.of(f"{begin}; the knee bends {bends} before take-off.")
+    known = [angle[time <= off] for angle in knees.values() if angle is not None]
+    bends = degrees(float(np.nanmax(np.mean(known, axis=0))))
+    plural = "knees bend" if len(known) > 1 else "knee bends"
+    return Sentence.of(
+        f"Jumps {high} high and lands with {land:.1f} body weights;",
+        f" the {plural} {bends} before take-off.",
+    )

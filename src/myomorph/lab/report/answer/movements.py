@@ -31,7 +31,7 @@ MAKERS: Mapping[Movement, Maker] = FrozenMap(
 
 
 def main_result(prepared: Prepared, use: Use) -> MainResult | None:
-    """The main result of a trial, None where no joint moves.
+    """Return the main result of a trial, None where no joint moves.
 
     Where the movement is not known, forces that show a jump and strides that show a walk tell it.
     """

@@ -61,7 +61,7 @@ PLAIN: Mapping[str, str] = FrozenMap(
 
 
 def plain_name(muscle: str) -> str:
-    """What people call a muscle, or the group that it is of; "" where that is not known."""
+    """Say what people call a muscle, or the group that it is of; "" where that is not known."""
     base = split_side(muscle.rsplit("__", 1)[-1])[0].lower()
     fitting = (start for start in PLAIN if base.startswith(start))
     longest = max(fitting, key=len, default="")

@@ -16,7 +16,7 @@ PERCENT = "% of stride"
 def stride_curve(
     gait: GaitCurves, key: str, title: str = "", unit: str = "", digits: int = 0
 ) -> AnswerCurve | None:
-    """A curve of `VARIABLES` over the strides of each side; None where no side is known."""
+    """Return a curve of `VARIABLES` over the strides of each side; None where no side is known."""
     index = KEYS.index(key)
     variable = VARIABLES[index]
     sides = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -15,36 +16,56 @@ SAMPLES = 241
 SECONDS = "s"
 
 
+@dataclass(frozen=True)
+class Heading:
+    """What a curve is of.
+
+    Attributes
+    ----------
+    title : as "Knee flexion"
+    unit : of its values
+    digits : after the point of printed values
+    middle : what the line of no side is called
+    """
+
+    title: str
+    unit: str
+    digits: int = 0
+    middle: str = "trunk"
+
+
 def time_curve(
-    title: str,
-    unit: str,
+    heading: Heading,
     time: Array,
     values: Mapping[str, Array | None],
     span: tuple[float, float],
     marked: float | None = None,
-    digits: int = 0,
-    middle: str = "trunk",
 ) -> AnswerCurve | None:
-    """A curve of both sides, or of the trunk, over a span of time; None where no value is known.
+    """Draw both sides, or the trunk, over a span of time.
 
     Parameters
     ----------
-    title, unit, digits : in print
+    heading : title and unit
     time : (frames,) [s]
     values : (frames,) in the unit, by side; "" of the trunk
     span : first and last time [s]
     marked : instant whose value is printed, by default that of the largest one [s]
-    middle : what the line of no side is called
+
+    Returns
+    -------
+    the curve; None where no value is known
     """
     at = np.linspace(*span, SAMPLES)
     sides = []
     for side, column in values.items():
         if column is None or not np.isfinite(column).any():
             continue
-        sampled = np.interp(at, time, column)[None]
-        curve = SideCurve(side=cast(Side, side), label=side or middle, cycles=sampled)
-        mark = curve.highest if marked is None else int(np.argmin(np.abs(at - marked)))
-        sides.append(SideCurve(side=curve.side, label=curve.label, cycles=sampled, mark=mark))
+        sampled = np.interp(at, time, column)
+        mark = int(np.nanargmax(sampled)) if marked is None else int(np.abs(at - marked).argmin())
+        label = side or heading.middle
+        sides.append(SideCurve(side=cast(Side, side), label=label, cycles=sampled[None], mark=mark))
     if not sides:
         return None
-    return AnswerCurve(title=title, unit=unit, sides=tuple(sides), at=at, digits=digits)
+    return AnswerCurve(
+        title=heading.title, unit=heading.unit, sides=tuple(sides), at=at, digits=heading.digits
+    )

@@ -151,7 +151,7 @@ def _image(
 
 
 def spindle_of(path: MusclePath, muscle: Muscle, frame: int) -> Surface | None:
-    """A spindle along a path, with the muscle's volume in its belly.
+    """Return a spindle along a path, with the muscle's volume in its belly.
 
     The volume is the cross section of the maximum isometric force by the optimal fiber length.
     None where the path is not known in the frame.
@@ -174,7 +174,7 @@ def spindle_of(path: MusclePath, muscle: Muscle, frame: int) -> Surface | None:
 
 
 def _around(centers: Array, radii: Array) -> Surface:
-    """A round surface of radii (rings,) around points (rings, 3) of a line."""
+    """Return a round surface of radii (rings,) around points (rings, 3) of a line."""
     along = np.gradient(centers, axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     # Not along any axis of the body, so that it is across every muscle.
@@ -188,7 +188,17 @@ def _around(centers: Array, radii: Array) -> Surface:
 
 
 def ramp_color(theme: Theme, activation: float) -> Array:
-    """(3,) color in 0..1 of an activation; of one that is not known that of rest."""
+    """Return the color of an activation; of one that is not known that of rest.
+
+    Parameters
+    ----------
+    theme : light or dark
+    activation : 0 to 1, NaN where it is not known
+
+    Returns
+    -------
+    (3,) in 0..1
+    """
     stops = np.array([_rgb(code) for code in RAMPS[theme]])
     share = 0.0 if np.isnan(activation) else min(max(activation / FULL, 0.0), 1.0)
     at = share * (len(stops) - 1)

@@ -33,10 +33,10 @@ class Sentence:
 
 
 def degrees(value: float) -> str:
-    """An angle [degrees] as whole degrees."""
+    """Return an angle [degrees] as whole degrees."""
     return f"{value:.0f}°".replace("-", "−")
 
 
 def with_unit(value: float, unit: str, digits: int = 0) -> str:
-    """A number that keeps its unit: no line ends between them."""
+    """Return a number that keeps its unit: no line ends between them."""
     return f"{value:.{digits}f}{NO_BREAK}{unit}".replace("-", "−")

@@ -2,81 +2,128 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series
 from myomorph.lab.analysis.gait_curves import SIDES
+from myomorph.lab.report.answer.answer_curve import AnswerCurve
 from myomorph.lab.report.answer.joints import extension_moment, joint_angle, low_back_moment
 from myomorph.lab.report.answer.judgement import Use
 from myomorph.lab.report.answer.main_result import KeyPose, MainResult
-from myomorph.lab.report.answer.over_time import SECONDS, time_curve
+from myomorph.lab.report.answer.over_time import SECONDS, Heading, time_curve
 from myomorph.lab.report.answer.sentence import Sentence, degrees, with_unit
 from myomorph.lab.report.trial.prepared import Prepared
 
 MOVED = 0.02
 """A squat has begun where the knees bend by so large a share of their deepest bend."""
-
-
 ALIKE = 1.0
 """Torques of both knees that differ by less are not said to differ [N m]."""
 
 
+@read_only
+class Bending:
+    """Joints of a squat over time.
+
+    Attributes
+    ----------
+    time : (frames,) of the motion [s]
+    knees, hips : (frames,) flexion by side [degrees], None where the model has no such joint
+    clock : (samples,) of the torques [s]
+    moments : (samples,) extension moment of the knee by side [N m], None where it is not known
+    back : (samples,) moment of the low back [N m], None where it is not known
+    """
+
+    time: Array
+    knees: Mapping[str, Array | None]
+    hips: Mapping[str, Array | None]
+    clock: Array
+    moments: Mapping[str, Array | None]
+    back: Array | None
+
+    @classmethod
+    def of(cls, model: Model, motion: Motion, torques: Series | None) -> Bending:
+        """Joints of a model in a motion; `torques` None where they are not to be used."""
+        moments = {side: extension_moment(model, torques, "knee_flexion", side) for side in SIDES}
+        return cls(
+            time=motion.time,
+            knees={side: joint_angle(model, motion, "knee_flexion", side) for side in SIDES},
+            hips={side: joint_angle(model, motion, "hip_flexion", side) for side in SIDES},
+            clock=motion.time if torques is None else torques.time,
+            moments=moments,
+            back=low_back_moment(torques),
+        )
+
+    @property
+    def bend(self) -> Array | None:
+        """(frames,) mean flexion of the knees [degrees], None where no knee is known."""
+        known = [angle for angle in self.knees.values() if angle is not None]
+        if not known or not np.isfinite(known[0]).any():
+            return None
+        return np.asarray(np.mean(known, axis=0))
+
+    def carried(self, at: float) -> list[float]:
+        """Return the moments of the knees that are known, at a time [N m]."""
+        known = (moment for moment in self.moments.values() if moment is not None)
+        return [float(np.interp(at, self.clock, moment)) for moment in known]
+
+
 def squat(prepared: Prepared, use: Use) -> MainResult | None:
-    """Knees and low back at the deepest point; None for a model without knees."""
+    """Return knees and low back at the deepest point; None for a model without knees."""
     results = prepared.results
     motion = results.dynamics.motion or results.kinematics.motion
-    model = results.model
-    if model is None or motion is None:
+    if results.model is None or motion is None:
         return None
-    angles = {side: joint_angle(model, motion, "knee_flexion", side) for side in SIDES}
-    known = [angle for angle in angles.values() if angle is not None]
-    if not known or not np.isfinite(known[0]).any():
-        return None
-    bend = np.mean(known, axis=0)
-    deepest = int(np.nanargmax(bend))
-    time = motion.time
     torques = results.dynamics.torques if use in ("everything", "angles and torques") else None
-    moments = {side: extension_moment(model, torques, "knee_flexion", side) for side in SIDES}
-    back = low_back_moment(torques)
-    clock = time if torques is None else torques.time
-    at = float(time[deepest])
-    hips = {side: joint_angle(model, motion, "hip_flexion", side) for side in SIDES}
-    curves = [time_curve("Knee flexion", "°", time, angles, prepared.span, at)]
-    if torques is None:
-        curves.append(time_curve("Hip flexion", "°", time, hips, prepared.span, at))
-    curves.append(time_curve("Knee extension torque", "N·m", clock, moments, prepared.span, at))
-    curves.append(
-        time_curve("Low-back extension torque", "N·m", clock, {"": back}, prepared.span, at)
-    )
-    carried = [_value(clock, moment, at) for moment in moments.values() if moment is not None]
+    bending = Bending.of(results.model, motion, torques)
+    bend = bending.bend
+    if bend is None:
+        return None
+    deepest = int(np.nanargmax(bend))
+    at = float(motion.time[deepest])
     rising = results.recorded.movement.value == "rising"
     return MainResult(
         movement="Rising from a seat" if rising else "Squat",
-        sentence=_sentence(float(bend[deepest]), carried, back, clock, at),
-        caveat=_caveat(carried, model.mass),
-        curves=tuple(curve for curve in curves if curve is not None)[:3],
-        poses=_poses(time, bend, deepest),
+        sentence=_sentence(bending, float(bend[deepest]), at),
+        caveat=_caveat(bending.carried(at), results.model.mass),
+        curves=_curves(bending, prepared.span, at),
+        poses=_poses(bending.time, bend, deepest),
         axis=SECONDS,
         amount=with_unit(prepared.span[1] - prepared.span[0], "s", 1),
     )
 
 
-def _sentence(
-    bend: float, carried: list[float], back: Array | None, clock: Array, at: float
-) -> Sentence:
-    """What knees and low back do at the deepest point."""
+def _curves(bending: Bending, span: tuple[float, float], at: float) -> tuple[AnswerCurve, ...]:
+    """Return knees, and their torque and that of the low back, or hips where there is none."""
+    time = bending.time
+    clock = bending.clock
+    trunk = {"": bending.back}
+    knees = time_curve(Heading("Knee flexion", "°"), time, bending.knees, span, at)
+    hips = time_curve(Heading("Hip flexion", "°"), time, bending.hips, span, at)
+    moments = time_curve(Heading("Knee extension torque", "N·m"), clock, bending.moments, span, at)
+    back = time_curve(Heading("Low-back extension torque", "N·m"), clock, trunk, span, at)
+    shown = (knees, moments, back) if moments is not None else (knees, hips)
+    return tuple(curve for curve in shown if curve is not None)
+
+
+def _sentence(bending: Bending, bend: float, at: float) -> Sentence:
+    """Say what knees and low back do at the deepest point."""
     begin = f"At the deepest point the knees bend {degrees(bend)}"
+    carried = bending.carried(at)
     if not carried:
         return Sentence.of(f"{begin}.")
     loads = f"; each carries {with_unit(float(np.mean(carried)), 'N·m')}"
-    if back is None:
+    if bending.back is None:
         return Sentence.of(f"{begin}{loads}.")
-    trunk = with_unit(_value(clock, back, at), "N·m")
+    trunk = with_unit(float(np.interp(at, bending.clock, bending.back)), "N·m")
     return Sentence.of(f"{begin}{loads}, the low back {trunk}.")
 
 
 def _caveat(carried: list[float], mass: float) -> str:
-    """The knees' torque per body mass, and how far both sides agree."""
+    """Return the knees' torque per body mass, and how far both sides differ."""
     if not carried or mass <= 0.0:
         return ""
     share = with_unit(float(np.mean(carried)) / mass, "N·m", 2)
@@ -87,20 +134,15 @@ def _caveat(carried: list[float], mass: float) -> str:
 
 
 def _poses(time: Array, bend: Array, deepest: int) -> tuple[KeyPose, ...]:
-    """Before it begins, half way and deepest."""
-    low = float(np.nanmin(bend[: deepest + 1]))
-    high = float(bend[deepest])
+    """Return the poses before it begins, half way and deepest."""
     before = bend[: deepest + 1]
-    upright = np.flatnonzero(before <= low + MOVED * (high - low))
-    half = np.flatnonzero(before <= low + 0.5 * (high - low))
+    low = float(np.nanmin(before))
+    depth = float(bend[deepest]) - low
+    upright = np.flatnonzero(before <= low + MOVED * depth)
+    half = np.flatnonzero(before <= low + 0.5 * depth)
     frames = (int(upright[-1]), int(half[-1]), deepest)
     words = ("standing", "half way", "deepest")
     return tuple(
         KeyPose(float(time[frame]), word, float(time[frame]))
         for frame, word in zip(frames, words, strict=True)
     )
-
-
-def _value(clock: Array, values: Array, at: float) -> float:
-    """The value at a time."""
-    return float(np.interp(at, clock, values))

@@ -38,7 +38,7 @@ def stance_poses(gait: GaitCurves, strides: Strides, last: str) -> tuple[KeyPose
 
 
 def _middle_stride(gait: GaitCurves) -> tuple[Stride | None, str]:
-    """The middle one of the right strides, else of the left ones, and its side."""
+    """Return the middle one of the right strides, else of the left ones, and its side."""
     for side in ("right", "left"):
         own = gait.strides[side]
         if own:

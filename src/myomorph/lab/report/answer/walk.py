@@ -78,7 +78,8 @@ def _largest_gap(curve: AnswerCurve) -> float:
     """By how much highest and lowest values of both sides differ at most; 0 for one side."""
     if len(curve.sides) < 2:
         return 0.0
-    right, left = (side.mean for side in curve.sides)
+    right = curve.sides[0].mean
+    left = curve.sides[1].mean
     highest = abs(float(right.max()) - float(left.max()))
     lowest = abs(float(right.min()) - float(left.min()))
     return max(highest, lowest)

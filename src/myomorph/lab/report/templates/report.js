@@ -2,6 +2,15 @@
    Charts carry their own scales (data-place, data-range); nothing is drawn twice. */
 "use strict";
 (() => {
+  /** Show what an address leads to, although its section is folded. */
+  function unfold() {
+    const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    for (const fold of target ? target.querySelectorAll(":scope > details.fold") : []) fold.open = true;
+    target?.scrollIntoView();
+  }
+  addEventListener("hashchange", unfold);
+  addEventListener("load", unfold);
+
   const SVG = "http://www.w3.org/2000/svg";
   const listeners = [];
   let now = NaN;

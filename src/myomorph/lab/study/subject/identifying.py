@@ -266,7 +266,7 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
             ),
             recorded=Recorded(
                 subject,
-                FrozenMap(
+                facts=FrozenMap(
                     {
                         "Body mass": (
                             f"{float(np.sum(identification.parameters[GENERIC][:, 0])):.4g} kg"
