@@ -10,15 +10,16 @@ import numpy as np
 from myomorph.core.io.carried_meshes import carry_meshes
 from myomorph.core.io.mesh import mesh_folders, read_surfaces
 from myomorph.core.model.model import Body, Mesh, Model
+from myomorph.core.model.spatial import Transform
 from walker import model as walker
 
 STL = b"\0" * 80 + (1).to_bytes(4, "little") + np.zeros(1, "S50").tobytes().ljust(50, b"\0")
 
 
 def drawn_with(source: Path, *names: str) -> Model:
-    """A body whose first segment is drawn with meshes beside a file."""
+    """Make a body whose first segment is drawn with meshes beside a file."""
     model = walker()
-    meshes = tuple(Mesh(file=name) for name in names)
+    meshes = tuple(Mesh(name, Transform.identity(), np.ones(3)) for name in names)
     first: Body = replace(model.bodies[0], meshes=meshes)
     return replace(model, bodies=(first, *model.bodies[1:]), source=str(source))
 

@@ -27,8 +27,8 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     (folder / "report.html").write_text(report_page(everything(100)), encoding="utf-8")
     with Browser(program=program, folder=folder / "profile", width=1300, height=900) as opened:
         opened.open((folder / "report.html").as_uri())
-        opened.run("document.querySelectorAll('details').forEach(one => { one.open = true; })")
         opened.until("document.querySelectorAll('#analysis figure .save').length === 1")
+        opened.run("document.querySelectorAll('details').forEach(one => { one.open = true; })")
         yield opened
 
 

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.known import Known
 from myomorph.lab.report.answer.answer import Answer, answer_of
 from myomorph.lab.report.answer.answer_chart import answer_chart
 from myomorph.lab.report.answer.answer_curve import FEW, SideCurve
 from myomorph.lab.report.answer.muscle_names import plain_name
+from myomorph.lab.report.page.parts import PageHead
 from myomorph.lab.report.trial.prepared import prepare
-from myomorph.lab.report.trial.report_input import ReportInput
+from myomorph.lab.report.trial.report_input import Kinematics, ReportInput
 from walker import everything, having
 
 
@@ -22,8 +27,14 @@ def answered(given: ReportInput) -> Answer:
 
 
 @pytest.fixture(scope="module")
-def walk() -> Answer:
-    return answered(having(everything(), movement=Known(value="walking", origin="user")))
+def walk(data: Callable[[str], Path]) -> Answer:
+    """Of a real walk on a belt, whose angles alone are known."""
+    home = data("opensim-gait-subject01") / "ref_id"
+    model = read_model(home / "subject01.osim")
+    motion = motion_from_table(read_sto(home / "subject01_walk1_ik.mot"), model)
+    return answered(
+        ReportInput(PageHead("s01: walk"), model, kinematics=Kinematics(coordinates=motion))
+    )
 
 
 def test_numbers_of_the_sentence_are_those_of_the_first_curve(walk: Answer) -> None:
@@ -73,7 +84,7 @@ def test_a_chart_says_its_values_to_those_who_cannot_see(walk: Answer) -> None:
 
 @pytest.mark.parametrize("movement", ["squatting", "running", "jumping", "upper limb", "other"])
 def test_every_movement_has_an_answer(movement: str) -> None:
-    """A movement that was stated although the recording shows another is no fault."""
+    """Even one that was stated although the recording shows another."""
     known = Known(value=movement, origin="user")  # type: ignore[type-var]
     found = answered(having(everything(100), movement=known))
     assert found.result is not None

@@ -20,7 +20,7 @@ def verdict(given: ReportInput) -> Judgement:
 
 
 def with_errors(given: ReportInput, size: float, share: float) -> ReportInput:
-    """The same with marker errors of a size [m] in a share of the frames."""
+    """Give the same with marker errors of a size [m] in a share of the frames."""
     fit = given.kinematics.fit
     assert fit is not None
     errors = np.full_like(fit.marker_error, 0.005)

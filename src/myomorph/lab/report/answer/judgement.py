@@ -15,7 +15,7 @@ The rule, so that two people get the same verdict:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -88,19 +88,23 @@ class Judgement:
 
 def judged(prepared: Prepared, causes: Sequence[Cause]) -> Judgement:
     """Return the verdict on what was computed, by the rule of this module."""
-    nothing = _nothing(prepared)
-    if nothing is not None:
-        return nothing
-    limited = _of_torques(prepared, causes) or _of_muscles(prepared)
-    passed = sum(check.limit is not None for check in prepared.verdicts)
-    over = sum(check.state == "over" for check in prepared.verdicts)
-    counted = f"All {passed} checks passed."
-    if over:
-        counted = f"{over} of {passed} checks need a look."
-    use, reason = limited or ("everything", counted)
+    found = _nothing(prepared)
+    if found is None:
+        limited = _of_torques(prepared, causes) or _of_muscles(prepared)
+        use, reason = limited or ("everything", _counted(prepared))
+        found = Judgement(use, f"{reason}{_exception(prepared)}")
     simulated = any(note.kind == "simulated" for note in prepared.results.head.notes)
     nobody = " Simulated: nobody was measured." if simulated else ""
-    return Judgement(use, f"{reason}{nobody}{_exception(prepared)}")
+    return replace(found, reason=f"{found.reason}{nobody}")
+
+
+def _counted(prepared: Prepared) -> str:
+    """Say how many checks passed."""
+    judged_ones = [check for check in prepared.verdicts if check.limit is not None]
+    over = sum(check.state == "over" for check in judged_ones)
+    if over:
+        return f"{over} of {len(judged_ones)} checks need a look."
+    return f"All {len(judged_ones)} checks passed."
 
 
 def _nothing(prepared: Prepared) -> Judgement | None:

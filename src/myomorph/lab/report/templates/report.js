@@ -4,9 +4,10 @@
 (() => {
   /** Show what an address leads to, although its section is folded. */
   function unfold() {
-    const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
-    for (const fold of target ? target.querySelectorAll(":scope > details.fold") : []) fold.open = true;
-    target?.scrollIntoView();
+    const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    if (!target) return;
+    for (const fold of target.querySelectorAll(":scope > details.fold")) fold.open = true;
+    target.scrollIntoView();
   }
   addEventListener("hashchange", unfold);
   addEventListener("load", unfold);
