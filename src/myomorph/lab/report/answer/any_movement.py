@@ -41,7 +41,7 @@ def any_movement(prepared: Prepared, use: Use) -> MainResult | None:
         sentence=_sentence(chosen, motion, ranges),
         caveat="",
         curves=tuple(curve for curve in curves if curve is not None),
-        poses=_poses(motion, first, prepared.detail),
+        poses=_poses(motion, first, _words(chosen[0], first), prepared.detail),
         axis=SECONDS,
         amount=with_unit(prepared.span[1] - prepared.span[0], "s", 1),
     )
@@ -82,8 +82,7 @@ def _sentence(chosen: list[Pair], motion: Motion, ranges: dict[str, float]) -> S
         values = np.degrees(motion[name])
         low = degrees(float(np.nanmin(values)))
         high = degrees(float(np.nanmax(values)))
-        label = f"{side} {pair.label.lower()}".strip()
-        words = f"{label} goes from {low} to {high}"
+        words = f"{_words(pair, name)} goes from {low} to {high}"
         parts.append("; " if parts else "")
         parts.append(Phrase(words if len(parts) > 1 else _capital(words), cast(Side, side)))
     return Sentence.of(*parts, ".")
@@ -93,7 +92,15 @@ def _capital(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def _poses(motion: Motion, name: str, span: tuple[float, float]) -> tuple[KeyPose, ...]:
+def _words(pair: Pair, name: str) -> str:
+    """Return a coordinate in words, as "right knee angle"."""
+    side = next(side for side, names in pair.members.items() if name in names)
+    return f"{side} {pair.label.lower()}".strip()
+
+
+def _poses(
+    motion: Motion, name: str, label: str, span: tuple[float, float]
+) -> tuple[KeyPose, ...]:
     """Where a joint's angle is lowest, half way and highest, in order of time."""
     inside = np.flatnonzero((motion.time >= span[0]) & (motion.time <= span[1]))
     values = motion[name][inside]
@@ -104,7 +111,6 @@ def _poses(motion: Motion, name: str, span: tuple[float, float]) -> tuple[KeyPos
     between = slice(min(low, high), max(low, high) + 1)
     middle = 0.5 * (values[low] + values[high])
     half = between.start + int(np.nanargmin(np.abs(values[between] - middle)))
-    label = name.replace("_", " ")
     words = {low: f"smallest {label}", half: "half way", high: f"largest {label}"}
     times = {frame: float(motion.time[inside[frame]]) for frame in sorted(words)}
     return tuple(KeyPose(time, words[frame], time) for frame, time in times.items())

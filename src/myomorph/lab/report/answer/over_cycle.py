@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 
 from myomorph.lab.analysis.gait_curves import KEYS, SIDES, VARIABLES, GaitCurves
-from myomorph.lab.report.answer.answer_curve import AnswerCurve, SideCurve
+from myomorph.lab.report.answer.answer_curve import FEW, AnswerCurve, SideCurve
 from myomorph.lab.report.answer.sentence import Side
 
 PERCENT = "% of stride"
@@ -51,9 +51,9 @@ def counted_strides(gait: GaitCurves) -> str:
 
 
 def few_strides_note(gait: GaitCurves) -> str:
-    """How many strides a difference of the sides stands on, "" where there are enough."""
+    """Say on how many strides a difference of the sides stands; "" for many, or for one side."""
     least = min(len(gait.strides[side]) for side in SIDES)
-    if least >= 5:
+    if least >= FEW or least == 0:
         return ""
     return f"{counted_strides(gait)}: take a difference of the sides as a hint, not as a finding."
 
