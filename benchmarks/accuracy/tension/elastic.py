@@ -127,7 +127,7 @@ def fine_distances(
     given = mm.Series(torques.time[each], torques.names, torques.values[each])
     one = mm.solve_tension(model, coarse, given, FINE_OPTIONS, actuators)
     # Every frame of the finer steps is solved, which Myomorph else does not with so many.
-    with mock.patch("myomorph.core.tension.elastic.problem.solved_every", return_value=1):
+    with mock.patch("myomorph.core.tension.elastic.windows.solved_every", return_value=1):
         other = mm.solve_tension(model, motion, torques, FINE_OPTIONS, actuators)
     assert one.fibers is not None
     assert other.fibers is not None
