@@ -98,9 +98,7 @@ def _words(pair: Pair, name: str) -> str:
     return f"{side} {pair.label.lower()}".strip()
 
 
-def _poses(
-    motion: Motion, name: str, label: str, span: tuple[float, float]
-) -> tuple[KeyPose, ...]:
+def _poses(motion: Motion, name: str, label: str, span: tuple[float, float]) -> tuple[KeyPose, ...]:
     """Where a joint's angle is lowest, half way and highest, in order of time."""
     inside = np.flatnonzero((motion.time >= span[0]) & (motion.time <= span[1]))
     values = motion[name][inside]
