@@ -7,14 +7,14 @@ import numpy as np
 from myomorph.core.model.known import Known
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Motion
-from myomorph.lab.report.answer.answer import answer_of
-from myomorph.lab.report.answer.first_screen import first_screen
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.pictures import nearest_frames
 from myomorph.lab.report.page.page import Instant, Tile, rendered
 from myomorph.lab.report.page.parts import Link, Quantity, listed
 from myomorph.lab.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.trial.answer.answer import answer_of
+from myomorph.lab.report.trial.answer.first_screen import first_screen
 from myomorph.lab.report.trial.estimated_forces import acting_forces
 from myomorph.lab.report.trial.gait_page import GAIT_PAGE
 from myomorph.lab.report.trial.prepared import Prepared, prepare

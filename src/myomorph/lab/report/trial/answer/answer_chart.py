@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.lab.report.answer.answer_curve import FEW, AnswerCurve, SideCurve
-from myomorph.lab.report.answer.main_result import KeyPose, MainResult
-from myomorph.lab.report.answer.over_time import SECONDS
 from myomorph.lab.report.charts import marks as svg
 from myomorph.lab.report.charts.axis import number
+from myomorph.lab.report.trial.answer.answer_curve import FEW, AnswerCurve, SideCurve
+from myomorph.lab.report.trial.answer.main_result import KeyPose, MainResult
+from myomorph.lab.report.trial.answer.over_time import SECONDS
 
 WIDTH = 420.0
 HEIGHT = 124.0

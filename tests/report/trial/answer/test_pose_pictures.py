@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.lab.report.answer.pose_pictures import (
+from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.trial.answer.pose_pictures import (
     BELLY,
     THEMES,
     Theme,
@@ -13,7 +14,6 @@ from myomorph.lab.report.answer.pose_pictures import (
     ramp_color,
     spindle_of,
 )
-from myomorph.lab.report.scene.scene import make_scene
 from walker import everything
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])

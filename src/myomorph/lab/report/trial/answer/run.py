@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from myomorph.lab.analysis.gait_curves import gait_curves
-from myomorph.lab.report.answer.answer_curve import AnswerCurve
-from myomorph.lab.report.answer.judgement import Use
-from myomorph.lab.report.answer.main_result import MainResult
-from myomorph.lab.report.answer.over_cycle import (
+from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve
+from myomorph.lab.report.trial.answer.judgement import Use
+from myomorph.lab.report.trial.answer.main_result import MainResult
+from myomorph.lab.report.trial.answer.over_cycle import (
     PERCENT,
     counted_strides,
     few_strides_note,
     mean_lift,
     stride_curve,
 )
-from myomorph.lab.report.answer.sentence import Phrase, Sentence, degrees
-from myomorph.lab.report.answer.stride_poses import stance_poses
+from myomorph.lab.report.trial.answer.sentence import Phrase, Sentence, degrees
+from myomorph.lab.report.trial.answer.stride_poses import stance_poses
 from myomorph.lab.report.trial.prepared import Prepared
 
 

@@ -7,13 +7,13 @@ from typing import TypeAlias
 
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.movement import Movement
-from myomorph.lab.report.answer.any_movement import any_movement
-from myomorph.lab.report.answer.judgement import Use
-from myomorph.lab.report.answer.jump import jump
-from myomorph.lab.report.answer.main_result import MainResult
-from myomorph.lab.report.answer.run import run
-from myomorph.lab.report.answer.squat import squat
-from myomorph.lab.report.answer.walk import walk
+from myomorph.lab.report.trial.answer.any_movement import any_movement
+from myomorph.lab.report.trial.answer.judgement import Use
+from myomorph.lab.report.trial.answer.jump import jump
+from myomorph.lab.report.trial.answer.main_result import MainResult
+from myomorph.lab.report.trial.answer.run import run
+from myomorph.lab.report.trial.answer.squat import squat
+from myomorph.lab.report.trial.answer.walk import walk
 from myomorph.lab.report.trial.prepared import Prepared
 
 Maker: TypeAlias = Callable[[Prepared, Use], MainResult | None]

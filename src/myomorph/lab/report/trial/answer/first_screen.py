@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.lab.report.answer.answer import Answer
-from myomorph.lab.report.answer.answer_chart import answer_chart
-from myomorph.lab.report.answer.answer_curve import FEW
-from myomorph.lab.report.answer.cause import Gravity
-from myomorph.lab.report.answer.judgement import Use
-from myomorph.lab.report.answer.main_result import KeyPose, MainResult
-from myomorph.lab.report.answer.over_time import SECONDS
-from myomorph.lab.report.answer.pose_pictures import PosePicture, pose_pictures
-from myomorph.lab.report.answer.sentence import with_unit
 from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.trial.answer.answer import Answer
+from myomorph.lab.report.trial.answer.answer_chart import answer_chart
+from myomorph.lab.report.trial.answer.answer_curve import FEW
+from myomorph.lab.report.trial.answer.cause import Gravity
+from myomorph.lab.report.trial.answer.judgement import Use
+from myomorph.lab.report.trial.answer.main_result import KeyPose, MainResult
+from myomorph.lab.report.trial.answer.over_time import SECONDS
+from myomorph.lab.report.trial.answer.pose_pictures import PosePicture, pose_pictures
+from myomorph.lab.report.trial.answer.sentence import with_unit
 from myomorph.lab.report.trial.prepared import Prepared
 
 STYLES: Mapping[Use, str] = FrozenMap(

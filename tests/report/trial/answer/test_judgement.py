@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.lab.report.answer.cause import grouped
-from myomorph.lab.report.answer.causes import KINDS
-from myomorph.lab.report.answer.judgement import Judgement, judged
+from myomorph.lab.report.trial.answer.cause import grouped
+from myomorph.lab.report.trial.answer.causes import KINDS
+from myomorph.lab.report.trial.answer.judgement import Judgement, judged
 from myomorph.lab.report.trial.prepared import Prepared, prepare
 from myomorph.lab.report.trial.report_input import ReportInput
 from walker import everything, having

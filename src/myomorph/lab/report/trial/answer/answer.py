@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.core.model.series import Series
-from myomorph.lab.report.answer.cause import Cause, grouped
-from myomorph.lab.report.answer.causes import KINDS
-from myomorph.lab.report.answer.judgement import Judgement, judged
-from myomorph.lab.report.answer.main_result import MainResult
-from myomorph.lab.report.answer.movements import main_result
-from myomorph.lab.report.answer.muscle_names import plain_name
-from myomorph.lab.report.answer.sentence import NO_BREAK
+from myomorph.lab.report.trial.answer.cause import Cause, grouped
+from myomorph.lab.report.trial.answer.causes import KINDS
+from myomorph.lab.report.trial.answer.judgement import Judgement, judged
+from myomorph.lab.report.trial.answer.main_result import MainResult
+from myomorph.lab.report.trial.answer.movements import main_result
+from myomorph.lab.report.trial.answer.muscle_names import plain_name
+from myomorph.lab.report.trial.answer.sentence import NO_BREAK
 from myomorph.lab.report.trial.prepared import Prepared
 
 

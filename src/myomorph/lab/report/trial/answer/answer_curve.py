@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.lab.report.answer.sentence import Side
+from myomorph.lab.report.trial.answer.sentence import Side
 
 FEW = 5
 """From so many cycles on their spread is drawn as a band; below, each is drawn by itself."""

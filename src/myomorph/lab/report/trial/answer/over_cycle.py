@@ -7,8 +7,8 @@ from typing import cast
 import numpy as np
 
 from myomorph.lab.analysis.gait_curves import KEYS, SIDES, VARIABLES, GaitCurves
-from myomorph.lab.report.answer.answer_curve import FEW, AnswerCurve, SideCurve
-from myomorph.lab.report.answer.sentence import Side
+from myomorph.lab.report.trial.answer.answer_curve import FEW, AnswerCurve, SideCurve
+from myomorph.lab.report.trial.answer.sentence import Side
 
 PERCENT = "% of stride"
 

@@ -7,7 +7,7 @@ import numpy as np
 from myomorph.core.model.sides import split_side
 from myomorph.lab.analysis.gait_curves import GaitCurves
 from myomorph.lab.analysis.strides import Stride, Strides
-from myomorph.lab.report.answer.main_result import KeyPose
+from myomorph.lab.report.trial.answer.main_result import KeyPose
 
 BEFORE = 0.01
 """Push-off is pictured so long before the other foot strikes [s]."""

@@ -9,8 +9,8 @@ from typing import cast
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.lab.report.answer.answer_curve import AnswerCurve, SideCurve
-from myomorph.lab.report.answer.sentence import Side
+from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve, SideCurve
+from myomorph.lab.report.trial.answer.sentence import Side
 
 SAMPLES = 241
 SECONDS = "s"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from myomorph.lab.report.answer.cause import CauseKind
+from myomorph.lab.report.trial.answer.cause import CauseKind
 
 CONTACTS = CauseKind(
     title="Contacts that cannot carry the motion",

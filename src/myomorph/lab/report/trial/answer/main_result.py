@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from myomorph.lab.report.answer.answer_curve import AnswerCurve
-from myomorph.lab.report.answer.sentence import Sentence
+from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve
+from myomorph.lab.report.trial.answer.sentence import Sentence
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,11 @@ import numpy as np
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.findings import spans_of, times_text
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.lab.report.answer.cause import Cause
-from myomorph.lab.report.answer.causes import FEET_BESIDE
-from myomorph.lab.report.answer.sentence import NO_BREAK
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.page.parts import Quantity, Verdict
+from myomorph.lab.report.trial.answer.cause import Cause
+from myomorph.lab.report.trial.answer.causes import FEET_BESIDE
+from myomorph.lab.report.trial.answer.sentence import NO_BREAK
 from myomorph.lab.report.trial.prepared import Prepared
 from myomorph.lab.report.trial.tables import MARKER_LARGEST, MARKER_RMS
 

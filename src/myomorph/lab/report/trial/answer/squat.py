@@ -10,12 +10,12 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.lab.analysis.gait_curves import SIDES
-from myomorph.lab.report.answer.answer_curve import AnswerCurve
-from myomorph.lab.report.answer.joints import extension_moment, joint_angle, low_back_moment
-from myomorph.lab.report.answer.judgement import Use
-from myomorph.lab.report.answer.main_result import KeyPose, MainResult
-from myomorph.lab.report.answer.over_time import SECONDS, Heading, time_curve
-from myomorph.lab.report.answer.sentence import Sentence, degrees, with_unit
+from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve
+from myomorph.lab.report.trial.answer.joints import extension_moment, joint_angle, low_back_moment
+from myomorph.lab.report.trial.answer.judgement import Use
+from myomorph.lab.report.trial.answer.main_result import KeyPose, MainResult
+from myomorph.lab.report.trial.answer.over_time import SECONDS, Heading, time_curve
+from myomorph.lab.report.trial.answer.sentence import Sentence, degrees, with_unit
 from myomorph.lab.report.trial.prepared import Prepared
 
 MOVED = 0.02

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from myomorph.lab.report.answer.cause import GRAVITIES, OTHER, grouped
-from myomorph.lab.report.answer.causes import CONTACTS, FEET_BESIDE, KINDS
+from myomorph.lab.report.trial.answer.cause import GRAVITIES, OTHER, grouped
+from myomorph.lab.report.trial.answer.causes import CONTACTS, FEET_BESIDE, KINDS
 
 MESSAGES = (
     "1.07 to 1.11 s, worst at 1.09 s: sites that touch cannot carry the motion, 731 N sideways are"

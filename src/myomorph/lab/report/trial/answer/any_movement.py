@@ -10,11 +10,11 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion
 from myomorph.lab.analysis.columns import extremes
 from myomorph.lab.analysis.selection import Pair, pairs, root_coordinates
-from myomorph.lab.report.answer.answer_curve import AnswerCurve
-from myomorph.lab.report.answer.judgement import Use
-from myomorph.lab.report.answer.main_result import KeyPose, MainResult
-from myomorph.lab.report.answer.over_time import SECONDS, Heading, time_curve
-from myomorph.lab.report.answer.sentence import Phrase, Sentence, Side, degrees, with_unit
+from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve
+from myomorph.lab.report.trial.answer.judgement import Use
+from myomorph.lab.report.trial.answer.main_result import KeyPose, MainResult
+from myomorph.lab.report.trial.answer.over_time import SECONDS, Heading, time_curve
+from myomorph.lab.report.trial.answer.sentence import Phrase, Sentence, Side, degrees, with_unit
 from myomorph.lab.report.trial.prepared import Prepared
 
 SHOWN = 3
