@@ -35,6 +35,7 @@ from myomorph.body.calibrate.sliding_skin import Slide, sliding
 from myomorph.body.calibrate.zero_angles import far_zeros, zero_angles, zero_notes
 from myomorph.core.fit.estimation import Estimate, estimate_of
 from myomorph.core.fit.posterior import Posterior
+from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.model import Model, index_of
@@ -112,6 +113,9 @@ def calibrate(
     >>> [round(float(one.factor), 3) for one in found.lengths][:3]
     [1.0, 1.0, 1.0]
     """
+    check_argument("model", model, Model)
+    for markers in trials:
+        check_argument("trials", markers, Markers)
     options = options or CalibrationOptions()
     _check(options)
     recorded = recorded_markers(model, trials, options)

@@ -14,6 +14,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers
+from myomorph.core.model.shown import shown
 from myomorph.core.motion.lengths import Length
 from myomorph.core.rigid.coordinates import Ints
 
@@ -264,6 +265,7 @@ class SideEstimate:
     differs: bool
 
 
+@shown
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
     """A model of the recorded body, and how far to trust it.

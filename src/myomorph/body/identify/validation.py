@@ -19,6 +19,7 @@ from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.core.model.model import Model
+from myomorph.core.model.shown import shown
 from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.core.rigid.regressor import base_wrench
 
@@ -185,6 +186,7 @@ class LinkConsistency:
         return self.mass == 0.0
 
 
+@shown
 @dataclass(frozen=True)
 class Consistency:
     """The links of a model, as bodies.

@@ -17,6 +17,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series
+from myomorph.core.model.shown import shown
 from myomorph.core.muscles.hill import compile_hill
 from myomorph.core.muscles.kinematics import muscle_kinematics
 from myomorph.core.tension.problem import TensionInputs, tension_problem
@@ -42,6 +43,7 @@ muscles.
 """
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class PersonalTrial:
     """A recording that muscles are fitted to.

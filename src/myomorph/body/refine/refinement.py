@@ -17,6 +17,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.interval import Interval
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion
+from myomorph.core.model.shown import shown
 from myomorph.core.model.soft_tissue import SoftTissue
 
 
@@ -35,6 +36,7 @@ class Errors:
     moment: float
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class RefinedTrial:
     """A motion before and after.
@@ -57,6 +59,7 @@ class RefinedTrial:
     frames: int
 
 
+@shown
 @dataclass(frozen=True)
 class Prediction:
     """A recording, or a part of one, predicted by what was refined on the others.

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from myomorph.core.model.series import Markers, Wrenches
+from myomorph.core.model.shown import shown
 from myomorph.core.motion.ik import InverseKinematicsOptions
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class SubjectTrial:
     """One recording of a subject.

@@ -11,6 +11,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
+from myomorph.core.model.shown import shown
 
 UNKNOWN = float("nan"), float("nan")  # An interval that nothing determines.
 
@@ -161,6 +162,7 @@ class MuscleChange:
     force_interval: tuple[float, float] = UNKNOWN
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Morph:
     """A model in other bones, and how it came about.

@@ -24,6 +24,7 @@ from myomorph.core.io.parsing.text import (
     without_far_away,
     written,
 )
+from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
@@ -461,6 +462,7 @@ def write_trc(markers: Markers, path: str | os.PathLike[str], units: str = "mm")
     >>> mm.read_recording("copy.trc").markers.names
     ('UA1', 'UA2', 'FA1', 'FA2')
     """
+    check_argument("markers", markers, Markers)
     if units not in METERS:
         raise BadData(f"unknown unit '{units}' for a TRC file: there are 'mm', 'cm', 'm'")
     frames, count = markers.values.shape[:2]

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.shown import shown
 
 Array = NDArray[np.float64]
 # Types of fields that hold no array, as they are written
@@ -141,13 +142,14 @@ def read_only(cls: _Class) -> _Class:
     it is otherwise. Each array, also in tuples and mappings, becomes a read-only view of itself,
     without a copy: when an object is made, by `dataclasses.replace`, and when it is unpickled or
     copied. A class derived from such a one needs the decorator itself. Kernels are compiled anew
-    for read-only arrays: what they take as it is stays without.
+    for read-only arrays: what they take as it is stays without. Its `repr` is one line (`shown`).
     """
     kind: Any = (
         cls
         if "__dataclass_fields__" in vars(cls)
         else dataclasses.dataclass(frozen=True, eq=False)(cls)
     )
+    kind = shown(kind)
     plain_init = kind.__init__
     restored = getattr(cls, "__setstate__", None)
 

@@ -16,6 +16,7 @@ from myomorph.core.model.labelled import AXES, Labelled
 from myomorph.core.model.model import GROUND, index_of
 from myomorph.core.model.registry import with_extensions
 from myomorph.core.model.series import Series, Wrenches
+from myomorph.core.model.shown import shown
 
 CONTACT_LAWS: dict[str, str | type[Cone]] = with_extensions(
     {"pyramid": "myomorph.core.model.contacts:Cone"},
@@ -275,6 +276,7 @@ class Touch:
             )
 
 
+@shown
 @dataclass(frozen=True)
 class Contacts:
     """Contact intervals of sites, with their confidence, the same whatever the source.

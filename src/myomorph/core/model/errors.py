@@ -164,7 +164,8 @@ def few(names: Iterable[str], most: int = 6) -> str:
 
 def counted(count: int, noun: str) -> str:
     """Write a number of things: "1 frame", "2 frames"."""
-    return f"{count} {noun}" + ("" if count == 1 else "s")
+    ending = "es" if noun.endswith("ch") else "s"
+    return f"{count} {noun}" + ("" if count == 1 else ending)
 
 
 def quoted(names: Iterable[str], most: int = MAX_NAMES) -> str:

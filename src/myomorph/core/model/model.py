@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only
-from myomorph.core.model.errors import BadModel, UnknownName
+from myomorph.core.model.drawings import lines_drawing
+from myomorph.core.model.errors import BadData, BadModel, UnknownName, counted
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.functions import Function
+from myomorph.core.model.functions import Function, value_at
 from myomorph.core.model.paths import Bushing, Ligament, Muscle, PassiveTorque, WrapObject
+from myomorph.core.model.shown import shown
 from myomorph.core.model.spatial import Transform, axis_rotation
 
 GROUND = "ground"
@@ -126,6 +128,7 @@ class Axis:
         return Transform(rotation, self.origin - rotation @ self.origin)
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Joint:
     """Motion of a child body on its parent.
@@ -155,7 +158,15 @@ class Joint:
     parent_frame_name: str = ""
     child_frame_name: str = ""
 
+    def pose(self, values: Mapping[str, float]) -> Transform:
+        """Pose of the child in its parent at values of the coordinates [rad or m]."""
+        pose = self.parent_frame
+        for axis in self.axes:
+            pose = pose @ axis.moved(value_at(axis.function, axis.coordinates, values))
+        return pose @ self.child_frame.inverse()
 
+
+@shown
 @dataclass(frozen=True, eq=False)
 class Coupler:
     """A coordinate that follows others: dependent = function(independents)."""
@@ -166,6 +177,7 @@ class Coupler:
     independents: tuple[str, ...]
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Loop:
     """A constraint that closes a kinematic loop (point or weld), which the tree alone cannot hold.
@@ -199,6 +211,7 @@ class Marker:
         freeze(self, location=(3,))
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Frame:
     """A named frame fixed to a body, that loads, points and actuators may refer to."""
@@ -245,6 +258,7 @@ class Actuator:
         freeze(self, point=(3,), other_point=(3,), direction=(3,))
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Kept:
     """A part of the file that Myomorph does not model: carried to the file it writes.
@@ -394,6 +408,140 @@ class Model:
     def with_markers(self, markers: tuple[Marker, ...]) -> Model:
         """Replace the markers of the model."""
         return replace(self, markers=markers)
+
+    def with_muscle(self, name: str, *, strength: float = 1.0, **properties: Any) -> Model:
+        """Change a muscle: its strength, or any property by its name.
+
+        Parameters
+        ----------
+        name : of the muscle
+        strength : factor of its maximum isometric force, above 0; `without` takes a muscle away
+        **properties : of `Muscle`, as `optimal_fiber_length=0.05` [m]
+
+        Raises
+        ------
+        UnknownName : the model has no such muscle, or muscles no such property
+        BadData : the strength is not above 0
+
+        Examples
+        --------
+        >>> import myomorph as mm
+        >>> model = mm.demo_recording().model
+        >>> weak = model.with_muscle("soleus_r", strength=0.5)
+        >>> for one in (model, weak):
+        ...     print(f"{one.muscle('soleus_r').max_isometric_force:.0f} N")
+        5322 N
+        2661 N
+        """
+        old = self.muscle(name)
+        known = [part.name for part in fields(Muscle) if part.name != "name"]
+        for key in properties:
+            if key not in known:
+                raise UnknownName("property", key, known, where="muscles")
+        if not 0.0 < strength < np.inf:
+            raise BadData(f"strength of '{name}': expected a factor above 0, but got {strength}")
+        force = strength * old.max_isometric_force
+        muscle = replace(old, **({"max_isometric_force": force} | properties))
+        return replace(self, muscles=tuple(muscle if one is old else one for one in self.muscles))
+
+    def with_mass(self, mass: float) -> Model:
+        """Scale the masses and inertias of all bodies to a mass of the whole body.
+
+        Parameters
+        ----------
+        mass : [kg], above 0
+
+        Raises
+        ------
+        BadData : the mass is not above 0, or the bodies have none
+        """
+        if not 0.0 < mass < np.inf or not self.mass > 0.0:
+            raise BadData(
+                f"mass: expected kilograms above 0 of bodies that have a mass, but got {mass} for"
+                f" {self.mass:g} kg"
+            )
+        share = mass / self.mass
+        bodies = [
+            replace(body, mass=share * body.mass, inertia=share * body.inertia)
+            for body in self.bodies
+        ]
+        return replace(self, bodies=tuple(bodies))
+
+    def without(self, *names: str) -> Model:
+        """Take muscles, markers and actuators away.
+
+        Parameters
+        ----------
+        *names : of what goes
+
+        Raises
+        ------
+        UnknownName : the model has nothing of a name
+        """
+        actuators = [actuator.name for actuator in self.actuators]
+        known = (*self.muscle_names, *self.marker_names, *actuators)
+        for name in names:
+            index_of("muscle, marker or actuator", name, known)
+        return replace(
+            self,
+            muscles=tuple(one for one in self.muscles if one.name not in names),
+            markers=tuple(one for one in self.markers if one.name not in names),
+            actuators=tuple(one for one in self.actuators if one.name not in names),
+        )
+
+    def lock(self, *names: str, at: float | None = None) -> Model:
+        """Lock coordinates, at a value or where they are by default.
+
+        Parameters
+        ----------
+        *names : of the coordinates
+        at : value of all of them [rad or m], None for their defaults
+
+        Raises
+        ------
+        UnknownName : the model has no such coordinate
+        BadData : a coordinate follows others
+        """
+        for name in names:
+            self.coordinate(name)
+            if name in self.dependent_coordinates:
+                others = ", ".join(self.dependent_coordinates[name].independents)
+                raise BadData(f"'{name}' cannot be locked, for it follows {others}: lock these")
+        locked = [
+            replace(one, locked=True, default=one.default if at is None else at)
+            if one.name in names
+            else one
+            for one in self.coordinates
+        ]
+        return replace(self, coordinates=tuple(locked))
+
+    @property
+    def headline(self) -> str:
+        """What the model has, in one line."""
+        bodies = "1 body" if len(self.bodies) == 1 else f"{len(self.bodies)} bodies"
+        counts = (
+            bodies,
+            counted(len(self.coordinates), "coordinate"),
+            counted(len(self.muscles), "muscle"),
+            counted(len(self.markers), "marker"),
+        )
+        return f"'{self.name}': {', '.join(counts)}, {self.mass:.4g} kg"
+
+    def drawing(self) -> str:
+        """Draw the default pose from the side, as SVG for notebooks.
+
+        Each body is a line from its parent's origin to its own.
+        """
+        defaults = {coordinate.name: coordinate.default for coordinate in self.coordinates}
+        poses = {GROUND: Transform.identity()}
+        lines = []
+        for joint in self.joints:
+            parent = poses[joint.parent]
+            child = parent @ joint.pose(defaults)
+            poses[joint.child] = child
+            if joint.parent != GROUND:
+                lines.append((parent.translation, child.translation))
+        return lines_drawing(lines, self.up)
 
 
 def index_of(kind: str, name: str, names: tuple[str, ...], where: str = "the model") -> int:

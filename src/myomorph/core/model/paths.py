@@ -11,6 +11,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.functions import Function
+from myomorph.core.model.shown import shown
 from myomorph.core.model.spatial import Transform
 
 
@@ -32,6 +33,7 @@ class PathPoint:
         freeze(self, location=(3,))
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class MovingPathPoint:
     """A point whose place in its body's frame [m] is a function of coordinates.
@@ -49,6 +51,7 @@ class MovingPathPoint:
     coordinates: tuple[str, str, str]
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class WrapObject:
     """A surface that muscle paths go around.
@@ -93,6 +96,7 @@ def surface_level(wrap: WrapObject, points: Array) -> Array:
     return np.linalg.norm(points / np.asarray(wrap.size), axis=1)
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class PathWrap:
     """A path's use of a wrap object, as OpenSim defines it.
@@ -131,6 +135,7 @@ class TendonWrap:
     version: int = 4  # of MuJoCo whose rule of side sites it follows: 4, or 3 for all before
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Path:
     """A muscle's way from origin to insertion.
@@ -148,6 +153,7 @@ class Path:
     divisors: tuple[float, ...] = ()
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Muscle:
     """A muscle-tendon unit.
@@ -187,6 +193,7 @@ class Muscle:
     viscosity: float = 0.0
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Ligament:
     """A passive string between bones, whose force is not modelled.
@@ -218,6 +225,7 @@ class Ligament:
         )
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class PassiveTorque:
     """Torque of ligaments and springs at a coordinate: tau = torque(q) - damping(q) qdot.

@@ -11,6 +11,7 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from myomorph.core.model.errors import BadData, check_choices
+from myomorph.core.model.shown import shown
 from myomorph.core.model.units import MotionKind, conversion, unit_by_motion
 
 Kind = Literal["number", "single", "count", "code", "flag", "text"]
@@ -81,6 +82,7 @@ class Tidy:
         return self.endings[0 if motion == "rotational" else -1]
 
 
+@shown
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
     """A quantity that a result holds: declared once, next to what computes it.

@@ -9,7 +9,8 @@ from typing import Any, ClassVar, Self, TypeVar
 import numpy as np
 
 from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only
-from myomorph.core.model.errors import BadData
+from myomorph.core.model.drawings import curves_drawing
+from myomorph.core.model.errors import BadData, counted
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.labelled import AXES, Labelled, Variable
@@ -46,11 +47,25 @@ def _turned(value: Turned, rotation: Array, *names: str) -> Turned:
 class OverTime(Labelled):
     """A dataclass with `time` (frames,) and `names`, one a column."""
 
+    noun: ClassVar[str] = "column"
+    """What a name is that of."""
+
     time: Array
     names: tuple[str, ...]
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def headline(self) -> str:
+        """What the series holds, in one line."""
+        count = f"{counted(len(self.names), self.noun)}, {counted(len(self), 'frame')}"
+        if len(self) < 2:
+            return count
+        start = self.time[0]
+        stop = self.time[-1]
+        rate = (len(self) - 1) / (stop - start)
+        return f"{count} from {start:.4g} to {stop:.4g} s at {rate:.4g} Hz"
 
     def frames(self, which: Any) -> Self:
         """Take some of the frames, by a slice, numbers or truth values (frames,)."""
@@ -156,6 +171,10 @@ class Series(OverTime):
         """Unit of the values, "" where it is not known."""
         return "" if self.known is None else self.known.unit
 
+    def drawing(self) -> str:
+        """Draw the first columns over time, as SVG for notebooks; "" for positions."""
+        return curves_drawing(self.time, self.values, self.names)
+
     @property
     def rate(self) -> float:
         """Frames per second, nan with fewer than two frames [Hz].
@@ -192,6 +211,7 @@ class Table(Series):
 class Markers(Series):
     """Marker positions: values (frames, markers, 3) in ground [m], NaN where unseen."""
 
+    noun = "marker"
     usual_quantity = MARKER_POSITION
 
     def rotated(self, rotation: Array) -> Markers:
@@ -217,6 +237,7 @@ class Motion(Series):
 
     velocities: Array | None = None
     accelerations: Array | None = None
+    noun = "coordinate"
     usual_quantity = COORDINATE_VALUE
 
     def __post_init__(self) -> None:
@@ -249,6 +270,7 @@ class Wrenches(OverTime):
     """
 
     quantities = WRENCHES
+    noun = "wrench"
 
     time: Array
     names: tuple[str, ...]
@@ -307,6 +329,7 @@ class Analog(Series):
     """Analog channels: values (frames, channels) in `units` (one per channel)."""
 
     units: tuple[str, ...] = ()
+    noun = "channel"
 
     def columns(self, which: Sequence[int]) -> Self:
         """Take some of the channels, by their numbers."""
@@ -320,6 +343,7 @@ class Analog(Series):
 class Emg(Series):
     """Muscle excitations: values (frames, channels), envelopes normalised to about 0..1."""
 
+    noun = "channel"
     usual_quantity = EMG
 
 

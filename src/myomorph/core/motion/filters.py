@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Motion
@@ -168,6 +169,7 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
     >>> found.velocities.shape, found.accelerations.shape
     ((61, 2), (61, 2))
     """
+    check_argument("motion", motion, Motion)
     seen = np.all(np.isfinite(motion.values), axis=1)
     values = np.full(motion.values.shape, np.nan)
     velocities = np.full(motion.values.shape, np.nan)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, listing
 from myomorph.core.model.labelled import Labelled
@@ -209,6 +210,8 @@ def inverse_kinematics(
     >>> bool(fit.largest.max() < 1e-4)
     True
     """
+    check_argument("model", model, Model)
+    check_argument("markers", markers, Markers)
     options = options or InverseKinematicsOptions()
     tree = compile_tree(model)
     names, weights = tracked_markers(model, markers, options)

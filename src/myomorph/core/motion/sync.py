@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Motion, Series, Wrenches
@@ -91,6 +92,7 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
     >>> mm.resample_wrenches(loads, motion.time[::2]).forces.shape
     (31, 1, 3)
     """
+    check_argument("wrenches", wrenches, Wrenches)
     if len(wrenches) == 0:
         raise BadData("the external forces have no frames")
     slack = 1.5 * float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1e-9

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadModel
 from myomorph.core.model.labelled import Labelled
@@ -15,6 +16,7 @@ from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import DEFAULT_POSE, Motion
 from myomorph.core.model.shapes import ArmPairs, FrameValues, MomentArmTable, MuscleValues
+from myomorph.core.model.shown import shown
 from myomorph.core.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.core.muscles.path import Paths, compile_paths
 from myomorph.core.muscles.path_arrays import ARMS
@@ -33,6 +35,7 @@ def _slopes(P, c, slopes):
         coupler_slopes(P, c[frame], slopes[frame])
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class MuscleKinematics(Labelled):
     """Lengths, velocities and moment arms of muscles over time.
@@ -227,6 +230,8 @@ def muscle_kinematics(
     >>> found.moment_arm_of("flexor", "elbow_flexion").shape
     (61,)
     """
+    check_argument("model", model, Model)
+    check_argument("motion", motion, Motion)
     paths = compile_paths(model)
     if velocities and motion.velocities is None:
         raise BadData(

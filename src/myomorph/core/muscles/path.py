@@ -23,6 +23,7 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.model.latest import Latest
 from myomorph.core.model.model import Model
 from myomorph.core.model.shapes import ArmPairs, Coordinates, MuscleValues, Points, Pulls
+from myomorph.core.model.shown import shown
 from myomorph.core.muscles import path_arrays as columns
 from myomorph.core.muscles.path_arrays import PathArrays, moved_paths, path_arrays
 from myomorph.core.muscles.path_kernels import path_frames
@@ -77,6 +78,7 @@ class PathPulls(NamedTuple):
     work: ArmPairs
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Paths:
     """Muscle paths of a model, compiled.

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
@@ -118,6 +119,10 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
     >>> torques.names, torques.values.shape
     (('shoulder_flexion', 'elbow_flexion'), (61, 2))
     """
+    check_argument("model", model, Model)
+    check_argument("motion", motion, Motion)
+    if wrenches is not None:
+        check_argument("wrenches", wrenches, Wrenches)
     tree = compile_tree(model)
     c, cdot, cddot = motion_arrays(tree, motion)
     bodies, forces, points, torques = external_arrays(tree, motion, wrenches)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Marker, Model
 from myomorph.core.model.series import Markers, Motion
@@ -400,6 +401,8 @@ def marker_positions(model: Model, motion: Motion) -> Markers:
     >>> markers.names, markers.values.shape
     (('UA1', 'UA2', 'FA1', 'FA2'), (61, 4, 3))
     """
+    check_argument("model", model, Model)
+    check_argument("motion", motion, Motion)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     return Markers(motion.time, model.marker_names, poses.markers(model.markers))

@@ -15,6 +15,7 @@ from myomorph.core.model.latest import Latest
 from myomorph.core.model.model import GROUND, Axis, Coupler, Joint, Model, index_of
 from myomorph.core.model.series import Motion
 from myomorph.core.model.shapes import Coordinates
+from myomorph.core.model.shown import shown
 from myomorph.core.model.spatial import Transform
 from myomorph.core.rigid.coordinates import FunctionArrays, Ints, compile_functions, couple_frames
 
@@ -145,6 +146,7 @@ class Rates(NamedTuple):
     accelerations: Coordinates
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Tree:
     """A model and its arrays.

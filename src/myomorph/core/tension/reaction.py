@@ -20,6 +20,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.errors import BadData, UnknownName, check_name
 from myomorph.core.model.frozen_map import FrozenMap
@@ -370,6 +371,8 @@ def joint_reactions(  # page: what OpenSim's analysis has as settings
     >>> reactions.joints, reactions.forces.shape
     (('elbow',), (61, 1, 3))
     """
+    check_argument("model", model, Model)
+    check_argument("motion", motion, Motion)
     tree = compile_tree(model)
     applied = _AppliedLoads(tree, motion)
     names = tuple(joint.name for joint in model.joints)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.errors import BadModel
 from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.series import Motion, Series
@@ -87,6 +88,9 @@ def solve_tension(  # page: the terms of one problem, most of them optional
     >>> tension.muscles, tension.muscle_force.shape, bool(tension.optimal.all())
     (('flexor', 'extensor'), (61, 2), True)
     """
+    check_argument("model", model, Model)
+    check_argument("motion", motion, Motion)
+    check_argument("torques", torques, Series)
     inputs = TensionInputs(
         model=model,
         motion=motion,

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Series
+from myomorph.core.model.shown import shown
 
 MAX_SAMPLES = 4096
 MIN_KNOWN = 0.5
@@ -44,6 +45,7 @@ class PeriodOptions:
             )
 
 
+@shown
 @dataclass(frozen=True)
 class Periodicity:
     """The best candidate for a period, and whether it is one.

@@ -19,11 +19,13 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import index_of
 from myomorph.core.model.series import Event, Series, Wrenches
+from myomorph.core.model.shown import shown
 from myomorph.core.model.sides import split_side
 from myomorph.lab.analysis import foot_events
 from myomorph.lab.analysis.foot_events import FootTrack, StrideOptions
 
 
+@shown
 @dataclass(frozen=True)
 class Stride:
     """From one strike of a foot to its next.

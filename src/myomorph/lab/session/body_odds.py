@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.lab.session.body_measures import LENGTH_OF_NAME, MASS, BodyMeasures, Measured
 
 PLACED = 0.007
@@ -63,7 +63,7 @@ class BodyOdds:
         return self.count >= MIN_ALIKE and self.mean_square < MAX_ALIKE
 
 
-@dataclass(frozen=True, eq=False)
+@read_only
 class Differences:
     """Measures that two bodies have in common, as differences of logarithms.
 

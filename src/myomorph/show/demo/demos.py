@@ -16,6 +16,7 @@ from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.known import Known
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion, Series, Trial, Wrenches
+from myomorph.core.model.shown import shown
 from myomorph.core.motion.envelope import envelopes
 from myomorph.core.motion.ik import InverseKinematicsOptions
 from myomorph.lab.store.outcome import Outcome
@@ -74,6 +75,7 @@ def demo_trial(name: str) -> TrialInputs:
     raise UnknownName("study", name, existing=get_args(DemoName), where="the demo")
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class DemoRecording:
     """The recording of a demo, as values.

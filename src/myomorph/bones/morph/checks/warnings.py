@@ -17,6 +17,7 @@ from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import WrapObject
+from myomorph.core.model.shown import shown
 from myomorph.core.muscles.kinematics import default_path_lengths
 
 KINDS: Mapping[str, tuple[str, str, str]] = FrozenMap(
@@ -117,6 +118,7 @@ class WrapInterval:
     size: float
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class MorphChecks:
     """What the checks of a morphed model found.

@@ -20,6 +20,7 @@ from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.shown import shown
 from myomorph.core.model.surface import Surface, connected
 from myomorph.core.surfaces.linear_maps import (
     AffineMap,
@@ -236,6 +237,7 @@ AROUND = 3  # Features that say how surely a point is known.
 Basis: TypeAlias = Literal["bone", "landmarks", "neighbors", "surrounding", "given"]
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class BoneMap:
     """How what is fixed to a body of the source becomes fixed to a body of the target.

@@ -19,6 +19,7 @@ from myomorph.core.io.osim.kept import is_kept, put_back, usable_parts
 from myomorph.core.io.osim.muscles import write_muscle, write_viscosity
 from myomorph.core.io.osim.setup_parts import put_marker
 from myomorph.core.io.osim.write_joints import Plan, plan_joints, write_joint
+from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.errors import BadModel, quoted
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.model import GROUND, Kept, Model
@@ -63,6 +64,7 @@ def write_osim(model: Model, path: str | os.PathLike[str]) -> tuple[str, ...]:
     >>> mm.read_model("copy.osim").muscle_names
     ('flexor', 'extensor')
     """
+    check_argument("model", model, Model)
     warnings = _renamed(model)
     root = etree.Element("OpenSimDocument", Version=str(NEWEST))
     _model(child(root, "Model", name=model.name), model, warnings)

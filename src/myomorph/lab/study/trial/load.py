@@ -12,6 +12,7 @@ from myomorph.core.model.errors import from_extra
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.provenance import Provenance
 from myomorph.core.model.series import Emg, Markers, Motion, Series, Wrenches
+from myomorph.core.model.shown import shown
 from myomorph.core.motion.ik import KinematicsFit
 from myomorph.core.tension.tension import Tension, TensionOptions
 from myomorph.lab.store import stored as store
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     import xarray
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class TrialResult:
     """What the steps found for one trial, each part None where its step was not run.

@@ -25,6 +25,7 @@ from myomorph.core.model.join import (
 )
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Emg, Motion, Series, Trial, Wrenches
+from myomorph.core.model.shown import shown
 from myomorph.core.motion.clocks import on_one_clock
 from myomorph.core.motion.sync import resample_wrenches
 from myomorph.core.tension.emg_targets import EmgOptions
@@ -80,6 +81,7 @@ class TogetherTable(Strict):
     object: list[ObjectTable] = Field(default_factory=list)
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Together:
     """Trials that are solved as one.

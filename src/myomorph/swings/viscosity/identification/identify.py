@@ -17,6 +17,7 @@ from myomorph.core.fit.interval_rule import interval_of_draws
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, MyomorphError, check_name
 from myomorph.core.model.interval import Interval
+from myomorph.core.model.shown import shown
 from myomorph.swings.viscosity.identification import torque as torques
 from myomorph.swings.viscosity.identification.condition import (
     ESTIMATED,
@@ -188,6 +189,7 @@ class MuscleViscosity:
     resolved: int | None = None
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class SpecimenViscosity:
     """A specimen's row of [S] tables I and II.
