@@ -18,8 +18,9 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class BaseLoad:
-    """What the base carries beyond the plate's zero and does not swing: bone, fixture, muscle that
-    stays on it.
+    """What the base carries beyond the plate's zero and does not swing.
+
+    That is bone, fixture, and muscle that stays on it.
 
     Attributes
     ----------
@@ -40,12 +41,17 @@ class BaseLoad:
 
 
 def with_base_load(specimen_viscosity: SpecimenViscosity, load: BaseLoad) -> SpecimenViscosity:
-    """The specimen with masses without the base's load, each with the range that it can have.
+    """Take the base's load off the masses, each with the range that it can have.
 
     The constant force gives limb and base together, m + m_b. A body of first moment h and inertia I
     about the joint weighs at least |h|^2 / I, muscles by what they add to both, and the base
     carries no less with muscles than without. A value whose load is a range is the middle of its
     range.
+
+    Parameters
+    ----------
+    specimen_viscosity : whose masses have the load
+    load : of both conditions
     """
     notes = []
     loads = dict(zip(STATES, (load.removed, load.intact), strict=True))
@@ -81,8 +87,13 @@ def with_base_load(specimen_viscosity: SpecimenViscosity, load: BaseLoad) -> Spe
 
 
 def _less(shown: Interval, load: Range, least: float) -> Interval:
-    """A mass out of that which the constant force shows, less a load, at least `least` where the
-    load is a range.
+    """Take a load off a mass that the constant force shows.
+
+    Parameters
+    ----------
+    shown : the mass with the load [kg]
+    load : the least and the most [kg]
+    least : below which the mass cannot be, where the load is a range [kg]
     """
     low, high = load
     if high == low:

@@ -18,8 +18,9 @@ AXES = {"plate_clock": 1, "soft_tissue": 2}
 
 @dataclass(frozen=True)
 class ErrorOptions:
-    """Standard deviations of errors that all swings share; 0 leaves a source out. The defaults are
-    assumptions.
+    """Standard deviations of errors that all swings share.
+
+    0 leaves a source out. The defaults are assumptions.
 
     Attributes
     ----------
@@ -71,12 +72,15 @@ class ErrorOptions:
 
 @dataclass(frozen=True)
 class ErrorShare:
-    """What one source (an attribute of `ErrorOptions`, or "swings" for what differs from swing to
-    swing) adds to one of `cohort.QUANTITIES`.
+    """What one source of errors adds to one result.
 
-    `prior_sd` is that assumed of the source, NaN of the swings; `sd` the root of the variance that
-    the result would lose were the source known, in its unit; `share` that of its variance, one for
-    sources that the swings show only together.
+    Attributes
+    ----------
+    source : an attribute of `ErrorOptions`, or "swings" for what differs from swing to swing
+    prior_sd : assumed of the source, NaN of the swings
+    quantity : of `cohort.QUANTITIES`
+    sd : root of the variance that the result would lose were the source known, in its unit
+    share : of its variance, one for sources that the swings show only together
     """
 
     source: str
@@ -87,7 +91,7 @@ class ErrorShare:
 
 
 def thinned(swing_recording: SwingRecording) -> SwingRecording:
-    """The recording with at most `MAX_FRAMES` frames, evenly chosen."""
+    """Choose at most `MAX_FRAMES` frames of a recording, evenly."""
     keep = slice(None, None, -(-len(swing_recording) // MAX_FRAMES))
     names = (
         "time",
@@ -109,8 +113,13 @@ def thinned(swing_recording: SwingRecording) -> SwingRecording:
 def disturbed(
     swing_recording: SwingRecording, source: str, axis: int, size: float
 ) -> SwingRecording:
-    """The recording as it would be had an instrument this error of `ErrorOptions.sources`, in the
-    unit of its SD.
+    """Put an error of an instrument into a recording.
+
+    Parameters
+    ----------
+    swing_recording : without it
+    source, axis : of `ErrorOptions.sources`
+    size : of the error, in the unit of its standard deviation
     """
     moment = swing_recording.wrench[:, :3].copy()
     force = swing_recording.wrench[:, 3:].copy()

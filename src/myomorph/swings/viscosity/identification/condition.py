@@ -1,6 +1,4 @@
-"""Steps 1 and 2 of one condition, once with all blocks of swings and once with half of each block
-left out.
-"""
+"""Steps 1 and 2 of one condition, with all blocks of swings and with half of each left out."""
 
 from __future__ import annotations
 
@@ -34,21 +32,27 @@ gives 1 / (1 - h)."""
 
 @read_only
 class Influences:
-    """What blocks add to estimates: intervals by a studentised wild bootstrap over blocks of
-    swings, or over trials.
+    """What blocks add to estimates, from which intervals are drawn.
 
-    Swings of a trial die away, so that few blocks hold most of what is known: draws with
-    replacement, which lose the first swing of a trial every third time, scatter far more than the
-    estimate does. Here the swings stay as they are and only their misfits are drawn: with u_b
-    (`blocks`) twice what the estimate changes when half of block b is left out,
+    It is a studentised wild bootstrap over blocks of swings, or over trials. Swings of a trial die
+    away, so that few blocks hold most of what is known: draws with replacement, which lose the
+    first swing of a trial every third time, scatter far more than the estimate does. Here the
+    swings stay as they are and only their misfits are drawn: with u_b twice what the estimate
+    changes when half of block b is left out,
 
         draw = estimate + t sum_b z_b u_b,    z_b normal,  t = sqrt(dof / chi^2_dof)
 
     (the wild bootstrap of Wu 1986 in clusters, Cameron, Gelbach, Miller 2008, of influences that
     grow with a block's leverage as MacKinnon and White 1985 ask; t with the degrees of freedom of
-    Satterthwaite 1946). Where the sums of u_b over trials (`trial` of each block) scatter more than
-    independent blocks could make them, trials are drawn instead of blocks; `parted` is by how much
-    less blocks scatter because they share frames (`SwingSums.parted`).
+    Satterthwaite 1946). Where the sums of u_b over trials scatter more than independent blocks
+    could make them, trials are drawn instead of blocks.
+
+    Attributes
+    ----------
+    values : (estimates,)
+    blocks : (blocks, estimates) u_b
+    trial : (blocks,) number of the trial of each
+    parted : by how much less blocks scatter because they share frames (`SwingSums.parted`)
     """
 
     values: Array
@@ -76,7 +80,17 @@ class Influences:
         return ratio > most
 
     def draws(self, count: int, generator: np.random.Generator) -> Array:
-        """(count, estimates) of the bootstrap."""
+        """Draw the estimates.
+
+        Parameters
+        ----------
+        count : of draws
+        generator : of random numbers
+
+        Returns
+        -------
+        (count, estimates)
+        """
         chance = generator.uniform(size=(count, 1))
         sampled = []
         # Influences of blocks have their leverage; of n trials n / (n - 1) times the sum of squares
@@ -90,10 +104,14 @@ class Influences:
 
 
 def _freedom(parts: Array) -> Array:
-    """(estimates,) degrees of freedom of sums of squares of normal parts, from 1 to one less than
-    the parts. Satterthwaite's (sum s^2)^2 / sum s^4 of the variances s^2, with sum s^4 = sum u^4 /
-    3 and (sum s^2)^2 = (sum u^2)^2
-    - 2 sum s^4 on average.
+    """Find the degrees of freedom of sums of squares of normal parts (parts, estimates).
+
+    They are Satterthwaite's (sum s^2)^2 / sum s^4 of the variances s^2, with sum s^4 = sum u^4 / 3
+    and (sum s^2)^2 = (sum u^2)^2 - 2 sum s^4 on average.
+
+    Returns
+    -------
+    (estimates,) from 1 to one less than the parts
     """
     squares = np.square(parts)
     fourth = np.square(squares).sum(axis=0) / 3.0
@@ -109,8 +127,14 @@ ESTIMATED = ("mass", "com", "first_moment", "viscosity", "plate_viscosity", "lea
 
 @read_only
 class Solution:
-    """Steps 1 and 2 from blocks that count `counts` times: viscosity of the joint by inverse
-    dynamics (`joint`), and from the moment about the joint that the plate measures (`plate`).
+    """Steps 1 and 2 from some blocks.
+
+    Attributes
+    ----------
+    counts : (blocks,) how often each counts
+    inertia : of the limb
+    joint : viscosity by inverse dynamics
+    plate : viscosity from the moment about the joint that the plate measures
     """
 
     counts: Array
@@ -135,8 +159,14 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class ConditionSolution:
-    """All swings of a condition; `lacking` (blocks,) is the solution with `LACKING` of one block
-    left out.
+    """All swings of a condition.
+
+    Attributes
+    ----------
+    sums : over the blocks
+    whole : from all blocks
+    lacking : with `LACKING` of each block left out
+    stiffness : whether a spring is fitted beside the viscosity
     """
 
     sums: SwingSums
@@ -154,7 +184,16 @@ class ConditionSolution:
         )
 
     def torque(self, solution: Solution) -> Array:
-        """(axes, 2 + muscles, 2 + muscles) `torque_problem` of a solution."""
+        """Choose the columns of a solution's torque.
+
+        Parameters
+        ----------
+        solution : with the limb's parameters
+
+        Returns
+        -------
+        (axes, 3 + muscles, 3 + muscles) see `torque_problem`
+        """
         return torque_problem(
             self.sums.torque_total(solution.counts), solution.inertia.parameters, self.stiffness
         )
@@ -163,7 +202,18 @@ class ConditionSolution:
 def solve_condition(
     sums: SwingSums, inertial: InertiaOptions, stiffness: bool
 ) -> ConditionSolution:
-    """Inertia and joint viscosity of the sums, with all blocks and with a part of each left out."""
+    """Find inertia and joint viscosity, with all blocks and with a part of each left out.
+
+    Parameters
+    ----------
+    sums : over the blocks
+    inertial : how the inertia is identified
+    stiffness : whether a spring is fitted beside the viscosity
+
+    Raises
+    ------
+    BadData : there are fewer than three blocks
+    """
     if len(sums) < 3:
         advice = "record longer, release more often, or make the blocks smaller"
         raise BadData(
@@ -185,8 +235,19 @@ def solve_blocks(
     stiffness: bool,
     noise: Array | None = None,
 ) -> Solution:
-    """Inertia and joint viscosity of blocks that count `counts` (blocks,) times, without what
-    intervals need.
+    """Find inertia and joint viscosity of some blocks, without what intervals need.
+
+    Parameters
+    ----------
+    sums : over the blocks
+    counts : (blocks,) how often each counts
+    inertial : how the inertia is identified
+    stiffness : whether a spring is fitted beside the viscosity
+    noise : (6,) of the wrench; found by repetition by default [N m], [N]
+
+    Returns
+    -------
+    the solution
     """
     inertia = limb_inertia(sums, counts, inertial, noise)
     products = sums.torque_total(counts)

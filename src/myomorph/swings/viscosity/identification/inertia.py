@@ -1,5 +1,6 @@
-"""Step 1: the inertial parameters of the limb from its swings and the wrench on the base ([S]
-section II A).
+"""Step 1: the limb's inertial parameters from its swings and the wrench on the base.
+
+Source: [S] section II A.
 """
 
 from __future__ import annotations
@@ -33,8 +34,10 @@ IMPOSSIBLE = 1e-3
 
 @dataclass(frozen=True)
 class InertiaOptions:
-    """How the limb's inertia is identified, see `ViscosityOptions`. A hinge is taken as "known"
-    where it is "loaded": it needs the constant moment for the mass center along its axis.
+    """How the limb's inertia is identified, see `ViscosityOptions`.
+
+    A hinge is taken as "known" where it is "loaded": it needs the constant moment for the mass
+    center along its axis.
     """
 
     tare: Tare = "loaded"
@@ -52,11 +55,16 @@ class InertiaOptions:
 
 @read_only
 class LimbInertia:
-    """The limb as one rigid link: `parameters` (10,) about the joint's center ([D] order), `noise`
-    (6,) the root mean square of measured less predicted wrench, by which its rows are weighted [N
-    m], [N]. Mass is what the constant force shows, a load of the base included. `hidden`: it hides
-    behind an unknown zero of the plate, parameters[0] is a guess; `possible`: a body can have the
-    parameters that the wrench shows, up to its noise.
+    """The limb as one rigid link, whose mass is what the constant force shows, the base's load too.
+
+    Attributes
+    ----------
+    parameters : (10,) about the joint's center ([D] order)
+    noise : (6,) root mean square of measured less predicted wrench, by which its rows are weighted
+        [N m], [N]
+    hidden : whether the mass hides behind an unknown zero of the plate, so that parameters[0] is a
+        guess
+    possible : whether a body can have the parameters that the wrench shows, up to its noise
     """
 
     parameters: Array
@@ -86,8 +94,15 @@ class LimbInertia:
 
 
 def least_mass(parameters: Array) -> float:
-    """|h|^2 / I [kg], below which no body has first moment h and largest inertia I about the joint;
-    0 without one.
+    """Find the mass |h|^2 / I below which no body has these parameters.
+
+    Parameters
+    ----------
+    parameters : (10,) with first moment h and largest inertia I about the joint
+
+    Returns
+    -------
+    [kg]; 0 without an inertia
     """
     inertia = float(np.linalg.eigvalsh(inertia_matrices(parameters))[-1])
     return float(parameters[1:4] @ parameters[1:4]) / inertia if inertia > 0.0 else 0.0
@@ -99,11 +114,24 @@ def limb_inertia(
     options: InertiaOptions | None = None,
     noise: Array | None = None,
 ) -> LimbInertia:
-    """Parameters phi that minimise sum |(wrench - wrench_rows phi - offset) / noise|^2, of a
-    possible body. Each row of the wrench is weighted by its own residual, found by repetition
-    unless `noise` (6,) [N m], [N] is known. Parameters that the swings do not show (the axial
-    inertia, all but seven or fewer of a hinge) come from the prior of `InertiaOptions`; what they
-    do show outweighs it by the number of frames. `counts` (blocks,): how often each counts.
+    """Find the parameters phi of a possible body that explain the wrench.
+
+        minimize sum |(wrench - wrench_rows phi - offset) / noise|^2
+
+    Each row of the wrench is weighted by its own residual. Parameters that the swings do not show
+    (the axial inertia, all but seven or fewer of a hinge) come from the prior of `InertiaOptions`;
+    what they do show outweighs it by the number of frames.
+
+    Parameters
+    ----------
+    sums : over blocks of swings
+    counts : (blocks,) how often each counts; by default once
+    options : see `InertiaOptions`
+    noise : (6,) of the rows; found by repetition by default [N m], [N]
+
+    Returns
+    -------
+    the limb
     """
     options = options or InertiaOptions()
     counts = np.ones(len(sums)) if counts is None else counts
@@ -140,7 +168,13 @@ def limb_inertia(
 
 
 def _noise(products: Array, frames: float) -> Array:
-    """(6,) residual of each row, the rows weighted by it."""
+    """Find the residual (6,) of each row of the wrench, the rows weighted by it.
+
+    Parameters
+    ----------
+    products : (6, n, n) of the columns
+    frames : how many they are of
+    """
     size = np.sqrt(products[:, WRENCH, WRENCH] / frames)
     least = 1e-9 * np.repeat([size[:3].max(), size[3:].max()], 3)
     noise = np.maximum(size, least)
@@ -153,8 +187,17 @@ def _noise(products: Array, frames: float) -> Array:
 
 
 def _equations(products: Array) -> tuple[Array, Array]:
-    """A (10, 10), b (10,) of the wrench as the predicted rows see it: with Z those rows, A = (Z^T
-    Z)^-1/2 Z^T Y.
+    """Make the equations of the wrench as the predicted rows Z see it.
+
+        A = (Z^T Z)^-1/2 Z^T Y,    b = (Z^T Z)^-1/2 Z^T wrench
+
+    Parameters
+    ----------
+    products : (n, n) of the columns
+
+    Returns
+    -------
+    A (10, 10), b (10,)
     """
     Z = slice(PREDICTED, PREDICTED + PARAMETERS)
     scale = np.sqrt(np.diagonal(products)[Z])
@@ -172,14 +215,24 @@ def _equations(products: Array) -> tuple[Array, Array]:
 
 
 def _least_norm(A: Array, b: Array) -> Array:
-    """(10,) least squares; what is not seen is zero."""
+    """Solve A x = b (10,) by least squares; what is not seen is zero."""
     scale = np.linalg.norm(A, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     return np.linalg.lstsq(A / scale, b, rcond=1e-6)[0] / scale
 
 
 def _cylinder(estimate: Array, hidden: bool) -> Array:
-    """(10,) uniform cylinder from the joint through the estimated mass center; the prior."""
+    """Make the prior: a uniform cylinder from the joint through the estimated mass center.
+
+    Parameters
+    ----------
+    estimate : (10,) parameters
+    hidden : whether the mass is a guess
+
+    Returns
+    -------
+    (10,)
+    """
     moment = estimate[1:4]
     size = float(np.linalg.norm(moment))
     if not size > 0.0:

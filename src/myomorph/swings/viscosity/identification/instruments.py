@@ -1,5 +1,4 @@
-"""Errors of instruments and of the joint's center, estimated from the swings themselves where these
-tell them.
+"""Errors of instruments and of the joint's center, from the swings themselves.
 
 Two laws hold whatever the limb weighs and however its soft tissue moves: a joint passes on no
 moment but a passive one about its free axes, and force is mass times acceleration. A plate that
@@ -58,8 +57,14 @@ MIN_VARIANCE = 1e-18  # Of a law's residuals [N^2] or [(N m)^2], so that none ha
 
 @read_only
 class Instruments:
-    """Errors of the sources (name and axis) of `ErrorOptions` from priors and swings, and their
-    covariance.
+    """Errors of instruments from priors and swings.
+
+    Attributes
+    ----------
+    sources : names and axes of `ErrorOptions`
+    prior : (sources,) standard deviations assumed
+    errors : (sources,) that were estimated
+    covariance : (sources, sources) of what is left
     """
 
     sources: tuple[tuple[str, int], ...]
@@ -69,7 +74,7 @@ class Instruments:
 
     @staticmethod
     def assumed(options: ErrorOptions) -> Instruments:
-        """What is known before any swing."""
+        """Return what is known before any swing."""
         prior = np.array([float(getattr(options, name)) for name, _ in options.sources])
         return Instruments(
             sources=options.sources,
@@ -79,16 +84,14 @@ class Instruments:
         )
 
     def corrected(self, recording: SwingRecording) -> SwingRecording:
-        """The recording as it would be without these errors."""
+        """Return the recording as it would be without these errors."""
         for (source, axis), size in zip(self.sources, self.errors, strict=True):
             recording = disturbed(recording, source, axis, -float(size))
         return recording
 
     @property
     def rows(self) -> tuple[tuple[str, str, float, float, float], ...]:
-        """Source, axis in words, standard deviation assumed, error estimated and standard deviation
-        left, of each.
-        """
+        """Source, axis in words, standard deviation assumed, error and standard deviation left."""
         left = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         named = ((source, _axis(source, axis)) for source, axis in self.sources)
         columns = (column.tolist() for column in (self.prior, self.errors, left))
@@ -97,7 +100,16 @@ class Instruments:
         )
 
     def known(self, source: str) -> Array:
-        """(sources, sources) covariance of what is left where all axes of a source are known."""
+        """Find the covariance of what is left where all axes of a source are known.
+
+        Parameters
+        ----------
+        source : its name
+
+        Returns
+        -------
+        (sources, sources)
+        """
         is_source = np.array([name == source for name, _ in self.sources])
         inner = np.linalg.pinv(self.covariance[np.ix_(is_source, is_source)], hermitian=True)
         across = self.covariance[:, is_source]
@@ -115,8 +127,7 @@ def estimate_instruments(
     options: ErrorOptions,
     free_zero: Sequence[str] = (),
 ) -> Instruments:
-    """Errors theta that all swings share, by least squares with priors, from recordings of one
-    specimen by condition.
+    """Estimate errors theta that all swings share, by least squares with priors.
 
     With B_k what a unit of error k changes of the measured wrench, in every condition
 
@@ -125,8 +136,13 @@ def estimate_instruments(
 
     d and s of each axis, k, d_M, m and c are free in each condition, theta is the same in all, with
     the standard deviations of its prior. Each equation is weighted by what it leaves and by how
-    many independent samples that has. In conditions of `free_zero`, whose plate was not set to
-    zero, a constant wrench of each trial is free.
+    many independent samples that has.
+
+    Parameters
+    ----------
+    conditions : recordings of one specimen
+    options : the priors
+    free_zero : conditions whose plate was not set to zero; a constant wrench of each trial is free
     """
     known = Instruments.assumed(options)
     thin = {
@@ -158,7 +174,7 @@ theta.
 def _condition(
     recordings: Sequence[SwingRecording], instruments: Instruments, free_zero: bool
 ) -> list[_Equations]:
-    """The equations of moment and of force of one condition."""
+    """Make the equations of moment and of force of one condition."""
     used = [np.flatnonzero(recording.used) for recording in recordings]
     along = free_directions(recordings)
     predicted = predicted_rows(recordings, used)
@@ -201,8 +217,15 @@ def _condition(
 
 
 def _left(parts: _Equations) -> list[Array]:
-    """What least squares leave of the first (frames, rows) by the second (frames, rows, unknowns),
-    trial by trial.
+    """Find what least squares leave, trial by trial.
+
+    Parameters
+    ----------
+    parts : of each trial what is explained (frames, rows), by what (frames, rows, unknowns)
+
+    Returns
+    -------
+    (frames, rows) of each trial
     """
     A = np.concatenate([inertial.reshape(-1, inertial.shape[2]) for _, inertial, _ in parts])
     size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
@@ -214,8 +237,15 @@ def _left(parts: _Equations) -> list[Array]:
 
 
 def _passive(swing_recording: SwingRecording, use: np.ndarray) -> Array:
-    """(frames, axes, 2 axes + 2) what the coefficients of a passive law add to the moment about the
-    free axes.
+    """Find what each coefficient of a passive law adds to the moment about the free axes.
+
+    Parameters
+    ----------
+    use : frames
+
+    Returns
+    -------
+    (frames, axes, 2 axes + 2)
     """
     rates = swing_recording.rates[use]
     J = swing_recording.lengthening[use]
@@ -311,7 +341,13 @@ class SwingLaw:
         )
 
     def at(self, values: Values, before: Evaluation | None = None) -> Rows:
-        """Residuals in units of what they leave, as far as they are independent samples."""
+        """Evaluate residuals in units of what they leave, as far as they are independent samples.
+
+        Parameters
+        ----------
+        values : of the errors
+        before : not used
+        """
         misfit = self.errors @ values[ERRORS] - self.measured
         ends = np.cumsum([frames * rows for frames, rows in self.shapes])[:-1]
         runs = [

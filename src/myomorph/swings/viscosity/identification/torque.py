@@ -1,5 +1,6 @@
-"""Steps 2 and 3: viscosity of joint and muscles from the torque of free swings ([S] eq. 1 to 3),
-beside a spring.
+"""Steps 2 and 3: viscosity of joint and muscles from the torque of free swings, beside a spring.
+
+Source: [S] eq. 1 to 3.
 """
 
 from __future__ import annotations
@@ -44,10 +45,14 @@ MAX_SHIFT = 1.5
 
 @read_only
 class JointViscosity:
-    """d_J of [S] eq. 1, the sign that resists: torque = -d rate; for all axes alike, as the paper
-    prints it, and each for itself (axes,), at least 0 [N m s/rad]; root mean square of torque + one
-    rate (axes,) [N m]; `law`: of torque = -law resisted, the one value where the joint resists its
-    rates.
+    """d_J of [S] eq. 1, the sign that resists: torque = -d rate.
+
+    Attributes
+    ----------
+    one : for all axes alike, as the paper prints it [N m s/rad]
+    law : of torque = -law resisted, the one value where the joint resists its rates [N m s/rad]
+    axes : (axes,) each for itself, at least 0 [N m s/rad]
+    residual : (axes,) root mean square of torque + one rate [N m]
     """
 
     one: float
@@ -56,15 +61,33 @@ class JointViscosity:
     residual: Array
 
     def taken_off(self, subtract: Literal["one", "axes"]) -> Array:
-        """(axes,) what step 3 takes off: `law` about every axis, or each axis' own."""
+        """Find what step 3 takes off.
+
+        Parameters
+        ----------
+        subtract : "one" for `law` about every axis, or each axis' own
+
+        Returns
+        -------
+        (axes,) [N m s/rad]
+        """
         return np.full(len(self.axes), self.law) if subtract == "one" else self.axes
 
 
 def torque_problem(products: Array, parameters: Array | None, stiffness: bool = True) -> Array:
-    """(axes, 3 + muscles, 3 + muscles) products of [torque, rate, resisted, u] of each axis, torque
-    = torque_rows phi, from `SwingSums.torque_total`; without `parameters` the torque that the plate
-    measures. `stiffness`: take off what a spring and a constant torque of each axis explain, so
-    that neither biases what resists motion.
+    """Choose the columns of a torque problem.
+
+    Parameters
+    ----------
+    products : (axes, n, n) of `SwingSums.torque_total`
+    parameters : (10,) of the limb; without them the torque is the one that the plate measures
+    stiffness : take off what a spring and a constant torque of each axis explain, so that neither
+        biases what resists motion
+
+    Returns
+    -------
+    (axes, 3 + muscles, 3 + muscles) products of [torque, rate, resisted, u] of each axis, torque =
+    torque_rows phi
     """
     if stiffness:
         products = eliminated(products, [CONSTANT, ANGLE])
@@ -80,8 +103,16 @@ def torque_problem(products: Array, parameters: Array | None, stiffness: bool = 
 
 
 def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
-    """Least squares of torque = -d rate, d at least 0, over all axes of `torque_problem`, and over
-    each.
+    """Fit torque = -d rate, d at least 0, over all axes and over each.
+
+    Parameters
+    ----------
+    problem : (axes, n, n) of `torque_problem`
+    frames : how many it is of
+
+    Returns
+    -------
+    the viscosities
     """
     power = -problem[:, TORQUE, SPEED]
     square = problem[:, SPEED, SPEED]
@@ -101,7 +132,13 @@ def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
 
 @read_only
 class MuscleProblem:
-    """Normal equations H d = g of the muscles' viscosities."""
+    """Normal equations H d = g of the muscles' viscosities.
+
+    Attributes
+    ----------
+    H : (muscles, muscles)
+    g : (muscles,)
+    """
 
     H: Array
     g: Array
@@ -122,16 +159,29 @@ class MuscleProblem:
         return int((self.singular_values > RANK_TOLERANCE).sum())
 
     def resolved(self, variance: float, common: float) -> int:
-        """Number of combinations whose size, were all muscles `common`, is above its standard
-        error.
+        """Count combinations that stand out, were all muscles alike.
+
+        Their size is above their standard error.
+
+        Parameters
+        ----------
+        variance : of the torque
+        common : viscosity of all muscles [N s/m]
         """
         values = np.maximum(np.linalg.eigvalsh(self.H), 0.0)
         return int((values * common**2 > variance).sum())
 
     def solved(self, pcsa: Array, strength: float) -> Array:
-        """(2 + muscles,) d_M of [S] eq. 3, torque + d_J rate = -J_M^T d_M J_M rate [N s/m]: one
-        value of all muscles; the factor of shares of the cross-section, `pcsa` (muscles,) of mean
-        1; each muscle, drawn towards the one.
+        """Find d_M of [S] eq. 3, torque + d_J rate = -J_M^T d_M J_M rate.
+
+        Parameters
+        ----------
+        pcsa : (muscles,) shares of the cross-section, of mean 1
+        strength : by which single muscles are drawn towards the common value
+
+        Returns
+        -------
+        (2 + muscles,) one value of all muscles; the factor of the shares; each muscle [N s/m]
         """
         common = self.along(np.ones(len(self.g)))
         single = (
@@ -142,7 +192,16 @@ class MuscleProblem:
         return np.array([common, self.along(pcsa), *single])
 
     def along(self, shares: Array) -> float:
-        """The factor, at least 0, of given shares (muscles,) that fits best."""
+        """Find the factor, at least 0, of given shares that fits best.
+
+        Parameters
+        ----------
+        shares : (muscles,)
+
+        Returns
+        -------
+        [N s/m]
+        """
         square = float(shares @ self.H @ shares)
         return max(float(shares @ self.g) / square, 0.0) if square > 0.0 else 0.0
 
@@ -194,7 +253,13 @@ class MuscleTorques:
     prior: bool = field(default=False, init=False)
 
     def at(self, values: Values, before: Evaluation | None = None) -> MuscleTorquesAt:
-        """Residuals at some viscosities."""
+        """Evaluate the residuals.
+
+        Parameters
+        ----------
+        values : viscosities
+        before : not used
+        """
         return MuscleTorquesAt(torques=self, viscosity=values[MUSCLE_VISCOSITY])
 
 
@@ -223,14 +288,22 @@ class MuscleTorquesAt:
         return len(self.viscosity)
 
     def normal(self) -> NormalEquations:
-        """By the products."""
+        """Return the normal equations, which are the products."""
         H = self.torques.H
         return NormalEquations(H=H, g=H @ self.viscosity - self.torques.g)
 
 
 def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
-    """The equations of the muscles of `torque_problem`, the joint's own torque -d_J resisted taken
-    off; d_J (axes,).
+    """Take the joint's own torque -d_J resisted off, which leaves the muscles' equations.
+
+    Parameters
+    ----------
+    problem : (axes, n, n) of `torque_problem`
+    joint : (axes,) d_J [N m s/rad]
+
+    Returns
+    -------
+    the equations
     """
     H = problem[:, FIRST:, FIRST:].sum(axis=0)
     g = -(problem[:, TORQUE, FIRST:] + joint[:, None] * problem[:, JOINT, FIRST:]).sum(axis=0)
@@ -238,10 +311,19 @@ def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
 
 
 def noise_variance(blocks: Array, joint: Array) -> float:
-    """Variance that noise, independent between frames, would need for scores that scatter over the
-    blocks as they do. The scores are those of the muscles' values that fit best without any
-    restraint, so that muscles which differ do not count as noise; frames that depend on each other
-    count as what they are.
+    """Find the variance of independent noise that makes scores scatter as they do over blocks.
+
+    The scores are those of the muscles' values that fit best without any restraint, so that muscles
+    which differ do not count as noise; frames that depend on each other count as what they are.
+
+    Parameters
+    ----------
+    blocks : (blocks, axes, n, n) of `torque_problem`
+    joint : (axes,) d_J [N m s/rad]
+
+    Returns
+    -------
+    of a frame's torque [N^2 m^2]
     """
     each = [muscle_problem(block, joint) for block in blocks]
     H = np.sum([block.H for block in each], axis=0)
@@ -254,8 +336,16 @@ def noise_variance(blocks: Array, joint: Array) -> float:
 
 
 def ridge_strength(problem: MuscleProblem, variance: float, common: float, spread: float) -> float:
-    """Variance / (spread common)^2: the prior of a muscle is normal about the common value with
-    that relative SD.
+    """Find the strength of the prior of single muscles: variance / (spread common)^2.
+
+    It is normal about the common value with that relative standard deviation.
+
+    Parameters
+    ----------
+    problem : of the muscles
+    variance : of a frame's torque [N^2 m^2]
+    common : viscosity of all muscles [N s/m]
+    spread : relative standard deviation
     """
     if not common > 0.0:
         return float("inf")
@@ -264,14 +354,22 @@ def ridge_strength(problem: MuscleProblem, variance: float, common: float, sprea
 
 
 def neutral_position(sums: SwingSums, parameters: Array) -> Array:
-    """(axes,) rotation c from the slack spring to where the angles are zero; zero where there is no
-    spring.
+    """Find the rotation from the slack spring to where the angles are zero.
 
     Only angles that are counted from the neutral position make a ball's spring linear in them: with
     R_rest moved by a small c, log(exp(c) exp(theta)) = theta + c + c x theta / 2 + ... The last
     part is neither spring nor constant, does work like a damper in a conical swing, and 0.02 rad of
     it change the viscosity by 1 % (`docs/viscosity.md`). Least squares of torque = -d rate - u d_M
     - k (angle + c): d, d_M and c of each axis, k of all.
+
+    Parameters
+    ----------
+    sums : over blocks of swings
+    parameters : (10,) of the limb
+
+    Returns
+    -------
+    (axes,) c; zero where there is no spring [rad]
     """
     left = _without_dampers(sums, parameters)
     varying = eliminated(left, [2])
@@ -284,8 +382,16 @@ def neutral_position(sums: SwingSums, parameters: Array) -> Array:
 
 
 def spring_misfit(sums: SwingSums, parameters: Array) -> float:
-    """Sum of squares that the same least squares leave of the torque, with k of all axes and c of
-    each [N^2 m^2].
+    """Find what the same least squares leave of the torque, with k of all axes and c of each.
+
+    Parameters
+    ----------
+    sums : over blocks of swings
+    parameters : (10,) of the limb
+
+    Returns
+    -------
+    sum of squares [N^2 m^2]
     """
     varying = eliminated(_without_dampers(sums, parameters), [2])
     square = float(varying[:, 1, 1].sum())
@@ -294,7 +400,16 @@ def spring_misfit(sums: SwingSums, parameters: Array) -> float:
 
 
 def _without_dampers(sums: SwingSums, parameters: Array) -> Array:
-    """(axes, 3, 3) products of torque, angle and one, with rates and muscles taken off."""
+    """Take rates and muscles off the products of torque, angle and one.
+
+    Parameters
+    ----------
+    parameters : (10,) of the limb
+
+    Returns
+    -------
+    (axes, 3, 3)
+    """
     muscles = len(sums.muscles)
     chosen = np.zeros((sums.torque.shape[-1], 4 + muscles))
     chosen[:PARAMETERS, 0] = parameters
@@ -306,7 +421,17 @@ def _without_dampers(sums: SwingSums, parameters: Array) -> Array:
 
 
 def counted_from(recordings: Sequence[SwingRecording], shift: Array) -> list[SwingRecording]:
-    """The recordings with their angles counted from a rest that lies `shift` (3,) before theirs."""
+    """Count angles from a rest that lies before theirs.
+
+    Parameters
+    ----------
+    recordings : of a ball
+    shift : (3,) rotation vector between the two [rad]
+
+    Returns
+    -------
+    the recordings with these angles
+    """
     result = []
     turn = Rotation.from_rotvec(shift)
     for recording in recordings:

@@ -1,5 +1,4 @@
-"""The equation of motion of one coordinate while all others move as they were measured, and its
-swing forward in time.
+"""The equation of motion of one coordinate while all others move as measured, and its swing.
 
     M(q, t) q'' + c_2(q, t) q'^2 + c_1(q, t) q' + c_0(q, t) = tau(q, q')
 
@@ -31,8 +30,13 @@ STEP = 0.005  # Longest step of the integration [s].
 
 @read_only
 class SwingEquation:
-    """M, c_0, c_1, c_2 (frames, 4, degree + 1), each a polynomial of x = (q - `middle`) / `half`;
-    `time` (frames,) at equal steps [s].
+    """M, c_0, c_1, c_2 of every frame as polynomials of x = (q - middle) / half.
+
+    Attributes
+    ----------
+    time : (frames,) at equal steps [s]
+    middle, half : of the angles [rad]
+    terms : (frames, 4, degree + 1)
     """
 
     time: Array
@@ -41,22 +45,44 @@ class SwingEquation:
     terms: Array
 
     def torque(self, angles: Array, rates: Array, accelerations: Array) -> Array:
-        """(frames,) torque of the joint in a motion (frames,) of the coordinate [N m]."""
+        """Find the torque of the joint in a motion of the coordinate.
+
+        Parameters
+        ----------
+        angles, rates, accelerations : (frames,) [rad], [rad/s], [rad/s^2]
+
+        Returns
+        -------
+        (frames,) [N m]
+        """
         x = (angles - self.middle) / self.half
         M, c0, c1, c2 = np.einsum("ftd,fd->tf", self.terms, x[:, None] ** np.arange(DEGREE + 1))
         return M * accelerations + c0 + (c1 + c2 * rates) * rates
 
     def scaled(self, inertia: float, gravity: float) -> SwingEquation:
-        """The equation of a limb whose inertia, and whose mass times its center's distance, are
-        other by factors.
+        """Make the equation of a limb of other inertia and weight.
+
+        Parameters
+        ----------
+        inertia : factor of the inertia
+        gravity : factor of mass times the center's distance
         """
         return replace(
             self, terms=self.terms * np.array([inertia, gravity, inertia, inertia])[:, None]
         )
 
     def swing(self, start: int, stop: int, angle: float, rate: float, law: PassiveLaw) -> Array:
-        """(stop - start,) angles of a swing from a state at frame `start`, by Runge-Kutta of order
-        4 [rad].
+        """Swing from a state at a frame, by Runge-Kutta of order 4.
+
+        Parameters
+        ----------
+        start, stop : frames
+        angle, rate : at the start [rad], [rad/s]
+        law : of the joint
+
+        Returns
+        -------
+        (stop - start,) angles [rad]
         """
         coefficients = np.array([*law.coefficients[:5], law.width])
         step = float(self.time[1] - self.time[0])
@@ -68,9 +94,17 @@ class SwingEquation:
 
 
 def swing_equation(model: Model, coordinate: str, motion: Motion) -> SwingEquation:
-    """The equation of a coordinate of a model in a motion (frames, coordinates) with derivatives;
-    that of the coordinate itself only says how far the polynomials reach. Raises `BadData` where
-    frames are not at equal steps.
+    """Make the equation of a coordinate of a model in a motion.
+
+    Parameters
+    ----------
+    model : with masses
+    coordinate : that swings
+    motion : with derivatives; that of the coordinate itself only says how far the polynomials reach
+
+    Raises
+    ------
+    BadData : frames are not at equal steps
     """
     steps = np.diff(motion.time)
     if len(steps) < 2 or steps.max() - steps.min() > 0.01 * steps.mean():
@@ -111,8 +145,16 @@ RATES = ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0))
 def _torque(
     model: Model, motion: Motion, column: int, angle: float, rate: float, acceleration: float
 ) -> Array:
-    """(frames,) torque of a coordinate that stands or moves so in every frame, all others as they
-    did.
+    """Find the torque of a coordinate that stands or moves so, all others as they did.
+
+    Parameters
+    ----------
+    column : of the coordinate in the motion
+    angle, rate, acceleration : the same in every frame [rad], [rad/s], [rad/s^2]
+
+    Returns
+    -------
+    (frames,) [N m]
     """
     assert motion.velocities is not None
     assert motion.accelerations is not None
@@ -138,7 +180,7 @@ def _torque(
 
 @inner(fastmath=True)
 def _acceleration(terms, share, frame, middle, half, angle, rate, law):
-    """Q'' at a share of the way from a frame to the next."""
+    """Find q'' at a share of the way from a frame to the next."""
     x = min(max((angle - middle) / half, -1.0), 1.0)
     M = 0.0
     c0 = 0.0

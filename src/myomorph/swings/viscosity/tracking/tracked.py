@@ -1,6 +1,4 @@
-"""Following a specimen's bones: options, and motion, wrench and warnings of every trial, filtered
-to equations.
-"""
+"""Motion, wrench and warnings of every trial, filtered to equations; options of tracking."""
 
 from __future__ import annotations
 
@@ -72,14 +70,19 @@ class TrackingOptions:
 
 @read_only
 class TrackedTrial:
-    """A trial as motion of the joint's coordinates [rad], NaN where too few markers are seen, and
-    wrench (frames, 6) on the base [N m], [N], NaN where the plate did not record; on the markers'
-    clock, neither filtered.
+    """A trial as motion and wrench on the markers' clock, neither filtered.
 
-    `touched` (frames,): something besides the joint carries the limb; `rms` (frames,) of the
-    distances between markers and model [m]; `clock`: the plate's against the markers', as taken;
-    `origin`: mean point of the plate's wrench from the joint's center, in ground [m]; `sway`
-    (frames, 6): of a base that goes to and fro (`held.base_sway`), else none.
+    Attributes
+    ----------
+    name : of the trial
+    motion : of the joint's coordinates [rad], NaN where too few markers are seen
+    wrench : (frames, 6) on the base [N m], [N], NaN where the plate did not record
+    touched : (frames,) whether something besides the joint carries the limb
+    rms : (frames,) of the distances between markers and model [m]
+    clock : the plate's against the markers', as taken
+    notes : a line each
+    origin : (3,) mean point of the plate's wrench from the joint's center, in ground [m]
+    sway : (frames, 6) of a base that goes to and fro (`held.base_sway`), else (0, 6)
     """
 
     name: str
@@ -95,8 +98,15 @@ class TrackedTrial:
 
 @dataclass(frozen=True, eq=False)
 class TrackedSpecimen:
-    """The trials of one condition; the base of the specimen fixed where it stood, held joints
-    locked as they were.
+    """The trials of one condition.
+
+    Attributes
+    ----------
+    specimen : its base fixed where it stood, held joints locked as they were
+    trials : in order
+    held : values of the held joints [rad or m]
+    slips : what moved all the same
+    notes : a line each
     """
 
     specimen: Specimen
@@ -112,8 +122,14 @@ MIN_ROTATION = 0.005  # Angle between two turns under which the limb counts as s
 
 @read_only
 class _Filtered:
-    """A trial on the way: motion with derivatives, limb, wrench through the same filter, frames out
-    of reach.
+    """A trial on the way.
+
+    Attributes
+    ----------
+    motion : with derivatives
+    limb : in this motion
+    wrench : (frames, 6) through the same filter [N m], [N]
+    whole : (frames,) whether ends and gaps are out of the filter's reach
     """
 
     motion: Motion
@@ -125,10 +141,21 @@ class _Filtered:
 def swing_recordings(
     tracked: TrackedSpecimen, cutoff: float | None, muscles: bool = True
 ) -> tuple[SwingRecording, ...]:
-    """The trials of one condition as the equations of [S] step 1 to 3, with J_M where `muscles` are
-    wanted. Motion and wrench pass the same low-pass, `cutoff` [Hz]. The rest of `angles` is the
-    mean rotation over the free swings of all trials, one for the condition. Frames at ends and
-    gaps, as far as the filter reaches, and frames in which the limb is touched have swing -1.
+    """Make the equations of [S] step 1 to 3 from the trials of one condition.
+
+    Motion and wrench pass the same low-pass. The rest of `angles` is the mean rotation over the
+    free swings of all trials, one for the condition. Frames at ends and gaps, as far as the filter
+    reaches, and frames in which the limb is touched have swing -1.
+
+    Parameters
+    ----------
+    tracked : the trials
+    cutoff : of the low-pass [Hz], None for none
+    muscles : whether J_M is wanted
+
+    Raises
+    ------
+    BadData : no trial holds a frame of free swing
     """
     specimen = tracked.specimen
     trials = tracked.trials
@@ -150,6 +177,7 @@ def swing_recordings(
 
 
 def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> _Filtered:
+    """Pass a trial through the low-pass."""
     motion = differentiate_joint(specimen, trial.motion, cutoff)
     wrench = lowpass_runs(trial.wrench, motion.rate, cutoff)
     finite = np.asarray(np.isfinite(motion.values).all(axis=1) & np.isfinite(wrench).all(axis=1))
@@ -158,7 +186,19 @@ def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> 
 
 
 def swung_limb(specimen: Specimen, motion: Motion, sway: Array, cutoff: float | None) -> LimbMotion:
-    """The limb in a motion with derivatives, on a base that moves to and fro with `sway`."""
+    """Move the limb, on a base that may go to and fro.
+
+    Parameters
+    ----------
+    specimen : with the limb
+    motion : of the joint, with derivatives
+    sway : (frames, 6) of the base, (0, 6) where it stands
+    cutoff : of the sway's low-pass [Hz]
+
+    Returns
+    -------
+    the limb in motion
+    """
     limb = limb_motion(specimen, motion)
     if not len(sway):
         return limb
@@ -166,7 +206,7 @@ def swung_limb(specimen: Specimen, motion: Motion, sway: Array, cutoff: float | 
 
 
 def _rest(specimen: Specimen, made: list[_Filtered], free: list[np.ndarray]) -> Array:
-    """(3, 3) mean rotation of a ball in free swing, or (1,) mean angle of a hinge."""
+    """Find the mean rotation (3, 3) of a ball in free swing, or the mean angle (1,) of a hinge."""
     if len(specimen.joint_coordinates) == 1:
         angles = np.concatenate(
             [parts.motion.values[use, 0] for parts, use in zip(made, free, strict=True)]
@@ -179,6 +219,7 @@ def _rest(specimen: Specimen, made: list[_Filtered], free: list[np.ndarray]) -> 
 
 
 def _angles(specimen: Specimen, filtered: _Filtered, rest: Array) -> Array:
+    """Find the angles (frames, axes) from the rest [rad]."""
     if len(specimen.joint_coordinates) == 1:
         return filtered.motion.values - rest
     angles = np.full((len(filtered.motion), 3), np.nan)
@@ -190,9 +231,14 @@ def _angles(specimen: Specimen, filtered: _Filtered, rest: Array) -> Array:
 def _swung(
     specimen: Specimen, filtered: _Filtered, angles: Array, free: np.ndarray
 ) -> tuple[Array, Array]:
-    """(frames,) how far the limb is out, and its rate, by which swings are told from each other. Of
-    a ball, how far the direction that hangs down on average is out sideways, along the main
-    direction of the swing: however much the limb twists about it meanwhile.
+    """Find how far the limb is out, and its rate, by which swings are told from each other.
+
+    Of a ball that is how far the direction that hangs down on average is out sideways, along the
+    main direction of the swing, however much the limb twists about it meanwhile.
+
+    Returns
+    -------
+    (frames,) each [rad], [rad/s] of a hinge, else [1], [1/s]
     """
     if len(specimen.joint_coordinates) == 1 or not free.any():
         return angles[:, 0], filtered.limb.rates[:, 0]
@@ -214,6 +260,7 @@ def _recording(
     rest: Array,
     muscles: bool,
 ) -> SwingRecording:
+    """Make the equations of one trial."""
     angles = _angles(specimen, filtered, rest)
     names = tuple(specimen.muscles) if muscles else ()
     none = np.zeros((len(filtered.motion), 0, len(specimen.axes)))

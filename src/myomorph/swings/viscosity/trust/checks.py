@@ -1,5 +1,6 @@
-"""What can be wrong with a swing experiment, named in a line each: what was given, what it spoils,
-what to do.
+"""What can be wrong with a swing experiment, named in a line each.
+
+A line says what was given, what it spoils, and what to do.
 """
 
 from __future__ import annotations
@@ -67,11 +68,14 @@ DRIFT = 5e-3
 class PlateZero:
     """What the constant part of the wrench says against what the moving part says.
 
-    `mass`: what the constant force amounts to [kg]; `least_mass`: |h|^2 / I, below which no body
-    has first moment h and inertia I about the joint; `moment` (3,): constant one about the joint
-    that the limb does not explain [N m]; `own_moment`: |h| g, the limb's at a right angle to
-    gravity; `oscillation`: I / |h|, the distance from the joint beyond which no mass center lies
-    [m].
+    Attributes
+    ----------
+    mass : what the constant force amounts to [kg]
+    least_mass : |h|^2 / I, below which no body has first moment h and inertia I about the joint
+        [kg]
+    moment : (3,) constant one about the joint that the limb does not explain [N m]
+    own_moment : |h| g, the limb's at a right angle to gravity [N m]
+    oscillation : I / |h|, the distance from the joint beyond which no mass center lies [m]
     """
 
     mass: float
@@ -82,11 +86,17 @@ class PlateZero:
 
 
 def plate_zero(recordings: Sequence[SwingRecording], sums: SwingSums | None = None) -> PlateZero:
-    """Identify first moment and inertia from what changes alone, then see what is left of the
-    wrench. On a fixed base the mass shows only as the constant force m g, which a zero set with the
-    limb on the plate takes away; the first moment h = m c and the inertia I show in what changes.
-    Since I >= m c^2 for every body, m >= |h|^2 / I, and c <= I / |h|, the distance of the center of
+    """Identify first moment and inertia from what changes, then see what is left of the wrench.
+
+    On a fixed base the mass shows only as the constant force m g, which a zero set with the limb on
+    the plate takes away; the first moment h = m c and the inertia I show in what changes. Since I
+    >= m c^2 for every body, m >= |h|^2 / I, and c <= I / |h|, the distance of the center of
     oscillation.
+
+    Parameters
+    ----------
+    recordings : of one condition
+    sums : of these; made by default
     """
     sums = swing_sums(recordings) if sums is None else sums
     parameters = limb_inertia(sums, None, InertiaOptions(tare="unknown")).parameters.copy()
@@ -106,7 +116,7 @@ def plate_zero(recordings: Sequence[SwingRecording], sums: SwingSums | None = No
 
 
 def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, ...]:
-    """Faults that recordings of one condition show before anything is identified of them."""
+    """Find faults that recordings of one condition show before anything is identified."""
     sums = swing_sums(recordings)
     findings = []
     if len(sums) < 3:
@@ -137,7 +147,13 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
 def base_findings(
     recordings: Sequence[SwingRecording], instruments: Instruments
 ) -> tuple[Finding, ...]:
-    """A load of the base whose constant level moment is larger than instruments' errors leave."""
+    """Find a load of the base: a constant level moment that instruments do not explain.
+
+    Parameters
+    ----------
+    recordings : of one condition
+    instruments : errors, and what is not known of them
+    """
     thin = [thinned(recording) for recording in recordings]
     zero = plate_zero(thin)
     errors = zip(instruments.sources, instruments.prior, strict=True)
@@ -159,9 +175,11 @@ def base_findings(
 
 
 def condition_findings(condition: Condition) -> tuple[Finding, ...]:
-    """Faults that show in what was identified: a swing too small, or not about an axis; a limb that
-    cannot be. An axis is excited where its rates are at least `LEAN` of the fastest axis' and its
-    viscosity has an interval narrower than plus or minus `MAX_RELATIVE_WIDTH` of the one value.
+    """Find faults that show in what was identified.
+
+    These are a swing too small, or not about an axis, and a limb that cannot be. An axis is excited
+    where its rates are at least `LEAN` of the fastest axis' and its viscosity has an interval
+    narrower than plus or minus `MAX_RELATIVE_WIDTH` of the one value.
     """
     viscosity = condition.viscosity
     rates = np.concatenate([each.rates[each.used] for each in condition.recordings])
@@ -209,9 +227,7 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
 
 
 def _misfit(condition: Condition) -> tuple[Finding, ...]:
-    """Whether the limb that was identified explains the wrench nearly as well as any ten numbers
-    could.
-    """
+    """Find whether the limb explains the wrench nearly as well as any ten numbers could."""
     rows = np.concatenate(
         [recording.wrench_rows[recording.used] for recording in condition.recordings]
     )
@@ -245,7 +261,7 @@ def _misfit(condition: Condition) -> tuple[Finding, ...]:
 
 
 def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
-    """Faults that the markers, the plate's clock and the held joints show."""
+    """Find faults that the markers, the plate's clock and the held joints show."""
     findings = []
     for slip in tracked.slips:
         if slip.cluster:

@@ -1,6 +1,4 @@
-"""The low-pass filter of a swing: its cutoff from the recordings themselves, and what the results
-make of others.
-"""
+"""The low-pass filter of a swing: its cutoff, and what the results make of others."""
 
 from __future__ import annotations
 
@@ -49,12 +47,17 @@ class FilterOptions:
 
 @read_only
 class Residuals:
-    """Residual analysis of one signal (Winter 2009, section 3.4.4.3): root mean square (n,) of
-    signal less filtered signal at cutoffs (n,) [Hz].
+    """Residual analysis of one signal (Winter 2009, section 3.4.4.3).
 
-    `noise`: what the straight line through the upper cutoffs says at 0 Hz; `cutoff`: lowest at
-    which the residual is no more than that, as much signal is lost as noise is let through; `band`:
-    highest frequency at which the spectrum stands above that of the noise.
+    Attributes
+    ----------
+    name : of the signal
+    cutoffs : (n,) [Hz]
+    residual : (n,) root mean square of signal less filtered signal
+    noise : what the straight line through the upper cutoffs says at 0 Hz
+    cutoff : lowest at which the residual is no more than that: as much signal is lost as noise is
+        let through [Hz]
+    band : highest frequency at which the spectrum stands above that of the noise [Hz]
     """
 
     name: str
@@ -66,8 +69,12 @@ class Residuals:
 
 
 class CutoffChoice(NamedTuple):
-    """The highest cutoff [Hz] that any signal asks for, within `MIN_CUTOFF` and `MAX_CUTOFF`, for
-    motion and wrench.
+    """A cutoff for motion and wrench.
+
+    Attributes
+    ----------
+    cutoff : the highest that any signal asks for, within `MIN_CUTOFF` and `MAX_CUTOFF` [Hz]
+    reason : in words
     """
 
     cutoff: float
@@ -75,8 +82,21 @@ class CutoffChoice(NamedTuple):
 
 
 def residual_analysis(name: str, parts: Sequence[Array], rate: float) -> Residuals:
-    """Residual and spectrum of one signal, in unbroken parts (frames,), over cutoffs to a fifth of
-    the rate.
+    """Find residual and spectrum of one signal over cutoffs to a fifth of its rate.
+
+    Parameters
+    ----------
+    name : of the signal
+    parts : (frames,) each, unbroken
+    rate : [Hz]
+
+    Returns
+    -------
+    the analysis
+
+    Raises
+    ------
+    BadData : no part lasts 2 s
     """
     parts = [part - part.mean() for part in parts if len(part) >= 2.0 * rate]
     if not parts:
@@ -108,11 +128,20 @@ def residual_analysis(name: str, parts: Sequence[Array], rate: float) -> Residua
 
 
 def choose_cutoff(conditions: Sequence[TrackedSpecimen]) -> CutoffChoice:
-    """One cutoff for motion and wrench of all conditions, so that a difference between them is not
-    the filter's. A low-pass leaves an equation as it is as long as both its sides pass the same
-    filter; what it may not do is bend the motion, from which the sides are made by products. So the
-    cutoff is the highest that the residual analysis of any joint coordinate or component of the
-    wrench asks for.
+    """Choose one cutoff for motion and wrench of all conditions.
+
+    A difference between conditions is then not the filter's. A low-pass leaves an equation as it is
+    as long as both its sides pass the same filter; what it may not do is bend the motion, from
+    which the sides are made by products. So the cutoff is the highest that the residual analysis of
+    any joint coordinate or component of the wrench asks for.
+
+    Parameters
+    ----------
+    conditions : tracked
+
+    Raises
+    ------
+    BadData : there is no trial, or none is long enough
     """
     tracked = [trial for condition in conditions for trial in condition.trials]
     if not tracked:
@@ -131,7 +160,12 @@ def choose_cutoff(conditions: Sequence[TrackedSpecimen]) -> CutoffChoice:
 
 
 def choice_of(signals: Sequence[Residuals]) -> CutoffChoice:
-    """The cutoff that the most demanding of the signals asks for."""
+    """Choose the cutoff that the most demanding of the signals asks for.
+
+    Parameters
+    ----------
+    signals : analysed
+    """
     most = max(signals, key=lambda signal: signal.cutoff)
     cutoff = float(np.clip(most.cutoff, MIN_CUTOFF, MAX_CUTOFF))
     limit = "" if cutoff == most.cutoff else f", kept within {MIN_CUTOFF:g} and {MAX_CUTOFF:g} Hz"
@@ -149,8 +183,18 @@ def scan_cutoffs(
     cutoffs: Sequence[float] = SCANNED,
     options: ViscosityOptions | None = None,
 ) -> Array:
-    """(cutoffs, 3) mass, distance of the mass center from the joint and one viscosity of a
-    condition at cutoffs [Hz]; NaN where one leaves nothing to identify [kg], [m], [N m s/rad].
+    """Identify a condition at other cutoffs.
+
+    Parameters
+    ----------
+    recordings_at : recordings by cutoff [Hz]
+    cutoffs : [Hz]
+    options : of the identification
+
+    Returns
+    -------
+    (cutoffs, 3) mass [kg], distance of the mass center from the joint [m] and one viscosity
+    [N m s/rad]; NaN where a cutoff leaves nothing to identify
     """
     options = options or ViscosityOptions()
     rows = np.full((len(cutoffs), 3), np.nan)

@@ -1,5 +1,6 @@
-"""What a passive joint may do (damping, stiffness, friction along its axes), fitted from sums over
-swings.
+"""What a passive joint may do along its axes, fitted from sums over swings.
+
+That is damping, stiffness and friction.
 """
 
 from __future__ import annotations
@@ -51,18 +52,26 @@ is not 0.
 
 @read_only
 class PassiveLaw:
-    """Torque of a joint from its angles and rates, the letters those of the fields' first words in
-    their order.
+    """Torque of a joint from its angles and rates.
 
         tau = -d w - k theta + s - c w / sqrt(|w|^2 + width^2) - e |w| w
               - d_M J_M^T J_M w - S^-T d_h S^-1 w
 
-    For a ball w and theta have three components and friction acts against the direction of w; d [N
-    m s/rad] and k [N m/rad] may differ by axis; s = k theta_0 [N m], theta_0 the angle where the
-    spring is at rest; c [N m], e [N m s^2/rad^2], d_M the same for every muscle [N s/m], width
-    [rad/s]; d_h (3,) of three hinges one after another, each at a right angle to the next, S their
-    axes in the limb: [S]'s diagonal matrix in joint angles [N m s/rad]. The spring is linear in the
+    For a ball w and theta have three components and friction acts against the direction of w; d and
+    k may differ by axis; S are the axes in the limb of three hinges one after another, each at a
+    right angle to the next: [S]'s diagonal matrix in joint angles. The spring is linear in the
     rotation vector from wherever angles are counted.
+
+    Attributes
+    ----------
+    viscosity : (axes,) d [N m s/rad]
+    stiffness : (axes,) k [N m/rad]
+    rest_moment : (axes,) s = k theta_0, theta_0 the angle where the spring is at rest [N m]
+    coulomb : c [N m]
+    quadratic : e [N m s^2/rad^2]
+    muscle : d_M, the same for every muscle [N s/m]
+    hinges : (3,) d_h [N m s/rad]
+    width : within which friction turns its sign [rad/s]
     """
 
     viscosity: Array
@@ -76,7 +85,17 @@ class PassiveLaw:
 
     @classmethod
     def of(cls, coefficients: Array, width: float = WIDTH) -> PassiveLaw:
-        """The law with coefficients (3 axes + 6,) in the order of its attributes."""
+        """Make a law of its coefficients.
+
+        Parameters
+        ----------
+        coefficients : (3 axes + 6,) in the order of the attributes
+        width : of friction [rad/s]
+
+        Returns
+        -------
+        the law
+        """
         *first, c, e, muscle, h1, h2, h3 = np.asarray(coefficients, dtype=np.float64)
         d, k, s = np.reshape(first, (3, -1))
         return cls(d, k, s, float(c), float(e), float(muscle), np.array([h1, h2, h3]), width)
@@ -88,12 +107,30 @@ class PassiveLaw:
         return np.concatenate([self.viscosity, self.stiffness, self.rest_moment, last])
 
     def torque(self, recording: SwingRecording) -> Array:
-        """Torque (frames, axes) in the motion of a recording [N m]."""
+        """Find the torque in the motion of a recording.
+
+        Parameters
+        ----------
+        recording : of a swing
+
+        Returns
+        -------
+        (frames, axes) [N m]
+        """
         motion = recording.angles, recording.rates, recording.lengthening
         return -resistances(*motion, self.width, slopes_of(recording)) @ self.coefficients
 
     def values(self, axis: Array) -> Array:
-        """(16,) numbers of the law in the limb's axes; `axis` (3,) of a hinge, zeros for a ball."""
+        """Order the law's numbers for swinging forward, along the limb's axes.
+
+        Parameters
+        ----------
+        axis : (3,) of a hinge, zeros for a ball
+
+        Returns
+        -------
+        (16,)
+        """
         each = [np.broadcast_to(values, (3,)) for values in (self.viscosity, self.stiffness)]
         rest = self.rest_moment * axis if axis.any() else self.rest_moment
         return np.concatenate(
@@ -101,16 +138,36 @@ class PassiveLaw:
         )
 
     def fastest(self, rate: float, lengthening: Array) -> float:
-        """A bound of the slope of torque against rate [N m s/rad] at rates up to `rate` [rad/s]."""
+        """Find a bound of the slope of torque against rate.
+
+        Parameters
+        ----------
+        rate : largest that occurs [rad/s]
+        lengthening : (frames, strands, axes) [m/rad]
+
+        Returns
+        -------
+        [N m s/rad]
+        """
         arms = float(np.square(lengthening).sum(axis=(1, 2)).max(initial=0.0))
         slope = self.coulomb / self.width + 2.0 * self.quadratic * rate + self.muscle * arms
         return float(self.viscosity.max()) + slope + 2.0 * float(self.hinges.max()) / SINGULAR**2
 
 
 def hinge_slopes(rotations: Array, hinges: Array) -> Array:
-    """(frames, 3, 3) S^-1, by which rates along the limb's axes are those of three hinges: the
-    first axis is fixed in ground, the last in the limb (`SwingRecording.hinges`), the middle one at
-    a right angle to both.
+    """Find S^-1, by which rates along the limb's axes are those of three hinges.
+
+    The first axis is fixed in ground, the last in the limb, the middle one is at a right angle to
+    both.
+
+    Parameters
+    ----------
+    rotations : (frames, 3, 3) of the limb
+    hinges : (2, 3) see `SwingRecording.hinges`
+
+    Returns
+    -------
+    (frames, 3, 3)
     """
     first = hinges[0] @ rotations
     last = np.broadcast_to(hinges[1], (len(rotations), 3))
@@ -124,7 +181,16 @@ def hinge_slopes(rotations: Array, hinges: Array) -> Array:
 
 
 def slopes_of(recording: SwingRecording) -> Array:
-    """`hinge_slopes` of a recording, (frames, 0, axes) where it has no hinges."""
+    """Find `hinge_slopes` of a recording.
+
+    Parameters
+    ----------
+    recording : of a swing
+
+    Returns
+    -------
+    (frames, 3, 3); (frames, 0, axes) where it has no hinges
+    """
     if not len(recording.hinges):
         return np.zeros((len(recording), 0, len(recording.axes)))
     return hinge_slopes(recording.rotations, recording.hinges)
@@ -133,8 +199,18 @@ def slopes_of(recording: SwingRecording) -> Array:
 def resistances(
     angles: Array, rates: Array, lengthening: Array, width: float, slopes: Array | None = None
 ) -> Array:
-    """(frames, axes, 3 axes + 6) torque that each coefficient of a law adds; `slopes` as of
-    `slopes_of`.
+    """Find the torque that each coefficient of a law adds.
+
+    Parameters
+    ----------
+    angles, rates : (frames, axes) [rad], [rad/s]
+    lengthening : (frames, strands, axes) [m/rad]
+    width : of friction [rad/s]
+    slopes : see `slopes_of`; by default no hinges
+
+    Returns
+    -------
+    (frames, axes, 3 axes + 6)
     """
     frames, axes = rates.shape
     columns = np.zeros((frames, axes, 3 * axes + 6))
@@ -156,10 +232,16 @@ def resistances(
 
 @read_only
 class PassiveProblem:
-    """The torques of one condition and what each coefficient of a law explains of them, in blocks
-    of single swings. `products` (blocks, 10 + 3 axes + 6, ...) of [torque_rows, resistances], all
-    axes together; `width` of Coulomb friction [rad/s]; `inertial`: how the limb's parameters are
-    identified; `noise` (6,) of the wrench.
+    """The torques of one condition, and what each coefficient of a law explains of them.
+
+    Attributes
+    ----------
+    recordings : of the condition
+    sums : over single swings
+    products : (blocks, 10 + 3 axes + 6, same) of [torque_rows, resistances], all axes together
+    width : of Coulomb friction [rad/s]
+    inertial : how the limb's parameters are identified
+    noise : (6,) of the wrench [N m], [N]
     """
 
     recordings: tuple[SwingRecording, ...]
@@ -173,7 +255,14 @@ class PassiveProblem:
     def of(
         recordings: Sequence[SwingRecording], width: float, inertial: InertiaOptions
     ) -> PassiveProblem:
-        """The problem of recordings of one condition."""
+        """Condense recordings of one condition.
+
+        Parameters
+        ----------
+        recordings : of the condition
+        width : of Coulomb friction [rad/s]
+        inertial : how the limb's parameters are identified
+        """
         sums = swing_sums(recordings)
         products = [
             _products(recordings[i], use, width)
@@ -195,16 +284,43 @@ class PassiveProblem:
         return self.sums.axes
 
     def samples(self, counts: Array) -> float:
-        """Frames times axes."""
+        """Count frames times axes.
+
+        Parameters
+        ----------
+        counts : (blocks,) how often each counts
+
+        Returns
+        -------
+        the count
+        """
         return float(counts @ [len(use) for use in self.sums.uses]) * len(self.axes)
 
     def parameters(self, counts: Array) -> Array:
-        """(10,) of the limb, from the wrench of blocks taken `counts` (blocks,) times."""
+        """Identify the limb from the wrench of some blocks.
+
+        Parameters
+        ----------
+        counts : (blocks,) how often each counts
+
+        Returns
+        -------
+        (10,)
+        """
         return limb_inertia(self.sums, counts, self.inertial, self.noise).parameters
 
     def fit(self, terms: Sequence[str], counts: Array, parameters: Array) -> tuple[Array, Array]:
-        """Coefficients (..., 3 axes + 6) and what they leave of the sum of squares, of counts and
-        parameters.
+        """Fit a law to the torques of some blocks.
+
+        Parameters
+        ----------
+        terms : of the law
+        counts : (..., blocks) how often each block counts
+        parameters : (..., 10) of the limb
+
+        Returns
+        -------
+        coefficients (..., 3 axes + 6), and what they leave of the sum of squares
         """
         products = np.tensordot(counts, self.products, axes=1)
         phi = np.asarray(parameters)
@@ -218,7 +334,17 @@ class PassiveProblem:
         return solution @ mapping.T, np.maximum(square - gain, 0.0)
 
     def left(self, parameters: Array, law: PassiveLaw) -> list[Array]:
-        """Torque (frames, axes) that a law leaves in every unbroken run of frames [N m]."""
+        """Find the torque that a law leaves.
+
+        Parameters
+        ----------
+        parameters : (10,) of the limb
+        law : that is taken off
+
+        Returns
+        -------
+        (frames, axes) of every unbroken run of frames [N m]
+        """
         result = []
         for number, recording in enumerate(self.recordings):
             torque = recording.torque_rows @ parameters - law.torque(recording)
@@ -230,7 +356,17 @@ class PassiveProblem:
 
 
 def term_places(term: str, axes: Sequence[str]) -> dict[str, list[int]]:
-    """Coefficients of a term by name, and their columns among the 3 axes + 6 of `PassiveLaw`."""
+    """Name the coefficients of a term.
+
+    Parameters
+    ----------
+    term : of `TERMS`
+    axes : names of the free axes
+
+    Returns
+    -------
+    by name, columns among the 3 axes + 6 of `PassiveLaw`
+    """
     kind, _, by_axis = term.partition(" by ")
     if kind in LAST:
         return {kind: [LAST[kind]]}
@@ -245,7 +381,17 @@ def term_places(term: str, axes: Sequence[str]) -> dict[str, list[int]]:
 
 
 def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
-    """What a law's own coefficients (columns) are among the 3 axes + 6 of `PassiveLaw` (rows)."""
+    """Find what a law's own coefficients are among those of `PassiveLaw`.
+
+    Parameters
+    ----------
+    terms : of the law
+    axes : how many
+
+    Returns
+    -------
+    (3 axes + 6, coefficients), and the groups of coefficients
+    """
     eye = np.eye(3 * axes + 6)
     columns: list[Array] = []
     groups: Groups = []
@@ -268,9 +414,20 @@ def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
 
 
 def bounded_least_squares(H: Array, g: Array, groups: Groups) -> tuple[Array, Array]:
-    """The x (..., n) that minimises x H x / 2 - g x, the first of each group at least 0, and g x
-    (...,). Every choice of groups that are not 0 is solved and the best feasible one taken: exact,
-    for a few groups.
+    """Minimize x H x / 2 - g x, the first coefficient of each group at least 0.
+
+    Every choice of groups that are not 0 is solved and the best feasible one taken: exact, for a
+    few groups.
+
+    Parameters
+    ----------
+    H : (..., n, n)
+    g : (..., n)
+    groups : of coefficients
+
+    Returns
+    -------
+    x (..., n), and g x (...,)
     """
     scale = np.sqrt(np.maximum(np.diagonal(H, axis1=-2, axis2=-1), 1e-300))
     scaled = H / scale[..., :, None] / scale[..., None, :]
@@ -293,6 +450,7 @@ def bounded_least_squares(H: Array, g: Array, groups: Groups) -> tuple[Array, Ar
 
 
 def _products(swing_recording: SwingRecording, use: np.ndarray, width: float) -> Array:
+    """Condense the frames of a block: products of [torque_rows, resistances], all axes together."""
     names = ("angles", "rates", "lengthening")
     angles_name, rates_name, lengthening_name = names
     angles = getattr(swing_recording, angles_name)[use]
