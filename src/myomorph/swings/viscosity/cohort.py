@@ -1,6 +1,4 @@
-"""Several specimens together: the columns of [S] tables I and II, their mean and SD, and the
-printed ones.
-"""
+"""Several specimens together: columns of [S] tables I and II, mean and SD, and the printed ones."""
 
 from __future__ import annotations
 
@@ -22,10 +20,12 @@ Row = Mapping[str, Interval]
 
 @dataclass(frozen=True)
 class PublishedSpecimen:
-    """A row of [S] tables I (without muscles) and II (with muscles); `name` is the number of the
-    specimen, "mean" or "SD". Masses of the limb and distances of its mass center from the
-    glenohumeral center [kg, m]; d_J and d_{M+J} [N m s/rad]; d_M, one value for all muscles [N
-    s/m]; muscle mass, estimated (with less without) and on a scale [kg].
+    """A row of [S] tables I (without muscles) and II (with muscles).
+
+    Its name is the number of the specimen, "mean" or "SD". Masses are of the limb [kg], com are
+    distances of its mass center from the glenohumeral center [m]; viscosities d_J and d_{M+J} [N m
+    s/rad], d_M, one value for all muscles [N s/m]; muscle mass, estimated (with less without) and
+    on a scale [kg].
     """
 
     name: str
@@ -164,8 +164,9 @@ SD = PublishedSpecimen(
 
 @dataclass(frozen=True)
 class Quantity:
-    """A column of the tables, as files call it and as the paper heads it; table 1 is without
-    muscles, 2 with them.
+    """A column of the tables, as files call it and as the paper heads it.
+
+    Table 1 is without muscles, 2 with them.
     """
 
     name: str
@@ -192,10 +193,15 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class CohortLine:
-    """One quantity over all specimens that have it: mean and population SD (division by `count`),
-    as [S] prints it. `low` and `high` are the 95 % interval of the mean of these specimens, from
-    the intervals of each: how well they were measured, not how other specimens may differ; NaN
-    where a specimen has none.
+    """One quantity over all specimens that have it.
+
+    Attributes
+    ----------
+    quantity : of the tables
+    mean, sd : the SD is that of the population (division by the count), as [S] prints it
+    count : of specimens
+    low, high : 95 % interval of the mean of these specimens, from the intervals of each: how well
+        they were measured, not how other specimens may differ; NaN where a specimen has none
     """
 
     quantity: Quantity
@@ -207,7 +213,10 @@ class CohortLine:
 
 
 def specimen_row(specimen_viscosity: SpecimenViscosity) -> Row:
-    """The quantities of one specimen; what is lacking is absent, what was weighed has no width."""
+    """List the quantities of one specimen.
+
+    What is lacking is absent, what was weighed has no width.
+    """
     known = specimen_viscosity.estimates
     if specimen_viscosity.measured_muscle_mass is not None:
         weighed = specimen_viscosity.measured_muscle_mass
@@ -216,9 +225,14 @@ def specimen_row(specimen_viscosity: SpecimenViscosity) -> Row:
 
 
 def cohort(rows: Sequence[Row]) -> tuple[CohortLine, ...]:
-    """Mean and population SD of every quantity that a specimen has (rows of `specimen_row`). The
-    specimens' errors are taken as independent: with half-widths h of their intervals, that of the
-    mean of n is sqrt(sum h^2) / n, below and above the mean each with its own.
+    """Find mean and population SD of every quantity that a specimen has.
+
+    The specimens' errors are taken as independent: with half-widths h of their intervals, that of
+    the mean of n is sqrt(sum h^2) / n, below and above the mean each with its own.
+
+    Parameters
+    ----------
+    rows : of `specimen_row`
     """
     lines = []
     for quantity in QUANTITIES:

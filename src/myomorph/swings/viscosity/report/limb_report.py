@@ -35,7 +35,7 @@ COLUMNS = (
 
 
 def limb_report(name: str, coordinate: str, result: LimbResult, notes: Sequence[str]) -> LimbReport:
-    """What is shown of an identified limb."""
+    """Collect what is shown of an identified limb."""
     curves = []
     for drop, fitted in zip(result.drops, swung(result), strict=True):
         part = slice(max(int(drop.turns[0]) - 20, 0), int(drop.turns[-1]) + 1)
@@ -69,8 +69,10 @@ def limb_report(name: str, coordinate: str, result: LimbResult, notes: Sequence[
 
 
 def limb_rows(limb: LimbReport) -> Iterator[tuple[object, ...]]:
-    """Rows of `limbs.csv`: a quantity, its value, interval, unit and the standard deviation that
-    each source adds.
+    """Yield the rows of `limbs.csv`.
+
+    A row has a quantity, its value, interval, unit and the standard deviation that each source
+    adds.
     """
     for name, value in limb.row.items():
         spread = (limb.errors.get(source, {}).get(name, "") for source in SOURCES)
@@ -78,7 +80,7 @@ def limb_rows(limb: LimbReport) -> Iterator[tuple[object, ...]]:
 
 
 def limb_section(limb: LimbReport, order: int) -> Section:
-    """Values, laws and drops of a limb."""
+    """Show values, laws and drops of a limb."""
     head = ["Quantity", "Value (95 % interval)", *(f"SD: {source}" for source in SOURCES)]
     rows = []
     for name, value in limb.row.items():
@@ -127,7 +129,7 @@ def limb_section(limb: LimbReport, order: int) -> Section:
 
 
 def drop_plot(drop: DropCurves) -> str:
-    """Angle of a drop, measured and swung by the law [degrees], a line at every second turn."""
+    """Draw the angle of a drop, measured and swung by the law, with a line at every second turn."""
     lines = [
         Line(time=drop.time, values=np.rad2deg(drop.measured), style="measured", label="measured"),
         Line(time=drop.time, values=np.rad2deg(drop.fitted), style="first", label="swung"),

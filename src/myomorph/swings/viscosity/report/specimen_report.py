@@ -26,10 +26,18 @@ MAX_FRAMES = 1200  # Frames of a trial that charts are drawn from.
 
 @read_only
 class SwingCurves:
-    """One trial as charts show it, thinned: (frames,) [s] and number of the swing, -1 where frames
-    are not used. `angles` and `rates` (frames, axes) [rad], [rad/s]; `torque` by inverse dynamics
-    [N m]; `wrench` (frames, 6) on the base, measured, and `predicted` by the inertial parameters,
-    NaN in frames that are not used.
+    """One trial as charts show it, thinned. In frames that are not used wrenches are NaN.
+
+    Attributes
+    ----------
+    name : of the trial
+    time : (frames,) [s]
+    swing : (frames,) number of the swing, -1 where frames are not used
+    axes : names
+    angles, rates : (frames, axes) [rad], [rad/s]
+    torque : (frames, axes) by inverse dynamics [N m]
+    wrench : (frames, 6) on the base, measured [N m], [N]
+    predicted : (frames, 6) by the inertial parameters
     """
 
     trial: str
@@ -45,11 +53,13 @@ class SwingCurves:
 
 @read_only
 class ShownCondition:
-    """A specimen with its muscles, or without them: viscosities over all axes and of each [N m
-    s/rad], and which axes swings moved enough; `residual` (6,), root mean square of measured less
-    predicted wrench. `curves` are of the trial with the most swings; `plate_viscosity` is from the
-    moment that the plate measures, a check; `by_trial` names intervals that are by trial, because
-    trials differ more than their swings explain.
+    """A specimen with its muscles, or without them.
+
+    Viscosities are over all axes and of each [N m s/rad]; `excited` are axes that swings moved
+    enough; `residual` (6,) is the root mean square of measured less predicted wrench; `curves` are
+    of the trial with the most swings; `plate_viscosity` is from the moment that the plate measures,
+    a check; `by_trial` names intervals that are by trial, because trials differ more than their
+    swings explain.
     """
 
     axes: tuple[str, ...]
@@ -67,12 +77,12 @@ class ShownCondition:
 
 @dataclass(frozen=True)
 class PassiveModel:
-    """One model of the passive torque, fitted to the swings "without" or "with" muscles: `terms`,
-    as "viscosity + stiffness", and their values, printed with units.
+    """One model of the passive torque, fitted to the swings "without" or "with" muscles.
 
-    `viscosity` [N m s/rad]; criteria above those of the best model, smaller is better; root mean
-    square errors of held-out swings [rad], [N m], NaN where not known; `chosen`: the simplest of
-    those that the data cannot tell from the best.
+    Its terms are as "viscosity + stiffness", its values printed with units; `viscosity` [N m
+    s/rad]; criteria above those of the best model, smaller is better; root mean square errors of
+    held-out swings [rad], [N m], NaN where not known; `chosen`: the simplest of those that the data
+    cannot tell from the best.
     """
 
     condition: str
@@ -88,9 +98,7 @@ class PassiveModel:
 
 @read_only
 class HeldOutSwing:
-    """A swing that the models did not see: angles (frames, axes) [rad], measured and integrated
-    forward by each.
-    """
+    """A swing held out: angles (frames, axes) [rad], measured and predicted by each model."""
 
     condition: str
     time: Array
@@ -101,8 +109,9 @@ class HeldOutSwing:
 
 @read_only
 class CutoffScan:
-    """What the choice of the filter changes: `values` (choices,) of each of `cohort.QUANTITIES`;
-    cutoffs [Hz].
+    """What the choice of the filter changes.
+
+    `values` are (choices,) of each of `cohort.QUANTITIES`, cutoffs in [Hz].
     """
 
     cutoffs: Array
@@ -113,8 +122,9 @@ class CutoffScan:
 
 @dataclass(frozen=True)
 class ArmError:
-    """One kind of error of the moment arms: relative SD and bias of d_M, and 2.5, 50 and 97.5 % of
-    draws [N s/m].
+    """One kind of error of the moment arms.
+
+    It has relative SD and bias of d_M, and 2.5, 50 and 97.5 % of draws [N s/m].
     """
 
     kind: str
@@ -128,8 +138,9 @@ class ArmError:
 
 @read_only
 class ArmSpread:
-    """2.5, 50 and 97.5 % of draws of d_M [N s/m] at relative errors of the arms (levels,), and
-    other kinds.
+    """2.5, 50 and 97.5 % of draws of d_M at relative errors of the arms (levels,), and other kinds.
+
+    They are in [N s/m].
     """
 
     errors: Array
@@ -189,8 +200,14 @@ class SpecimenReport:
 
 @read_only
 class DropCurves:
-    """One drop (frames,): angle measured and as the fitted law swings, NaN where it is not used
-    [rad]; `turns` (half swings + 1,) times of the release and of every turn [s].
+    """One drop (frames,).
+
+    Attributes
+    ----------
+    name : of the drop
+    time : [s]
+    measured, fitted : angle, and as the fitted law swings, NaN where it is not used [rad]
+    turns : (half swings + 1,) times of the release and of every turn [s]
     """
 
     name: str
@@ -223,8 +240,9 @@ class LimbReport:
 
 @dataclass(frozen=True, eq=False)
 class ViscosityInput:
-    """Everything the report on a cohort shows; `notes`, on what is real, simulated and assumed,
-    come first.
+    """Everything the report on a cohort shows.
+
+    Its notes, on what is real, simulated and assumed, come first.
     """
 
     title: str
@@ -243,7 +261,7 @@ class ViscosityInput:
 
 
 def specimen_report(specimen_viscosity: SpecimenViscosity) -> SpecimenReport:
-    """What is shown of an identified specimen, without what trust in it adds."""
+    """Collect what is shown of an identified specimen, without what trust in it adds."""
     shown = {
         name: shown_condition(condition)
         for name, condition in specimen_viscosity.conditions.items()
@@ -259,7 +277,7 @@ def specimen_report(specimen_viscosity: SpecimenViscosity) -> SpecimenReport:
 
 
 def shown_condition(condition: Condition) -> ShownCondition:
-    """A condition with the curves of its longest trial."""
+    """Show a condition with the curves of its longest trial."""
     swings = [len(np.unique(recording.swing[recording.used])) for recording in condition.recordings]
     seconds = [
         float(recording.used.sum()) * float(np.median(np.diff(recording.time)))
@@ -282,7 +300,17 @@ def shown_condition(condition: Condition) -> ShownCondition:
 
 
 def swing_curves(recording: SwingRecording, parameters: Array) -> SwingCurves:
-    """A trial's curves, at most `MAX_FRAMES`."""
+    """Choose a trial's curves, at most `MAX_FRAMES`.
+
+    Parameters
+    ----------
+    recording : of the trial
+    parameters : (10,) of the limb
+
+    Returns
+    -------
+    the curves
+    """
     keep = slice(None, None, -(-len(recording) // MAX_FRAMES))
     unused = ~recording.used[keep][:, None]
     predicted = np.where(unused, np.nan, recording.wrench_rows[keep] @ parameters)

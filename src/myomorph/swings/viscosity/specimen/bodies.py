@@ -1,5 +1,6 @@
-"""The bones of a specimen out of a larger model: who hangs on whom, and what else moves with each
-of them.
+"""The bones of a specimen out of a larger model.
+
+These are who hangs on whom, and what else moves with each of them.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ ASTRAY = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """A source model in its default pose; `homes`: of bodies that move with a bone that bone and
-    their pose in it.
+    """A source model in its default pose.
+
+    `homes` has, of bodies that move with a bone, that bone and their pose in it.
     """
 
     model: Model
@@ -36,15 +38,22 @@ class Anatomy:
     homes: dict[str, tuple[str, Transform]]
 
     def pose(self, body: str) -> Transform:
-        """Default pose of a body in ground."""
+        """Return the default pose of a body in ground."""
         b = self.poses.tree.body_index[body]
         return Transform(self.poses.rotations[0, b], self.poses.origins[0, b])
 
 
 def anatomy(model: Model, base: str, first: str, bones: Sequence[str]) -> Anatomy:
-    """Where every body of a model belongs: bodies beyond a bone, and between two, move with the
-    nearer bone. Bodies between base and limb (phantoms of a joint) and all that does not hang on
-    the limb belong nowhere.
+    """Find where every body of a model belongs.
+
+    Bodies beyond a bone, and between two, move with the nearer bone. Bodies between base and limb
+    (phantoms of a joint) and all that does not hang on the limb belong nowhere.
+
+    Parameters
+    ----------
+    model : with the bodies
+    base, first : the base, and the limb's first body
+    bones : of the limb
     """
     for name in (base, first, *bones):
         index_of("body", name, model.body_names)
@@ -71,7 +80,7 @@ def anatomy(model: Model, base: str, first: str, bones: Sequence[str]) -> Anatom
 
 
 def ancestors(parents: dict[str, str], body: str) -> list[str]:
-    """Bodies between a body and the ground, the nearest first."""
+    """List the bodies between a body and the ground, the nearest first."""
     result = []
     while body in parents and parents[body] != GROUND:
         body = parents[body]
@@ -96,9 +105,18 @@ def _home(
 
 
 def joint_center(source: Anatomy, base: str, first: str) -> tuple[Array, Array, float]:
-    """The point (3,) in ground that all axes of rotation between two bodies go through, in the
-    default pose; their directions (axes, 3); the distance of the axis farthest from it [m]. Where
-    they are parallel, the point nearest to the first body's origin.
+    """Find the point that all axes of rotation between two bodies go through.
+
+    Where they are parallel, it is the point nearest to the first body's origin.
+
+    Parameters
+    ----------
+    source : in its default pose
+    base, first : the bodies
+
+    Returns
+    -------
+    (3,) the point in ground; (axes, 3) directions; distance of the axis farthest from it [m]
     """
     poses = source.poses
     tree = source.poses.tree
@@ -118,7 +136,7 @@ def joint_center(source: Anatomy, base: str, first: str) -> tuple[Array, Array, 
 
 
 def lumped_bodies(source: Anatomy) -> tuple[Body, ...]:
-    """The bones, each with the mass and the meshes of what moves with it."""
+    """Make the bones, each with the mass and the meshes of what moves with it."""
     table = inertial_parameters(source.model)
     totals = {name: np.zeros(10) for name in source.bones}
     meshes: dict[str, list] = {name: [] for name in source.bones}
@@ -150,14 +168,30 @@ def lumped_bodies(source: Anatomy) -> tuple[Body, ...]:
 
 
 def moved_parameters(parameters: Array, pose: Transform) -> Array:
-    """(10,) inertial parameters of a body in a frame in which it has this pose, [D] order."""
+    """Express a body's inertial parameters in another frame.
+
+    Parameters
+    ----------
+    parameters : (10,) [D] order
+    pose : of the body in the other frame
+
+    Returns
+    -------
+    (10,)
+    """
     return parameters_in_parent(pose.rotation, pose.translation) @ parameters
 
 
 def held_joint(source: Anatomy, bone: str) -> tuple[Joint, tuple[Coordinate, ...]]:
-    """The joint that holds a bone on the bone before it: joints of bodies between them as one chain
-    of axes. A bone that the source welds gets three rotations, because the wires may hold it at
-    another angle than the model.
+    """Make the joint that holds a bone on the bone before it.
+
+    Joints of bodies between them are one chain of axes. A bone that the source welds gets three
+    rotations, because the wires may hold it at another angle than the model.
+
+    Parameters
+    ----------
+    source : with the joints
+    bone : that is held
     """
     model = source.model
     by_child = {joint.child: joint for joint in model.joints}
@@ -180,7 +214,7 @@ def held_joint(source: Anatomy, bone: str) -> tuple[Joint, tuple[Coordinate, ...
 
 
 def joined(chain: Sequence[Joint]) -> Joint:
-    """Several joints in a row as one: later axes are seen from the frame of the first."""
+    """Join several joints in a row: later axes are seen from the frame of the first."""
     first = chain[0]
     last = chain[-1]
     axes = list(first.axes)
@@ -204,7 +238,7 @@ def joined(chain: Sequence[Joint]) -> Joint:
 
 
 def turns(names: Sequence[str], order: Sequence[int] = (0, 1, 2)) -> tuple[Axis, ...]:
-    """Body-fixed rotations about x, y, z axes in an order, one coordinate each."""
+    """Make body-fixed rotations about x, y, z axes in an order, one coordinate each."""
     return tuple(
         Axis(kind="rotation", vector=np.eye(3)[axis], function=linear(1.0), coordinates=(name,))
         for axis, name in zip(order, names, strict=True)
@@ -212,7 +246,7 @@ def turns(names: Sequence[str], order: Sequence[int] = (0, 1, 2)) -> tuple[Axis,
 
 
 def shifts(names: Sequence[str]) -> tuple[Axis, ...]:
-    """Translations along x, y, z, one coordinate each."""
+    """Make translations along x, y, z, one coordinate each."""
     return tuple(
         Axis(kind="translation", vector=axis, function=linear(1.0), coordinates=(name,))
         for axis, name in zip(np.eye(3), names, strict=True)
@@ -220,5 +254,5 @@ def shifts(names: Sequence[str]) -> tuple[Axis, ...]:
 
 
 def free(names: Sequence[str], motion: str = "rotational") -> tuple[Coordinate, ...]:
-    """Coordinates without bounds."""
+    """Make coordinates without bounds."""
     return tuple(Coordinate(name, motion) for name in names)  # type: ignore[arg-type]

@@ -1,5 +1,6 @@
-"""What fixes bones and plate among the markers: CT scans of bones with their clusters, a marked
-weight on the plate.
+"""What fixes bones and plate among the markers.
+
+These are CT scans of bones with their clusters, and a marked weight on the plate.
 """
 
 from __future__ import annotations
@@ -82,8 +83,14 @@ class ScanFiles(Strict):
 
 @dataclass(frozen=True, eq=False)
 class ScannedModel:
-    """A model with bones of the size of the scanned ones and the markers of a CT; how each bone was
-    laid on the model's, and the markers found in each cluster's surface.
+    """A model with bones of the size of the scanned ones and the markers of a CT.
+
+    Attributes
+    ----------
+    model : with these
+    bones : how each was laid on the model's
+    clusters : markers found in each cluster's surface
+    notes : a line each
     """
 
     model: Model
@@ -95,9 +102,18 @@ class ScannedModel:
 def model_from_scans(
     model: Model, scans: Sequence[ScanFiles], recorded: Markers | None = None
 ) -> ScannedModel:
-    """The model with the markers of scanned clusters on its bones, and how well all of it fits ([S]
-    figure 3). Distances between markers of a recorded trial tell which ball is which and are
-    checked against the scan.
+    """Put the markers of scanned clusters on a model's bones ([S] figure 3).
+
+    Parameters
+    ----------
+    model : with the bones
+    scans : of bones and clusters
+    recorded : a trial; distances between its markers tell which ball is which and are checked
+        against the scan
+
+    Returns
+    -------
+    the model, and how well all of it fits
     """
     bones = []
     clusters = []
@@ -133,8 +149,15 @@ def model_from_scans(
 
 
 def read_picks(path: Path) -> dict[str, Array]:
-    """Rows of a table of picked points by name: x, y, z of the scan, perhaps of the bone (bone_x,
-    ...) too.
+    """Read a table of picked points.
+
+    Parameters
+    ----------
+    path : of the table
+
+    Returns
+    -------
+    (3,) or (6,) by name: x, y, z of the scan, perhaps of the bone (bone_x, ...) too
     """
     try:
         rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
@@ -171,7 +194,7 @@ def _sized(surface: Surface, factor: float) -> Surface:
 
 
 def _modelled(model: Model, scan: ScanFiles) -> Surface:
-    """The model's bone in its body's frame."""
+    """Read the model's bone in its body's frame."""
     body = model.body(scan.bone)
     if scan.mesh is not None:
         return read_mesh(scan.mesh)
@@ -199,7 +222,7 @@ def _modelled(model: Model, scan: ScanFiles) -> Surface:
 def _picks(
     model: Model, scan: ScanFiles, points: Mapping[str, Array], factor: float
 ) -> register.Picks | None:
-    """Points of the scan and of the model's bone; None if fewer than three were picked."""
+    """List points of the scan and of the model's bone; None if fewer than three were picked."""
     locations = {
         marker.name: marker.location for marker in model.markers if marker.body == scan.bone
     }
@@ -222,8 +245,11 @@ def _picks(
 
 
 def _distances(recorded: Markers | None, names: Sequence[str]) -> Array | None:
-    """Median distances (markers, markers) between recorded markers [m], NaN where never seen
-    together.
+    """Find median distances between recorded markers.
+
+    Returns
+    -------
+    (markers, markers) [m], NaN where two were never seen together
     """
     if recorded is None:
         return None
@@ -330,7 +356,7 @@ def plate_files(table: PlateTable, where: str, folder: StudyFolder) -> PlateFile
 
 
 def calibrate(files: PlateFiles) -> PlateCalibration:
-    """The plate's pose in the laboratory of the C3D files.
+    """Find the plate's pose in the laboratory of the C3D files.
 
     Raises
     ------
@@ -350,7 +376,7 @@ def calibrate(files: PlateFiles) -> PlateCalibration:
 
 
 def chosen(trial: Trial, name: str) -> PlateRecording:
-    """The plate of that name, or the only one."""
+    """Choose the plate of that name, or the only one."""
     plates = {recording.name: recording for recording in trial.plate_recordings}
     if not plates:
         raise BadFile(trial.source, "holds no force plates", "plates are calibrated from C3D files")
@@ -365,12 +391,12 @@ def chosen(trial: Trial, name: str) -> PlateRecording:
 
 
 def placed(trial: Trial, files: PlateFiles, calibration: PlateCalibration) -> Trial:
-    """The recording with that plate alone, where the calibration says."""
+    """Leave one plate in a recording, where the calibration says."""
     return replace(trial, plate_recordings=(place_plate(chosen(trial, files.plate), calibration),))
 
 
 def plate_residuals(plate_calibration: PlateCalibration) -> tuple[Residual, ...]:
-    """The calibration as lines of the report."""
+    """List the calibration as lines of the report."""
     left_out = plate_calibration.left_out_distances, plate_calibration.left_out_angles
     far_residuals, turned_residuals = left_out
     far = float(np.sqrt(np.mean(far_residuals**2)))

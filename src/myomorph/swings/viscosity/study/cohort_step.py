@@ -1,6 +1,4 @@
-"""The step of a study of swinging limbs that is done once for all specimens: tables of the cohort
-and the report.
-"""
+"""The step of a study of swinging limbs that is done once for all: tables and report."""
 
 from __future__ import annotations
 
@@ -46,7 +44,7 @@ class CohortInputs(ScopeInputs):
     outcomes: tuple[Outcome, ...]
 
     def reports(self) -> tuple[SpecimenReport, ...]:
-        """What is shown of each specimen; of one that failed, why."""
+        """Read what is shown of each specimen; of one that failed, why."""
         reports = []
         ended = self.outcomes[: len(self.plan.specimens)]
         for files, outcome in zip(self.plan.specimens, ended, strict=True):
@@ -60,7 +58,7 @@ class CohortInputs(ScopeInputs):
         return tuple(reports)
 
     def limbs(self) -> tuple[LimbReport, ...]:
-        """The same of each limb."""
+        """Read what is shown of each limb; of one that failed, why."""
         reports = []
         for files, outcome in zip(
             self.plan.limbs, self.outcomes[len(self.plan.specimens) :], strict=True
@@ -75,7 +73,7 @@ class CohortInputs(ScopeInputs):
         return tuple(reports)
 
     def sources(self) -> Iterator[Source]:
-        """The files that the specimens were made from."""
+        """Yield the files that the specimens were made from."""
         if self.plan.path is not None:
             yield file_source("study", self.plan.path)
         for outcome in self.outcomes:
@@ -85,8 +83,9 @@ class CohortInputs(ScopeInputs):
 
 
 def cohort_provenance(cohort: CohortInputs) -> Provenance:
-    """What the tables of a cohort are derived from: its specimens' results, and what the study file
-    says of them.
+    """List what the tables of a cohort are derived from.
+
+    These are its specimens' results, and what the study file says of them.
     """
     plan = cohort.plan
     sources = [] if plan.path is None else [file_source("study", plan.path)]
@@ -114,7 +113,7 @@ def _run(cohort: CohortInputs, output: FolderOutput) -> None:
 
 
 def viscosity_input(cohort: CohortInputs, date: str) -> ViscosityInput:
-    """What the report shows of a study."""
+    """Collect what the report shows of a study."""
     plan = cohort.plan
     options = StudyOptions.of(cohort.plan.settings)
     sources = {
@@ -145,7 +144,7 @@ def viscosity_input(cohort: CohortInputs, date: str) -> ViscosityInput:
 
 
 def head_notes(plan: ViscosityPlan) -> tuple[Note, ...]:
-    """What is real, simulated and assumed, as the study file says it and as the method has it."""
+    """List what is real, simulated and assumed, by the study file and by the method."""
     real = plan.real
     if not real and not plan.simulated:
         trials = sum(len(specimen.without) + len(specimen.intact) for specimen in plan.specimens)

@@ -1,6 +1,4 @@
-"""What a study of swinging limbs leaves behind: tables, trials, and the report with its input as a
-file.
-"""
+"""What a study of swinging limbs leaves behind: tables, trials, the report and its input."""
 
 from __future__ import annotations
 
@@ -63,8 +61,9 @@ NOUNS["Estimate"] = NOUNS["Interval"]  # Its name in stores of version 0.1.0
 
 
 def specimens_table(rows: Sequence[tuple[str, Row]]) -> str:
-    """`specimens.csv`: a row a specimen, the columns of [S] tables I and II, each estimate with its
-    interval.
+    """Write `specimens.csv`: a row a specimen, the columns of [S] tables I and II.
+
+    Each estimate has its interval.
     """
     head = ["name"]
     cells = [[name] for name, _ in rows]
@@ -81,7 +80,7 @@ def _interval(estimate: Interval | None) -> list[Any]:
 
 
 def cohort_table(rows: Sequence[Row]) -> str:
-    """`cohort.csv`: mean and population SD of every quantity, and the interval of the mean."""
+    """Write `cohort.csv`: mean and population SD of every quantity, and the mean's interval."""
     head = ("quantity", "mean", "sd", "n", "mean_low", "mean_high", "unit")
     cells = (
         (
@@ -99,7 +98,7 @@ def cohort_table(rows: Sequence[Row]) -> str:
 
 
 def notes_table(specimens: Sequence[SpecimenReport | LimbReport]) -> str:
-    """`notes.csv`: what failed, and what else was said of each specimen."""
+    """Write `notes.csv`: what failed, and what else was said of each specimen."""
     rows = [
         (specimen.name, "failed", specimen.failure) for specimen in specimens if specimen.failure
     ]
@@ -165,8 +164,9 @@ BY_SPECIMEN: dict[str, tuple[str, Callable[[SpecimenReport], Iterable[tuple[obje
 def write_tables(
     specimens: Sequence[SpecimenReport], folder: Path, limbs: Sequence[LimbReport] = ()
 ) -> None:
-    """Write all tables of a cohort, each whole or not at all: of specimens where there are any, of
-    limbs likewise.
+    """Write all tables of a cohort, each whole or not at all.
+
+    There are those of specimens where there are any, and of limbs likewise.
     """
     write_whole(notes_table((*specimens, *limbs)), folder / NOTES)
     if limbs:
@@ -189,9 +189,7 @@ def write_whole(text: str, path: Path) -> None:
 
 
 def write_swings(specimen_viscosity: SpecimenViscosity, folder: Path) -> None:
-    """Write every trial as a table over time: angles, rates, torques, wrench measured and
-    predicted.
-    """
+    """Write every trial as a table over time: angles, rates, torques, wrench."""
     for name, condition in specimen_viscosity.conditions.items():
         for recording in condition.recordings:
             write_sto(
@@ -201,8 +199,10 @@ def write_swings(specimen_viscosity: SpecimenViscosity, folder: Path) -> None:
 
 
 def swing_table(recording: SwingRecording, condition: Condition) -> Table:
-    """One trial: angle [rad], rate [rad/s], torque and its viscous part [N m] of every axis; the
-    wrench.
+    """Put a trial into a table.
+
+    It has angle [rad], rate [rad/s], torque and its viscous part [N m] of every axis, and the
+    wrench, measured and predicted.
     """
     torque = recording.torque_rows @ condition.parameters
     blocks = (
@@ -221,7 +221,7 @@ def swing_table(recording: SwingRecording, condition: Condition) -> Table:
 
 
 def read_store(folder: Path) -> ViscosityInput:
-    """What the report of a folder of results shows."""
+    """Read what the report of a folder of results shows."""
     return read_value(folder / STORE, ViscosityInput)
 
 
@@ -231,7 +231,12 @@ def write_value(value: object, path: Path, digits: int | None = None) -> None:
 
 
 def read_value(path: Path, kind: type[Kind]) -> Kind:
-    """What `write_value` wrote; raises `BadFile` where it is something else."""
+    """Read what `write_value` wrote.
+
+    Raises
+    ------
+    BadFile : it is something else
+    """
     try:
         result = json.loads(path.read_text(encoding="utf-8"), object_hook=_value)
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -1,5 +1,6 @@
-"""A study of swinging limbs as a graph of jobs: one for each specimen and limb, then the tables of
-the cohort.
+"""A study of swinging limbs as a graph of jobs.
+
+There is one for each specimen and limb, then the tables of the cohort.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def open_steps(
     inputs: SpecimenInputs | LimbInputs | CohortInputs,
     outcome: Outcome,
 ) -> JobSteps:
-    """The step of a specimen or a limb, or of all."""
+    """Choose the step of a specimen or a limb, or of all."""
     kinds: dict[type, Scope] = {
         SpecimenInputs: "specimen",
         LimbInputs: "limb",
@@ -53,7 +54,15 @@ def open_steps(
 def graph_of(
     plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark | None = None
 ) -> Graph:
-    """What a study of swinging limbs has to do, `fresh` whatever an earlier run left."""
+    """List what a study of swinging limbs has to do.
+
+    Parameters
+    ----------
+    plan : of the study
+    out : folder of the results
+    fresh : whatever an earlier run left
+    mark : of the run
+    """
     options = StudyOptions.of(plan.settings)
 
     def work(

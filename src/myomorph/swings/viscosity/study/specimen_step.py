@@ -1,5 +1,6 @@
-"""The step of a study of swinging limbs that is done once for a specimen: from its recordings to
-its viscosities.
+"""The step of a study of swinging limbs that is done once for a specimen.
+
+It leads from recordings to viscosities.
 """
 
 from __future__ import annotations
@@ -39,8 +40,9 @@ class SpecimenInputs(ScopeInputs):
 
 
 def specimen_provenance(specimen: SpecimenInputs) -> Provenance:
-    """What the result of a specimen is derived from; what it is held against, its truth, changes
-    nothing.
+    """List what the result of a specimen is derived from.
+
+    What it is held against, its truth, changes nothing.
     """
     files = specimen.files
     sources = list(input_sources(files))
@@ -67,12 +69,12 @@ def specimen_provenance(specimen: SpecimenInputs) -> Provenance:
 
 
 def read_specimen(home: Path) -> SpecimenReport:
-    """What is shown of a specimen, from the folder of its results."""
+    """Read what is shown of a specimen, from the folder of its results."""
     return read_value(home / SPECIMEN, SpecimenReport)
 
 
 def read_estimates(folder: str | Path) -> Mapping[str, Interval]:
-    """The numbers of a specimen with their intervals, by quantity, as in `specimens.csv`.
+    """Read the numbers of a specimen with their intervals, by quantity, as in `specimens.csv`.
 
     Parameters
     ----------

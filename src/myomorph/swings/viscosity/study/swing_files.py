@@ -1,5 +1,6 @@
-"""The files of a specimen as values: its model as base, joint and limb, and its swings as markers
-and wrench.
+"""The files of a specimen as values.
+
+Its model becomes base, joint and limb, its swings become markers and wrench.
 """
 
 from __future__ import annotations
@@ -48,14 +49,32 @@ WHOLE = 9  # Columns of a table of one force: force, point and torque.
 
 
 def turn_to(up: str, gravity: Array) -> Array:
-    """(3, 3) the shortest turn of a laboratory, whose axis `up` points up, into axes with this
-    gravity.
+    """Find the shortest turn of a laboratory into axes with some gravity.
+
+    Parameters
+    ----------
+    up : axis of the laboratory that points up
+    gravity : (3,) in the other axes
+
+    Returns
+    -------
+    (3, 3)
     """
     return least_rotation(np.eye(3)[AXES.index(up)], -np.asarray(gravity) / np.linalg.norm(gravity))
 
 
 def turned(wrenches: Wrenches, rotation: Array) -> Wrenches:
-    """The same wrenches in axes to which a rotation (3, 3) turns vectors."""
+    """Turn wrenches into other axes.
+
+    Parameters
+    ----------
+    wrenches : in the old axes
+    rotation : (3, 3) that turns vectors
+
+    Returns
+    -------
+    the same wrenches
+    """
     forces = wrenches.forces @ rotation.T
     points = wrenches.points @ rotation.T
     torques = wrenches.torques @ rotation.T
@@ -65,8 +84,25 @@ def turned(wrenches: Wrenches, rotation: Array) -> Wrenches:
 def carrying(
     wrenches: Wrenches, gravity: Array, name: str, up: str | None = None
 ) -> tuple[Wrenches, tuple[str, ...]]:
-    """The wrenches as what carries a hanging limb; reversed, and said so, where they are what the
-    limb does. A plate that was set to zero with the limb on it tells nothing of the vertical.
+    """Take wrenches as what carries a hanging limb.
+
+    They are reversed, and said so, where they are what the limb does. A plate that was set to zero
+    with the limb on it tells nothing of the vertical.
+
+    Parameters
+    ----------
+    wrenches : as they were measured
+    gravity : (3,) in their axes [m/s^2]
+    name : of the recording
+    up : axis that the study file says points up
+
+    Returns
+    -------
+    the wrenches, and notes
+
+    Raises
+    ------
+    BadData : the weight does not hang along the vertical
     """
     force = wrenches.forces.sum(axis=1)
     force = force[np.isfinite(force).all(axis=1)]
@@ -105,8 +141,14 @@ class OpenedSpecimen:
 
 
 def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
-    """The specimen of a model, its bones those that carry three recorded markers; with a CT, from
-    its clusters.
+    """Make the specimen of a model, with a CT from its clusters.
+
+    Its bones are those that carry three recorded markers.
+
+    Parameters
+    ----------
+    files : of the specimen
+    recorded : markers of a recording
     """
     with about(files.model):
         model = _model(files.model, recorded.names)
@@ -141,9 +183,7 @@ def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
 
 
 def _unknown_markers(specimen: Specimen, recorded: Sequence[str]) -> tuple[str, ...]:
-    """A note for every bone that has fewer than three recorded markers, where others are unknown to
-    the model.
-    """
+    """Note every bone with fewer than three recorded markers, where others are unknown."""
     owner = {marker.name: marker.body for marker in specimen.model.markers}
     unknown = [name for name in recorded if name not in owner]
     if not unknown:
@@ -186,9 +226,7 @@ def _fits(scanned: ScannedModel) -> tuple[Residual, ...]:
 
 
 def _model(path: Path, markers: Sequence[str]) -> Model:
-    """The model of a file; of MJCF, whose sites may be anything, those that are called as recorded
-    markers are.
-    """
+    """Read a model; of MJCF, whose sites may be anything, those called as recorded markers are."""
     if path.suffix.lower() == ".osim":
         return open_model(path)
     # Brings MuJoCo: loaded only where it is needed.
@@ -198,8 +236,18 @@ def _model(path: Path, markers: Sequence[str]) -> Model:
 
 
 def body_named(model: Model, wanted: str | None, role: str, other: str = "") -> str:
-    """The body that a study file names, or the one whose name tells; of two sides the one of
-    `other`.
+    """Choose the body that a study file names, or the one whose name tells.
+
+    Parameters
+    ----------
+    model : with the body
+    wanted : name in the study file
+    role : "base" or "first_body"
+    other : a body of the same side
+
+    Raises
+    ------
+    BadModel : no name tells, or several do
     """
     if wanted is not None:
         check_name("body", wanted, model.body_names, f"model '{model.name}'")
@@ -236,7 +284,7 @@ def _marked(model: Model, base: str, first: str, markers: Sequence[str]) -> tupl
 
 
 def _muscles(model: Model) -> dict[str, tuple[str, ...]]:
-    """Those of [S] figure 1 where the model has them; else all between base and limb."""
+    """List those of [S] figure 1 where the model has them; else all between base and limb."""
     try:
         return dict(fig1_muscles(model))
     except BadModel:
@@ -249,8 +297,18 @@ def open_swing(
     files: SpecimenFiles,
     place: Callable[[Trial], Trial] | None = None,
 ) -> tuple[SwingTrial, tuple[str, ...]]:
-    """A swing in the model's ground axes, and notes; `place` puts the plates of a C3D file where
-    they are.
+    """Read a swing into the model's ground axes.
+
+    Parameters
+    ----------
+    swing : its files
+    model : of the specimen
+    files : of the specimen
+    place : puts the plates of a C3D file where they are
+
+    Returns
+    -------
+    the swing, and notes
     """
     recorded = read_recording(swing.markers)
     if files.up is not None:
@@ -274,7 +332,12 @@ def open_swing(
 
 
 def recorded_markers(files: SwingFiles) -> Markers:
-    """The markers of a recording; raises `BadFile` where it has none."""
+    """Read the markers of a recording.
+
+    Raises
+    ------
+    BadFile : it has none
+    """
     markers = read_recording(files.markers).markers
     if markers is None or not markers.names:
         raise BadFile(files.markers, "holds no markers")
@@ -282,8 +345,10 @@ def recorded_markers(files: SwingFiles) -> Markers:
 
 
 def open_wrench(path: Path, place: Callable[[Trial], Trial] | None = None) -> Wrenches:
-    """Forces on the base: a table of force, point and torque in ground, an external loads file, or
-    plates of a C3D.
+    """Read the forces on the base.
+
+    These are a table of force, point and torque in ground, an external loads file, or plates of a
+    C3D.
     """
     ending = path.suffix.lower()
     with about(path):
@@ -309,8 +374,9 @@ def open_wrench(path: Path, place: Callable[[Trial], Trial] | None = None) -> Wr
 
 
 def wrench_of_table(path: Path) -> Wrenches:
-    """One force of nine columns, force, point and torque, known by endings (vx, px, x of a torque)
-    or their order.
+    """Read one force of nine columns, force, point and torque.
+
+    They are known by endings (vx, px, x of a torque) or by their order.
     """
     table = read_sto(path)
     if len(table.names) != WHOLE:
@@ -344,8 +410,9 @@ def _triple(names: Sequence[str], kind: str) -> list[int] | None:
 
 
 def plate_wrenches(trial: Trial) -> Wrenches:
-    """Force and moment of all plates of a C3D file, as measured: not set to zero, about the plates'
-    centers.
+    """Read force and moment of all plates of a C3D file, as measured.
+
+    They are not set to zero, and are about the plates' centers.
     """
     if not trial.plate_recordings:
         raise BadFile(

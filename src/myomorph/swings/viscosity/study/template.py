@@ -62,7 +62,7 @@ raw EMG beside them as drop1_emg.sto
 
 
 def study_template() -> str:
-    """The text of a study file: what must be given, and every other key commented out."""
+    """Write the text of a study file: what must be given, and every other key commented out."""
     lines = [TEXT.removesuffix("\n")]
     for table, options in vars(StudyOptions()).items():
         lines += ["", f"[options.{table}]"]

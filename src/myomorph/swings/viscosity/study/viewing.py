@@ -1,5 +1,6 @@
-"""Swings of a specimen as a page plays them: its motion in a file, its model made again from that
-of the study.
+"""Swings of a specimen as a page plays them.
+
+Its motion is in a file, its model is made again from that of the study.
 """
 
 from __future__ import annotations
@@ -34,8 +35,9 @@ DIGITS = 5
 
 
 def write_view(tracked: Mapping[str, TrackedSpecimen], folder: Path) -> None:
-    """Write what `swings_of` plays: how each condition's specimen is made from the model, and where
-    it swung.
+    """Write what `swings_of` plays.
+
+    That is how each condition's specimen is made from the model, and where it swung.
     """
     conditions = {}
     for name, condition in tracked.items():
@@ -61,9 +63,7 @@ def write_view(tracked: Mapping[str, TrackedSpecimen], folder: Path) -> None:
 
 
 def swings_of(folder: Path) -> Mapping[str, Callable[[], ReportInput]]:
-    """The swings in a folder of results, of one specimen or of a study, by name; none where it
-    holds no swings.
-    """
+    """Find the swings in a folder of results, of one specimen or of a study, by name."""
     result: dict[str, Callable[[], ReportInput]] = {}
     for path in sorted([*folder.glob(SWINGS), *folder.glob(f"*/{SWINGS}")]):
         try:
@@ -117,7 +117,7 @@ def _opened(
 
 
 def _specimen_model(model: Model, entries: Mapping[str, Any]) -> Model:
-    """The specimen of the study as it stood, without markers."""
+    """Make the specimen of the study as it stood, without markers."""
     names = entries["names"]
     specimen_names = SpecimenNames(
         base=names["base"],
@@ -140,7 +140,7 @@ def _specimen_model(model: Model, entries: Mapping[str, Any]) -> Model:
 
 
 def _frame(plain: Sequence[Any]) -> Transform:
-    """The frame that `_plain` wrote."""
+    """Read the frame that `_plain` wrote."""
     rotation, translation = plain
     return Transform(rotation=np.array(rotation), translation=np.array(translation))
 
@@ -150,7 +150,7 @@ def _plain(frame: Transform) -> list[Any]:
 
 
 def _thinned(motion: Motion) -> dict[str, Any]:
-    """Time, names and values of frames that are known, at most `RATE` a second."""
+    """List time, names and values of frames that are known, at most `RATE` a second."""
     known = np.flatnonzero(np.isfinite(motion.values).all(axis=1))[
         :: max(int(motion.rate / RATE), 1)
     ]

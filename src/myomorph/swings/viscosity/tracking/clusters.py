@@ -25,9 +25,10 @@ Relabel = dict[int, int]
 
 
 class Clusters:
-    """The markers that specimen and recording share, by bone (`columns` of it), with the model's
-    places and distances. `values`: of the recording, corrected as faults are found; `notes`: what
-    was found, one line each.
+    """Markers that specimen and recording share, by bone, with the model's places and distances.
+
+    `columns` are those of each bone; `values` those of the recording, corrected as faults are
+    found; `notes` what was found, one line each.
     """
 
     def __init__(self, specimen: Specimen, markers: Markers, name: str, tolerance: float):
@@ -55,8 +56,17 @@ class Clusters:
         }
 
     def misfit(self, values: Array, bone: str, relabel: Relabel | None = None) -> Array:
-        """(frames, pairs) recorded less modelled distance of a bone's markers, NaN where one is
-        unseen [m].
+        """Find recorded less modelled distances of a bone's markers.
+
+        Parameters
+        ----------
+        values : (frames, markers, 3) [m]
+        bone : with the markers
+        relabel : columns that take the place of others
+
+        Returns
+        -------
+        (frames, pairs) NaN where one is unseen [m]
         """
         columns = [(relabel or {}).get(column, column) for column in self.columns[bone]]
         pairs = self.pairs[bone]
@@ -66,13 +76,24 @@ class Clusters:
         return np.linalg.norm(apart, axis=2) - self.lengths[bone]
 
     def wrong(self, values: Array, bone: str, relabel: Relabel | None = None) -> np.ndarray:
-        """(frames,) whether any distance is further off than the tolerance."""
+        """Find frames in which any distance is further off than the tolerance.
+
+        Parameters
+        ----------
+        values : (frames, markers, 3) [m]
+        bone : with the markers
+        relabel : columns that take the place of others
+
+        Returns
+        -------
+        (frames,)
+        """
         with np.errstate(invalid="ignore"):
             far = np.abs(self.misfit(values, bone, relabel)) > self.tolerance
         return np.asarray(far.any(axis=1))
 
     def within(self, bone: str) -> Iterator[Relabel]:
-        """Other orders of a cluster's labels; of big clusters, exchanges of two only."""
+        """Yield other orders of a cluster's labels; of big clusters, exchanges of two only."""
         columns = self.columns[bone]
         if len(columns) > MAX_PERMUTED:
             yield from ({a: b, b: a} for a, b in combinations(columns, 2))
@@ -82,14 +103,17 @@ class Clusters:
                 yield dict(zip(columns, order, strict=True))
 
     def between(self, first: str, other: str) -> Iterator[Relabel]:
-        """Exchanges of one label between two clusters."""
+        """Yield exchanges of one label between two clusters."""
         for a in self.columns[first]:
             for b in self.columns[other]:
                 yield {a: b, b: a}
 
     def note_unmarked(self) -> None:
-        """Bones with fewer markers than show how they move; refuses what lacks those that are
-        needed.
+        """Note bones with fewer markers than show how they move.
+
+        Raises
+        ------
+        BadData : markers are missing that are needed
         """
         specimen = self.specimen
         markers = self.specimen.model.markers
@@ -131,8 +155,9 @@ class Clusters:
                 self._leave_out(bone, frames)
 
     def _best(self, part: Array, bones: Sequence[str], relabels: Iterator[Relabel]) -> Relabel:
-        """The change of labels that puts most frames of these bones right, {} if none puts
-        `REPAIRED` of them.
+        """Choose the change of labels that puts most frames of some bones right.
+
+        It is {} if none puts `REPAIRED` of them.
         """
         best = Relabel()
         share = 0.0
@@ -154,6 +179,7 @@ class Clusters:
 
     def turn_over(self) -> None:
         """Put right exchanges that distances cannot show, because two sides of a cluster are alike.
+
         The bone then seems turned over, and its joints do not meet those of the bones beside it:
         labels are exchanged where that brings the joints together.
         """
@@ -176,14 +202,17 @@ class Clusters:
                     plain[frames] = other[frames]
 
     def _still(self, columns: list[int], order: list[int]) -> Array:
-        """(1, markers, 3) the model's cluster with its labels in another order."""
+        """Return the model's cluster (1, markers, 3) with its labels in another order."""
         values = np.full((1, *self.places.shape), np.nan)
         values[0, columns] = self.places[order]
         return values
 
     def _joint_gap(self, bone: str, order: list[int]) -> Array:
-        """(frames,) largest distance between where a bone, its labels in an order, and its
-        neighbors put joints [m].
+        """Find how far a bone, its labels in an order, and its neighbors put joints apart.
+
+        Returns
+        -------
+        (frames,) the largest distance [m]
         """
 
         def poses(side: str) -> tuple[Array, Array]:
@@ -248,7 +277,7 @@ class Clusters:
         )
 
     def note_lost(self) -> None:
-        """Markers unseen for long, a line a bone; all that blink, in one."""
+        """Note markers unseen for long, a line a bone, and all that blink, in one."""
         blinking = 0
         for bone, columns in self.columns.items():
             seen = np.asarray(np.isfinite(self.markers.values[:, columns]).all(axis=2))
@@ -288,10 +317,22 @@ class Clusters:
 def checked_clusters(
     specimen: Specimen, markers: Markers, name: str, tolerance: float
 ) -> tuple[Markers, list[str]]:
-    """The markers with their own names, what does not belong unseen, and what was found, one line
-    each. Distances between the markers of a bone tell, within a tolerance [m] of the model's:
-    exchanged labels are put back where that brings all distances right; a single marker that is off
-    its cluster, and whole clusters that no change of labels explains, are left out in those frames.
+    """Give markers their own names, and leave out what does not belong.
+
+    Distances between the markers of a bone tell: exchanged labels are put back where that brings
+    all distances right; a single marker that is off its cluster, and whole clusters that no change
+    of labels explains, are left out in those frames.
+
+    Parameters
+    ----------
+    specimen : with the model's distances
+    markers : of the recording
+    name : of the trial
+    tolerance : of a distance [m]
+
+    Returns
+    -------
+    the markers, and what was found, one line each
     """
     clusters = Clusters(specimen=specimen, markers=markers, name=name, tolerance=tolerance)
     clusters.note_unmarked()

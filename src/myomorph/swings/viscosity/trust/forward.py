@@ -1,5 +1,6 @@
-"""A limb that swings freely on a ball or a hinge, forward in time; swings left out of the fit,
-predicted so.
+"""A limb that swings freely on a ball or a hinge, forward in time.
+
+Swings that were left out of a fit are predicted so.
 """
 
 from __future__ import annotations
@@ -40,9 +41,14 @@ DECAY_A_STEP = 0.25
 
 @read_only
 class SwingMotion:
-    """A window of a swing, measured or predicted: rotations (frames, 3, 3) of the limb's first body
-    in ground, its rates in that body's axes [rad/s], wrench (frames, 6) on the base, about the
-    joint's center and in ground axes.
+    """A window of a swing, measured or predicted.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    rotations : (frames, 3, 3) of the limb's first body in ground
+    rates : (frames, 3) in that body's axes [rad/s]
+    wrench : (frames, 6) on the base, about the joint's center and in ground axes [N m], [N]
     """
 
     time: Array
@@ -54,8 +60,7 @@ class SwingMotion:
 def swing_forward(
     recording: SwingRecording, frames: slice, parameters: Array, law: PassiveLaw
 ) -> SwingMotion:
-    """The window that a rigid limb (10,) with a passive law would have swung from the state of its
-    first frame.
+    """Swing a rigid limb with a passive law from the state of a window's first frame.
 
         I w' + w x I w - h x R^T g = tau(angles, w),    R' = R [w]x
 
@@ -63,6 +68,21 @@ def swing_forward(
     along its axis. Runge-Kutta of order 4, each frame (of equal steps of time) in as many steps as
     the law needs. Moment arms, where the law has muscles, are those of the measured pose of the
     same moment.
+
+    Parameters
+    ----------
+    recording : with the window
+    frames : of the window
+    parameters : (10,) of the limb
+    law : of the joint
+
+    Returns
+    -------
+    the window as it would have swung
+
+    Raises
+    ------
+    BadData : frames are not at equal steps, or the inertia is not positive
     """
     time = recording.time[frames]
     steps = np.diff(time)
@@ -104,7 +124,7 @@ def swing_forward(
 
 
 def measured_motion(recording: SwingRecording, frames: slice) -> SwingMotion:
-    """The same window as it was measured."""
+    """Take a window as it was measured."""
     axis = hinge_axis(recording)
     turn = axis[:, None] if axis.any() else np.eye(3)
     rates = recording.rates[frames] @ turn.T
@@ -119,8 +139,18 @@ def measured_motion(recording: SwingRecording, frames: slice) -> SwingMotion:
 def base_wrench(
     rotations: Array, rates: Array, accelerations: Array, parameters: Array, gravity: Array
 ) -> Array:
-    """Wrench (frames, 6) that carries a moving limb: moment about its center of rotation, force, in
-    ground axes. Rates and accelerations (frames, 3) are along the limb's axes.
+    """Find the wrench that carries a moving limb.
+
+    Parameters
+    ----------
+    rotations : (frames, 3, 3) of the limb
+    rates, accelerations : (frames, 3) along the limb's axes [rad/s], [rad/s^2]
+    parameters : (10,) of the limb
+    gravity : (3,) in ground [m/s^2]
+
+    Returns
+    -------
+    (frames, 6) moment about its center of rotation, force, in ground axes [N m], [N]
     """
     inertia = inertia_matrices(parameters)
     first_moment = parameters[1:4]
@@ -134,14 +164,21 @@ def base_wrench(
 
 
 def sense(recording: SwingRecording) -> float:
-    """1 where the recording's wrench is what carries the limb, -1 where it is what the limb does to
-    its base.
-    """
+    """Return 1 where a wrench is what carries the limb, -1 where it acts on the limb's base."""
     return float(np.sign(-np.mean(recording.wrench_rows[:, 3:, 0], axis=0) @ recording.gravity))
 
 
 def hinge_axis(recording: SwingRecording) -> Array:
-    """Unit axis (3,) of a hinge in the limb's axes; zeros for a ball."""
+    """Find the unit axis of a hinge in the limb's axes.
+
+    Parameters
+    ----------
+    recording : of a swing
+
+    Returns
+    -------
+    (3,) zeros for a ball
+    """
     if len(recording.axes) != 1:
         return np.zeros(3)
     axis = free_directions([recording])[0]
@@ -149,15 +186,25 @@ def hinge_axis(recording: SwingRecording) -> Array:
 
 
 def angles_apart(a: Array, b: Array) -> Array:
-    """Angle (frames,) of the rotation between two series of rotations (frames, 3, 3) [rad]."""
+    """Find the angles of the rotations between two series of rotations.
+
+    Parameters
+    ----------
+    a, b : (frames, 3, 3)
+
+    Returns
+    -------
+    (frames,) [rad]
+    """
     return Rotation.from_matrix(np.swapaxes(a, 1, 2) @ b).magnitude()
 
 
 @kernel
-def _forward(step, substeps, matrices, vectors, law, lengthening):
-    """Rotations, rates and accelerations of every frame. `matrices`: the first pose, the pose at
-    rest, inertia and its inverse; `vectors`: the first rates, first moment, gravity, axis of the
-    hinge or zeros, first and last of three.
+def _forward(step, substeps, matrices, vectors, law, lengthening):  # page: four stages of a step
+    """Fill rotations, rates and accelerations of every frame.
+
+    `matrices` are the first pose, the pose at rest, inertia and its inverse; `vectors` the first
+    rates, first moment, gravity, axis of the hinge or zeros, first and last of three.
     """
     frames = len(lengthening)
     rotations = np.empty((frames, 3, 3))
@@ -199,9 +246,10 @@ def _forward(step, substeps, matrices, vectors, law, lengthening):
 
 
 @inner
-def _acceleration(r, w, at, matrices, vectors, law, lengthening):
-    """Angular acceleration at a time counted in frames; the order of `law` is that of
-    `PassiveLaw.values`.
+def _acceleration(r, w, at, matrices, vectors, law, lengthening):  # page: tuples in a kernel
+    """Find the angular acceleration at a time counted in frames.
+
+    The order of `law` is that of `PassiveLaw.values`.
     """
     speed = norm(w)
     friction = law[9] / math.sqrt(speed * speed + law[10] * law[10]) + law[11] * speed
@@ -244,7 +292,7 @@ def _acceleration(r, w, at, matrices, vectors, law, lengthening):
 
 @inner
 def _turning(r, w):
-    """R [w]x."""
+    """Find R [w]x."""
     return (
         r[1] * w[2] - r[2] * w[1],
         r[2] * w[0] - r[0] * w[2],
@@ -260,7 +308,7 @@ def _turning(r, w):
 
 @inner
 def _added(r, s, d):
-    """The matrix r + s d."""
+    """Find the matrix r + s d."""
     return (
         r[0] + s * d[0],
         r[1] + s * d[1],
@@ -281,7 +329,7 @@ def _transposed(r):
 
 @inner
 def _orthonormal(r):
-    """The rotation beside a matrix that is nearly one."""
+    """Find the rotation beside a matrix that is nearly one."""
     x = unit((r[0], r[1], r[2]))
     y = (r[3], r[4], r[5])
     y = unit(along(y, -dot(x, y), x))
@@ -291,7 +339,7 @@ def _orthonormal(r):
 
 @inner
 def _rotation_vector(r):
-    """Axis times angle of a rotation by less than half a turn."""
+    """Find axis times angle of a rotation by less than half a turn."""
     twice_sine = (r[7] - r[5], r[2] - r[6], r[3] - r[1])
     cosine = 0.5 * (r[0] + r[4] + r[8] - 1.0)
     sine = 0.5 * norm(twice_sine)
@@ -301,8 +349,13 @@ def _rotation_vector(r):
 
 @read_only
 class Window:
-    """Whole swings of one recording that follow each other; `blocks` are their numbers in the sums
-    of all.
+    """Whole swings of one recording that follow each other.
+
+    Attributes
+    ----------
+    recording : with the swings
+    frames : of it
+    blocks : (swings,) their numbers in the sums of all
     """
 
     recording: SwingRecording
@@ -310,7 +363,16 @@ class Window:
     blocks: np.ndarray
 
     def training(self, blocks: int) -> Array:
-        """(blocks,) one for every swing but those of the window."""
+        """Count every swing but those of the window.
+
+        Parameters
+        ----------
+        blocks : how many swings there are
+
+        Returns
+        -------
+        (blocks,) 1, or 0 for swings of the window
+        """
         counts = np.ones(blocks)
         counts[self.blocks] = 0.0
         return counts
@@ -321,8 +383,16 @@ class Window:
         return measured_motion(self.recording, self.frames)
 
     def errors(self, predicted: SwingMotion, free_offset: bool) -> Array:
-        """(3,) mean square of angle, moment, force [rad^2, (N m)^2, N^2] less predicted; changes if
-        `free_offset`.
+        """Compare a prediction with what was measured.
+
+        Parameters
+        ----------
+        predicted : of this window
+        free_offset : compare changes of the wrench only
+
+        Returns
+        -------
+        (3,) mean square of angle, moment, force [rad^2, (N m)^2, N^2]
         """
         measured = self.measured
         wrench = measured.wrench - predicted.wrench
@@ -336,9 +406,16 @@ class Window:
 def windows(
     recordings: Sequence[SwingRecording], sums: SwingSums, horizon: float, count: int
 ) -> list[Window]:
-    """Up to `count` windows of at least `horizon` [s], spread over the recordings, whose sums have
-    single swings as blocks. Where no two are so long, single swings; where there are no two of
-    these either, none.
+    """Choose windows spread over the recordings, whose sums have single swings as blocks.
+
+    Where no two are so long, single swings; where there are no two of these either, none.
+
+    Parameters
+    ----------
+    recordings : of one condition
+    sums : over single swings
+    horizon : that a window lasts at least [s]
+    count : of windows at most
     """
     for least in (horizon, 0.0):
         spans = _every(recordings, sums, least)
@@ -351,6 +428,7 @@ def windows(
 
 
 def _every(recordings: Sequence[SwingRecording], sums: SwingSums, least: float) -> list[Window]:
+    """List the windows of all recordings that last at least so long [s]."""
     windows: list[Window] = []
     joined: list[int] = []
     for block, (number, use) in enumerate(zip(sums.trial, sums.uses, strict=True)):

@@ -1,8 +1,8 @@
-"""How far the muscles' viscosity follows an error of their moment arms, which [S] blames for the
-spread of its own.
+"""How far the muscles' viscosity follows an error of their moment arms.
 
-Attachments come from another body unless they were digitized on the specimen: their error is the
-largest source of d_M's error budget, and its interval holds it.
+[S] blames these errors for the spread of its own. Attachments come from another body unless they
+were digitized on the specimen: their error is the largest source of d_M's error budget, and its
+interval holds it.
 """
 
 from __future__ import annotations
@@ -75,10 +75,15 @@ class MomentArmOptions:
 
 @read_only
 class MomentArmSpread:
-    """What one kind of error does to d_M [N s/m], the common viscosity of the muscles: "one factor"
-    for all; "factor of each muscle"; "offset of each muscle", of its arms, constant in the limb's
-    axes. `error`: standard deviation of the factor, relative, or of each component of the offset
-    [m]; `exact`: d_M with the arms as given.
+    """What one kind of error does to d_M, the common viscosity of the muscles.
+
+    Attributes
+    ----------
+    kind : "one factor" for all; "factor of each muscle"; "offset of each muscle", of its arms,
+        constant in the limb's axes
+    error : standard deviation of the factor, relative, or of each component of the offset [m]
+    exact : d_M with the arms as given [N s/m]
+    draws : (draws,) of d_M [N s/m]
     """
 
     kind: str
@@ -97,7 +102,12 @@ class MomentArmSpread:
         return float(np.mean(self.draws) / self.exact - 1.0)
 
     def quantiles(self) -> Array:
-        """2.5, 50 and 97.5 % of d_M [N s/m]."""
+        """Find 2.5, 50 and 97.5 % of d_M.
+
+        Returns
+        -------
+        (3,) [N s/m]
+        """
         return np.quantile(self.draws, (0.025, 0.5, 0.975))
 
 
@@ -107,9 +117,25 @@ def moment_arm_sensitivity(
     joint: float | Array,
     options: MomentArmOptions | None = None,
 ) -> tuple[MomentArmSpread, ...]:
-    """Spread of d_M when every muscle's moment arms are systematically wrong, by each kind of
-    error. The common value of swings with muscles, less d_J of those without, is d_M = v g / v H v
-    with v_m the square of the factor of muscle m, so a factor s of all arms makes it d_M / s^2.
+    """Draw d_M with every muscle's moment arms systematically wrong, by each kind of error.
+
+    The common value of swings with muscles, less d_J of those without, is d_M = v g / v H v with
+    v_m the square of the factor of muscle m, so a factor s of all arms makes it d_M / s^2.
+
+    Parameters
+    ----------
+    intact : recordings with muscles
+    parameters : (10,) of the limb
+    joint : d_J, one value or one an axis [N m s/rad]
+    options : sizes of the errors
+
+    Returns
+    -------
+    the spread of each kind
+
+    Raises
+    ------
+    BadData : the swings show no viscosity of muscles
     """
     options = options or MomentArmOptions()
     random = np.random.default_rng(options.seed)
@@ -138,10 +164,22 @@ def with_attachments(
     options: MomentArmOptions,
     level: float,
 ) -> tuple[SpecimenViscosity, tuple[ErrorShare, ...]]:
-    """The specimen with d_M's interval widened by errors of attachments, and the error budget with
-    this source. The draws say how far d_M scatters, in its logarithm, when arms are off by offsets
-    of each muscle. That their middle lies below is left out: points that are off change only the
-    two components of an arm across the muscle, and less in the mean than such offsets do.
+    """Widen d_M's interval by errors of attachments, and add this source to the error budget.
+
+    The draws say how far d_M scatters, in its logarithm, when arms are off by offsets of each
+    muscle. That their middle lies below is left out: points that are off change only the two
+    components of an arm across the muscle, and less in the mean than such offsets do.
+
+    Parameters
+    ----------
+    specimen_viscosity : with intervals of all other sources
+    shares : the error budget
+    options : sizes of the errors
+    level : of the intervals
+
+    Returns
+    -------
+    the specimen and the budget
     """
     muscles = specimen_viscosity.muscles
     intact = specimen_viscosity.intact
@@ -180,7 +218,7 @@ def with_attachments(
 
 
 def _wider(muscles: MuscleViscosity, factor: float) -> MuscleViscosity:
-    """The values of all muscles together, which may be so many times larger or smaller."""
+    """Widen the values of all muscles together, which may be so many times larger or smaller."""
 
     def wider(estimate: Interval) -> Interval:
         low = estimate.value - float(
@@ -201,7 +239,9 @@ def _by_offsets(
     options: MomentArmOptions,
     random: np.random.Generator,
 ) -> MomentArmSpread:
-    """With J + delta the torque u = (J + delta) ((J + delta) . w) is a sum of products that do not
+    """Draw d_M with offsets of the moment arms.
+
+    With J + delta the torque u = (J + delta) ((J + delta) . w) is a sum of products that do not
     change.
     """
     sums = swing_sums(intact)
@@ -240,8 +280,9 @@ def _by_offsets(
 
 
 def _offset_columns(swing_recording: SwingRecording, use: np.ndarray, parameters: Array) -> Array:
-    """(frames, axes, 5 + n) torque, rate, resisted, angle, one; of every muscle u, J . w and J_a w;
-    w.
+    """Put a block's frames in columns (frames, axes, 5 + n).
+
+    They are torque, rate, resisted, angle, one; of every muscle u, J . w and J_a w; w.
     """
     rates = swing_recording.rates[use]
     J = swing_recording.lengthening[use]
@@ -262,9 +303,17 @@ def _offset_columns(swing_recording: SwingRecording, use: np.ndarray, parameters
 
 
 def _offset_maps(delta: Array) -> Array:
-    """(axes, 5 + n, 3 + muscles) of `_offset_columns`: torque, resisted and u with arms off by
-    delta (muscles, axes): u_a = J_a (J . w) + delta_a (J . w) + sum_b delta_b J_a w_b + delta_a
-    delta . w.
+    """Combine `_offset_columns` to torque, resisted and u with arms that are off.
+
+        u_a = J_a (J . w) + delta_a (J . w) + sum_b delta_b J_a w_b + delta_a delta . w
+
+    Parameters
+    ----------
+    delta : (muscles, axes) [m/rad]
+
+    Returns
+    -------
+    (axes, 5 + n, 3 + muscles)
     """
     count, axes = delta.shape
     muscle = np.arange(count)
