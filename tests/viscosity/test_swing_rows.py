@@ -17,6 +17,7 @@ from myomorph.core.motion.clocks import Clock
 from myomorph.swings.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
 from myomorph.swings.viscosity.swings.recording import (
     REACH,
+    CarriedLimb,
     SwingRecording,
     swing_numbers,
     touched_frames,
@@ -194,7 +195,8 @@ def test_hands_are_found_whatever_the_plate_was_tared_with():
     free = truth.used
     hand = (truth.time > 2.0) & (truth.time < 2.4)
     wrench[hand, 3:] += [1.5, 0.0, -1.0]
-    (found,) = touched_frames([rows], [wrench], [truth.time], [free], 0.1, 0.1)
+    carried = CarriedLimb(time=truth.time, rows=rows, wrench=wrench, candidates=free)
+    (found,) = touched_frames([carried], 0.1, 0.1)
     assert found[hand].all()
     assert not found[(truth.time < 1.8) | (truth.time > 2.6)].any()
 

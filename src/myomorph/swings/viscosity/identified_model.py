@@ -226,15 +226,7 @@ def joint_bushing(
     omega = np.einsum("fak,fk->fa", joint.rates, rates[:, joint.moving])
     some = np.unique(np.linspace(0, len(omega) - 1, POSES).astype(int))
     damped = DampedJoint(rotations=joint.rotations[some], omega=omega[some], viscosity=D)
-    frames, damping = _nearest(damped)
-    bushing = Bushing(
-        name=f"passive_{base}_{first}",
-        body_1=base,
-        body_2=first,
-        pose_1=Transform(frames[0], np.zeros(3)),
-        pose_2=Transform(frames[1], np.zeros(3)),
-        rotational_damping=damping,
-    )
+    bushing = _nearest(damped, base, first)
     torque = np.zeros_like(coordinates)
     torque[:, joint.moving] = -np.einsum("fak,fa->fk", joint.rates, D * omega)
     produced = bushing_forces(tree, [bushing], coordinates, rates)
@@ -293,8 +285,8 @@ class DampedJoint:
         return ((damped - torque @ first) / scale).ravel()
 
 
-def _nearest(joint: DampedJoint) -> tuple[Array, Array]:
-    """Find the frames (2, 3, 3) and damping (3,) of the bushing nearest to a joint's damping."""
+def _nearest(joint: DampedJoint, base: str, first: str) -> Bushing:
+    """Find the bushing between two bodies nearest to the damping of the joint between them."""
     largest = joint.viscosity.max()
     begin = np.maximum(joint.viscosity, MIN_DAMPING * max(largest, 1e-12))
     torque = Measured(name="torque of the joint", blocks=(FRAMES, DAMPING), function=joint.lost)
@@ -306,7 +298,14 @@ def _nearest(joint: DampedJoint) -> tuple[Array, Array]:
     best = min(solutions, key=lambda solution: solution.search.cost)
     values = Values(best.problem.unknowns, best.x)
     turns = Rotation.from_rotvec(np.array(values[FRAMES]).reshape(2, 3)).as_matrix()
-    return turns, np.exp(values[DAMPING]) * (largest > 0.0)
+    return Bushing(
+        name=f"passive_{base}_{first}",
+        body_1=base,
+        body_2=first,
+        pose_1=Transform(turns[0], np.zeros(3)),
+        pose_2=Transform(turns[1], np.zeros(3)),
+        rotational_damping=np.exp(values[DAMPING]) * (largest > 0.0),
+    )
 
 
 def _frames_block(vectors: Array) -> Block:

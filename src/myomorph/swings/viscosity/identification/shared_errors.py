@@ -1,12 +1,13 @@
-"""Intervals that also hold errors which all swings of a specimen share: plate, gains, clock,
-joint's center.
+"""Intervals that also hold errors which all swings of a specimen share.
+
+These are errors of the plate, of gains, of the clock and of the joint's center.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,87 +40,121 @@ def with_shared_errors(
     errors: ErrorOptions,
     instruments: Instruments | None = None,
 ) -> tuple[SpecimenViscosity, tuple[ErrorShare, ...]]:
-    """The specimen with intervals widened by errors that all its swings share, and what each source
-    adds.
+    """Widen intervals by errors that all swings of a specimen share.
 
     Every source is put into the recordings (rid of the errors of `instruments`) once with one
     standard deviation about or along each axis, and the whole identification repeated: g of each
     result. The result's variance is then g C g beside what swings scatter, with C the covariance of
     what is not known of the errors. Both conditions stand on one plate and have one center, so they
     share each error.
+
+    Parameters
+    ----------
+    specimen_viscosity : with intervals of swings alone
+    options : of the identification
+    errors : assumed before any swing
+    instruments : what swings show of them; by default nothing
+
+    Returns
+    -------
+    the specimen, and what each source adds
     """
     instruments = instruments or Instruments.assumed(errors)
+    try:
+        slopes = _slopes(specimen_viscosity, options, instruments)
+    except MyomorphError as error:
+        return specimen_viscosity.changed(
+            {}, [f"intervals hold no errors of instruments: {error}"]
+        ), ()
+    unit = float(half_width(1.0, options.level))
+    covariance = instruments.covariance
+    halves = {
+        name: unit * float(np.sqrt(max(float(g @ covariance @ g), 0.0)))
+        for name, g in slopes.items()
+    }
+    swings = {
+        name: (estimate.high - estimate.low) / (2.0 * unit)
+        for name, estimate in specimen_viscosity.estimates.items()
+        if np.isfinite(estimate.value)
+    }
+    widened = _widened(specimen_viscosity, halves)
+    return widened, _shares(swings, slopes, instruments)
+
+
+def _slopes(
+    specimen_viscosity: SpecimenViscosity, options: ViscosityOptions, instruments: Instruments
+) -> dict[str, Array]:
+    """Find what a unit of each error (sources,) changes of every result."""
     conditions = specimen_viscosity.conditions
     recordings = {
         name: tuple(thinned(each) for each in condition.recordings)
         for name, condition in conditions.items()
     }
-    try:
-        exact = _values(recordings, conditions, options)
-        changes = []
-        for (source, axis), size in zip(instruments.sources, instruments.prior, strict=True):
-            moved = {
-                name: tuple(
-                    disturbed(recording, source, axis, size) for recording in condition_recordings
-                )
-                for name, condition_recordings in recordings.items()
-            }
-            other = _values(moved, conditions, options)
-            changes.append({name: (other[name] - value) / size for name, value in exact.items()})
-    except MyomorphError as error:
-        return specimen_viscosity.changed(
-            {}, [f"intervals hold no errors of instruments: {error}"]
-        ), ()
-    z = float(half_width(1.0, options.level))
-    slopes = {name: np.array([change[name] for change in changes]) for name in exact}
-    sds = {
-        name: float(np.sqrt(max(g @ instruments.covariance @ g, 0.0))) for name, g in slopes.items()
+    exact = _values(recordings, conditions, options)
+    changes = []
+    for (source, axis), size in zip(instruments.sources, instruments.prior, strict=True):
+        moved = {
+            name: tuple(disturbed(recording, source, axis, size) for recording in of_condition)
+            for name, of_condition in recordings.items()
+        }
+        other = _values(moved, conditions, options)
+        changes.append({name: (other[name] - value) / size for name, value in exact.items()})
+    return {name: np.array([change[name] for change in changes]) for name in exact}
+
+
+def _widened(
+    specimen_viscosity: SpecimenViscosity, halves: Mapping[str, float]
+) -> SpecimenViscosity:
+    """Widen all results by half-widths of shared errors, by quantity."""
+    changed = {
+        key: _widened_condition(key, condition, halves)
+        for key, condition in specimen_viscosity.conditions.items()
     }
-
-    def widened(name: str, estimate: Interval) -> Interval:
-        return wider(estimate, z * sds.get(name, 0.0), name != "estimated_muscle_mass")
-
     parts: dict[str, Any] = {}
-    changed: dict[str, Condition] = {}
-    for key, condition in conditions.items():
-        mass, com, moment, viscosity = identify.QUANTITIES_OF[key]
-        axes = zip(condition.recordings[0].axes, condition.axis_viscosity, strict=True)
-        plate = condition.plate_viscosity
-        changed[key] = replace(
-            condition,
-            mass=widened(mass, condition.mass),
-            com=widened(com, condition.com),
-            first_moment=widened(moment, condition.first_moment),
-            least_mass=widened(f"{mass} least", condition.least_mass),
-            viscosity=widened(viscosity, condition.viscosity),
-            plate_viscosity=None if plate is None else widened(f"plate {viscosity}", plate),
-            axis_viscosity=tuple(
-                widened(f"{axis} {viscosity}", estimate) for axis, estimate in axes
-            ),
-        )
     muscles = specimen_viscosity.muscles
     if muscles is not None:
-        parts["muscles"] = replace(muscles, common=widened("muscle_viscosity", muscles.common))
-    for part, name in (
-        ("muscle_mass", "estimated_muscle_mass"),
-        ("least_muscle_mass", "least_muscle_mass"),
-    ):
-        estimate = getattr(specimen_viscosity, part)
-        parts[part] = None if estimate is None else widened(name, estimate)
-    known = (
-        (name, each)
-        for name, each in specimen_viscosity.estimates.items()
-        if np.isfinite(each.value)
+        common = wider(muscles.common, halves.get("muscle_viscosity", 0.0), True)
+        parts["muscles"] = replace(muscles, common=common)
+    mass = specimen_viscosity.muscle_mass
+    if mass is not None:
+        # A difference of two masses may come out negative; the least mass may not.
+        parts["muscle_mass"] = wider(mass, halves.get("estimated_muscle_mass", 0.0), False)
+    least = specimen_viscosity.least_muscle_mass
+    if least is not None:
+        parts["least_muscle_mass"] = wider(least, halves.get("least_muscle_mass", 0.0), True)
+    return specimen_viscosity.changed(changed, **parts)
+
+
+def _widened_condition(key: str, condition: Condition, halves: Mapping[str, float]) -> Condition:
+    """Widen the results of a condition by half-widths of shared errors, by quantity."""
+    mass, com, moment, viscosity = identify.QUANTITIES_OF[key]
+    axes = zip(condition.recordings[0].axes, condition.axis_viscosity, strict=True)
+    plate = condition.plate_viscosity
+
+    def widened(name: str, estimate: Interval) -> Interval:
+        return wider(estimate, halves.get(name, 0.0), True)
+
+    return replace(
+        condition,
+        mass=widened(mass, condition.mass),
+        com=widened(com, condition.com),
+        first_moment=widened(moment, condition.first_moment),
+        least_mass=widened(f"{mass} least", condition.least_mass),
+        viscosity=widened(viscosity, condition.viscosity),
+        plate_viscosity=None if plate is None else widened(f"plate {viscosity}", plate),
+        axis_viscosity=tuple(widened(f"{axis} {viscosity}", estimate) for axis, estimate in axes),
     )
-    swings = {name: (each.high - each.low) / (2.0 * z) for name, each in known}
-    return specimen_viscosity.changed(changed, **parts), _shares(swings, slopes, instruments)
 
 
 def _shares(
     swings: Mapping[str, float], slopes: Mapping[str, Array], instruments: Instruments
 ) -> tuple[ErrorShare, ...]:
-    """The table of sources and results, by the scatter of `swings` and what a unit of each error
-    changes.
+    """Make the table of sources and results.
+
+    Parameters
+    ----------
+    swings : standard deviation that swings scatter, by result
+    slopes : (sources,) what a unit of each error changes, by result
     """
     names = list(dict.fromkeys(name for name, _ in instruments.sources))
     known = {name: instruments.covariance - instruments.known(name) for name in names}
@@ -149,8 +184,13 @@ def _shares(
 
 
 def wider(estimate: Interval, half: float, positive: bool) -> Interval:
-    """The estimate with an interval to which the half-width of another error is added in the mean
-    of squares.
+    """Add the half-width of another error to an interval, by squares.
+
+    Parameters
+    ----------
+    estimate : with its interval
+    half : that is added
+    positive : whether it cannot be below 0
     """
     low = estimate.value - float(np.hypot(estimate.value - estimate.low, half))
     high = estimate.value + float(np.hypot(estimate.high - estimate.value, half))
@@ -158,39 +198,57 @@ def wider(estimate: Interval, half: float, positive: bool) -> Interval:
 
 
 def _values(
-    recordings: dict[str, tuple[SwingRecording, ...]],
-    conditions: dict[str, Condition],
+    recordings: Mapping[str, tuple[SwingRecording, ...]],
+    conditions: Mapping[str, Condition],
     options: ViscosityOptions,
 ) -> dict[str, float]:
-    """Every result of the specimen from recordings of its conditions."""
+    """Identify every result of the specimen from recordings of its conditions."""
     known: dict[str, float] = {}
-    solved: dict[str, tuple[SwingSums, Solution]] = {}
-    for key, condition_recordings in recordings.items():
-        hidden = bool(np.isnan(conditions[key].mass.value))
-        inertial = replace(options, tare="unknown") if hidden else options
-        sums = swing_sums(condition_recordings, options.block, options.min_relative_speed)
-        every = np.ones(len(sums))
-        sprung = options.stiffness is not False
-        whole = solve_blocks(sums, every, inertial, sprung, conditions[key].residual)
+    solved: dict[str, SolvedSwings] = {}
+    for key, of_condition in recordings.items():
+        sums = swing_sums(of_condition, options.block, options.min_relative_speed)
+        solution = _solution(sums, conditions[key], options)
         mass, *_, viscosity = identify.QUANTITIES_OF[key]
         names = (
+            *identify.QUANTITIES_OF[key],
             f"plate {viscosity}",
             f"{mass} least",
             *(f"{axis} {viscosity}" for axis in sums.axes),
         )
-        known |= dict(
-            zip((*identify.QUANTITIES_OF[key], *names), whole.estimates.tolist(), strict=True)
-        )
-        solved[key] = sums, whole
+        known |= dict(zip(names, solution.estimates.tolist(), strict=True))
+        solved[key] = SolvedSwings(sums=sums, solution=solution)
     if len(solved) == len(identify.QUANTITIES_OF):
-        masses = identify.muscle_masses(solved["without"][1].inertia, solved["with"][1].inertia)
-        known |= dict(
-            zip(("estimated_muscle_mass", "least_muscle_mass"), masses.tolist(), strict=True)
-        )
-        sums, full = solved["with"]
-        if sums.muscles:
-            total = sums.torque_total(full.counts)
-            torque = torque_problem(total, full.inertia.parameters, options.stiffness is not False)
-            problem = muscle_problem(torque, solved["without"][1].joint.taken_off(options.subtract))
-            known["muscle_viscosity"] = float(problem.along(np.ones(len(sums.muscles))))
+        known |= _muscle_values(solved["without"], solved["with"], options)
+    return known
+
+
+class SolvedSwings(NamedTuple):
+    """The sums of one condition, and what was identified from them."""
+
+    sums: SwingSums
+    solution: Solution
+
+
+def _solution(sums: SwingSums, condition: Condition, options: ViscosityOptions) -> Solution:
+    """Identify one condition from all its blocks, with the noise that it had."""
+    hidden = bool(np.isnan(condition.mass.value))
+    inertial = replace(options, tare="unknown") if hidden else options
+    every = np.ones(len(sums))
+    return solve_blocks(sums, every, inertial, options.stiffness is not False, condition.residual)
+
+
+def _muscle_values(
+    without: SolvedSwings, intact: SolvedSwings, options: ViscosityOptions
+) -> dict[str, float]:
+    """Compare both conditions: mass and viscosity of the muscles."""
+    full = intact.solution
+    masses = identify.muscle_masses(without.solution.inertia, full.inertia)
+    names = ("estimated_muscle_mass", "least_muscle_mass")
+    known = dict(zip(names, masses.tolist(), strict=True))
+    muscles = len(intact.sums.muscles)
+    if muscles:
+        total = intact.sums.torque_total(full.counts)
+        torque = torque_problem(total, full.inertia.parameters, options.stiffness is not False)
+        joint = without.solution.joint.taken_off(options.subtract)
+        known["muscle_viscosity"] = float(muscle_problem(torque, joint).along(np.ones(muscles)))
     return known

@@ -1,6 +1,4 @@
-"""Where a relaxed limb was let go and swung: drops of a recording, their half swings, and muscles
-not silent.
-"""
+"""Drops of a relaxed limb in a recording, their half swings, and muscles that were not silent."""
 
 from __future__ import annotations
 
@@ -9,6 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.errors import BadData, listing
@@ -64,7 +63,7 @@ class Drop:
         ]
 
     def time(self, half: int) -> tuple[float, float]:
-        """When a half swing begins and ends [s]."""
+        """Return when a half swing begins and ends [s]."""
         begin, end = self.equation.time[self.turns[half : half + 2]]
         return float(begin), float(end)
 
@@ -72,53 +71,50 @@ class Drop:
 def find_drops(
     name: str, equation: SwingEquation, measured: Array, angles: Array, rates: Array
 ) -> tuple[Drop, ...]:
-    """The drops of a recording: each begins where a limb that was held away from where it hangs
-    gets fast, and ends with its last half swing of `MIN_EXCURSION`. Arrays (frames,) as of `Drop`.
-    Raises `BadData` where there is none.
+    """Find the drops of a recording.
+
+    Each begins where a limb that was held away from where it hangs gets fast, and ends with its
+    last half swing of `MIN_EXCURSION`.
+
+    Parameters
+    ----------
+    name : of the recording
+    equation : of the joint's coordinate
+    measured : (frames,) angle as it was measured, NaN where unknown [rad]
+    angles, rates : (frames,) low-passed, and their derivative [rad], [rad/s]
+
+    Returns
+    -------
+    one or more
+
+    Raises
+    ------
+    BadData : there is none
     """
-    speed = np.abs(rates)
-    fastest = float(np.nanmax(speed, initial=0.0))
-    still = speed < STILL * fastest
+    fastest = float(np.nanmax(np.abs(rates), initial=0.0))
     last = angles[-max(3, len(angles) // 20) :]
     # Where the recording ends, unless the limb still swings there.
     rest = float(np.nanmedian(last if np.ptp(last) < AWAY else angles))
     held = [
         stop
-        for start, stop in runs(still)
+        for start, stop in runs(np.abs(rates) < STILL * fastest)
         if not start or equation.time[stop - 1] - equation.time[start] > HELD
     ]
     starts = [stop for stop in held if abs(angles[stop - 1] - rest) > AWAY]
     drops: list[Drop] = []
     for start, end in pairwise([*starts, len(angles)]):
-        moving = np.flatnonzero(speed[start:end] > RELEASED * fastest)
-        towards = (
-            moving[np.sign(rates[start + moving]) == np.sign(rest - angles[start])]
-            if len(moving)
-            else moving
-        )
-        if not len(towards):
-            continue
-        first = start + int(towards[0])
-        crossings = first + 1 + np.flatnonzero(np.diff(np.sign(rates[first:end])) != 0)
-        turns = np.array([first, *crossings])
-        small = np.abs(np.diff(angles[turns])) < MIN_EXCURSION
-        # One small half swing may be where a muscle stopped the limb; two in a row are rest.
-        small &= np.append(small[1:], True)
-        turns = turns[: 1 + (int(np.argmax(small)) if small.any() else len(small))]
+        turns = _turns(angles[start:end], rates[start:end], rest, fastest) + start
         if len(turns) > MIN_HALVES:
-            title = name if len(starts) == 1 else f"{name}, drop {len(drops) + 1}"
-            used = np.ones(len(turns) - 1, bool)
-            drops.append(
-                Drop(
-                    name=title,
-                    equation=equation,
-                    measured=measured,
-                    angles=angles,
-                    rates=rates,
-                    turns=turns,
-                    used=used,
-                )
+            drop = Drop(
+                name=name if len(starts) == 1 else f"{name}, drop {len(drops) + 1}",
+                equation=equation,
+                measured=measured,
+                angles=angles,
+                rates=rates,
+                turns=turns,
+                used=np.ones(len(turns) - 1, bool),
             )
+            drops.append(drop)
     if not drops:
         swung = f"it moves through {np.rad2deg(np.nanmax(angles) - np.nanmin(angles)):.0f} degrees"
         raise BadData(
@@ -129,10 +125,41 @@ def find_drops(
     return tuple(drops)
 
 
+def _turns(angles: Array, rates: Array, rest: float, fastest: float) -> NDArray[np.intp]:
+    """Find the release of a limb that was held, and every turn that follows.
+
+    Parameters
+    ----------
+    angles, rates : (frames,) from the end of the hold [rad], [rad/s]
+    rest : angle at which the limb hangs [rad]
+    fastest : rate of the recording [rad/s]
+
+    Returns
+    -------
+    (turns,) frames; none where the limb does not get fast
+    """
+    moving = np.flatnonzero(np.abs(rates) > RELEASED * fastest)
+    towards = moving[np.sign(rates[moving]) == np.sign(rest - angles[0])] if len(moving) else moving
+    if not len(towards):
+        return np.zeros(0, np.intp)
+    first = int(towards[0])
+    crossings = first + 1 + np.flatnonzero(np.diff(np.sign(rates[first:])) != 0)
+    turns = np.array([first, *crossings])
+    small = np.abs(np.diff(angles[turns])) < MIN_EXCURSION
+    # One small half swing may be where a muscle stopped the limb; two in a row are rest.
+    small &= np.append(small[1:], True)
+    return turns[: 1 + (int(np.argmax(small)) if small.any() else len(small))]
+
+
 @dataclass(frozen=True)
 class Activity:
-    """A muscle that should be silent and is not [s]; `ratio` of its largest envelope to its level
-    at rest.
+    """A muscle that should be silent and is not.
+
+    Attributes
+    ----------
+    muscle : name of the channel
+    start, stop : of its activity [s]
+    ratio : of its largest envelope to its level at rest
     """
 
     muscle: str
@@ -144,10 +171,17 @@ class Activity:
 def activities(
     emg: Series, muscles: Sequence[str], rest: Sequence[tuple[float, float]]
 ) -> tuple[Activity, ...]:
-    """Where raw EMG (samples, channels) rises above its level while the limb rests.
+    """Find where raw EMG rises above its level while the limb rests.
 
-    `muscles`: channels that must be silent, all where none is named; `rest`: times in which the
-    limb is at rest [s]. Raises `BadData` where a channel is unknown, or nothing shows its level.
+    Parameters
+    ----------
+    emg : raw
+    muscles : channels that must be silent, all where none is named
+    rest : times in which the limb is at rest [s]
+
+    Raises
+    ------
+    BadData : a channel is unknown, or nothing shows its level
     """
     unknown = [name for name in muscles if name not in emg.names]
     if unknown:
@@ -188,7 +222,7 @@ def activities(
 
 
 def at_rest(drops: Sequence[Drop]) -> list[tuple[float, float]]:
-    """Times of a recording in which its limb is at rest [s]."""
+    """Find the times of a recording in which its limb is at rest [s]."""
     speed = np.abs(drops[0].rates)
     time = drops[0].equation.time
     still = speed < STILL * np.nanmax(speed)

@@ -1,10 +1,11 @@
-"""The page on a cohort of swinging limbs: tables I and II of [S], figures, and what to trust; and
-on relaxed limbs.
+"""The page on a cohort of swinging limbs, and on relaxed limbs.
+
+It has tables I and II of [S], figures, and what to trust.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from myomorph.lab.report.charts.marks import Level
 from myomorph.lab.report.page.page import Tile, rendered
@@ -14,54 +15,82 @@ from myomorph.swings.viscosity.relaxed.drops import SILENT
 from myomorph.swings.viscosity.relaxed.identify import UNITS
 from myomorph.swings.viscosity.report.limb_report import limb_section
 from myomorph.swings.viscosity.report.sections import cohort_section, specimen_sections
-from myomorph.swings.viscosity.report.specimen_report import ViscosityInput
+from myomorph.swings.viscosity.report.specimen_report import (
+    LimbReport,
+    SpecimenReport,
+    ViscosityInput,
+)
 from myomorph.swings.viscosity.report.tables import scientific, table_section, with_interval
 
 
 def viscosity_page(viscosity_input: ViscosityInput) -> str:
-    """One self-contained HTML page on all specimens, as HTML text."""
+    """Write one self-contained HTML page on all specimens, as HTML text."""
     shown = viscosity_input
-    parts = [("specimen", specimen) for specimen in shown.specimens] + [
-        ("limb", limb) for limb in shown.limbs
-    ]
-    failed = (
-        Note("warning", f"{kind.capitalize()} {part.name} could not be done: {part.failure}")
-        for kind, part in parts
-        if part.failure
-    )
-    warnings = tuple(
-        f"{kind} {part.name}: {note}"
-        for kind, part in parts
-        for note in part.notes
-        if note != SILENT
-    )
-    # What each limb's swings may not be believed for comes first: muscles whose silence is unknown,
-    # swings left out.
-    first = [(limb.name, note) for limb in shown.limbs for note in limb.notes]
-    limbs = (
-        Note("real" if note == SILENT else "warning", f"Limb {name}: {note}.")
-        for name, note in first
-    )
-    notes = (*failed, *limbs, *shown.notes)
-    page = PageHead(
+    head = PageHead(
         title=shown.title,
         date=shown.date,
         version=shown.version,
-        notes=notes,
+        notes=(*_failures(shown), *_limb_notes(shown), *shown.notes),
         sources=shown.sources,
         steps=shown.steps,
-        warnings=warnings,
+        warnings=_warnings(shown),
     )
-    lines = {
-        line.quantity.name: line
-        for line in cohort([specimen.row for specimen in viscosity_input.done])
-    }
-    literature = (
-        ("stroeve1999",) if any(specimen.shoulder for specimen in viscosity_input.done) else ()
+    lines = {line.quantity.name: line for line in cohort([each.row for each in shown.done])}
+    tiles = _tiles(lines) + _limb_tiles(shown)
+    return rendered(
+        head, _sections(shown, lines), _sources(shown), facts=_facts(shown), tiles=tiles
     )
+
+
+def _parts(shown: ViscosityInput) -> list[tuple[str, SpecimenReport | LimbReport]]:
+    """List specimens and limbs, each with what it is."""
+    specimens = [("specimen", specimen) for specimen in shown.specimens]
+    return [*specimens, *(("limb", limb) for limb in shown.limbs)]
+
+
+def _failures(shown: ViscosityInput) -> list[Note]:
+    """Say what could not be done, and why."""
+    return [
+        Note("warning", f"{kind.capitalize()} {part.name} could not be done: {part.failure}")
+        for kind, part in _parts(shown)
+        if part.failure
+    ]
+
+
+def _limb_notes(shown: ViscosityInput) -> list[Note]:
+    """Say first what each limb's swings may not be believed for.
+
+    That is muscles whose silence is unknown, and swings that were left out.
+    """
+    return [
+        Note("real" if note == SILENT else "warning", f"Limb {limb.name}: {note}.")
+        for limb in shown.limbs
+        for note in limb.notes
+    ]
+
+
+def _warnings(shown: ViscosityInput) -> tuple[str, ...]:
+    """List what was said of specimens and limbs, but for silence."""
+    return tuple(
+        f"{kind} {part.name}: {note}"
+        for kind, part in _parts(shown)
+        for note in part.notes
+        if note != SILENT
+    )
+
+
+def _sources(shown: ViscosityInput) -> Sequence[str]:
+    """Cite what the page rests on."""
+    shoulders = any(specimen.shoulder for specimen in shown.done)
+    literature = ("stroeve1999",) if shoulders else ()
     specimens = ("murai2016", *literature, "cameron2008") if shown.specimens else ()
-    sources = cited(*specimens, *(("wartenberg1951", "degroote2018") if shown.limbs else ()))
-    tiles = _tiles(lines) + [
+    limbs = ("wartenberg1951", "degroote2018") if shown.limbs else ()
+    return cited(*specimens, *limbs)
+
+
+def _limb_tiles(shown: ViscosityInput) -> list[Tile]:
+    """Make a tile of viscosity and stiffness of each limb."""
+    return [
         Tile(
             with_interval(limb.row[name]),
             f"{limb.name}: {name} of {limb.coordinate} [{UNITS[name]}]",
@@ -71,7 +100,6 @@ def viscosity_page(viscosity_input: ViscosityInput) -> str:
         for name in ("viscosity", "stiffness")
         if name in limb.row
     ]
-    return rendered(page, _sections(shown, lines), sources, facts=_facts(shown), tiles=tiles)
 
 
 def _facts(viscosity_input: ViscosityInput) -> list[tuple[str, str]]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.body.identify.validation import COMPONENTS
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.interval import Interval
 from myomorph.core.model.series import Event
 from myomorph.lab.report.charts.axis import number
@@ -16,6 +17,7 @@ from myomorph.lab.report.charts.points import Cloud, xy_plot
 from myomorph.lab.report.charts.rows import Beside, interval_bars, interval_rows
 from myomorph.lab.report.page.parts import Figure, Grid, Section
 from myomorph.lab.report.trial.validation import UNITS
+from myomorph.swings.viscosity.identification.identify import MuscleViscosity
 from myomorph.swings.viscosity.identification.instruments import SHOWN_IN
 from myomorph.swings.viscosity.report import specimen_report
 from myomorph.swings.viscosity.report.specimen_report import SpecimenReport
@@ -35,7 +37,7 @@ FORCE_FIRST = (3, 4, 5, 0, 1, 2)
 
 
 def specimen_sections(specimen: SpecimenReport, order: int) -> list[Section]:
-    """Swings and fits of a specimen, its muscles, and what its values depend on."""
+    """Show swings and fits of a specimen, its muscles, and what its values depend on."""
     parts = [
         _swings(specimen, order),
         _muscles(specimen, order),
@@ -111,7 +113,7 @@ def _swings(specimen: SpecimenReport, order: int) -> Section | None:
 
 
 def swing_plot(curves: specimen_report.SwingCurves, title: str) -> str:
-    """Angles of the free axes over time [degrees], a line where a swing begins."""
+    """Draw angles of the free axes over time [degrees], a line where a swing begins."""
     span = _span(curves.time)
     begins = np.flatnonzero((np.diff(curves.swing, prepend=-1) != 0) & (curves.swing >= 0))
     events = [Event(float(curves.time[i]), str(int(curves.swing[i]) + 1)) for i in begins]
@@ -132,7 +134,7 @@ def _span(time: np.ndarray) -> tuple[float, float]:
 
 
 def torque_plot(shown_condition: specimen_report.ShownCondition, axis: int, title: str) -> str:
-    """Torque by inverse dynamics against velocity about one axis, with both estimates."""
+    """Draw torque by inverse dynamics against velocity about one axis, and both estimates."""
     curves = shown_condition.curves
     used = curves.swing >= 0
     rates = curves.rates[used, axis]
@@ -163,7 +165,7 @@ def torque_plot(shown_condition: specimen_report.ShownCondition, axis: int, titl
 
 
 def wrench_plot(curves: specimen_report.SwingCurves, component: int, title: str) -> str:
-    """One component of the wrench on the base, measured and predicted."""
+    """Draw one component of the wrench on the base, measured and predicted."""
     lines = [
         Line(
             time=curves.time, values=curves.wrench[:, component], style="measured", label="measured"
@@ -207,14 +209,6 @@ def _muscles(specimen: SpecimenReport, order: int) -> Section | None:
     title = "Viscosity of each muscle, regularised"
     beside = (Beside("scaled by PCSA", "third", by_pcsa),)
     rows = interval_rows(title, "Ns/m", muscles.muscles, muscles.by_muscle, beside, levels)
-    size = muscles.singular_values / max(float(muscles.singular_values[0]), 1e-300)
-    numbers = np.arange(1.0, len(size) + 1.0)
-    height = np.log10(np.maximum(size, 1e-16))
-    values = Cloud(x=numbers, y=height, style="first", label="singular values", dotted=True)
-    across = "combination of muscles, best known first"
-    rank = xy_plot(
-        "Singular values", "log₁₀ of the share of the largest", across, [values], zero=False
-    )
     known = muscles.resolved
     resolved = "" if known is None else f", {known} of them to better than their size"
     lead = (
@@ -223,6 +217,38 @@ def _muscles(specimen: SpecimenReport, order: int) -> Section | None:
         f" {muscles.rank} of {len(muscles.muscles)} independent combinations{resolved}: the values"
         " of single muscles also come from the regularisation that draws them to the common value."
     )
+    legend = [
+        ("first", "regularised, with interval"),
+        ("third", "in proportion to PCSA"),
+        ("left", "common value"),
+    ]
+    legend += [] if truth is None else [("truth", "truth")]
+    return Section(
+        key=f"muscles-{order}",
+        title=f"Muscles of specimen {specimen.name}",
+        lead=lead,
+        legend=tuple(legend),
+        figures=(Figure(rows, "wide"), Figure(_rank_plot(muscles.singular_values))),
+        grids=(_muscle_grid(muscles),),
+        listed=False,
+    )
+
+
+def _rank_plot(singular_values: Array) -> str:
+    """Draw singular values (muscles,), descending."""
+    size = singular_values / max(float(singular_values[0]), 1e-300)
+    numbers = np.arange(1.0, len(size) + 1.0)
+    height = np.log10(np.maximum(size, 1e-16))
+    values = Cloud(x=numbers, y=height, style="first", label="singular values", dotted=True)
+    across = "combination of muscles, best known first"
+    return xy_plot(
+        "Singular values", "log₁₀ of the share of the largest", across, [values], zero=False
+    )
+
+
+def _muscle_grid(muscles: MuscleViscosity) -> Grid:
+    """List the values of each muscle."""
+    by_pcsa = muscles.by_pcsa.value * muscles.pcsa
     cells = tuple(
         (muscle, with_interval(value), number(float(share)), number(float(scaled)))
         for muscle, value, share, scaled in zip(
@@ -235,46 +261,55 @@ def _muscles(specimen: SpecimenReport, order: int) -> Section | None:
         "PCSA, mean 1",
         "In proportion to PCSA [Ns/m]",
     )
-    grid = Grid(head, cells, "Values of each muscle", folded=True)
-    legend = [
-        ("first", "regularised, with interval"),
-        ("third", "in proportion to PCSA"),
-        ("left", "common value"),
-    ]
-    legend += [] if truth is None else [("truth", "truth")]
-    figures = (Figure(rows, "wide"), Figure(rank))
-    title = f"Muscles of specimen {specimen.name}"
-    return Section(
-        key=f"muscles-{order}",
-        title=title,
-        lead=lead,
-        legend=tuple(legend),
-        figures=figures,
-        grids=(grid,),
-        listed=False,
-    )
+    return Grid(head, cells, "Values of each muscle", folded=True)
 
 
 def _trust(specimen: SpecimenReport, order: int) -> Section | None:
-    figures = [Figure(text) for held in specimen.held_out for text in held_out_plots(held)]
-    if specimen.cutoff is not None:
-        figures += [Figure(text) for text in cutoff_plots(specimen.cutoff)]
-    if specimen.arms is not None:
-        figures.append(Figure(arm_plot(specimen.arms, specimen.truth.get("muscle_viscosity"))))
+    """Show how far to trust the values of a specimen; None where nothing tells it."""
+    figures = _trust_figures(specimen)
     grids = [
         *_model_grids(specimen),
         *_arm_grid(specimen.arms),
         *_error_grid(specimen),
         *_instrument_grid(specimen),
+        *_calibration_grid(specimen),
     ]
-    if specimen.calibration:
-        rows = tuple(
-            (line.what, f"{number(line.value)} {line.unit}", line.detail)
-            for line in specimen.calibration
-        )
-        grids.append(Grid(("Quantity", "Residual", ""), rows, "Calibration"))
     if not figures and not grids:
         return None
+    return Section(
+        key=f"trust-{order}",
+        title=f"Sensitivity: specimen {specimen.name}",
+        lead=_trust_lead(specimen),
+        legend=_trust_legend(specimen),
+        figures=tuple(figures),
+        grids=tuple(grids),
+        listed=False,
+    )
+
+
+def _trust_figures(specimen: SpecimenReport) -> list[Figure]:
+    """Draw swings held out, and what other filters and moment arms would give."""
+    figures = [Figure(text) for held in specimen.held_out for text in held_out_plots(held)]
+    if specimen.cutoff is not None:
+        figures += [Figure(text) for text in cutoff_plots(specimen.cutoff)]
+    if specimen.arms is not None:
+        figures.append(Figure(arm_plot(specimen.arms, specimen.truth.get("muscle_viscosity"))))
+    return figures
+
+
+def _calibration_grid(specimen: SpecimenReport) -> list[Grid]:
+    """List what plate, clocks and bones leave."""
+    if not specimen.calibration:
+        return []
+    rows = tuple(
+        (line.what, f"{number(line.value)} {line.unit}", line.detail)
+        for line in specimen.calibration
+    )
+    return [Grid(("Quantity", "Residual", ""), rows, "Calibration")]
+
+
+def _trust_lead(specimen: SpecimenReport) -> str:
+    """Say what was compared."""
     lead = []
     if specimen.models:
         lead.append(
@@ -286,21 +321,17 @@ def _trust(specimen: SpecimenReport, order: int) -> Section | None:
     if specimen.arms is not None:
         draws = f"{specimen.arms.draws} times at each level of error"
         lead.append(f"Moment arms were perturbed {draws}; the outer lines hold 95 % of the values.")
+    return " ".join(lead)
+
+
+def _trust_legend(specimen: SpecimenReport) -> tuple[tuple[str, str], ...]:
+    """Name the lines of held-out swings and of the scan of cut-offs."""
     names = list(dict.fromkeys(name for held in specimen.held_out for name in held.predicted))
     legend = [("measured", "measured"), *zip(MODELS, names, strict=False)] if names else []
     if specimen.cutoff is not None:
         kinds = ("viscosity", "COM", "mass")
         legend += [(style, f"cut-off: {words}") for style, words in zip(AXES, kinds, strict=True)]
-    title = f"Sensitivity: specimen {specimen.name}"
-    return Section(
-        key=f"trust-{order}",
-        title=title,
-        lead=" ".join(lead),
-        legend=tuple(legend),
-        figures=tuple(figures),
-        grids=tuple(grids),
-        listed=False,
-    )
+    return tuple(legend)
 
 
 def _scans(specimen: SpecimenReport, order: int) -> Section | None:
@@ -315,7 +346,7 @@ def _scans(specimen: SpecimenReport, order: int) -> Section | None:
 
 
 def held_out_plots(held: specimen_report.HeldOutSwing) -> list[str]:
-    """Angles of a held-out swing, measured and integrated forward by each model [degrees]."""
+    """Draw angles of a held-out swing, measured and as each model predicts them [degrees]."""
     span = (float(held.time[0]), float(held.time[-1]))
     result = []
     for column, axis in enumerate(held.axes):
@@ -342,9 +373,7 @@ def held_out_plots(held: specimen_report.HeldOutSwing) -> list[str]:
 
 
 def cutoff_plots(scan: specimen_report.CutoffScan) -> list[str]:
-    """Change of each condition's quantities over the cut-off of the filter, against the chosen one
-    [%].
-    """
+    """Draw how quantities change with the cut-off of the filter, against the chosen one [%]."""
     result = []
     for words, kinds in SCANNED.items():
         clouds = []
@@ -374,7 +403,7 @@ def cutoff_plots(scan: specimen_report.CutoffScan) -> list[str]:
 
 
 def arm_plot(arms: specimen_report.ArmSpread, truth: float | None) -> str:
-    """The common muscle viscosity against the error of the moment arms."""
+    """Draw the common muscle viscosity against the error of the moment arms."""
     across = 100.0 * arms.errors
     clouds = [
         Cloud(x=across, y=arms.high, style="second", label="97.5 % of the draws", joined=True),
@@ -394,7 +423,7 @@ def arm_plot(arms: specimen_report.ArmSpread, truth: float | None) -> str:
 
 
 def _model_grids(specimen: SpecimenReport) -> list[Grid]:
-    """Of each condition the models that come nearest, plain viscosity always among them."""
+    """List of each condition the models that come nearest, and always plain viscosity."""
     grids = []
     head = (
         "Model",
@@ -460,7 +489,7 @@ def _arm_grid(arms: specimen_report.ArmSpread | None) -> list[Grid]:
 
 
 def _error_grid(specimen: SpecimenReport) -> list[Grid]:
-    """What swings, instruments and model add to each result, and which of them adds most."""
+    """List what swings, instruments and model add to each result, and which adds most."""
     quantities = list(dict.fromkeys(each.quantity for each in specimen.errors))
     sources = list(dict.fromkeys(each.source for each in specimen.errors))
     if not quantities:
@@ -478,7 +507,7 @@ def _error_grid(specimen: SpecimenReport) -> list[Grid]:
 
 
 def _instrument_grid(specimen: SpecimenReport) -> list[Grid]:
-    """Errors of instruments as assumed and as the swings show them."""
+    """List errors of instruments as assumed and as the swings show them."""
     if specimen.instruments is None:
         return []
     rows = []
@@ -502,23 +531,26 @@ def _signed(value: float) -> str:
     return LACKING
 
 
+def _known_beside(specimens: Sequence[SpecimenReport], name: str) -> list[Beside]:
+    """Take true and printed values of a quantity, of kinds that any specimen has."""
+    beside = []
+    for kind in ("truth", "paper"):
+        known = [getattr(specimen, kind) for specimen in specimens]
+        if any(known):
+            values = np.array([values.get(name, np.nan) for values in known])
+            beside.append(Beside(kind, kind, values))
+    return beside
+
+
 def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[Level]]) -> Section:
-    """Specimen by specimen: every quantity as bars with intervals, the paper's and the true values
-    on them.
-    """
+    """Show every quantity as bars with intervals, with the paper's and the true values."""
     names = [specimen.name for specimen in specimens]
     figures = []
     for name, quantity in BY_NAME.items():
         values = [specimen.row.get(name) for specimen in specimens]
         if not any(value is not None for value in values):
             continue
-        beside = []
-        for kind in ("truth", "paper"):
-            known = [getattr(specimen, kind) for specimen in specimens]
-            if any(known):
-                beside.append(
-                    Beside(kind, kind, np.array([values.get(name, np.nan) for values in known]))
-                )
+        beside = _known_beside(specimens, name)
         bars = interval_bars(
             where(quantity), quantity.unit, names, values, beside, levels.get(name, [])
         )

@@ -1,5 +1,6 @@
-"""Tables I and II of the swing experiment as [S] prints them, and the cohort beside the paper and
-the truth.
+"""Tables I and II of the swing experiment as [S] prints them.
+
+The cohort stands beside the paper and the truth.
 """
 
 from __future__ import annotations
@@ -44,12 +45,12 @@ LACKING = "–"
 
 
 def scientific(value: float) -> str:
-    """A value with three digits and its power of ten, as [S] prints them: 5.33E-02."""
+    """Print a value with three digits and its power of ten, as [S] does: 5.33E-02."""
     return f"{value:.2E}" if np.isfinite(value) else LACKING
 
 
 def with_interval(estimate: Interval | None) -> str:
-    """A value and its interval, to the digits that the interval's width leaves."""
+    """Print a value and its interval, to the digits that the interval's width leaves."""
     if estimate is None:
         return LACKING
     if not estimate.high > estimate.low:
@@ -60,19 +61,19 @@ def with_interval(estimate: Interval | None) -> str:
 
 
 def span(low: float, high: float) -> str:
-    """An interval, to two digits of its width."""
+    """Print an interval, to two digits of its width."""
     return f"{_to(low, high - low)} to {_to(high, high - low)}"
 
 
 def _to(value: float, width: float) -> str:
-    """A value to the second digit of a width."""
+    """Print a value to the second digit of a width."""
     if not (np.isfinite(value) and width > 0.0):
         return number(value)
     return number(value, 10.0 ** (np.floor(np.log10(width)) - 1))
 
 
 def table_section(specimens: Sequence[SpecimenReport], lines: Mapping[str, CohortLine]) -> Section:
-    """Tables I and II, and their means beside those of the paper, the literature and the truth."""
+    """Show tables I and II, their means beside those of paper, literature and truth."""
     grids = [_table(specimens, lines, table, _printed) for table in (1, 2)]
     grids.append(_means(specimens, lines))
     grids += [_table(specimens, lines, table, with_interval) for table in (1, 2)]
@@ -99,6 +100,7 @@ def _table(
     table: int,
     words: Callable[[Interval | None], str],
 ) -> Grid:
+    """Print one of the two tables; as the paper prints it, its means stand below."""
     columns = [BY_NAME[name] for name in COLUMNS[table]]
     rows = [
         (specimen.name, *(words(specimen.row.get(column.name)) for column in columns))
@@ -106,60 +108,54 @@ def _table(
     ]
     plain = words is _printed
     if plain:
-        known = [lines.get(column.name) for column in columns]
-        rows.append(
-            ("mean", *(LACKING if line is None else scientific(line.mean) for line in known))
-        )
-        rows.append(("± SD", *(LACKING if line is None else scientific(line.sd) for line in known)))
-        shoulders = any(specimen.shoulder for specimen in specimens)
-        for name, printed in (("paper: mean", MEAN), ("paper: ± SD", SD)) if shoulders else ():
-            rows.append(
-                (name, *(scientific(float(getattr(printed, column.name))) for column in columns))
-            )
-        if table == 2 and shoulders:
-            stroeve = {"total_viscosity": scientific(STROEVE_TOTAL_VISCOSITY)}
-            rows.append(
-                ("literature: Stroeve 1999", *(stroeve.get(column.name, "") for column in columns))
-            )
+        rows += _own_means(columns, lines)
+        if any(specimen.shoulder for specimen in specimens):
+            rows += _published_means(columns, table)
     head = ("specimen #", *(f"{column.label} [{column.unit}]" for column in columns))
     title = TITLES[table] + ("" if plain else ", with 95 % intervals")
     return Grid(head, tuple(rows), title, folded=not plain)
 
 
+def _own_means(
+    columns: Sequence[Quantity], lines: Mapping[str, CohortLine]
+) -> list[tuple[str, ...]]:
+    """Print mean and SD of columns."""
+    known = [lines.get(column.name) for column in columns]
+    means = (LACKING if line is None else scientific(line.mean) for line in known)
+    spreads = (LACKING if line is None else scientific(line.sd) for line in known)
+    return [("mean", *means), ("± SD", *spreads)]
+
+
+def _published_means(columns: Sequence[Quantity], table: int) -> list[tuple[str, ...]]:
+    """Print the paper's mean and SD of columns, and what else is known of living shoulders."""
+    rows = [
+        (name, *(scientific(float(getattr(printed, column.name))) for column in columns))
+        for name, printed in (("paper: mean", MEAN), ("paper: ± SD", SD))
+    ]
+    if table == 2:
+        stroeve = {"total_viscosity": scientific(STROEVE_TOTAL_VISCOSITY)}
+        cells = (stroeve.get(column.name, "") for column in columns)
+        rows.append(("literature: Stroeve 1999", *cells))
+    return rows
+
+
 def _means(specimens: Sequence[SpecimenReport], lines: Mapping[str, CohortLine]) -> Grid:
-    """Mean and SD of every quantity: truth where it is known, the paper, the estimate."""
+    """Print mean and SD of every quantity: truth where it is known, the paper, the estimate."""
     known = any(specimen.truth for specimen in specimens)
     shoulders = any(specimen.shoulder for specimen in specimens)
     rows = []
     for quantity in QUANTITIES:
-        line = lines.get(quantity.name)
         truths = [
             specimen.truth[quantity.name]
             for specimen in specimens
             if quantity.name in specimen.truth
         ]
-        held = ""
-        if line is not None and len(truths) == line.count and line.high > line.low:
-            truth = float(np.mean(truths))
-            held = (
-                f"{'yes' if line.low <= truth <= line.high else 'no'}, off by"
-                f" {_off(line.mean, truth)}"
-            )
-        unknown = line is None or not np.isfinite(line.low) or line.high == line.low
-        row = {
-            "Quantity": f"{where(quantity)} [{quantity.unit}]",
-            "Truth": _spread(truths) if known else None,
-            "Paper's six": (
-                _spread([getattr(each, quantity.name) for each in SPECIMENS]) if shoulders else None
-            ),
-            "Estimate": LACKING if line is None else _plus_minus(line.mean, line.sd),
-            "95 % interval of the mean": (
-                LACKING if unknown or line is None else span(line.low, line.high)
-            ),
-            "Truth in the interval": held if known else None,
-            "Specimens": LACKING if line is None else str(line.count),
-        }
-        rows.append({head: cell for head, cell in row.items() if cell is not None})
+        cells = _mean_cells(quantity, lines.get(quantity.name), truths)
+        if not known:
+            del cells["Truth"], cells["Truth in the interval"]
+        if not shoulders:
+            del cells["Paper's six"]
+        rows.append(cells)
     title = "Means ± population SD"
     if shoulders:
         title += ": truth, paper and estimate" if known else " beside the paper's"
@@ -168,12 +164,40 @@ def _means(specimens: Sequence[SpecimenReport], lines: Mapping[str, CohortLine])
     return Grid(tuple(rows[0]), tuple(tuple(row.values()) for row in rows), title)
 
 
+def _mean_cells(
+    quantity: Quantity, line: CohortLine | None, truths: Sequence[float]
+) -> dict[str, str]:
+    """Print mean and SD of a quantity, by the heads of the columns."""
+    unknown = line is None or not np.isfinite(line.low) or line.high == line.low
+    paper = [getattr(each, quantity.name) for each in SPECIMENS]
+    return {
+        "Quantity": f"{where(quantity)} [{quantity.unit}]",
+        "Truth": _spread(truths),
+        "Paper's six": _spread(paper),
+        "Estimate": LACKING if line is None else _plus_minus(line.mean, line.sd),
+        "95 % interval of the mean": (
+            LACKING if unknown or line is None else span(line.low, line.high)
+        ),
+        "Truth in the interval": _mean_held(line, truths),
+        "Specimens": LACKING if line is None else str(line.count),
+    }
+
+
+def _mean_held(line: CohortLine | None, truths: Sequence[float]) -> str:
+    """Say whether the interval of a mean holds that of the truths, "" where it is not known."""
+    if line is None or len(truths) != line.count or not line.high > line.low:
+        return ""
+    truth = float(np.mean(truths))
+    held = "yes" if line.low <= truth <= line.high else "no"
+    return f"{held}, off by {_off(line.mean, truth)}"
+
+
 def _spread(values: Sequence[float]) -> str:
     return _plus_minus(float(np.mean(values)), float(np.std(values))) if len(values) else LACKING
 
 
 def _plus_minus(mean: float, sd: float) -> str:
-    """To three digits of the SD, as the paper prints it."""
+    """Print to three digits of the SD, as the paper does."""
     return f"{_to(mean, 0.1 * sd)} ± {_to(sd, 0.1 * sd)}" if sd > 0.0 else f"{number(mean)} ± 0"
 
 
@@ -183,7 +207,7 @@ def _off(value: float, truth: float) -> str:
 
 
 def where(quantity: Quantity) -> str:
-    """A quantity's label that tells the two masses apart."""
+    """Return a quantity's label that tells the two masses apart."""
     words = quantity.label
     if quantity.name.startswith(("mass_", "com_", "first_moment_")):
         words += ", without muscles" if quantity.table == 1 else ", with muscles"
@@ -191,7 +215,7 @@ def where(quantity: Quantity) -> str:
 
 
 def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
-    """Truth, paper and estimate of every specimen; None where no truth is known."""
+    """Print truth, paper and estimate of every specimen; None where no truth is known."""
     rows = []
     for specimen in specimens:
         for quantity in QUANTITIES:

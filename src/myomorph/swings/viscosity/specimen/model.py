@@ -1,13 +1,14 @@
-"""A limb that swings from a fixed bone: the model of the in-vitro experiment, made out of any
-larger model.
+"""A limb that swings from a fixed bone: the model of the in-vitro experiment.
+
+It is made out of any larger model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -26,9 +27,15 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class SpecimenNames:
-    """What of a model makes a specimen: the body on the plate (the scapula), the limb's first (the
-    humerus), the bodies that carry markers, and strands of the model by the muscle's name, empty
-    for all between base and limb. A hinge has the one axis of the model's joint.
+    """What of a model makes a specimen.
+
+    Attributes
+    ----------
+    base : the body on the plate (the scapula)
+    first : the limb's first (the humerus)
+    bones : bodies that carry markers
+    muscles : strands of the model by the muscle's name, empty for all between base and limb
+    joint : a hinge has the one axis of the model's joint
     """
 
     base: str
@@ -40,10 +47,16 @@ class SpecimenNames:
 
 @dataclass(frozen=True, eq=False)
 class SwingTrial:
-    """One raw recording of a swing: markers in the laboratory, whose axes are those of the model's
-    ground; wrenches on the plate's clock that count for the base, whatever body they name; start
-    and end of what is to be used [s]. `tare`: the plate with the fixture but without limb, of which
-    the mean is taken off; None where it was set to zero so.
+    """One raw recording of a swing.
+
+    Attributes
+    ----------
+    name : of the trial
+    markers : in the laboratory, whose axes are those of the model's ground
+    wrenches : on the plate's clock, that count for the base, whatever body they name
+    time : start and end of what is to be used [s]
+    tare : the plate with the fixture but without limb, of which the mean is taken off; None where
+        it was set to zero so
     """
 
     name: str
@@ -109,8 +122,9 @@ class Specimen:
 
     @cached_property
     def pendulum(self) -> Model:
-        """The limb as one link whose origin is the joint's center and whose axes are those of its
-        first body. Its joint stands on the ground where the base carries it, and has the specimen's
+        """The limb as one link about the joint's center, along the axes of its first body.
+
+        Its joint stands on the ground where the base carries it, and has the specimen's
         coordinates.
         """
         joint = self._joint(self.first)
@@ -128,9 +142,10 @@ class Specimen:
 
     @property
     def hinges(self) -> Array:
-        """(2, 3) of a ball the first of its three axes, in ground while it stands, and the last, in
-        the limb: those of the source's joint where it has three, else those of its own angles; (0,
-        3) of a hinge.
+        """(2, 3) first and last of a ball's three axes; (0, 3) of a hinge.
+
+        The first is in ground while it stands, the last in the limb: those of the source's joint
+        where it has three, else those of its own angles.
         """
         joint = self._joint(self.first)
         if joint.kind != "ball":
@@ -145,8 +160,9 @@ class Specimen:
 
     @property
     def isometric_forces(self) -> Array:
-        """(muscles,) largest isometric force, all strands together: proportional to the
-        cross-section [N].
+        """(muscles,) largest isometric force, all strands together [N].
+
+        It is proportional to the cross-section.
         """
         forces = {muscle.name: muscle.max_isometric_force for muscle in self.model.muscles}
         return np.array(
@@ -154,14 +170,21 @@ class Specimen:
         )
 
     def standing(self, pose: Transform) -> Specimen:
-        """The same specimen whose base stands at a pose in ground when its coordinates are zero."""
+        """Let the base stand at a pose in ground when its coordinates are zero."""
         joint = self._joint(self.base)
         frame = pose @ joint.child_frame
         return replace(self, model=self._with_joint(replace(joint, parent_frame=frame)))
 
     def resting(self, rotation: Array) -> Specimen:
-        """The same with joint coordinates zero at a rotation (3, 3) of the limb in the base; a
-        hinge keeps its zero.
+        """Let the joint's coordinates be zero at a rotation; a hinge keeps its zero.
+
+        Parameters
+        ----------
+        rotation : (3, 3) of the limb in the base
+
+        Returns
+        -------
+        the specimen
         """
         if len(self.joint_coordinates) == 1:
             return self
@@ -170,7 +193,16 @@ class Specimen:
         return replace(self, model=self._with_joint(replace(joint, parent_frame=frame)))
 
     def centered(self, in_base: Array, in_limb: Array) -> Specimen:
-        """The same specimen with its joint center at these points of base and limb (3,) [m]."""
+        """Move the joint's center.
+
+        Parameters
+        ----------
+        in_base, in_limb : (3,) where it is in both [m]
+
+        Returns
+        -------
+        the specimen
+        """
         joint = self._joint(self.first)
         parent = Transform(joint.parent_frame.rotation, in_base)
         child = Transform(joint.child_frame.rotation, in_limb)
@@ -180,8 +212,15 @@ class Specimen:
         )
 
     def turned(self, rotation: Array) -> Specimen:
-        """The same specimen in a ground whose axes, in the old one, are the rows of `rotation` (3,
-        3).
+        """Turn the ground.
+
+        Parameters
+        ----------
+        rotation : (3, 3) its rows are the new axes in the old ones
+
+        Returns
+        -------
+        the specimen
         """
         turn = Transform(np.asarray(rotation, dtype=np.float64), np.zeros(3))
         moved = self.standing(turn @ self.stand)
@@ -190,7 +229,7 @@ class Specimen:
         )
 
     def with_markers(self, markers: tuple[Marker, ...]) -> Specimen:
-        """The same specimen with other markers."""
+        """Give it other markers."""
         return replace(self, model=self.model.with_markers(markers))
 
     def _joint(self, child: str) -> Joint:
@@ -204,46 +243,33 @@ class Specimen:
 
 
 def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
-    """The specimen of [S] out of a shoulder model, or of any model with a limb on a base. The base
-    stands on six coordinates; between base and limb is a ball joint of three coordinates at the
-    center of the model's joint, or a hinge, whatever phantom bodies the model has there. Joints
-    beyond stay, as coordinates that wires hold. Bodies beyond a bone move with it, everything else
-    of the model is dropped.
+    """Make the specimen of [S] out of a shoulder model, or of any model with a limb on a base.
+
+    The base stands on six coordinates; between base and limb is a ball joint of three coordinates
+    at the center of the model's joint, or a hinge, whatever phantom bodies the model has there.
+    Joints beyond stay, as coordinates that wires hold. Bodies beyond a bone move with it,
+    everything else of the model is dropped.
+
+    Parameters
+    ----------
+    model : with base and limb
+    names : of their bodies and muscles
     """
     source = bodies.anatomy(model, names.base, names.first, names.bones)
     center, directions, distance = bodies.joint_center(source, names.base, names.first)
-    notes: list[str] = []
-    if distance > bodies.ASTRAY:
-        missed = f"the joint's center is {1000 * distance:.1f} mm from one of them"
-        notes.append(
-            f"the axes between '{names.base}' and '{names.first}' miss each other: {missed}"
-        )
-    base_joint, base_coordinates = _base_joint(source, names.base)
-    joint, joint_coordinates, vectors = _joint(source, names, center, directions)
-    joints = [base_joint, joint]
-    held = list[Coordinate]()
-    for bone in source.bones:
-        if bone not in (names.base, names.first):
-            holding, coordinates = bodies.held_joint(source, bone)
-            joints.append(holding)
-            held += coordinates
-    turning = np.zeros((0, 3))
-    if len(directions) == 3:
-        # The first axis never moves in the base, nor the last in the limb, whatever the pose.
-        ends = zip((names.base, names.first), directions[[0, 2]], strict=True)
-        turning = np.stack([source.pose(body).rotation.T @ direction for body, direction in ends])
-    kept = frozenset(coordinate.name for coordinate in held)
+    joints = _joints(source, names, center, directions)
+    kept = frozenset(coordinate.name for coordinate in joints.held)
     muscles, strands, surfaces, changed = kept_muscles(source, names.muscles, kept)
-    couplers = (
+    couplers = [
         coupler
         for coupler in model.couplers
         if kept.issuperset((coupler.dependent, *coupler.independents))
-    )
+    ]
     made = Model(
         name=model.name,
         bodies=bodies.lumped_bodies(source),
-        joints=tuple(joints),
-        coordinates=(*base_coordinates, *joint_coordinates, *held),
+        joints=joints.chain,
+        coordinates=(*joints.base, *joints.turning, *joints.held),
         gravity=model.gravity,
         markers=_markers(source),
         muscles=strands,
@@ -256,15 +282,82 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
         names=names,
         center=frozen_array(source.pose(names.base).inverse().apply(center)),
         center_in_limb=frozen_array(source.pose(names.first).inverse().apply(center)),
-        base_coordinates=tuple(coordinate.name for coordinate in base_coordinates),
-        joint_coordinates=tuple(coordinate.name for coordinate in joint_coordinates),
-        held_coordinates=tuple(coordinate.name for coordinate in held),
-        axes=AXES if names.joint == "ball" else joint.coordinates,
-        axis_vectors=frozen_array(vectors),
+        base_coordinates=_names(joints.base),
+        joint_coordinates=_names(joints.turning),
+        held_coordinates=_names(joints.held),
+        axes=AXES if names.joint == "ball" else _names(joints.turning),
+        axis_vectors=frozen_array(joints.vectors),
         muscles=FrozenMap(muscles),
-        notes=(*notes, *changed),
-        turning_axes=frozen_array(turning),
+        notes=(*_center_notes(names, distance), *changed),
+        turning_axes=frozen_array(_turning_axes(source, names, directions)),
     )
+
+
+class SpecimenJoints(NamedTuple):
+    """The joints of a specimen.
+
+    Attributes
+    ----------
+    chain : of base, limb, and bones that are held
+    base, turning, held : coordinates of these
+    vectors : (axes, 3) free axes in the limb's first body
+    """
+
+    chain: tuple[Joint, ...]
+    base: tuple[Coordinate, ...]
+    turning: tuple[Coordinate, ...]
+    held: tuple[Coordinate, ...]
+    vectors: Array
+
+
+def _joints(
+    source: bodies.Anatomy, names: SpecimenNames, center: Array, directions: Array
+) -> SpecimenJoints:
+    """Make the joints: the base's on the ground, the one that turns at the center, those held.
+
+    Parameters
+    ----------
+    center : (3,) in ground [m]
+    directions : (axes, 3) of the source's axes
+    """
+    base_joint, base_coordinates = _base_joint(source, names.base)
+    joint, joint_coordinates, vectors = _joint(source, names, center, directions)
+    chain = [base_joint, joint]
+    held = list[Coordinate]()
+    for bone in source.bones:
+        if bone not in (names.base, names.first):
+            holding, coordinates = bodies.held_joint(source, bone)
+            chain.append(holding)
+            held += coordinates
+    return SpecimenJoints(
+        chain=tuple(chain),
+        base=base_coordinates,
+        turning=joint_coordinates,
+        held=tuple(held),
+        vectors=vectors,
+    )
+
+
+def _names(coordinates: Sequence[Coordinate]) -> tuple[str, ...]:
+    """List the names of coordinates."""
+    return tuple(coordinate.name for coordinate in coordinates)
+
+
+def _center_notes(names: SpecimenNames, distance: float) -> tuple[str, ...]:
+    """Note where the axes of the source's joint miss each other [m]."""
+    if distance <= bodies.ASTRAY:
+        return ()
+    missed = f"the joint's center is {1000 * distance:.1f} mm from one of them"
+    return (f"the axes between '{names.base}' and '{names.first}' miss each other: {missed}",)
+
+
+def _turning_axes(source: bodies.Anatomy, names: SpecimenNames, directions: Array) -> Array:
+    """Find the first of three axes in the base and the last in the limb (2, 3), or none (0, 3)."""
+    if len(directions) != 3:
+        return np.zeros((0, 3))
+    # The first axis never moves in the base, nor the last in the limb, whatever the pose.
+    ends = zip((names.base, names.first), directions[[0, 2]], strict=True)
+    return np.stack([source.pose(body).rotation.T @ direction for body, direction in ends])
 
 
 def _base_joint(source: bodies.Anatomy, base: str) -> tuple[Joint, tuple[Coordinate, ...]]:
@@ -291,7 +384,7 @@ def _base_joint(source: bodies.Anatomy, base: str) -> tuple[Joint, tuple[Coordin
 def _joint(
     source: bodies.Anatomy, names: SpecimenNames, center: Array, directions: Array
 ) -> tuple[Joint, tuple[Coordinate, ...], Array]:
-    """The joint at the center; its frames have the axes of the limb's first body."""
+    """Make the joint at the center; its frames have the axes of the limb's first body."""
     base = source.pose(names.base)
     first = source.pose(names.first)
     in_limb = first.inverse().apply(center)
@@ -335,7 +428,7 @@ def _joint(
 
 
 def _order(source: bodies.Anatomy, first: str, in_limb: Array) -> tuple[int, int, int]:
-    """The order of a ball's rotations: in the middle the axis nearest to the limb's length."""
+    """Order a ball's rotations: in the middle the axis nearest to the limb's length."""
     inverse = source.pose(first).inverse()
     places = [inverse.apply(source.pose(name).translation) - in_limb for name in source.bones]
     places += [source.model.body(first).mass_center - in_limb]

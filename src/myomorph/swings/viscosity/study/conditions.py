@@ -1,5 +1,6 @@
-"""The conditions of one specimen from tracked trials to values: cut-off, equations, law, three
-steps, shared errors.
+"""The conditions of one specimen from tracked trials to values.
+
+On the way are cut-off, equations, law, three steps and shared errors.
 """
 
 from __future__ import annotations
@@ -47,8 +48,14 @@ chosen on virtual limbs whose base's motion was taken off [1/rad].
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """One condition on its way: its trials tracked, as equations at one cut-off, and what is wrong
-    with them.
+    """One condition on its way.
+
+    Attributes
+    ----------
+    tracked : its trials
+    notes : on them
+    recordings : as equations at one cut-off
+    findings : what is wrong with them
     """
 
     tracked: TrackedSpecimen
@@ -64,14 +71,21 @@ class Prepared:
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """What the conditions of one specimen come to: `found` with intervals that hold errors which
-    all swings share, and those of attachments; `by_swings` of swings alone, by which a swing is
-    judged too small.
+    """What the conditions of one specimen come to.
 
-    `conditions` are rid of the shared errors that the swings show (`instruments`); `options` have
-    the law of the passive torque decided; `reason` is why the cut-off is what it is; `lost` and
-    `conflicts` name conditions that could not be used, and criteria of a law that disagree; `law`:
-    what acts in the joint beside one viscosity, by name.
+    Attributes
+    ----------
+    found : with intervals that hold errors which all swings share, and those of attachments
+    by_swings : of swings alone, by which a swing is judged too small
+    shares : what each source of errors adds
+    instruments : errors that the swings show
+    conditions : rid of these errors
+    options : with the law of the passive torque decided
+    compared : laws, by condition
+    cutoff, reason : of the low-pass [Hz], and why it is that
+    lost : conditions that could not be used
+    conflicts : criteria of a law that disagree
+    law : what acts in the joint beside one viscosity, by name
     """
 
     found: identify.SpecimenViscosity
@@ -91,7 +105,19 @@ class Identified:
 def identify_conditions(
     specimen: Specimen, files: SpecimenFiles, tracked: Mapping[str, Prepared], options: StudyOptions
 ) -> Identified:
-    """Identify a specimen from the tracked trials of one condition or both."""
+    """Identify a specimen from the tracked trials of one condition or both.
+
+    Parameters
+    ----------
+    specimen : of the model
+    files : what else is known of it
+    tracked : trials by condition
+    options : of the study
+
+    Raises
+    ------
+    BadData : no condition can be used
+    """
     lost: list[str] = []
     cutoff, reason = _cutoff(options, tracked)
     conditions = _equations(tracked, cutoff, options.identification.tare != "unknown", lost)
@@ -103,39 +129,20 @@ def identify_conditions(
     conditions = _with_base(conditions, instruments, files.base_load)
     compared, conflicts = _compared(conditions, options.laws)
     options = _with_law(options, compared)
-    slips = [
-        slip
-        for condition in conditions.values()
-        for slip in condition.tracked.slips
-        if slip.what == "base"
-    ]
-    turns = (
-        slip.amount for slip in slips if slip.unit == "rad" and not (slip.lasting or slip.before)
-    )
-    sway = max(turns, default=0.0)  # How far the base turns to and fro at most [rad].
+    sway = _sway(conditions)
     # A base that gives way resists by itself, which looks like friction.
     acting = compared["without"].acting if "without" in compared and not sway else None
     if acting is not None and options.identification.subtract == "one":
-        for name, condition in conditions.items():
-            resisted = tuple(
-                replace(each, resisting=acting.resisting(each)) for each in condition.recordings
-            )
-            conditions[name] = replace(condition, recordings=resisted)
+        conditions = _resisting(conditions, acting)
     by_swings = _identified(specimen, files, conditions, options.identification)
-    shared, shares = with_shared_errors(
-        by_swings, options.identification, options.errors, instruments
-    )
-    shared, shares = with_attachments(
-        shared, shares, options.moment_arms, options.identification.level
-    )
-    shared = with_base_load(shared, files.base_load)
+    found, shares = _with_errors(by_swings, options, instruments, files.base_load)
     joint: dict[str, Interval] = {}
     if sway:
-        shared = _with_sway(shared, sway, options.identification.level)
-    if acting is not None and shared.without is not None:
-        shared, joint = _with_acting(shared, acting, shares, options.identification.level)
+        found = _with_sway(found, sway, options.identification.level)
+    if acting is not None and found.without is not None:
+        found, joint = _with_acting(found, acting, shares, options.identification.level)
     return Identified(
-        found=shared,
+        found=found,
         by_swings=by_swings,
         shares=shares,
         instruments=instruments,
@@ -150,8 +157,48 @@ def identify_conditions(
     )
 
 
+def _sway(conditions: Mapping[str, Prepared]) -> float:
+    """Find how far the base turns to and fro at most [rad]."""
+    slips = [slip for condition in conditions.values() for slip in condition.tracked.slips]
+    turns = [
+        slip.amount
+        for slip in slips
+        if slip.what == "base" and slip.unit == "rad" and not (slip.lasting or slip.before)
+    ]
+    return max(turns, default=0.0)
+
+
+def _resisting(conditions: Mapping[str, Prepared], acting: ActingLaw) -> dict[str, Prepared]:
+    """Let the joint resist as a law acts, in the place of its rates."""
+    return {
+        name: replace(
+            condition,
+            recordings=tuple(
+                replace(each, resisting=acting.resisting(each)) for each in condition.recordings
+            ),
+        )
+        for name, condition in conditions.items()
+    }
+
+
+def _with_errors(
+    by_swings: identify.SpecimenViscosity,
+    options: StudyOptions,
+    instruments: Instruments,
+    load: BaseLoad,
+) -> tuple[identify.SpecimenViscosity, tuple[ErrorShare, ...]]:
+    """Widen intervals by shared errors, attachments and the base's load; say what each adds."""
+    found, shares = with_shared_errors(
+        by_swings, options.identification, options.errors, instruments
+    )
+    found, shares = with_attachments(
+        found, shares, options.moment_arms, options.identification.level
+    )
+    return with_base_load(found, load), shares
+
+
 def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[float, str]:
-    """The cut-off of all conditions [Hz], and why it was chosen."""
+    """Choose the cut-off of all conditions [Hz], and say why."""
     if options.filter.cutoff is not None:
         return options.filter.cutoff, f"The cut-off of {options.filter.cutoff:g} Hz was given."
     chosen = choose_cutoff([condition.tracked for condition in conditions.values()])
@@ -161,9 +208,7 @@ def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[
 def _equations(
     conditions: Mapping[str, Prepared], cutoff: float, tared: bool, lost: list[str]
 ) -> dict[str, Prepared]:
-    """The conditions with their equations and faults; those that have none are added to what is
-    lost.
-    """
+    """Make equations of the conditions, and find faults; those that have none are lost."""
     result = {}
     for name, condition in conditions.items():
         try:
@@ -184,9 +229,7 @@ def _equations(
 def _corrected(
     conditions: Mapping[str, Prepared], options: ErrorOptions, loaded: bool
 ) -> tuple[dict[str, Prepared], Instruments]:
-    """The conditions without the errors of instruments that their swings tell, and what is known of
-    these.
-    """
+    """Take off the errors of instruments that swings tell, and say what is known of these."""
     if not options.estimate:
         return dict(conditions), Instruments.assumed(options)
     free = [name for name, condition in conditions.items() if loaded or condition.hides_mass]
@@ -204,8 +247,9 @@ def _corrected(
 def _with_base(
     conditions: Mapping[str, Prepared], instruments: Instruments, load: BaseLoad
 ) -> dict[str, Prepared]:
-    """The conditions with a finding where the base carries a load that was not stated, and no other
-    of its moment.
+    """Find where the base carries a load that was not stated.
+
+    Of a load that was stated no moment is a fault.
     """
     result = dict(conditions)
     for name, condition in conditions.items():
@@ -221,9 +265,7 @@ def _with_base(
 def _compared(
     conditions: Mapping[str, Prepared], options: PassiveOptions
 ) -> tuple[dict[str, PassiveComparison], list[str]]:
-    """Laws of the passive torque of every condition that can be compared, and where their criteria
-    disagree.
-    """
+    """Compare laws of the passive torque of every condition, and note where criteria disagree."""
     comparisons = {}
     notes = []
     for name, condition in conditions.items():
@@ -243,8 +285,9 @@ def _with_acting(
     shares: Sequence[ErrorShare],
     level: float,
 ) -> tuple[identify.SpecimenViscosity, dict[str, Interval]]:
-    """The specimen with what acts in the joint beside one viscosity, as its swings without muscles
-    show it, and the coefficients of that law; instruments widen them as they widen the one
+    """Put what acts in the joint beside one viscosity into a specimen.
+
+    It is what swings without muscles show; instruments widen its coefficients as they widen the one
     viscosity.
     """
     condition = specimen_viscosity.without
@@ -297,7 +340,7 @@ def _with_acting(
 def _with_sway(
     specimen_viscosity: identify.SpecimenViscosity, sway: float, level: float
 ) -> identify.SpecimenViscosity:
-    """The specimen with viscosities as well as they are known on a base that goes to and fro."""
+    """Widen viscosities by what a base that goes to and fro leaves unknown."""
     share = float(half_width(SWAY_SHARE * sway, level))
 
     def swayed(estimate: Interval) -> Interval:
@@ -314,9 +357,7 @@ def _with_sway(
 
 
 def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) -> StudyOptions:
-    """The options with a spring where it was asked for, or a condition's swings are predicted
-    better with it.
-    """
+    """Fit a spring where it was asked for, or where swings are predicted better with it."""
     if options.identification.stiffness is not None:
         return options
     sprung = any(
@@ -335,8 +376,9 @@ def _identified(
     conditions: Mapping[str, Prepared],
     options: identify.ViscosityOptions,
 ) -> identify.SpecimenViscosity:
-    """The three steps; where one plate hides the mass, that of the other condition comes from it
-    alone.
+    """Do the three steps.
+
+    Where one plate hides the mass, that of the other condition comes from it alone.
     """
     forces = specimen.isometric_forces
     shares = (

@@ -8,9 +8,11 @@ from myomorph.core.io.formats import read_model
 from myomorph.core.io.mjcf.couplings import write_dampers
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.model import Model
 from myomorph.core.model.passive_dynamics import with_passive_dynamics
 from myomorph.swings.viscosity.identified_model import (
     LOSSY,
+    Dampers,
     ViscosityValues,
     dampers_of,
 )
@@ -48,41 +50,60 @@ def write_identified(
             f"ends otherwise than the model '{model.name}'",
             f"give a name with '{model.suffix}'",
         )
-    if "joint_viscosity" not in report.row:
-        raise BadData(
-            f"specimen '{report.name}' has no joint viscosity: its swings without muscles do not"
-            " show it"
-        )
-    joint = report.row["joint_viscosity"].value
+    viscosity = _viscosity_of(report)
     read = read_model(model)
-    of_muscles = {}
-    if report.muscles is not None and "muscle_viscosity" in report.row:
-        of_muscles = dict.fromkeys(report.muscles.muscles, report.row["muscle_viscosity"].value)
     first = body_named(read, first, "first_body")
     base = body_named(read, base, "base", first)
-    ball = next((part for part in read.joints if part.child == first and part.parent == base), None)
     mjcf = model.suffix.lower() == ".xml"
-    whole = mjcf and ball is not None and ball.kind == "ball"
-    viscosity = ViscosityValues(joint=joint, muscles=of_muscles)
     dampers = dampers_of(read, base, first, viscosity, by_coordinate=mjcf)
-    lines = [f"{base} to {first}: {joint:.3g} N m s/rad"]
-    if of_muscles:
-        lines.append(
-            f"{len(dampers.muscles)} muscles: {report.row['muscle_viscosity'].value:.3g} N s/m each"
-        )
-    if whole and ball is not None:
-        write_dampers(model, out, {ball.name: joint}, dampers.muscles)
-        return tuple(lines)
+    lines = _lines(report, dampers, f"{base} to {first}")
+    ball = _ball(read, base, first)
+    if mjcf and ball is not None:
+        write_dampers(model, out, {ball: viscosity.joint}, dampers.muscles)
+        return lines
     if dampers.residual > LOSSY:
         what = "dampers of coordinates" if dampers.bushing is None else "the bushing"
-        lines.append(
-            f"{what} miss {100 * dampers.residual:.0f} % of the torque of the joint's damping"
-        )
+        missed = f"{100 * dampers.residual:.0f} % of the torque of the joint's damping"
+        lines = (*lines, f"{what} miss {missed}")
     if mjcf:
         write_dampers(model, out, dampers.coordinates, dampers.muscles)
-        return tuple(lines)
+        return lines
     bushings = () if dampers.bushing is None else (dampers.bushing,)
     made = with_passive_dynamics(
         read, dampers.coordinates, viscosity=dampers.muscles, bushings=bushings
     )
     return (*lines, *write_osim(made, out))
+
+
+def _viscosity_of(report: SpecimenReport) -> ViscosityValues:
+    """Take the viscosities out of a report.
+
+    Raises
+    ------
+    BadData : the specimen has no joint viscosity
+    """
+    if "joint_viscosity" not in report.row:
+        raise BadData(
+            f"specimen '{report.name}' has no joint viscosity: its swings without muscles do not"
+            " show it"
+        )
+    muscles = {}
+    if report.muscles is not None and "muscle_viscosity" in report.row:
+        muscles = dict.fromkeys(report.muscles.muscles, report.row["muscle_viscosity"].value)
+    return ViscosityValues(joint=report.row["joint_viscosity"].value, muscles=muscles)
+
+
+def _lines(report: SpecimenReport, dampers: Dampers, joint: str) -> tuple[str, ...]:
+    """Say what is written of joint and muscles, a line each."""
+    of_joint = f"{joint}: {report.row['joint_viscosity'].value:.3g} N m s/rad"
+    if not dampers.muscles:
+        return (of_joint,)
+    value = report.row["muscle_viscosity"].value
+    return of_joint, f"{len(dampers.muscles)} muscles: {value:.3g} N s/m each"
+
+
+def _ball(model: Model, base: str, first: str) -> str | None:
+    """Name the joint between two bodies where it is a ball."""
+    joints = (joint for joint in model.joints if (joint.parent, joint.child) == (base, first))
+    joint = next(joints, None)
+    return joint.name if joint is not None and joint.kind == "ball" else None

@@ -125,7 +125,16 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
         specimens = tuple(specimen_files(table, folder) for table in file.specimen)
         limbs = tuple(limb_files(table, folder) for table in file.limb)
         names = [*(specimen.name for specimen in specimens), *(limb.name for limb in limbs)]
-        folder.check_names(names)
+        problems += [
+            f"two specimens or limbs are named '{name}': give one another name"
+            for name in dict.fromkeys(names)
+            if names.count(name) > 1
+        ]
+        if not names:
+            problems.append(
+                "it has no [[specimen]] and no [[limb]]: give one, as 'myomorph viscosity"
+                " --template' shows"
+            )
     toml_file.refuse(path, problems)
     assert file is not None
     settings = {

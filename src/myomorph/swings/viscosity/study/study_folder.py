@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,21 +20,3 @@ class StudyFolder:
     path: Path
     problems: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
-
-    def check_names(self, names: Sequence[str]) -> None:
-        """Note names that two specimens or limbs share, and that there is none at all.
-
-        Parameters
-        ----------
-        names : of specimens and limbs
-        """
-        if not names:
-            self.problems.append(
-                "it has no [[specimen]] and no [[limb]]: give one, as 'myomorph viscosity"
-                " --template' shows"
-            )
-        self.problems.extend(
-            f"two specimens or limbs are named '{name}': give one another name"
-            for name in dict.fromkeys(names)
-            if names.count(name) > 1
-        )

@@ -1,6 +1,4 @@
-"""The motion of a swinging limb: angles without jumps, derivatives, and the wrench that unit
-parameters need.
-"""
+"""The motion of a swinging limb: angles without jumps, derivatives, rows of the wrench."""
 
 from __future__ import annotations
 
@@ -21,10 +19,16 @@ from myomorph.swings.viscosity.specimen.model import Specimen
 
 @read_only
 class LimbMotion:
-    """A limb in motion about its joint's center, everything distal of the joint one rigid link: its
-    rotations to ground, d(rate about a free axis)/d(coordinate's velocity) and rates about the free
-    axes [rad/s]. `wrench_rows` (frames, 6, 10): moment about the center and force that unit
-    parameters need, ground axes; `torque_rows` (frames, axes, 10): the moment along the free axes.
+    """A limb in motion about its joint's center, everything distal of the joint one rigid link.
+
+    Attributes
+    ----------
+    rotations : (frames, 3, 3) to ground
+    slopes : (frames, axes, coordinates) d(rate about a free axis)/d(coordinate's velocity)
+    rates : (frames, axes) about the free axes [rad/s]
+    wrench_rows : (frames, 6, 10) moment about the center and force that unit parameters need, along
+        ground axes
+    torque_rows : (frames, axes, 10) the moment along the free axes
     """
 
     rotations: Array
@@ -35,8 +39,12 @@ class LimbMotion:
 
 
 def limb_motion(specimen: Specimen, motion: Motion) -> LimbMotion:
-    """Rotation, rates and rows of a motion of the joint with derivatives, the base at its stand;
-    NaN where it is.
+    """Find rotation, rates and rows of a motion of the joint, the base at its stand.
+
+    Parameters
+    ----------
+    specimen : with the limb
+    motion : with derivatives; NaN stays NaN
     """
     pendulum = specimen.pendulum
     tree = compile_tree(pendulum)
@@ -58,9 +66,16 @@ def limb_motion(specimen: Specimen, motion: Motion) -> LimbMotion:
 
 
 def on_moving_base(specimen: Specimen, limb: LimbMotion, base: Motion) -> LimbMotion:
-    """The limb on a base that moves by displacement of the joint's center and rotation vector, a
-    small one, in ground (frames, 6), with derivatives. The center's acceleration acts as gravity
-    does; rates are those against the base.
+    """Put the limb on a base that moves.
+
+    The center's acceleration acts as gravity does; rates are those against the base.
+
+    Parameters
+    ----------
+    specimen : with the limb
+    limb : on a base at rest
+    base : displacement of the joint's center and rotation vector, a small one, in ground (frames,
+        6), with derivatives
     """
     assert base.velocities is not None
     assert base.accelerations is not None
@@ -77,10 +92,21 @@ def on_moving_base(specimen: Specimen, limb: LimbMotion, base: Motion) -> LimbMo
 
 
 def lengthening(specimen: Specimen, motion: Motion, slopes: Array) -> Array:
-    """(frames, strands, axes) d(length)/d(angle about a free axis), J_M of [S] eq. 3 [m/rad], NaN
-    where the motion is. Strands stand muscle after muscle, each divided by the root of their number
-    (see `SwingRecording`). Moment arms about the coordinates become arms about the axes by the
-    inverse of `slopes` (frames, axes, coordinates).
+    """Find J_M of [S] eq. 3, d(length)/d(angle about a free axis).
+
+    Strands stand muscle after muscle, each divided by the root of their number (see
+    `SwingRecording`). Moment arms about the coordinates become arms about the axes by the inverse
+    of the slopes.
+
+    Parameters
+    ----------
+    specimen : with muscles
+    motion : of the joint
+    slopes : (frames, axes, coordinates) of `LimbMotion`
+
+    Returns
+    -------
+    (frames, strands, axes) [m/rad], NaN where the motion is
     """
     strands = [(strand, len(muscle)) for muscle in specimen.muscles.values() for strand in muscle]
     result = np.full((len(motion), len(strands), len(specimen.axes)), np.nan)
@@ -97,10 +123,17 @@ def lengthening(specimen: Specimen, motion: Motion, slopes: Array) -> Array:
 
 
 def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None = None) -> Motion:
-    """The motion of a specimen's joint with velocities and accelerations, low-pass filtered first
-    at `cutoff` [Hz]. As `motion.filters.differentiate`, but a ball is filtered as a quaternion,
-    which no pose makes singular: omega = 2 vec(conj(q) dq/dt) / |q|^2. Angles near a quarter turn
-    of the middle rotation have large rates, which together still are that omega.
+    """Find velocities and accelerations of a specimen's joint, low-pass filtered first.
+
+    As `motion.filters.differentiate`, but a ball is filtered as a quaternion, which no pose makes
+    singular: omega = 2 vec(conj(q) dq/dt) / |q|^2. Angles near a quarter turn of the middle
+    rotation have large rates, which together still are that omega.
+
+    Parameters
+    ----------
+    specimen : with the joint
+    motion : of its coordinates
+    cutoff : of the low-pass [Hz], None for none
     """
     if len(specimen.joint_coordinates) == 1:
         return differentiate(motion, cutoff)
@@ -108,23 +141,20 @@ def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None
     axes = np.array([axis.vector for axis in joint.axes])
     order = "".join("XYZ"[int(np.argmax(axis))] for axis in axes)
     columns = [motion.names.index(name) for name in joint.coordinates]
-    angles = motion.values[:, columns]
-    seen = np.isfinite(angles).all(axis=1)
-    quaternions = np.full((len(motion), 4), np.nan)
-    quaternions[seen] = continuous(
-        Rotation.from_euler(order, angles[seen]).as_quat(scalar_first=True)
+    quaternions = _quaternions(motion.values[:, columns], order)
+    rates = differentiate(Motion(motion.time, ("w", "x", "y", "z"), quaternions), cutoff)
+    assert rates.velocities is not None
+    assert rates.accelerations is not None
+
+    known = np.isfinite(rates.values).all(axis=1)
+    turns, omega, alpha = angular_motion(
+        rates.values[known], rates.velocities[known], rates.accelerations[known]
     )
-    quaternion_rates = differentiate(Motion(motion.time, ("w", "x", "y", "z"), quaternions), cutoff)
-    assert quaternion_rates.velocities is not None
-    assert quaternion_rates.accelerations is not None
-    known = np.isfinite(quaternion_rates.values).all(axis=1)
     values = np.full((len(motion), 3), np.nan)
     velocities = np.full((len(motion), 3), np.nan)
     accelerations = np.full((len(motion), 3), np.nan)
-    parts = quaternion_rates.values, quaternion_rates.velocities, quaternion_rates.accelerations
-    turns, rates, gains = angular_motion(*(part[known] for part in parts))
     values[known] = turns.as_euler(order)
-    velocities[known], accelerations[known] = _angle_rates(axes, values[known], rates, gains)
+    velocities[known], accelerations[known] = _angle_rates(axes, values[known], omega, alpha)
     return Motion(
         time=motion.time,
         names=tuple(joint.coordinates),
@@ -134,8 +164,26 @@ def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None
     )
 
 
+def _quaternions(angles: Array, order: str) -> Array:
+    """Turn angles (frames, 3) into quaternions (frames, 4), w first, without jumps of sign."""
+    seen = np.isfinite(angles).all(axis=1)
+    quaternions = np.full((len(angles), 4), np.nan)
+    rotations = Rotation.from_euler(order, angles[seen])
+    quaternions[seen] = continuous(rotations.as_quat(scalar_first=True))
+    return quaternions
+
+
 def continuous(quaternions: Array) -> Array:
-    """Quaternions (frames, 4) with the signs that make each the nearest to the one before."""
+    """Give quaternions the signs that make each the nearest to the one before.
+
+    Parameters
+    ----------
+    quaternions : (frames, 4)
+
+    Returns
+    -------
+    (frames, 4)
+    """
     turned = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)
     return quaternions * np.concatenate([[1.0], np.cumprod(turned)])[: len(quaternions), None]
 
@@ -143,9 +191,18 @@ def continuous(quaternions: Array) -> Array:
 def angular_motion(
     values: Array, velocities: Array, accelerations: Array
 ) -> tuple[Rotation, Array, Array]:
-    """Rotations, angular rates and accelerations (frames, 3) along the body's axes, of quaternions
-    (frames, 4), w first and of any length, and their derivatives: with s = |q|, omega = 2
-    vec(conj(q) q') / s^2 and alpha = 2 vec(conj(q) q'') / s^2 - 2 omega s' / s.
+    """Find rotations, angular rates and accelerations from quaternions of any length.
+
+    With s = |q|, omega = 2 vec(conj(q) q') / s^2 and alpha = 2 vec(conj(q) q'') / s^2 - 2 omega s'
+    / s.
+
+    Parameters
+    ----------
+    values, velocities, accelerations : (frames, 4) w first, and their derivatives
+
+    Returns
+    -------
+    rotations, and (frames, 3) along the body's axes [rad/s], [rad/s^2]
     """
     square = np.sum(values**2, axis=1, keepdims=True)
     growth = np.sum(values * velocities, axis=1, keepdims=True) / square
@@ -155,7 +212,7 @@ def angular_motion(
 
 
 def _vector_part(first: Array, second: Array) -> Array:
-    """Of conj(first) second, quaternions (frames, 4)."""
+    """Find the vector part (frames, 3) of conj(first) second, quaternions (frames, 4)."""
     a = first[:, :1]
     u = first[:, 1:]
     b = second[:, :1]
@@ -164,9 +221,20 @@ def _vector_part(first: Array, second: Array) -> Array:
 
 
 def _angle_rates(axes: Array, angles: Array, rates: Array, gains: Array) -> tuple[Array, Array]:
-    """Rates and accelerations (frames, 3) of body-fixed rotations about `axes` (3, 3), of those
-    along the body's axes: omega = S(q) q', alpha = S q'' + S' q'; the columns of S are the axes as
-    the body sees them.
+    """Find rates and accelerations of body-fixed rotations from those along the body's axes.
+
+    With omega = S(q) q', alpha = S q'' + S' q'; the columns of S are the axes as the body sees
+    them.
+
+    Parameters
+    ----------
+    axes : (3, 3) of the rotations
+    angles : (frames, 3) [rad]
+    rates, gains : (frames, 3) along the body's axes [rad/s], [rad/s^2]
+
+    Returns
+    -------
+    (frames, 3) each [rad/s], [rad/s^2]
     """
     last = Rotation.from_rotvec(angles[:, 2, None] * axes[2])
     middle = Rotation.from_rotvec(angles[:, 1, None] * axes[1])
@@ -182,9 +250,10 @@ def _angle_rates(axes: Array, angles: Array, rates: Array, gains: Array) -> tupl
 
 
 def on_one_branch(specimen: Specimen, motion: Motion) -> Motion:
-    """The same motion with angles that neither jump by a turn nor to the other branch of a ball's
-    three rotations. The middle one of three rotations is brought within a quarter turn, the others
-    of a ball within half a turn; a joint's only angle may go on beyond.
+    """Bring angles to one branch, so that none jumps by a turn.
+
+    The middle one of a ball's three rotations is brought within a quarter turn, the others within
+    half a turn; a joint's only angle may go on beyond.
     """
     values = np.array(motion.values)
     for joint in specimen.model.joints:
@@ -203,7 +272,7 @@ def on_one_branch(specimen: Specimen, motion: Motion) -> Motion:
 
 
 def _continuous(angle: Array) -> Array:
-    """An angle (frames,) without jumps by a turn, around zero."""
+    """Take jumps by a turn out of an angle (frames,), which is then around zero."""
     seen = np.isfinite(angle)
     unwound = np.array(angle)
     unwound[seen] = np.unwrap(angle[seen])

@@ -15,7 +15,12 @@ from myomorph.core.model.series import Wrenches
 from myomorph.core.motion.clocks import SIGNIFICANT, Clock, ClockOptions, fit_clock
 from myomorph.core.motion.filters import lowpass
 from myomorph.core.motion.splines import natural_spline
-from myomorph.swings.viscosity.swings.recording import REACH, force_mismatch, touched_frames
+from myomorph.swings.viscosity.swings.recording import (
+    REACH,
+    CarriedLimb,
+    force_mismatch,
+    touched_frames,
+)
 
 ANTI_ALIAS = 0.4
 """Cutoff of the low-pass before samples are thinned out, as part of the new rate: at a quarter of
@@ -187,7 +192,8 @@ def _fitted(
     seen, force = _filtered(time, whole, plate_time + lag, wrench)
     if seen.sum() < 6:
         return Clock()
-    hand = touched_frames([slow], [force], [time], [seen], share, 0.5 * REACH / CUTOFF)[0]
+    carried = CarriedLimb(time=time, rows=slow, wrench=force, candidates=seen)
+    (hand,) = touched_frames([carried], share, 0.5 * REACH / CUTOFF)
     options = ClockOptions(search=AROUND, cutoff=CUTOFF)
     try:
         clock = wrench_clock(time, rows, plate_time + lag, wrench, options, seen & ~hand)

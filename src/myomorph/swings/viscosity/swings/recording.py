@@ -1,11 +1,10 @@
-"""One recording of a limb that swings freely from a base, as linear equations, and which frames are
-free.
-"""
+"""One recording of a limb that swings from a base, as linear equations, and its free frames."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
@@ -129,13 +128,35 @@ class SwingRecording:
 
 
 def near(flags: np.ndarray, time: Array, distance: float) -> np.ndarray:
-    """(frames,) whether a flagged frame lies within a distance in time [s]."""
+    """Spread flags in time.
+
+    Parameters
+    ----------
+    flags : (frames,)
+    time : (frames,) [s]
+    distance : within which a frame counts as flagged [s]
+
+    Returns
+    -------
+    (frames,)
+    """
     frames = round(distance / float(np.median(np.diff(time)))) if len(time) > 1 else 0
     return binary_dilation(flags, iterations=frames) if frames > 0 else flags.copy()
 
 
 def whole_frames(time: Array, finite: np.ndarray, cutoff: float | None) -> np.ndarray:
-    """(frames,) finite frames out of the reach of ends and gaps through the filter."""
+    """Find finite frames out of the reach of ends and gaps through the filter.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    finite : (frames,)
+    cutoff : of the filter [Hz], None for none
+
+    Returns
+    -------
+    (frames,)
+    """
     lacking = np.concatenate([[True], ~finite, [True]])
     if cutoff is None or len(time) < 2:
         return ~lacking[1:-1]
@@ -144,28 +165,51 @@ def whole_frames(time: Array, finite: np.ndarray, cutoff: float | None) -> np.nd
     return ~near(lacking, wide, REACH / cutoff)[1:-1]
 
 
-def touched_frames(
-    rows: Sequence[Array],
-    wrenches: Sequence[Array],
-    times: Sequence[Array],
-    candidates: Sequence[np.ndarray],
-    share: float,
-    reach: float,
-) -> list[np.ndarray]:
-    """Per trial, (frames,) where something besides the joint carries the limb, from rows (frames,
-    6, 10) and wrenches.
+class CarriedLimb(NamedTuple):
+    """A trial in which something besides the joint may carry the limb.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    rows : (frames, 6, 10) of the wrench
+    wrench : (frames, 6) [N m], [N]
+    candidates : (frames,) that take part
+    """
+
+    time: Array
+    rows: Array
+    wrench: Array
+    candidates: np.ndarray
+
+
+def touched_frames(trials: Sequence[CarriedLimb], share: float, reach: float) -> list[np.ndarray]:
+    """Find where something besides the joint carries the limb.
 
     While nobody touches the limb, force = rows phi + constant with one phi over all trials. A
     robust fit finds phi from the frames that agree, which must be the most; frames whose mismatch,
-    averaged over `WINDOW`, passes both `OUTLYING` of its usual size and a `share` of what the
-    swing's force varies are touched, and neighbors within `reach` [s]. Moments show nothing: a
-    joint carries hardly any, whether the limb is held or not.
+    averaged over `WINDOW`, passes both `OUTLYING` of its usual size and a share of what the swing's
+    force varies are touched. Moments show nothing: a joint carries hardly any, whether the limb is
+    held or not.
+
+    Parameters
+    ----------
+    trials : of one condition
+    share : of the force's variation
+    reach : within which neighbors count as touched [s]
+
+    Returns
+    -------
+    (frames,) of each trial
     """
     mismatch, largest = force_mismatch(
-        [Y[:, 3:, :4] for Y in rows], [wrench[:, 3:] for wrench in wrenches], candidates
+        [trial.rows[:, 3:, :4] for trial in trials],
+        [trial.wrench[:, 3:] for trial in trials],
+        [trial.candidates for trial in trials],
     )
     result = []
-    for misfit, time, use in zip(mismatch, times, candidates, strict=True):
+    for misfit, trial in zip(mismatch, trials, strict=True):
+        use = trial.candidates
+        time = trial.time
         error = np.where(use[:, None], misfit, 0.0)
         frames = max(1, round(WINDOW / float(np.median(np.diff(time))))) if len(time) > 1 else 1
         count = np.maximum(uniform_filter1d(use.astype(float), frames), 1.0 / frames)
@@ -178,32 +222,20 @@ def touched_frames(
 def force_mismatch(
     rows: Sequence[Array], forces: Sequence[Array], candidates: Sequence[np.ndarray]
 ) -> tuple[list[Array], float]:
-    """Measured less predicted force (frames, 3) of each trial, and how far the predicted one moves
-    from its mean [N]. Least absolute errors first, then weights that forget what is far off; rows
-    (frames, 3, 4) of unit mass and first moments.
+    """Compare measured forces with those that one limb needs in all trials.
+
+    Parameters
+    ----------
+    rows : (frames, 3, 4) of each trial, of unit mass and first moments
+    forces : (frames, 3) measured [N]
+    candidates : (frames,) that take part
+
+    Returns
+    -------
+    measured less predicted (frames, 3) of each trial, and how far the predicted one moves from its
+    mean [N]
     """
-    trials = len(rows)
-    chosen = [np.flatnonzero(use)[:: max(1, int(use.sum()) // SAMPLES)] for use in candidates]
-    tables = []
-    for index, (Y, frames) in enumerate(zip(rows, chosen, strict=True)):
-        constant = np.zeros((len(frames), 3, 3 * trials))
-        constant[:, np.arange(3), 3 * index + np.arange(3)] = 1.0
-        tables.append(np.concatenate([Y[frames], constant], axis=2))
-    A = np.concatenate(tables)
-    b = np.concatenate([force[frames] for force, frames in zip(forces, chosen, strict=True)])
-    trust = np.ones(len(A))
-    for turn in range(2 * ROUNDS):
-        root = np.sqrt(trust)[:, None]
-        x = np.linalg.lstsq(
-            (A * root[..., None]).reshape(-1, A.shape[2]), (b * root).ravel(), rcond=1e-9
-        )[0]
-        far = np.linalg.norm(b - A @ x, axis=1)
-        scale = max(float(np.median(far)), 1e-9 * float(np.abs(b).max(initial=1e-9)))
-        trust = (
-            1.0 / np.maximum(far, scale)
-            if turn < ROUNDS
-            else 1.0 / np.square(1.0 + np.square(far / (3.0 * scale)))
-        )
+    x = _robust(rows, forces, candidates)
     wanted = [Y @ x[:4] + x[4 + 3 * index : 7 + 3 * index] for index, Y in enumerate(rows)]
     seen = [force[use] for force, use in zip(wanted, candidates, strict=True) if use.any()]
     moving = [np.linalg.norm(force - force.mean(axis=0), axis=1) for force in seen]
@@ -211,11 +243,51 @@ def force_mismatch(
     return [force - expected for force, expected in zip(forces, wanted, strict=True)], largest
 
 
+def _robust(
+    rows: Sequence[Array], forces: Sequence[Array], candidates: Sequence[np.ndarray]
+) -> Array:
+    """Fit mass, first moments and a constant force of each trial (4 + 3 trials,).
+
+    Least absolute errors first, then weights that forget what is far off.
+    """
+    chosen = [np.flatnonzero(use)[:: max(1, int(use.sum()) // SAMPLES)] for use in candidates]
+    tables = []
+    for index, (Y, frames) in enumerate(zip(rows, chosen, strict=True)):
+        constant = np.zeros((len(frames), 3, 3 * len(rows)))
+        constant[:, np.arange(3), 3 * index + np.arange(3)] = 1.0
+        tables.append(np.concatenate([Y[frames], constant], axis=2))
+    A = np.concatenate(tables)
+    b = np.concatenate([force[frames] for force, frames in zip(forces, chosen, strict=True)])
+    trust = np.ones(len(A))
+    for turn in range(2 * ROUNDS):
+        root = np.sqrt(trust)[:, None]
+        weighted = (A * root[..., None]).reshape(-1, A.shape[2])
+        x = np.linalg.lstsq(weighted, (b * root).ravel(), rcond=1e-9)[0]
+        far = np.linalg.norm(b - A @ x, axis=1)
+        scale = max(float(np.median(far)), 1e-9 * float(np.abs(b).max(initial=1e-9)))
+        if turn < ROUNDS:
+            trust = 1.0 / np.maximum(far, scale)
+        else:
+            trust = 1.0 / np.square(1.0 + np.square(far / (3.0 * scale)))
+    return np.asarray(x)
+
+
 def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> np.ndarray:
-    """(frames,) number of the swing, -1 where the limb is not free, of the dominant rotation [rad],
-    [rad/s]. In every unbroken run of free frames a swing lasts from one turn to the next but one;
-    the first begins with the release. A turn counts if the limb has come `least` [rad] away from
-    the turn before. What follows the last turn is cut into pieces as long as the swings before.
+    """Number the swings of the dominant rotation.
+
+    In every unbroken run of free frames a swing lasts from one turn to the next but one; the first
+    begins with the release. What follows the last turn is cut into pieces as long as the swings
+    before.
+
+    Parameters
+    ----------
+    angle, rate : (frames,) [rad], [rad/s]
+    free : (frames,) whether the limb is
+    least : a turn counts if the limb has come so far from the turn before [rad]
+
+    Returns
+    -------
+    (frames,) -1 where the limb is not free
     """
     numbers = np.full(len(angle), -1)
     following = 0
@@ -236,7 +308,7 @@ def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> 
 
 
 def _turns(angle: Array, rate: Array, least: float) -> list[int]:
-    """Frames at which the limb turns back, with more than `least` between one turn and the next."""
+    """Find frames at which the limb turns back, more than `least` between one and the next."""
     turns: list[int] = []
     last = angle[0]
     for frame in np.flatnonzero(np.diff(np.signbit(rate))) + 1:

@@ -1,11 +1,11 @@
-"""Swings condensed to sums of products, block by block, from which every step and every resampling
-is solved.
+"""Swings condensed to sums of products, block by block.
 
-A block is a few successive swings of one trial. Whatever is fitted by least squares to a choice of
-blocks needs only the sums over those blocks, so a draw of the bootstrap costs no pass over the
-frames. Blocks fade into each other over half their length: cut off sharply, each would hold the
-noise of the limb's energy at its two ends, which cancels in the whole because the next block holds
-it too, but would count as scatter between blocks.
+From these every step and every resampling is solved. A block is a few successive swings of one
+trial. Whatever is fitted by least squares to a choice of blocks needs only the sums over those
+blocks, so a draw of the bootstrap costs no pass over the frames. Blocks fade into each other over
+half their length: cut off sharply, each would hold the noise of the limb's energy at its two ends,
+which cancels in the whole because the next block holds it too, but would count as scatter between
+blocks.
 """
 
 from __future__ import annotations
@@ -42,7 +42,16 @@ what the joint resists, then muscles.
 
 
 def free_directions(recordings: Sequence[SwingRecording]) -> Array:
-    """(axes, 3) the free axes in the limb's first body."""
+    """Find the free axes in the limb's first body.
+
+    Parameters
+    ----------
+    recordings : of one condition
+
+    Returns
+    -------
+    (axes, 3)
+    """
     left = np.zeros((3, 3))
     right = np.zeros((3, len(recordings[0].axes)))
     for recording in recordings:
@@ -54,16 +63,26 @@ def free_directions(recordings: Sequence[SwingRecording]) -> Array:
 
 
 def moment_rows(swing_recording: SwingRecording) -> Array:
-    """(frames, 3, 10) moment about the joint's center that unit parameters need, along the limb's
-    axes.
+    """Find the moment about the joint's center that unit parameters need.
+
+    Parameters
+    ----------
+    swing_recording : of a swing
+
+    Returns
+    -------
+    (frames, 3, 10) along the limb's axes
     """
     return swing_recording.rotations.transpose(0, 2, 1) @ swing_recording.wrench_rows[:, :3]
 
 
 class PredictedRows(NamedTuple):
-    """The wrench rows of a recording without the acceleration of directions in which the limb is
-    still, and their instruments, the same with the acceleration that the state predicts; (frames,
-    6, 10) each.
+    """The wrench rows of a recording, and their instruments.
+
+    Attributes
+    ----------
+    rows : (frames, 6, 10) without the acceleration of directions in which the limb is still
+    instruments : (frames, 6, 10) the same with the acceleration that the state predicts
     """
 
     rows: Array
@@ -73,8 +92,7 @@ class PredictedRows(NamedTuple):
 def predicted_rows(
     recordings: Sequence[SwingRecording], frames: Sequence[np.ndarray]
 ) -> list[PredictedRows]:
-    """Rows of every recording with the measured acceleration, and with the one that the state
-    predicts, fitted in `frames`.
+    """Make rows with the measured acceleration, and with the one that the state predicts.
 
     A rigid limb on a joint with linear spring and damper accelerates by I^-1 (m c x g - omega x I
     omega - d omega - k theta): linear in the direction of gravity, the products of the rates, the
@@ -82,6 +100,15 @@ def predicted_rows(
     and what it has is not that of the acceleration at the same instant. Rows with it are the
     instruments of step 1 (Janot, Vandanjon, Gautier 2014): least squares on the rows themselves
     draws the parameters towards zero, because noise in a row counts as motion.
+
+    Parameters
+    ----------
+    recordings : of one condition
+    frames : of each, in which the law of the acceleration is fitted
+
+    Returns
+    -------
+    of every recording
     """
     along = free_directions(recordings)
     states = [_state(recording) for recording in recordings]
@@ -108,7 +135,17 @@ def predicted_rows(
 
 
 def _still(rates: Array, measured: Array, predicted: Array) -> Array:
-    """(axes, axes) projection on the directions in which the limb is still."""
+    """Make the projection on the directions in which the limb is still.
+
+    Parameters
+    ----------
+    rates : (frames, axes) [rad/s]
+    measured, predicted : (frames, axes) acceleration [rad/s^2]
+
+    Returns
+    -------
+    (axes, axes)
+    """
     squares, directions = np.linalg.eigh(rates.T @ rates)
     seen = np.square(measured @ directions).sum(axis=0)
     left = np.square((measured - predicted) @ directions).sum(axis=0)
@@ -119,7 +156,7 @@ def _still(rates: Array, measured: Array, predicted: Array) -> Array:
 
 
 def _state(swing_recording: SwingRecording) -> Array:
-    """(frames, n) direction of gravity, rates, products of rates, angles and a one."""
+    """Put gravity's direction, rates, their products, angles and a one in columns (frames, n)."""
     down = np.einsum("fji,j->fi", swing_recording.rotations, swing_recording.gravity)
     first, second = np.triu_indices(swing_recording.rates.shape[1])
     products = swing_recording.rates[:, first] * swing_recording.rates[:, second]
@@ -128,7 +165,17 @@ def _state(swing_recording: SwingRecording) -> Array:
 
 
 def _rows_of(rotations: Array, accelerations: Array) -> Array:
-    """(frames, 6, 10) part of the rows that angular accelerations (frames, 3) in the limb make."""
+    """Find the part of the rows that angular accelerations make.
+
+    Parameters
+    ----------
+    rotations : (frames, 3, 3) of the limb
+    accelerations : (frames, 3) in the limb [rad/s^2]
+
+    Returns
+    -------
+    (frames, 6, 10)
+    """
     x, y, z = accelerations.T
     rows = np.zeros((len(rotations), 6, 10))
     moment = rows[:, :3]
@@ -149,16 +196,24 @@ def _rows_of(rotations: Array, accelerations: Array) -> Array:
 
 @read_only
 class SwingSums:
-    """Sums of products over blocks of swings; `names` are those of the trials.
+    """Sums of products over blocks of swings.
 
-    `trial`, `frames` (blocks,): its trial and how many frames it has, one in a fade shared by two;
-    `uses`: the frames of each block's own swings, without fades; `wrench` (blocks, 6, 22, 22): of
-    [wrench_rows, wrench, predicted_rows, 1], one matrix a row of the wrench; `torque` (blocks,
-    axes, 15 + muscles, same): of [torque_rows, rate, angle, 1, plate, resisted, u], `plate` the
-    moment that the plate measures about the axis, u_m = J_m J_m . rates the torque of muscle m of
-    unit viscosity, sign turned; `still`: frames left out because the limb hardly swung any more;
-    `parted`: sum of the squares of a frame's shares in its blocks, mean over the frames, 1 without
-    fades, by so much sums of independent noise scatter between blocks of what they do in the whole.
+    Attributes
+    ----------
+    names : of the trials
+    axes, muscles : names
+    trial : (blocks,) number of the trial of each
+    frames : (blocks,) how many each has, one in a fade shared by two
+    uses : the frames of each block's own swings, without fades
+    wrench : (blocks, 6, 22, 22) of [wrench_rows, wrench, predicted_rows, 1], one matrix a row of
+        the wrench
+    torque : (blocks, axes, 15 + muscles, same) of [torque_rows, rate, angle, 1, plate, resisted,
+        u]; plate is the moment that the plate measures about the axis, u_m = J_m J_m . rates the
+        torque of muscle m of unit viscosity, sign turned
+    still : frames left out because the limb hardly swung any more
+    parted : sum of the squares of a frame's shares in its blocks, mean over the frames, 1 without
+        fades: by so much sums of independent noise scatter between blocks of what they do in the
+        whole
     """
 
     names: tuple[str, ...]
@@ -176,41 +231,58 @@ class SwingSums:
         return len(self.trial)
 
     def wrench_total(self, counts: Array) -> Array:
-        """(trials, 6, 22, 22) sums of each trial with each block taken `counts` (blocks,) times."""
+        """Add up the wrench's products of each trial.
+
+        Parameters
+        ----------
+        counts : (blocks,) how often each counts
+
+        Returns
+        -------
+        (trials, 6, 22, 22)
+        """
         weight = (self.trial == np.arange(len(self.names))[:, None]) * counts
         flat = weight @ self.wrench.reshape(len(self), -1)
         return flat.reshape(len(self.names), *self.wrench.shape[1:])
 
     def torque_total(self, counts: Array) -> Array:
-        """(axes, n, n) sums with every block taken `counts` (blocks,) times."""
+        """Add up the torque's products.
+
+        Parameters
+        ----------
+        counts : (blocks,) how often each counts
+
+        Returns
+        -------
+        (axes, n, n)
+        """
         return (counts @ self.torque.reshape(len(self), -1)).reshape(self.torque.shape[1:])
 
 
 def swing_sums(
     recordings: Sequence[SwingRecording], swings: int = 1, least: float = 0.1
 ) -> SwingSums:
-    """The recordings of one condition as sums over blocks of `swings` successive swings. Swings
-    whose root mean square rate is below `least` of the fastest swing's are left out: a limb at rest
-    tells nothing of what resists motion, but its noise biases all.
+    """Condense the recordings of one condition.
+
+    Swings that are slower than others by far are left out: a limb at rest tells nothing of what
+    resists motion, but its noise biases all.
+
+    Parameters
+    ----------
+    recordings : of one condition
+    swings : that follow each other and are one block
+    least : root mean square rate below which a swing is left out, of that of the fastest
+
+    Raises
+    ------
+    BadData : recordings do not belong together, or nothing swings freely
     """
     if not recordings:
         raise BadData("no recording of swings is given")
     for recording in recordings:
         _check(recordings[0], recording)
-    parts = [
-        (number, use) for number, recording in enumerate(recordings) for use in _swings(recording)
-    ]
-    if not parts:
-        names = ", ".join(recording.name for recording in recordings)
-        advice = "release the limb without touching it, and check that its markers are seen"
-        raise BadData(f"none of the trials {names} holds a frame of free swing: {advice}")
-    speed = np.array(
-        [
-            np.sqrt(np.square(recordings[number].rates[use]).sum(axis=1).mean())
-            for number, use in parts
-        ]
-    )
-    live = [part for part, fast in zip(parts, speed >= least * speed.max(), strict=True) if fast]
+    parts = _parts(recordings)
+    live = _live(recordings, parts, least)
     by_trial = [
         [use for number, use in live if number == trial] for trial in range(len(recordings))
     ]
@@ -221,28 +293,79 @@ def swing_sums(
         recordings, [np.concatenate([np.zeros(0, np.int64), *uses]) for uses in by_trial]
     )
     along = free_directions(recordings)
+    first = recordings[0]
     return SwingSums(
         names=tuple(recording.name for recording in recordings),
-        axes=recordings[0].axes,
-        muscles=recordings[0].muscles,
+        axes=first.axes,
+        muscles=first.muscles,
         trial=np.array([block.trial for block in blocks]),
         frames=np.array([block.weight.sum() for block in blocks]),
         uses=tuple(block.own for block in blocks),
-        wrench=np.stack(
-            [
-                _wrench_products(recordings[block.trial], predicted[block.trial], block)
-                for block in blocks
-            ]
-        ),
-        torque=np.stack(
-            [_torque_products(recordings[block.trial], along, block) for block in blocks]
-        ),
-        still=sum(len(use) for _, use in parts) - sum(len(use) for _, use in live),
-        parted=float(
-            np.concatenate([block.weight**2 for block in blocks]).sum()
-            / sum(len(use) for _, use in live)
-        ),
+        wrench=_wrenches(recordings, predicted, blocks),
+        torque=_torques(recordings, along, blocks),
+        still=_count(parts) - _count(live),
+        parted=_parted(blocks, _count(live)),
     )
+
+
+_Parts = list[tuple[int, np.ndarray]]
+"""Numbers of recordings, each with the frames of a swing."""
+
+
+def _parts(recordings: Sequence[SwingRecording]) -> _Parts:
+    """List all swings.
+
+    Raises
+    ------
+    BadData : there is none
+    """
+    parts = [
+        (number, use) for number, recording in enumerate(recordings) for use in _swings(recording)
+    ]
+    if not parts:
+        names = ", ".join(recording.name for recording in recordings)
+        advice = "release the limb without touching it, and check that its markers are seen"
+        raise BadData(f"none of the trials {names} holds a frame of free swing: {advice}")
+    return parts
+
+
+def _live(recordings: Sequence[SwingRecording], parts: _Parts, least: float) -> _Parts:
+    """List swings whose root mean square rate is at least this share of the fastest one's."""
+    speeds = [
+        np.sqrt(np.square(recordings[number].rates[use]).sum(axis=1).mean())
+        for number, use in parts
+    ]
+    speed = np.array(speeds)
+    return [part for part, fast in zip(parts, speed >= least * speed.max(), strict=True) if fast]
+
+
+def _count(parts: _Parts) -> int:
+    """Count the frames of swings."""
+    return sum(len(use) for _, use in parts)
+
+
+def _parted(blocks: Sequence[_Block], frames: int) -> float:
+    """Find the mean over frames of the sum of the squares of their shares in blocks."""
+    squares = np.concatenate([block.weight**2 for block in blocks])
+    return float(squares.sum() / frames)
+
+
+def _wrenches(
+    recordings: Sequence[SwingRecording],
+    predicted: Sequence[PredictedRows],
+    blocks: Sequence[_Block],
+) -> Array:
+    """Condense the wrench of all blocks (blocks, 6, 22, 22)."""
+    products = [
+        _wrench_products(recordings[block.trial], predicted[block.trial], block) for block in blocks
+    ]
+    return np.stack(products)
+
+
+def _torques(recordings: Sequence[SwingRecording], along: Array, blocks: Sequence[_Block]) -> Array:
+    """Condense the torque of all blocks (blocks, axes, 15 + muscles, same)."""
+    products = [_torque_products(recordings[block.trial], along, block) for block in blocks]
+    return np.stack(products)
 
 
 def _check(first: SwingRecording, swing_recording: SwingRecording) -> None:
@@ -262,14 +385,22 @@ def _check(first: SwingRecording, swing_recording: SwingRecording) -> None:
 
 
 def _swings(swing_recording: SwingRecording) -> list[np.ndarray]:
-    """Frames of each swing."""
+    """Find the frames of each swing."""
     swing = swing_recording.swing
     return [np.flatnonzero(swing == number) for number in np.unique(swing[swing_recording.used])]
 
 
 @read_only
 class _Block:
-    """Frames of a trial and their weights in the block; `own` are those before blocks fade."""
+    """Frames of a trial in a block.
+
+    Attributes
+    ----------
+    trial : number
+    own : frames before blocks fade
+    frames : all of them
+    weight : (frames,) in the block
+    """
 
     trial: int
     own: np.ndarray
@@ -278,8 +409,9 @@ class _Block:
 
 
 def _blocks(trial_uses: list[np.ndarray], trial: int, swings: int) -> list[_Block]:
-    """Blocks of a trial, each fading into the next; a last block of less than half its swings joins
-    the one before.
+    """Make blocks of a trial, each fading into the next.
+
+    A last block of less than half its swings joins the one before.
     """
     cuts = [trial_uses[i : i + swings] for i in range(0, len(trial_uses), swings)]
     if len(cuts) > 1 and 2 * len(cuts[-1]) < swings:
@@ -337,15 +469,25 @@ def _torque_products(swing_recording: SwingRecording, along: Array, block: _Bloc
 
 
 def _products(columns: Array, weight: Array) -> Array:
-    """(rows, n, n) weighted sums over frames of the products of columns (frames, rows, n)."""
+    """Add up the products of columns (frames, rows, n) over weighted frames: (rows, n, n)."""
     by_row = columns.transpose(1, 0, 2)
     return by_row.transpose(0, 2, 1) @ (by_row * weight[:, None])
 
 
 def eliminated(products: Array, columns: Sequence[int]) -> Array:
-    """Products (..., n, n) with what the given columns explain taken off all others; theirs become
-    zero. The normal equations of the rest are then those of the fit with the given columns left
-    free (Frisch and Waugh 1933; the Schur complement).
+    """Take what some columns explain off all others; theirs become zero.
+
+    The normal equations of the rest are then those of the fit with the given columns left free
+    (Frisch and Waugh 1933; the Schur complement).
+
+    Parameters
+    ----------
+    products : (..., n, n)
+    columns : that explain
+
+    Returns
+    -------
+    (..., n, n)
     """
     result = np.array(products)
     for column in columns:

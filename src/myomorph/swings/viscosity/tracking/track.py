@@ -24,7 +24,12 @@ from myomorph.swings.viscosity.swings.plate import (
     plate_clock,
     wrench_about,
 )
-from myomorph.swings.viscosity.swings.recording import REACH, touched_frames, whole_frames
+from myomorph.swings.viscosity.swings.recording import (
+    REACH,
+    CarriedLimb,
+    touched_frames,
+    whole_frames,
+)
 from myomorph.swings.viscosity.tracking import held as holding
 from myomorph.swings.viscosity.tracking.cluster_slips import without_slips
 from myomorph.swings.viscosity.tracking.clusters import checked_clusters
@@ -377,22 +382,21 @@ def _rows(specimen: Specimen, motion: Motion, sway: Array) -> tuple[Array, Array
 def _with_touches(
     specimen: Specimen, trials: Sequence[TrackedTrial], share: float
 ) -> list[TrackedTrial]:
-    """The trials with the frames in which somebody touches the limb, found over all of them
-    together.
-    """
-    _, rows, whole = zip(
-        *(_rows(specimen, trial.motion, trial.sway) for trial in trials), strict=True
-    )
-    wrenches = [lowpass_runs(trial.wrench, trial.motion.rate, CUTOFF) for trial in trials]
-    frames = [
-        full & np.isfinite(wrench).all(axis=1) for full, wrench in zip(whole, wrenches, strict=True)
-    ]
-    times = [trial.motion.time for trial in trials]
-    touching = touched_frames(rows, wrenches, times, frames, share, 0.5 * REACH / CUTOFF)
-    return [
-        replace(trial, touched=touched, notes=(*trial.notes, *_hands(trial.name, times, touched)))
-        for trial, touched, times in zip(trials, touching, times, strict=True)
-    ]
+    """Find the frames in which somebody touches the limb, over all trials together."""
+    carried = []
+    for trial in trials:
+        _, rows, whole = _rows(specimen, trial.motion, trial.sway)
+        wrench = lowpass_runs(trial.wrench, trial.motion.rate, CUTOFF)
+        known = np.asarray(np.isfinite(wrench).all(axis=1))
+        carried.append(
+            CarriedLimb(time=trial.motion.time, rows=rows, wrench=wrench, candidates=whole & known)
+        )
+    touching = touched_frames(carried, share, 0.5 * REACH / CUTOFF)
+    result = []
+    for trial, touched in zip(trials, touching, strict=True):
+        hands = _hands(trial.name, trial.motion.time, touched)
+        result.append(replace(trial, touched=touched, notes=(*trial.notes, *hands)))
+    return result
 
 
 def _hands(name: str, time: Array, touched: np.ndarray) -> tuple[str, ...]:

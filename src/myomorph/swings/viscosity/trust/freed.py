@@ -311,18 +311,11 @@ class FreedProblem:
         basis = self._basis(acting, products)
         by_axis = basis.columns.T @ products @ basis.columns
         weights = np.ones(axes)
-        inner = np.arange(1, 1 + basis.errors)
-        outer = np.array([0, *range(1 + basis.errors, basis.columns.shape[1])])
         for _ in range(ROUNDS):
-            whole = np.tensordot(weights, by_axis, axes=1)
-            beside = whole[np.ix_(inner, outer)]
-            inverse = np.linalg.pinv(whole[np.ix_(inner, inner)], rcond=1e-10, hermitian=True)
-            back = inverse @ beside
-            less = whole[np.ix_(outer, outer)] - beside.T @ back
-            x = laws.bounded_least_squares(less[1:, 1:], -less[0, 1:], basis.groups)[0]
-            solution = np.concatenate([[1.0], -back @ np.array([1.0, *x]), x])
+            solution = _solved(np.tensordot(weights, by_axis, axes=1), basis)
             left = np.maximum(solution @ by_axis @ solution, 1e-300)
             weights = np.maximum(left.min() / left, MIN_WEIGHT)
+        x = solution[1 + basis.errors :]
         return FreedFit(
             law=basis.mapping @ x[: basis.mapping.shape[1]],
             friction=float(x[-1]) if acting.friction else 0.0,
@@ -428,6 +421,28 @@ class FreedProblem:
         errors = np.zeros((len(across), PARAMETERS))
         errors[:, seen] = across / scale[seen]
         return errors
+
+
+def _solved(products: Array, basis: LawBasis) -> Array:
+    """Solve for a law's coefficients, with the errors of the inertia eliminated.
+
+    Parameters
+    ----------
+    products : (n, n) of the basis' columns
+    basis : with the groups of coefficients
+
+    Returns
+    -------
+    (n,) factors of the columns: 1, errors of the inertia, coefficients
+    """
+    inner = np.arange(1, 1 + basis.errors)
+    outer = np.array([0, *range(1 + basis.errors, len(products))])
+    beside = products[np.ix_(inner, outer)]
+    inverse = np.linalg.pinv(products[np.ix_(inner, inner)], rcond=1e-10, hermitian=True)
+    back = inverse @ beside
+    less = products[np.ix_(outer, outer)] - beside.T @ back
+    x = laws.bounded_least_squares(less[1:, 1:], -less[0, 1:], basis.groups)[0]
+    return np.concatenate([[1.0], -back @ np.array([1.0, *x]), x])
 
 
 def law_rows(recording: SwingRecording) -> Array:
