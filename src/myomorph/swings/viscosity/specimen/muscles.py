@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from myomorph.core.model.errors import BadModel, UnknownName
 from myomorph.core.model.frozen_map import FrozenMap
@@ -39,8 +40,13 @@ model (Seth et al. 2019), and in the arm of Saul et al. (2015) and MyoSuite.
 
 
 def fig1_muscles(model: Model) -> Mapping[str, tuple[str, ...]]:
-    """The 11 muscles of [S] figure 1: the paper's name to strands of the model, of two families of
-    names.
+    """Find the 11 muscles of [S] figure 1: strands of the model by the paper's name.
+
+    Two families of names are known.
+
+    Raises
+    ------
+    BadModel : the model has neither
     """
     known = set(model.muscle_names)
     lacking = []
@@ -60,11 +66,37 @@ def fig1_muscles(model: Model) -> Mapping[str, tuple[str, ...]]:
     raise BadModel(f"model '{model.name}' {named}: {advice}")
 
 
+class KeptMuscles(NamedTuple):
+    """Muscles whose paths run on bones of a specimen alone.
+
+    Attributes
+    ----------
+    muscles : strands by the muscle's name
+    strands : on the bones of the specimen
+    surfaces : that they wrap around
+    notes : what is otherwise than in the source
+    """
+
+    muscles: dict[str, tuple[str, ...]]
+    strands: tuple[Muscle, ...]
+    surfaces: tuple[WrapObject, ...]
+    notes: list[str]
+
+
 def kept_muscles(
     source: Anatomy, names: Mapping[str, tuple[str, ...]], coordinates: frozenset[str]
-) -> tuple[dict[str, tuple[str, ...]], tuple[Muscle, ...], tuple[WrapObject, ...], list[str]]:
-    """Muscles, all between base and limb or those named, whose paths run on bones alone, with their
-    strands and the surfaces they wrap around; last what is otherwise than in the source.
+) -> KeptMuscles:
+    """Choose muscles whose paths run on bones alone.
+
+    Parameters
+    ----------
+    source : with the muscles
+    names : of those that are wanted, with their strands; empty for all between base and limb
+    coordinates : that still move points
+
+    Raises
+    ------
+    BadModel : a muscle that is named runs over what is no part of the specimen
     """
     model = source.model
     base = source.bones[0]
@@ -72,38 +104,41 @@ def kept_muscles(
         muscle.name: (muscle.name,) for muscle in model.muscles if _crosses(source, muscle, base)
     }
     notes: list[str] = []
-    muscles: list[Muscle] = []
+    strands: list[Muscle] = []
     kept: dict[str, tuple[str, ...]] = {}
-    for name, strands in wanted.items():
-        for strand in strands:
-            muscle = model.muscle(strand)
-            outside = sorted(
-                {point.body for point in muscle.path.points if point.body not in source.homes}
+    for name, strand in ((name, strand) for name, each in wanted.items() for strand in each):
+        muscle = model.muscle(strand)
+        outside = sorted(
+            {point.body for point in muscle.path.points if point.body not in source.homes}
+        )
+        if not outside:
+            strands.append(_moved(source, muscle, coordinates, notes))
+            kept[name] = (*kept.get(name, ()), strand)
+            continue
+        if names:
+            beyond = f"'{outside[0]}', which is no part of the specimen"
+            raise BadModel(
+                f"muscle '{strand}' runs over {beyond}: leave it out, or name another strand"
             )
-            if outside and names:
-                beyond = f"'{outside[0]}', which is no part of the specimen"
-                raise BadModel(
-                    f"muscle '{strand}' runs over {beyond}: leave it out, or name another strand"
-                )
-            if not outside:
-                muscles.append(_moved(source, muscle, coordinates, notes))
-                kept[name] = (*kept.get(name, ()), strand)
-            else:
-                notes.append(f"muscle '{strand}' is left out: it runs over '{outside[0]}'")
-    used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
-    homes = [
-        (surface, *source.homes[surface.body])
-        for surface in model.wrap_objects
-        if surface.name in used
-    ]
-    surfaces = tuple(
-        replace(surface, body=home, pose=pose @ surface.pose) for surface, home, pose in homes
+        notes.append(f"muscle '{strand}' is left out: it runs over '{outside[0]}'")
+    return KeptMuscles(
+        muscles=kept, strands=tuple(strands), surfaces=_surfaces(source, strands), notes=notes
     )
-    return kept, tuple(muscles), surfaces, notes
+
+
+def _surfaces(source: Anatomy, muscles: Sequence[Muscle]) -> tuple[WrapObject, ...]:
+    """Put the surfaces that muscles wrap around on the bones of the specimen."""
+    used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
+    surfaces = [surface for surface in source.model.wrap_objects if surface.name in used]
+    homes = [source.homes[surface.body] for surface in surfaces]
+    return tuple(
+        replace(surface, body=home, pose=pose @ surface.pose)
+        for surface, (home, pose) in zip(surfaces, homes, strict=True)
+    )
 
 
 def _crosses(source: Anatomy, muscle: Muscle, base: str) -> bool:
-    """Whether a muscle touches both base and limb."""
+    """Return whether a muscle touches both base and limb."""
     homes = {
         source.homes[point.body][0] for point in muscle.path.points if point.body in source.homes
     }
@@ -171,8 +206,9 @@ def _moving_point(
     coordinates: frozenset[str],
     notes: list[str],
 ) -> PathPoint | MovingPathPoint:
-    """The point with what no longer moves it at the default; at rest in its bone where its own body
-    is gone.
+    """Leave a point what still moves it, the rest at the default.
+
+    It rests in its bone where its own body is gone.
     """
     home, pose = source.homes[point.body]
     gone = [name for name in point.coordinates if name and name not in coordinates]

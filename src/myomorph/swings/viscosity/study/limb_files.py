@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from myomorph.core.model.errors import BadFile, listing
@@ -33,6 +35,7 @@ from myomorph.lab.study.inputs.reading import (
 from myomorph.swings.viscosity.relaxed.drops import (
     FORCE_AFTER,
     MIN_HALVES,
+    Activity,
     Drop,
     activities,
     at_rest,
@@ -69,9 +72,7 @@ class LimbTable(study_file.Strict):
 
 @dataclass(frozen=True)
 class DropFiles:
-    """A recording of drops: markers or coordinates, and raw EMG beside them, None where there is
-    none.
-    """
+    """A recording of drops: markers or coordinates, and raw EMG beside them if there is any."""
 
     name: str
     recording: Path
@@ -81,8 +82,16 @@ class DropFiles:
 
 @dataclass(frozen=True)
 class LimbFiles:
-    """What is known of a limb before anything is read: the coordinate that swings, channels of EMG
-    that must be silent, () for all, and true values of `relaxed.identify.UNITS`.
+    """What is known of a limb before anything is read.
+
+    Attributes
+    ----------
+    name : of the limb
+    model : file
+    coordinate : that swings
+    drops : recordings
+    muscles : channels of EMG that must be silent, () for all
+    truth : true values of `relaxed.identify.UNITS`
     """
 
     name: str
@@ -146,7 +155,7 @@ def _drops(table: LimbTable, where: str, folder: StudyFolder) -> Iterator[DropFi
 
 
 def limb_body(model: Model, coordinate: str, equation: SwingEquation) -> LimbBody:
-    """All that a coordinate moves, as the equation of its swing has it."""
+    """Take all that a coordinate moves as one body, as the equation of its swing has it."""
     joint = next(joint for joint in model.joints if coordinate in joint.coordinates)
     tree = compile_tree(model)
     moves = tree.hanging(joint.child)
@@ -154,25 +163,34 @@ def limb_body(model: Model, coordinate: str, equation: SwingEquation) -> LimbBod
     return LimbBody.of(equation, mass, float(np.linalg.norm(model.gravity)))
 
 
-def open_drops(
-    files: DropFiles, model: Model, limb: LimbFiles, cutoff: float
-) -> tuple[list[Drop], list[str]]:
-    """The drops of a recording, half swings in which a muscle was active left out, and notes."""
+class OpenedDrops(NamedTuple):
+    """The drops of a recording, and notes on it."""
+
+    drops: list[Drop]
+    notes: list[str]
+
+
+def open_drops(files: DropFiles, model: Model, limb: LimbFiles, cutoff: float) -> OpenedDrops:
+    """Read the drops of a recording; half swings in which a muscle was active are left out.
+
+    Parameters
+    ----------
+    files : of the recording
+    model : of the person
+    limb : that swings
+    cutoff : of the low-pass of the motion [Hz]
+    """
     motion, notes = _motion(files, model)
     column = motion.names.index(limb.coordinate)
     measured = motion.values[:, column]
     with about(files.recording.name):
         known = np.asarray(np.isfinite(motion.values).all(axis=1))
         if not known.all():
-            filled = [
-                np.interp(motion.time, motion.time[known], values[known])
-                for values in motion.values.T
-            ]
+            motion = _filled(motion, known)
             notes.append(
                 f"{files.name}: {(~known).sum()} of {len(known)} frames are unknown and not"
                 " compared"
             )
-            motion = replace(motion, values=np.array(filled).T)
         smooth = differentiate(motion, cutoff)
         assert smooth.velocities is not None
         equation = swing_equation(model, limb.coordinate, smooth)
@@ -181,28 +199,49 @@ def open_drops(
         drops = list(find_drops(files.name, equation, measured, angles, rates))
     notes += _moved_base(smooth, model, limb.coordinate, drops)
     if files.emg is None:
-        return drops, notes
+        return OpenedDrops(drops=drops, notes=notes)
     with about(files.emg.name):
         emg = channels_of(files.emg)
-        names = limb.muscles or emg.names
-        active = activities(emg, names, at_rest(drops))
-    for i, drop in enumerate(drops):
-        used = np.array(drop.used)
-        for half in range(len(used)):
-            begin, end = drop.time(half)
-            used[half] &= not any(
-                each.start < end and each.stop + FORCE_AFTER > begin for each in active
-            )
-        begin = drop.time(0)[0]
-        end = drop.time(len(used) - 1)[1]
-        notes += [
-            f"{drop.name}: '{each.muscle}' is active from {each.start:.2f} to {each.stop:.2f} s,"
-            f" {each.ratio:.1f} times its level at rest: the half swings it touches are left out"
-            for each in active
-            if each.start < end and each.stop + FORCE_AFTER > begin
-        ]
-        drops[i] = replace(drop, used=used)
-    return [drop for drop in drops if drop.used.sum() >= MIN_HALVES - 1], notes
+        active = activities(emg, limb.muscles or emg.names, at_rest(drops))
+    silent = []
+    for drop in drops:
+        notes += _active_notes(drop, active)
+        silent.append(_silent(drop, active))
+    enough = [drop for drop in silent if drop.used.sum() >= MIN_HALVES - 1]
+    return OpenedDrops(drops=enough, notes=notes)
+
+
+def _filled(motion: Motion, known: NDArray[np.bool_]) -> Motion:
+    """Bridge frames that are unknown along straight lines."""
+    time = motion.time
+    filled = [np.interp(time, time[known], values[known]) for values in motion.values.T]
+    return replace(motion, values=np.array(filled).T)
+
+
+def _silent(drop: Drop, active: Sequence[Activity]) -> Drop:
+    """Leave half swings out in which a muscle may pull."""
+    used = np.array(drop.used)
+    for half in range(len(used)):
+        begin, end = drop.time(half)
+        used[half] &= not any(_pulls(each, begin, end) for each in active)
+    return replace(drop, used=used)
+
+
+def _active_notes(drop: Drop, active: Sequence[Activity]) -> list[str]:
+    """Name muscles that are active in a drop."""
+    begin, _ = drop.time(0)
+    _, end = drop.time(len(drop.used) - 1)
+    return [
+        f"{drop.name}: '{each.muscle}' is active from {each.start:.2f} to {each.stop:.2f} s,"
+        f" {each.ratio:.1f} times its level at rest: the half swings it touches are left out"
+        for each in active
+        if _pulls(each, begin, end)
+    ]
+
+
+def _pulls(activity: Activity, begin: float, end: float) -> bool:
+    """Return whether a muscle may pull between two times [s]."""
+    return activity.start < end and activity.stop + FORCE_AFTER > begin
 
 
 def _motion(files: DropFiles, model: Model) -> tuple[Motion, list[str]]:
@@ -226,7 +265,7 @@ def _motion(files: DropFiles, model: Model) -> tuple[Motion, list[str]]:
 
 
 def _moved_base(motion: Motion, model: Model, coordinate: str, drops: list[Drop]) -> Iterator[str]:
-    """A line of each drop in which the bone above the joint moves far."""
+    """Yield a line of each drop in which the bone above the joint moves far."""
     tree = compile_tree(model)
     joint = next(joint for joint in model.joints if coordinate in joint.coordinates)
     base = tree.body_index[joint.parent]

@@ -1,5 +1,6 @@
-"""The step of a study that is done once for a relaxed limb: from its drops to damping, stiffness
-and rest angle.
+"""The step of a study that is done once for a relaxed limb.
+
+It leads from its drops to damping, stiffness and rest angle.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from myomorph.core.io.mjcf.couplings import write_dampers
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
 from myomorph.core.model.passive_dynamics import with_passive_dynamics
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.store.progress import progress
@@ -22,7 +24,12 @@ from myomorph.lab.study.inputs.reading import has_mass, open_model
 from myomorph.lab.study.step.folder_steps import FolderOutput, ScopeInputs
 from myomorph.lab.study.step.step import Step
 from myomorph.swings.viscosity.relaxed.drops import SILENT, SILENT_UNKNOWN, Drop
-from myomorph.swings.viscosity.relaxed.identify import LimbOptions, LimbResult, identify_limb
+from myomorph.swings.viscosity.relaxed.identify import (
+    LimbOptions,
+    LimbResult,
+    Missed,
+    identify_limb,
+)
 from myomorph.swings.viscosity.report.limb_report import limb_report
 from myomorph.swings.viscosity.report.specimen_report import LimbReport
 from myomorph.swings.viscosity.study.limb_files import LimbFiles, limb_body, open_drops
@@ -41,7 +48,7 @@ class LimbInputs(ScopeInputs):
 
 
 def limb_provenance(limb: LimbInputs) -> Provenance:
-    """What the result of a limb is derived from; its truth changes nothing."""
+    """List what the result of a limb is derived from; its truth changes nothing."""
     files = limb.files
     sources = [file_source("model", files.model)]
     for drop in files.drops:
@@ -55,13 +62,50 @@ def limb_provenance(limb: LimbInputs) -> Provenance:
 
 
 def read_limb(home: Path) -> LimbReport:
-    """What is shown of a limb, from the folder of its results."""
+    """Read what is shown of a limb, from the folder of its results."""
     return read_value(home / LIMB, LimbReport)
 
 
 def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list[str]]:
-    """A limb from its files, and notes on it, the first on the silence of its muscles."""
+    """Identify a limb from its files.
+
+    Parameters
+    ----------
+    files : of the limb
+    options : errors of the model
+
+    Returns
+    -------
+    what its swings show, and notes, the first on the silence of its muscles
+
+    Raises
+    ------
+    BadData, BadModel, UnknownName
+        where the model cannot swing so, or no drop is left
+    """
     model = open_model(files.model)
+    _check_model(model, files)
+    notes = [_silence(files)]
+    drops: list[Drop] = []
+    with progress(f"limb {files.name}", len(files.drops) + 1, "recordings") as advance:
+        for recording in files.drops:
+            opened = open_drops(recording, model, files, options.cutoff)
+            drops = drops + opened.drops
+            notes = notes + opened.notes
+            advance(1)
+        if not drops:
+            raise BadData(
+                "; ".join(("no drop is left: record others, the person relaxed", *notes[1:]))
+            )
+        body = limb_body(model, files.coordinate, drops[0].equation)
+        result = identify_limb(drops, body, options)
+        advance(1)
+    missed = sorted(result.missed, key=lambda missed: (missed.drop, missed.half))
+    return result, [*notes, *(_missed_note(each) for each in missed)]
+
+
+def _check_model(model: Model, files: LimbFiles) -> None:
+    """Refuse a model whose coordinate cannot swing."""
     has_mass(model, "a relaxed limb")
     swinging = [
         name
@@ -80,39 +124,28 @@ def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list
             f"'{files.model.name}' has {len(model.loops)} closed loops, whose forces no swing"
             " shows: open them"
         )
-    silent = [drop.name for drop in files.drops if drop.emg is None]
-    if len(silent) == len(files.drops):
-        notes = [SILENT_UNKNOWN]
-    else:
-        notes = [SILENT + (f", but of {', '.join(silent)} {SILENT_UNKNOWN}" if silent else "")]
-    drops: list[Drop] = []
-    with progress(f"limb {files.name}", len(files.drops) + 1, "recordings") as advance:
-        for recording in files.drops:
-            opened, said = open_drops(recording, model, files, options.cutoff)
-            drops = drops + opened
-            notes = notes + said
-            advance(1)
-        if not drops:
-            raise BadData(
-                "; ".join(("no drop is left: record others, the person relaxed", *notes[1:]))
-            )
-        body = limb_body(model, files.coordinate, drops[0].equation)
-        result = identify_limb(drops, body, options)
-        advance(1)
-    for missed in sorted(result.missed, key=lambda missed: (missed.drop, missed.half)):
-        short, whole = np.rad2deg([missed.short, missed.excursion])
-        way = "short of" if short > 0.0 else "beyond"
-        cause = (
-            " (a stretch reflex, short-range stiffness, or help by the person)"
-            if short > 0.0
-            else ""
-        )
-        notes.append(
-            f"{missed.drop}: half swing {missed.half + 1} ({missed.time[0]:.2f} to"
-            f" {missed.time[1]:.2f} s, {whole:.0f} degrees) ends {abs(short):.1f} degrees {way}"
-            f" what constant coefficients predict{cause}; it is left out"
-        )
-    return result, notes
+
+
+def _silence(files: LimbFiles) -> str:
+    """Say whether the silence of muscles is known, of which drops."""
+    unknown = [drop.name for drop in files.drops if drop.emg is None]
+    if len(unknown) == len(files.drops):
+        return SILENT_UNKNOWN
+    return SILENT + (f", but of {', '.join(unknown)} {SILENT_UNKNOWN}" if unknown else "")
+
+
+def _missed_note(missed: Missed) -> str:
+    """Say what constant coefficients do not explain of a half swing."""
+    short, whole = np.rad2deg([missed.short, missed.excursion])
+    way = "short of" if short > 0.0 else "beyond"
+    cause = (
+        " (a stretch reflex, short-range stiffness, or help by the person)" if short > 0.0 else ""
+    )
+    return (
+        f"{missed.drop}: half swing {missed.half + 1} ({missed.time[0]:.2f} to"
+        f" {missed.time[1]:.2f} s, {whole:.0f} degrees) ends {abs(short):.1f} degrees {way}"
+        f" what constant coefficients predict{cause}; it is left out"
+    )
 
 
 def write_model(files: LimbFiles, result: LimbResult, folder: Path) -> list[str]:
