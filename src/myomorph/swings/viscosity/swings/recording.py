@@ -273,7 +273,7 @@ def _robust(
 
 
 def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> np.ndarray:
-    """Number the swings of the dominant rotation.
+    """Find the numbers of the swings of the dominant rotation.
 
     In every unbroken run of free frames a swing lasts from one turn to the next but one; the first
     begins with the release. What follows the last turn is cut into pieces as long as the swings
