@@ -19,7 +19,6 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-import scipy
 
 from myomorph.core.fit.cones import Cone, Cones
 from myomorph.core.fit.linear import LinearMinimum, minimize_linear
@@ -274,14 +273,14 @@ class _Changes:
         """The whole mass, and I + E - margin I positive semidefinite for every moved link."""
         links = len(self.moved)
         unit = [1.0 - self.options.margin if i == j else 0.0 for i, j in TRIANGLE]
-        rows = -scipy.sparse.eye_array(10 * links)
+        rows = -np.eye(10 * links)
         right = np.tile(unit, links)
         cones = (Cone("semidefinite", 4),) * links
         total = self.total
         if total is None:
             return Cones(rows=rows, right=right, cones=cones)
         return Cones(
-            rows=scipy.sparse.vstack([scipy.sparse.csr_array(total.rows), rows]),
+            rows=np.vstack([total.rows, rows]),
             right=np.concatenate([total.right, right]),
             cones=(*total.cones, *cones),
         )

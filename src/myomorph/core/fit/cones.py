@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -64,8 +65,8 @@ class Cones:
         every = np.arange(len(self.right))
         chosen = [every[part] for cone, part in pairs if cone.kind == "zero"]
         index = np.concatenate([np.zeros(0, np.int64), *chosen])
-        rows = scipy.sparse.csr_array(self.rows)[index].toarray()
-        return rows, self.right[index]
+        rows = self.rows if isinstance(self.rows, np.ndarray) else self.rows.toarray()
+        return rows[index], self.right[index]
 
     def hold(self, x: Array) -> bool:
         """Tell whether a point lies in the cones.
@@ -79,8 +80,15 @@ class Cones:
         whether it does; equations are not looked at
         """
         rest = self.right - self.rows @ x
-        pairs = zip(self.cones, self._parts, strict=True)
-        return all(_least(cone, rest[part]) >= 0.0 for cone, part in pairs)
+        matrices: defaultdict[int, list[Array]] = defaultdict(list)
+        for cone, part in zip(self.cones, self._parts, strict=True):
+            if cone.kind == "nonnegative" and (rest[part] < 0.0).any():
+                return False
+            if cone.kind == "semidefinite":
+                matrices[cone.size].append(rest[part])
+        return all(
+            _least_eigenvalue(np.array(entries), size) >= 0.0 for size, entries in matrices.items()
+        )
 
     def moved(self, start: Array) -> Cones:
         """Write the cones for steps from a point.
@@ -201,23 +209,19 @@ def minimize_misses_in_cones(rows: Rows, cones: Cones, tolerance: float = 1e-8) 
     return replace(found, x=found.x[:unknowns])
 
 
-def _least(cone: Cone, entries: Array) -> float:
-    """Find the smallest of what may not be below 0 in a cone: entries, or eigenvalues.
+def _least_eigenvalue(entries: Array, size: int) -> float:
+    """Find the smallest eigenvalue of symmetric matrices.
 
     Parameters
     ----------
-    cone : of any kind
-    entries : (rows of the cone,)
+    entries : (matrices, rows of the cone) columns of the upper triangle, see `Cone`
+    size : order of the matrices
     """
-    if cone.kind == "zero":
-        return 0.0
-    if cone.kind == "nonnegative":
-        return float(entries.min(initial=0.0))
-    columns, rows = np.tril_indices(cone.size)
-    matrix = np.zeros((cone.size, cone.size))
+    columns, rows = np.tril_indices(size)
+    matrices = np.zeros((len(entries), size, size))
     # Eigenvalues are found from the lower triangle alone.
-    matrix[columns, rows] = np.where(rows == columns, entries, np.sqrt(0.5) * entries)
-    return float(np.linalg.eigvalsh(matrix)[0])
+    matrices[:, columns, rows] = entries * np.where(rows == columns, 1.0, np.sqrt(0.5))
+    return float(np.linalg.eigvalsh(matrices)[:, 0].min())
 
 
 def _clarabel_cone(cone: Cone) -> object:
