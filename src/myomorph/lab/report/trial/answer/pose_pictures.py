@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal, get_args
 
 import numpy as np
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle
 from myomorph.core.model.surface import Surface
 from myomorph.lab.report.scene.image import data_uri, png
+from myomorph.lab.report.scene.pictures import DRAWERS
 from myomorph.lab.report.scene.raster import Canvas, View
 from myomorph.lab.report.scene.scene import MusclePath, Scene, solid_corners
 from myomorph.lab.report.scene.shapes import normals, quads
@@ -85,20 +88,70 @@ def pose_pictures(model: Model, scene: Scene) -> tuple[PosePicture, ...]:
     bottom = min(box[2] for box in boxes)
     top = max(box[3] for box in boxes)
     scale = PIXELS * SHRINK / max(top - bottom, 1e-6)
-    shading = [normals(solid.surface) for solid in scene.solids]
-    shown = []
-    for frame, (left, right, _, _) in enumerate(boxes):
-        middle = 0.5 * (left + right) * axes[0] + 0.5 * (bottom + top) * axes[1]
-        view = View(
-            axes=axes,
-            center=middle,
-            scale=scale,
-            width=int((right - left) * scale) // SHRINK * SHRINK,
-            height=PIXELS * SHRINK,
+    views = [_view(axes, box, (bottom, top), scale) for box in boxes]
+    shapes = [_shapes(model, scene, frame) for frame in range(len(scene.time))]
+    # Drawing and packing run without the interpreter's lock.
+    with ThreadPoolExecutor(DRAWERS) as pool:
+        light = pool.map(partial(_image, "light"), views, shapes)
+        dark = pool.map(partial(_image, "dark"), views, shapes)
+        images = zip(light, dark, views, strict=True)
+        return tuple(PosePicture(one, other, view.width // SHRINK) for one, other, view in images)
+
+
+@read_only
+class Shape:
+    """A surface in ground, lit by its normals.
+
+    Attributes
+    ----------
+    vertices, normals : (points, 3)
+    faces : (triangles, 3) numbers of vertices
+    activation : of a muscle, NaN where unknown; None of a bone
+    """
+
+    vertices: Array
+    normals: Array
+    faces: np.ndarray
+    activation: float | None
+
+
+def _view(
+    axes: Array, box: tuple[float, float, float, float], heights: tuple[float, float], scale: float
+) -> View:
+    """Return the camera of a pose; all have one scale and one floor."""
+    left, right, _, _ = box
+    middle = 0.5 * (left + right) * axes[0] + 0.5 * sum(heights) * axes[1]
+    return View(
+        axes=axes,
+        center=middle,
+        scale=scale,
+        width=int((right - left) * scale) // SHRINK * SHRINK,
+        height=PIXELS * SHRINK,
+    )
+
+
+def _shapes(model: Model, scene: Scene, frame: int) -> list[Shape]:
+    """Return bones and spindles of a frame."""
+    shapes = []
+    for solid in scene.solids:
+        turn = scene.rotations[frame, solid.body]
+        vertices = solid.surface.vertices @ turn.T + scene.origins[frame, solid.body]
+        lit = normals(solid.surface) @ turn.T
+        shapes.append(
+            Shape(vertices=vertices, normals=lit, faces=solid.surface.faces, activation=None)
         )
-        images = {theme: _image(model, scene, frame, view, shading, theme) for theme in THEMES}
-        shown.append(PosePicture(images["light"], images["dark"], view.width // SHRINK))
-    return tuple(shown)
+    for path, muscle in zip(scene.muscles, model.muscles, strict=True):
+        spindle = spindle_of(path, muscle, frame)
+        if spindle is not None:
+            active = float(path.activation[frame])
+            shape = Shape(
+                vertices=spindle.vertices,
+                normals=normals(spindle),
+                faces=spindle.faces,
+                activation=active,
+            )
+            shapes.append(shape)
+    return shapes
 
 
 def _camera(scene: Scene) -> Array:
@@ -129,22 +182,13 @@ def _box(scene: Scene, frame: int, axes: Array) -> tuple[float, float, float, fl
     )
 
 
-def _image(
-    model: Model, scene: Scene, frame: int, view: View, shading: list[Array], theme: Theme
-) -> str:
-    """One pose in the colors of a theme, as an address."""
+def _image(theme: Theme, view: View, shapes: Sequence[Shape]) -> str:
+    """Draw one pose in the colors of a theme, as an address."""
     canvas = Canvas(view)
     bone = _rgb(BONES[theme])
-    for solid, normal in zip(scene.solids, shading, strict=True):
-        turn = scene.rotations[frame, solid.body]
-        vertices = solid.surface.vertices @ turn.T + scene.origins[frame, solid.body]
-        canvas.surface(vertices, normal @ turn.T, solid.surface.faces, bone)
-    for path, muscle in zip(scene.muscles, model.muscles, strict=True):
-        spindle = spindle_of(path, muscle, frame)
-        if spindle is None:
-            continue
-        color = ramp_color(theme, float(path.activation[frame]))
-        canvas.surface(spindle.vertices, normals(spindle), spindle.faces, color)
+    for shape in shapes:
+        color = bone if shape.activation is None else ramp_color(theme, shape.activation)
+        canvas.surface(shape.vertices, shape.normals, shape.faces, color)
     lean = canvas.picture(SHRINK) & np.array([252, 252, 252, 255], dtype=np.uint8)
     lean[lean[..., 3] == 0] = 0
     return data_uri(png(lean))
