@@ -112,7 +112,7 @@ def measure_arms(folder: Path) -> Iterator[Row]:
         arms = tendon_arms(paths, group, values, *paths.pulls(values))
         outside = {one.name for one in knee_arms(model) if one.text}
         for number, angle in enumerate(flexion):
-            ends = [band.at(np.array([angle])) for band in (quadriceps, tendon)]
+            ends = [band.ends(np.array([angle]), 1.0) for band in (quadriceps, tendon)]
             yield {
                 "model": name,
                 "flexion [deg]": angle,
