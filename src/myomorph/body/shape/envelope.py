@@ -288,9 +288,8 @@ _DIRECTIONS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 def _along_bones(body: Body, i: int, links: Links) -> Solid:
     """Build an ellipsoid along a body's longest bone, with its mass at density `TISSUE`."""
     bones = links.bones[links.bone_links == i]
-    along = (bones[:, 1] - bones[:, 0])[
-        np.argmax(np.linalg.norm(bones[:, 1] - bones[:, 0], axis=1))
-    ]
+    directions = bones[:, 1] - bones[:, 0]
+    along = directions[np.argmax(np.linalg.norm(directions, axis=1))]
     volume = body.mass / TISSUE
     sphere = (volume * 3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)
     # No thinner than a third of its length, no flatter than a sphere.
@@ -320,10 +319,11 @@ def _grid(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array
         return fill(Skin(placed, watertight=True), spacing)
     center = rotation @ solid.center + origin
     axes = rotation @ solid.axes
-    reach = np.sqrt(np.square(axes).sum(axis=1))
-    spans = [
-        np.arange(np.floor((c - r) / spacing), np.ceil((c + r) / spacing) + 1)
-        for c, r in zip(center, reach, strict=True)
-    ]
-    x = (np.stack(np.meshgrid(*spans, indexing="ij"), axis=-1).reshape(-1, 3) + 0.5) * spacing
-    return x[np.square((x - center) @ np.linalg.inv(axes).T).sum(axis=1) <= 1.0]
+    extent = np.sqrt(np.square(axes).sum(axis=1))
+    first = np.floor((center - extent) / spacing)
+    last = np.ceil((center + extent) / spacing)
+    spans = [np.arange(low, high + 1) for low, high in zip(first, last, strict=True)]
+    cells = np.stack(np.meshgrid(*spans, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = (cells + 0.5) * spacing
+    in_axes = (points - center) @ np.linalg.inv(axes).T
+    return points[np.square(in_axes).sum(axis=1) <= 1.0]

@@ -6,7 +6,7 @@ A skin with joint centers and landmarks.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy
@@ -197,15 +197,38 @@ def _likely_traits(
     return traits_of(minimum.x)
 
 
+class Seen(NamedTuple):
+    """A difference of a measurement that one would see.
+
+    Attributes
+    ----------
+    unit : that it is written in
+    factor : of a measurement in SI units, to that unit
+    difference : in that unit
+    """
+
+    unit: str
+    factor: float
+    difference: float
+
+    def text(self, value: float) -> str:
+        """Write a measurement in SI units in the unit."""
+        return f"{self.factor * value:.4g} {self.unit}"
+
+
+SEEN_MASS = Seen(unit="kg", factor=1.0, difference=0.5)
+SEEN_LENGTH = Seen(unit="mm", factor=1e3, difference=2.0)
+
+
 def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -> list[str]:
     """Write a line for each measurement that the shape misses by more than one would see."""
     lines = []
     for name, value in measured.items():
-        unit, factor, most = ("kg", 1.0, 0.5) if name == "mass" else ("mm", 1e3, 2.0)
-        if factor * abs(reached[name] - value) > most:
+        seen = SEEN_MASS if name == "mass" else SEEN_LENGTH
+        if seen.factor * abs(reached[name] - value) > seen.difference:
             lines.append(
-                f"{name} {factor * value:.4g} {unit} is out of reach of the statistical shape with"
-                f" the other measurements: it has {factor * reached[name]:.4g} {unit}"
+                f"{name} {seen.text(value)} is out of reach of the statistical shape with"
+                f" the other measurements: it has {seen.text(reached[name])}"
             )
     return lines
 

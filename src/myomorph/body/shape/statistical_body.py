@@ -265,23 +265,27 @@ def _shape(path: Path, count: int) -> scipy.sparse.csr_array:
     )
 
 
+_SIDE_OF = {"L": "left", "R": "right", "": ""}
+_BONES_OF = {
+    "lower_trunk": ("root", "pelvis", "spine05", "spine04", "spine03"),
+    "upper_trunk": ("spine", "clavicle", "shoulder", "breast"),
+    "upper_arm": ("upperarm",),
+    "lower_arm": ("lowerarm",),
+    "hand": ("wrist", "finger", "metacarpal"),
+    "thigh": ("upperleg",),
+    "shank": ("lowerleg",),
+    "foot": ("foot", "toe"),
+}
+"""What names of the rig's bones begin with, by segment; the first that fits counts."""
+
+
 def segment_of_bone(bone: str) -> Segment:
     """Find the segment of the body that a bone of the rig belongs to.
 
     Bones of the face belong to the head.
     """
     base, _, letter = bone.partition(".")
-    side = {"L": "left", "R": "right", "": ""}[letter]
-    for segment, starts in (
-        ("lower_trunk", ("root", "pelvis", "spine05", "spine04", "spine03")),
-        ("upper_trunk", ("spine", "clavicle", "shoulder", "breast")),
-        ("upper_arm", ("upperarm",)),
-        ("lower_arm", ("lowerarm",)),
-        ("hand", ("wrist", "finger", "metacarpal")),
-        ("thigh", ("upperleg",)),
-        ("shank", ("lowerleg",)),
-        ("foot", ("foot", "toe")),
-    ):
+    for segment, starts in _BONES_OF.items():
         if base.startswith(starts):
-            return Segment(segment, "" if "trunk" in segment else side)
+            return Segment(segment, "" if "trunk" in segment else _SIDE_OF[letter])
     return Segment("head")

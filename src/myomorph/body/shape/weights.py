@@ -120,10 +120,10 @@ def bone_weights(
     BadData : a link that may have a share has no bone, or as in `cog_weights`
     """
     wanted = _taking(links, taking)
-    lacking = sorted(set(np.flatnonzero(wanted)) - set(links.bone_links.tolist()))
-    if lacking:
+    missing = sorted(set(np.flatnonzero(wanted)) - set(links.bone_links.tolist()))
+    if missing:
         raise BadData(
-            f"link '{links.names[lacking[0]]}' has no bone to measure to: give bones, or leave"
+            f"link '{links.names[missing[0]]}' has no bone to measure to: give bones, or leave"
             " it out"
         )
     counted = wanted[links.bone_links]
