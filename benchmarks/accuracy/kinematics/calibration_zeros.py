@@ -65,6 +65,7 @@ def measure_zeros(folder: Path) -> Iterator[dict[str, object]]:
                 "recording": one.name,
                 "settings chosen on it": one.chosen,
                 "static trial": static is not None,
+                "markers off, of the usual": found.marker_spread,
                 **compared_zeros(found, one.expert, one.motion),
             }
 

@@ -19,6 +19,7 @@ from myomorph.body.calibrate.calibration import (
     root_mean_square,
 )
 from myomorph.body.calibrate.frame_sums import reduce, settle
+from myomorph.body.calibrate.marker_spread import gradient_of_spread, marker_spread
 from myomorph.body.calibrate.notes import (
     few_marker_notes,
     length_notes,
@@ -274,8 +275,10 @@ def _calibration(
     factors = factors_of(problem.lengths, x[: len(problem.lengths)])
     stretched = scale(model, factors, options.mass, path_lengths=path_lengths)
     skin = _sliding_skin(search, settings)
-    estimate = _estimate(search, skin)
-    before = _before(search, chosen, skin, options)
+    spread = marker_spread(search, skin)
+    errors = skin + gradient_of_spread(search, spread, len(skin))
+    estimate = _estimate(search, errors)
+    before = _before(search, chosen, errors, options)
     lengths = _length_estimates(search, estimate.posterior)
     markers = _marker_estimates(model, search, estimate.posterior, before.errors)
     return Calibration(
@@ -305,6 +308,7 @@ def _calibration(
         zero_angles=before.zero_angles,
         sides=search.sides,
         estimate=estimate,
+        marker_spread=spread,
     )
 
 
@@ -321,11 +325,16 @@ def _sliding_skin(search: Search, settings: SearchSettings) -> Array:
 
 
 def _before(
-    search: Search, chosen: Sequence[ChosenFrames], skin: Array, options: CalibrationOptions
+    search: Search, chosen: Sequence[ChosenFrames], errors: Array, options: CalibrationOptions
 ) -> _Before:
     """Settle the frames on the given model, and on the same at the body's size.
 
     A given model that is too large bends its knees to reach the markers.
+
+    Parameters
+    ----------
+    errors : (unknowns + coordinates, same) covariance of gradient and mean angles that the noise
+        of the markers does not have
     """
     problem = search.problem
     angles = [part.angles for part in chosen]
@@ -335,7 +344,7 @@ def _before(
     sized = settle(problem, problem.of_size(size), angles, variance)
     return _Before(
         errors=reduce(problem, given).errors,
-        zero_angles=zero_angles(search, sized, skin, options),
+        zero_angles=zero_angles(search, sized, errors, options),
     )
 
 
@@ -389,16 +398,17 @@ def _with_locations(model: Model, markers: Sequence[MarkerEstimate]) -> Model:
     return model.with_markers(moved)
 
 
-def _estimate(search: Search, skin: Array) -> Estimate:
-    """Attach the posterior, which skin that slides widens, to the last stage's solution.
+def _estimate(search: Search, errors: Array) -> Estimate:
+    """Attach the posterior to the last stage's solution.
 
     Parameters
     ----------
-    skin : (unknowns + coordinates, same) the result of `sliding` [m^2 per unknown]
+    errors : (unknowns + coordinates, same) covariance of the gradient that the noise of the markers
+        does not have: of skin that slides, and of how far markers lie off [m^2 per unknown]
     """
     unknowns = len(search.stage.free)
     # The gradient in units of the noise is that in metres over the variance.
-    extra = skin[:unknowns, :unknowns] / search.stage.noise**4
+    extra = errors[:unknowns, :unknowns] / search.stage.noise**4
     posterior = Posterior.of(search.found.solution, extra=extra)
     return estimate_of(search.found.solution, posterior=posterior)
 

@@ -293,6 +293,8 @@ class Calibration:
     notes : what the recordings do not show, one line each
     warnings : what of the recordings the model's joints cannot explain, and whether it was left out
     estimate : the unknowns with their covariance, and how each source of residuals is explained
+    marker_spread : how far markers lie from their places, relative to `marker_sd` and `fixed_sd`;
+        intervals take it
     """
 
     model: Model
@@ -316,6 +318,7 @@ class Calibration:
     sides: tuple[SideEstimate, ...] = ()
     warnings: tuple[Finding, ...] = ()
     estimate: Estimate | None = None
+    marker_spread: float = 1.0
 
     @property
     def rms_before(self) -> float:

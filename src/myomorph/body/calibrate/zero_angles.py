@@ -60,7 +60,7 @@ class _Known(NamedTuple):
 
 
 def zero_angles(
-    search: Search, generic: Point, skin: Array, options: CalibrationOptions
+    search: Search, generic: Point, errors: Array, options: CalibrationOptions
 ) -> tuple[ZeroAngle, ...]:
     """Find what fixes the zero of every angle that markers show, and its standard deviation.
 
@@ -71,7 +71,8 @@ def zero_angles(
     ----------
     search : where it ended; the static trial's frames are its problem's last
     generic : the generic model at the body's size
-    skin : (unknowns + coordinates, same) result of `sliding`
+    errors : (unknowns + coordinates, same) covariance of gradient and mean angles that the noise
+        of the markers does not have, see `sliding` and `gradient_of_spread`
     options : whether there is a static trial, and how far axes of generic bones are turned
 
     Returns
@@ -88,9 +89,9 @@ def zero_angles(
         if coordinates[j].motion == "rotational" and slopes.seen[j] > 0.0
     ]
     known = _known(search, slopes.mean, chosen, static=options.static is not None)
-    slid = _slid(search, slopes.mean[chosen], chosen, known.information, skin)
+    added = _added(search, slopes.mean[chosen], chosen, known.information, errors)
     offset = _mean_angles(at) - _mean_angles(generic)
-    variance = 1.0 / known.precision[-1] + slid + options.zero_sd**2
+    variance = 1.0 / known.precision[-1] + added + options.zero_sd**2
     shares = known.shares
     return tuple(
         ZeroAngle(
@@ -144,31 +145,31 @@ def _known(search: Search, slopes: Array, chosen: Sequence[int], static: bool) -
     return _Known(precision=np.array(precision), information=information)
 
 
-def _slid(
-    search: Search, S: Array, chosen: Sequence[int], information: Array, skin: Array
+def _added(
+    search: Search, S: Array, chosen: Sequence[int], information: Array, errors: Array
 ) -> Array:
-    """Compute the variance that sliding skin adds to the zeros.
+    """Compute the variance that sliding skin and the spread of markers add to the zeros.
 
-    All information is A / variance: a gradient g moves the zeros by S A^-1 g, and the slides turn
-    them themselves.
+    All information is A / variance: a gradient g moves the zeros by S A^-1 g, and slides turn them
+    themselves.
 
     Parameters
     ----------
     S : (zeros, unknowns) slopes of the mean angles
     chosen : coordinates of the zeros
     information : (unknowns at a given size, same)
-    skin : (unknowns + coordinates, same) covariance of gradient and mean angles
+    errors : (unknowns + coordinates, same) covariance of gradient and mean angles
 
     Returns
     -------
     (zeros,) [rad^2]
     """
     free = _at_given_size(search)
-    pulled = np.zeros((len(chosen), len(skin)))
+    pulled = np.zeros((len(chosen), len(errors)))
     by_gradient = np.linalg.solve(information, S[:, free].T).T
     pulled[:, np.flatnonzero(free)] = by_gradient / search.stage.variance
     pulled[np.arange(len(chosen)), len(free) + np.array(chosen, np.intp)] = 1.0
-    return np.einsum("ki,ij,kj->k", pulled, skin, pulled)
+    return np.einsum("ki,ij,kj->k", pulled, errors, pulled)
 
 
 def _part_of_problem(problem: SharedProblem, part: slice) -> SharedProblem:
