@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-import scipy
 
 from myomorph.body.personalize.generic_map import GenericMap
 from myomorph.body.personalize.prior import Prior
-from myomorph.core.fit.interval_rule import half_width
+from myomorph.core.fit.interval_rule import drawn_limits, half_width
+from myomorph.core.fit.posterior import Posterior
+from myomorph.core.fit.unknowns import Bools
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Model
 
@@ -22,10 +23,6 @@ well identified.
 """
 CLOSE = {"optimal_fiber_length": 0.05, "tendon_slack_length": 0.03}
 """Half width of the interval of an identifiable parameter, as a share of its value."""
-_NORMAL = scipy.stats.norm.ppf(scipy.stats.qmc.Halton(2, scramble=False).random(2001)[1:])
-"""Two independent normal numbers, spread evenly: for intervals of what is not linear in the
-parameters.
-"""
 FIBER = "optimal_fiber_length"
 SLACK = "tendon_slack_length"
 FORCE = "strength"
@@ -75,18 +72,53 @@ class Knowledge:
     Attributes
     ----------
     prior : of the parameters
-    p : (parameters,) that were chosen
-    free : (parameters,) which were estimated
-    before, after : (parameters, parameters) covariances without and with the recordings
+    before, after : about the parameters that were chosen, without and with the recordings
     kept : groups that keep their generic values
     """
 
     prior: Prior
-    p: Array
-    free: np.ndarray
-    before: Array
-    after: Array
+    before: Posterior
+    after: Posterior
     kept: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, prior: Prior, posterior: Posterior, p: Array, kept: tuple[str, ...] = ()
+    ) -> Knowledge:
+        """Put what was known before beside what is known after a fit.
+
+        Parameters
+        ----------
+        prior : of the parameters
+        posterior : of the fit
+        p : (parameters,) that were chosen
+        kept : groups that keep their generic values
+
+        Returns
+        -------
+        both about the parameters that were chosen
+        """
+        after = replace(posterior, x=p)
+        inner = np.ix_(after.free, after.free)
+        covariance = np.zeros_like(prior.precision)
+        covariance[inner] = np.linalg.inv(prior.precision[inner])
+        return cls(
+            prior=prior, before=replace(after, covariance=covariance), after=after, kept=kept
+        )
+
+    @property
+    def p(self) -> Array:
+        """(parameters,) that were chosen."""
+        return self.after.x
+
+    @property
+    def free(self) -> Bools:
+        """(parameters,) which were estimated."""
+        return self.after.free
+
+    def posterior(self, kept: bool) -> Posterior:
+        """Return what is known of a number; of a generic value that was kept, what was before."""
+        return self.before if kept else self.after
 
 
 class _Reported(NamedTuple):
@@ -98,6 +130,8 @@ class _Reported(NamedTuple):
     slopes : (parameters,) of its logarithm
     of_parameters : numbers of the parameters that it depends on
     kept : whether it is the generic value that explains what was held out better
+    draws : (draws,) from what is known, of a number that is not linear in the parameters and whose
+        logarithm is not either; None of others
     """
 
     of: str
@@ -107,6 +141,7 @@ class _Reported(NamedTuple):
     slopes: Array
     of_parameters: tuple[int, ...]
     kept: bool
+    draws: Array | None = None
 
 
 def estimates_of(known: Knowledge) -> tuple[MuscleEstimate, ...]:
@@ -130,8 +165,12 @@ def _lengths(known: Knowledge) -> Iterator[_Reported]:
     With lo = lo_0 exp(p_fiber) and ls = L - (point + p_point) lo,
 
         d log ls = -(point + p_point) lo / ls dp_fiber - lo / ls dp_point
+
+    A slack length is a product of two parameters, which of a short tendon is far from normal: it is
+    drawn.
     """
     prior = known.prior
+    drawn = {kept: _drawn_slack(known, kept) for kept in {False, bool(known.kept)}}
     parts = prior.parts
     sizes = prior.sizes(known.p)
     for m, name in enumerate(prior.names):
@@ -162,6 +201,7 @@ def _lengths(known: Knowledge) -> Iterator[_Reported]:
             slopes=of_slack,
             of_parameters=(fiber, point),
             kept=kept,
+            draws=drawn[kept][:, m],
         )
 
 
@@ -191,16 +231,20 @@ def _estimate(known: Knowledge, number: _Reported) -> MuscleEstimate:
     """Give a number its interval, and say what the recordings showed of it."""
     slopes = number.slopes
     free = bool(known.free[list(number.of_parameters)].any()) and number.person > 0.0
-    variance = float(slopes @ known.after @ slopes)
-    before = float(slopes @ known.before @ slopes)
-    ratio = min(variance / before, 1.0) if free else 1.0
-    # Generic values that were kept are no surer than before the recordings.
-    covariance = known.before if number.kept else known.after
-    spread = float(half_width(np.sqrt(slopes @ covariance @ slopes))) if free else np.nan
+    ratio = 1.0
+    spread = np.nan
+    if free:
+        variance = slopes @ known.after.covariance @ slopes
+        ratio = min(float(variance / (slopes @ known.before.covariance @ slopes)), 1.0)
+        # Generic values that were kept are no surer than before the recordings.
+        covariance = known.posterior(number.kept).covariance
+        spread = float(half_width(np.sqrt(slopes @ covariance @ slopes)))
     low = number.person * float(np.exp(-spread))
     high = number.person * float(np.exp(spread))
-    if number.parameter == SLACK and free:
-        low, high = _slack_interval(known, covariance, number.of_parameters)
+    if number.draws is not None and free:
+        lower, upper = drawn_limits(number.draws, value=number.person)
+        low = max(float(lower), 0.0)
+        high = float(upper)
     return MuscleEstimate(
         of=number.of,
         parameter=number.parameter,
@@ -231,31 +275,22 @@ def _bound(known: Knowledge, index: Sequence[int]) -> str:
     return ""
 
 
-def _slack_interval(
-    known: Knowledge, covariance: Array, index: Sequence[int]
-) -> tuple[float, float]:
-    """Compute the ends of a slack length's interval.
-
-    It is a product of two parameters, which of a short tendon is far from normal.
+def _drawn_slack(known: Knowledge, kept: bool) -> Array:
+    """Draw slack lengths of all muscles.
 
     Parameters
     ----------
-    covariance : (parameters, parameters)
-    index : numbers of the muscle's fiber and shift
+    known : of the parameters
+    kept : whether generic values were kept, so that what is known is what was before
 
     Returns
     -------
-    ends of the 90 % interval [m]
+    (draws, muscles) [m]
     """
     prior = known.prior
-    m = index[0]
-    own = covariance[np.ix_(index, index)]
-    spread = np.linalg.cholesky(own + 1e-14 * np.eye(2))
-    fiber, point = known.p[list(index)][:, None] + spread @ _NORMAL.T
-    lo = prior.start.fiber[m] * np.exp(fiber)
-    slack = prior.reference[m] - (prior.point[m] + point) * lo
-    low, high = np.quantile(slack, (0.05, 0.95))
-    return max(float(low), 0.0), float(high)
+    draws = known.posterior(kept).draws()
+    lo = prior.start.fiber * np.exp(draws[:, prior.parts.fibers])
+    return np.asarray(prior.reference - (prior.point + draws[:, prior.parts.points]) * lo)
 
 
 def mapped_estimates(model: Model, mapped: GenericMap) -> tuple[MuscleEstimate, ...]:

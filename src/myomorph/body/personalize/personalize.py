@@ -201,15 +201,8 @@ def _fitted(
     if parts is not None and parts.unseen:
         checked, p = held_out(seen, parts.unseen, fitted, options.keep_generic)
     prior = every.prior
-    known = Knowledge(
-        prior=prior,
-        p=p,
-        free=fitted.posterior.free,
-        before=np.asarray(np.linalg.inv(prior.precision), dtype=np.float64),
-        after=fitted.covariance,
-        kept=() if checked is None else checked.kept,
-    )
-    estimates = estimates_of(known)
+    kept = () if checked is None else checked.kept
+    estimates = estimates_of(Knowledge.of(prior, fitted.posterior, p, kept))
     result = _Result(fitted=fitted, estimates=estimates, checked=checked, seen=seen.windows)
     sizes = prior.sizes(p)
     ends = every.path_ends()

@@ -239,8 +239,7 @@ def prior_of(
     windows : recordings
     rows : names of the coordinates that are compared
     options : spreads between people
-    fixed : (muscles,) muscles that keep their lengths, as those that are switched off or cannot
-        reach
+    fixed : (muscles,) muscles that keep their lengths: those that are switched off
 
     Returns
     -------
