@@ -29,7 +29,9 @@ from myomorph.core.fit.correlation import correlation_times
 from myomorph.core.fit.residuals import NormalEquations
 from myomorph.core.model.arrays import Array, read_only
 
-MIN_ERROR = 10  # Frames over which errors of a movement are alike at least
+MIN_ERROR = 10.0  # Frames over which errors of a movement are alike at least
+MAX_POSES = 50  # Over which errors of poses are taken to be alike at most
+MIN_ALIKE = 0.05  # Correlation from which on errors of poses are alike
 MAX_CHANGE = 0.2  # Of an activation in a step
 
 
@@ -140,9 +142,31 @@ class RecordingAt:
         counted = self.recorded.windows.counted
         frames = np.full((*counted.shape, self.white.shape[1]), np.nan)
         frames[counted] = np.where(self.recorded.known, self.white, np.nan)
-        length = float(correlation_times(list(frames), together=True)[0])
-        # Poses held still may be in any order.
-        return max(length, 1.0 if self.recorded.at_rest else MIN_ERROR)
+        if self.recorded.at_rest:
+            return _pose_length(frames[0])
+        return max(float(correlation_times(list(frames), together=True)[0]), MIN_ERROR)
+
+
+def _pose_length(misfits: Array) -> float:
+    """Measure over how many successive poses misfits are alike: 1 + 2 sum rho_k.
+
+    Poses may be in any order, and they are few. Of 40 in random order the positive pairs of
+    `correlation_times` came to 2.7, which is noise: the sum ends where errors are hardly alike.
+
+    Parameters
+    ----------
+    misfits : (poses, rows) NaN where no torque was measured
+    """
+    square = max(float(np.nanmean(misfits**2)), 1e-12)
+    length = 1.0
+    for lag in range(1, min(MAX_POSES, len(misfits) // 2)):
+        pairs = misfits[:-lag] * misfits[lag:]
+        known = np.isfinite(pairs)
+        rho = float(pairs[known].sum()) / max(int(known.sum()), 1) / square
+        if rho < MIN_ALIKE:
+            break
+        length += 2.0 * rho
+    return length
 
 
 def recording_at(
