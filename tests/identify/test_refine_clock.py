@@ -123,6 +123,28 @@ def test_one_clock_of_all_recordings(laboratory):
     assert first.offset.holds(LATE)
 
 
+def test_held_out_recordings_are_predicted_with_their_own_clock(laboratory):
+    """Forces of what is held out are moved for the refined body as for the given one."""
+    trials = [laboratory.trial("a", 3, late=4.0 * LATE), laboratory.trial("b", 4)]
+    options = replace(OPTIONS, fit=("masses", "clock"), check=True, iterations=5)
+    found = laboratory.refined(trials, options)
+    assert not found.kept
+    assert found.estimate.verdict.better
+    late = found.predictions[0]
+    assert late.name == "a"
+    assert late.refined.moment < late.given.moment
+    # As recorded, they are off by far more.
+    assert late.given.moment < 0.5 * found.trials[0].before.moment
+
+
+def test_forces_that_are_too_late_are_named(laboratory):
+    options = replace(OPTIONS, fit=("clock",), cutoff=6.0)
+    found = laboratory.refined([laboratory.trial("a", 3, late=0.16)], options)
+    (clock,) = found.clocks
+    assert clock.at_bound
+    assert any(note.startswith("a: its forces are 125 ms off or more") for note in found.notes)
+
+
 def test_a_clock_that_nothing_shows_is_said_so(laboratory):
     still = laboratory.trial("still", 5, share=1e-4)
     options = replace(OPTIONS, fit=("clock",))

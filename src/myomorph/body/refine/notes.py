@@ -185,7 +185,7 @@ def _joint_above(model: Model, body: str) -> tuple[str, ...]:
 
 
 def clock_notes(clocks: Sequence[ClockOffset]) -> Iterator[str]:
-    """Report clocks that the recordings do not show.
+    """Report clocks that the recordings do not show, or that are farther off than is looked for.
 
     Parameters
     ----------
@@ -196,7 +196,12 @@ def clock_notes(clocks: Sequence[ClockOffset]) -> Iterator[str]:
     one line for each
     """
     for clock in clocks:
-        if not clock.shown:
+        if clock.at_bound:
+            yield (
+                f"{clock.recording}: its forces are {1e3 * clock.offset.value:.0f} ms off or more,"
+                " the most that is looked for: move them by --force-shift first"
+            )
+        elif not clock.shown:
             low = 1e3 * clock.offset.low
             high = 1e3 * clock.offset.high
             yield (

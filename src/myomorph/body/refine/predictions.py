@@ -17,7 +17,7 @@ from myomorph.body.refine.point import Point
 from myomorph.body.refine.problem import Problem
 from myomorph.body.refine.refinement import Errors, Prediction
 from myomorph.body.refine.search import motions_alone, settle, solve
-from myomorph.body.refine.trial_data import opened, problem_of, thinned
+from myomorph.body.refine.trial_data import opened, problem_of, thinned, with_shift
 from myomorph.core.fit.verdict import WORSE, Verdict
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertia import with_inertial_parameters
@@ -136,8 +136,10 @@ def _prediction(
     use = held_out.usable.use
 
     def errors(made: Model) -> Errors:
-        on_made = replace(opened(made, held_out.trial, problem.options), within=held_out.within)
-        return errors_on(made, on_made, use, problem.tissue)
+        on_made = opened(made, held_out.trial, problem.options)
+        if held_out.shift != 0.0:
+            on_made = with_shift(made, on_made, problem.options, held_out.shift)
+        return errors_on(made, replace(on_made, within=held_out.within), use, problem.tissue)
 
     before = errors_on(model, held_out, use)
     few = thinned(problem)

@@ -109,11 +109,13 @@ class ClockOffset:
     recording : name
     offset : to be added to the times of the forces, with its interval [s]
     shown : whether the recording halves the standard deviation known before
+    at_bound : whether the offset is the largest that is looked for
     """
 
     recording: str
     offset: Interval
     shown: bool
+    at_bound: bool
 
 
 @read_only
@@ -180,16 +182,19 @@ class Refinement:
         if CLOCK not in self.fit:
             return ()
         posterior = self.estimate.posterior
-        names = self.estimate.unknowns.names
+        unknowns = {unknown.name: unknown for unknown in self.estimate.unknowns}
+        shown = dict(zip(unknowns, posterior.shown, strict=True))
         clocks = []
         for trial in self.trials:
             own = clock_name(trial.name)
-            name = own if own in names else clock_name(ALL)
+            unknown = unknowns.get(own) or unknowns[clock_name(ALL)]
+            offset = posterior.interval(unknown.name)
             clocks.append(
                 ClockOffset(
                     recording=trial.name,
-                    offset=posterior.interval(name),
-                    shown=bool(posterior.shown[names.index(name)]),
+                    offset=offset,
+                    shown=bool(shown[unknown.name]),
+                    at_bound=not unknown.low < offset.value < unknown.high,
                 )
             )
         return tuple(clocks)
