@@ -101,6 +101,10 @@ LIMBS = 40
 RELAXED = 24
 DRAWN_PEOPLE = 1
 """Truths of each estimator, frames of a walk, seconds of recordings: few, for the table's time."""
+PERSONAL_CASES = {
+    "arm, two of 5 s, gains unknown": "slowly varying, of torques and EMG; tendons elastic"
+}
+"""Recordings of simulated people, and their noise."""
 NOISY = 3.0
 """Noise of markers and plate of further limbs, over the usual one."""
 DROPPED: Mapping[str, relaxed.Kind] = {
@@ -483,22 +487,22 @@ def _gains(model: mm.Model, seed: int) -> Covered:
 
 
 def personalized(folder: Path) -> Iterator[Case]:
-    """Fiber and slack lengths of people whose arm swings."""
+    """Lengths, strengths and gains of people whose arm or legs swing.
+
+    Fibers are integrated by SciPy's LSODA in equations of their own.
+    """
     cases = personalize.cases()
-    for name in ("arm, two of 5 s, gains unknown",):
-        found = [
-            row
+    for name, noise in PERSONAL_CASES.items():
+        people = [
+            personalize.simulated_intervals(folder, cases[name], seed)
             for seed in range(FIRST, FIRST + PERSONAL)
-            for row in personalize.simulated_person(folder, cases[name], seed)[0]
         ]
-        for parameter in personalize.LENGTHS:
-            held = np.array([row[3] for row in found if row[0] == parameter])
-            none = np.full(len(held), np.nan)
+        for parameter in people[0]:
             yield Case(
                 unknown=f"{parameter.replace('_', ' ')}, {name}",
-                noise="slowly varying, of torques and EMG; tendons elastic",
+                noise=noise,
                 truths=PERSONAL,
-                covered=Covered(held=held, width=none, prior_width=none),
+                covered=joined([person[parameter] for person in people]),
             )
 
 

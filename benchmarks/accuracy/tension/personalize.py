@@ -8,11 +8,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from scipy.io import loadmat
 
 import myomorph as mm
+from benchmarks.accuracy.intervals.covered import Covered
 from benchmarks.accuracy.tension.emg import WALKS, Walk
 from benchmarks.errors import rms
 from myomorph.body.personalize.generic_map import map_generic
@@ -134,26 +136,66 @@ def simulated_person(folder: Path, case: Case, seed: int) -> tuple[list[Found], 
     """Of each length: parameter, whether identifiable, relative error, whether within its interval;
     and seconds.
     """
-    rng = np.random.default_rng(seed)
     model = as_degroote(mm.read_model(folder / case.model))
-    own, trials = recorded_person(model, case, rng)
+    person = recorded_person(model, case, np.random.default_rng(seed))
     started = perf_counter()
-    found = mm.personalize(
-        model, trials, mm.PersonalizeOptions(gain_spread=case.gain_spread, hold_out=False)
-    )
+    found = _personalized(model, person, case)
     seconds = perf_counter() - started
     rows = []
     for one in found.estimates:
         if one.parameter in LENGTHS:
-            true = getattr(own.muscles[model.muscle_names.index(one.of)], one.parameter)
+            true = person.truth(model, one, found.strength_groups)
             within = bool(one.low <= true <= one.high)
             rows.append((one.parameter, one.identifiable, float(one.person / true - 1.0), within))
     return rows, seconds
 
 
-def recorded_person(
-    model: mm.Model, case: Case, rng: np.random.Generator
-) -> tuple[mm.Model, list[mm.PersonalTrial]]:
+def simulated_intervals(folder: Path, case: Case, seed: int) -> dict[str, Covered]:
+    """Intervals of a simulated person beside the truth, by parameter.
+
+    Passive strains are left out: people do not differ in them here. The interval before the
+    recordings is wider by the root of the ratio of variances.
+    """
+    model = as_degroote(mm.read_model(folder / case.model))
+    person = recorded_person(model, case, np.random.default_rng(seed))
+    found = _personalized(model, person, case)
+    covered = {}
+    for parameter in (*LENGTHS, "strength", "emg_gain"):
+        those = [one for one in found.estimates if one.parameter == parameter]
+        truth = np.array([person.truth(model, one, found.strength_groups) for one in those])
+        low = np.array([one.low for one in those])
+        high = np.array([one.high for one in those])
+        ratio = np.array([one.variance_ratio for one in those])
+        covered[parameter] = Covered.of_limits(truth, low, high, (high - low) / np.sqrt(ratio))
+    return covered
+
+
+def _personalized(model: mm.Model, person: RecordedPerson, case: Case) -> mm.Personalized:
+    options = mm.PersonalizeOptions(gain_spread=case.gain_spread, hold_out=False)
+    return mm.personalize(model, person.trials, options)
+
+
+class RecordedPerson(NamedTuple):
+    """A simulated person and what is recorded: the own muscles, recordings, gains of EMG."""
+
+    own: mm.Model
+    trials: list[mm.PersonalTrial]
+    gains: Mapping[str, float]
+
+    def truth(
+        self, model: mm.Model, one: mm.tension.MuscleEstimate, groups: Sequence[str]
+    ) -> float:
+        """The true value of a parameter; `groups` are those of each muscle's strength."""
+        if one.parameter == "emg_gain":
+            return self.gains[one.of]
+        if one.parameter == "strength":
+            m = groups.index(one.of)
+            own = self.own.muscles[m].max_isometric_force
+            return own / model.muscles[m].max_isometric_force
+        return float(getattr(self.own.muscles[model.muscle_names.index(one.of)], one.parameter))
+
+
+def recorded_person(model: mm.Model, case: Case, rng: np.random.Generator) -> RecordedPerson:
     """A person and what is recorded."""
     time = np.arange(0.0, case.seconds, 0.01)
     muscles = len(model.muscles)
@@ -170,7 +212,7 @@ def recorded_person(
     trials = all_recorded(model, own, motions, activations, case.errors, rng, gains)
     if case.passive:
         trials.append(passive_trial(model, own, case.ranges, rng))
-    return own, trials
+    return RecordedPerson(own, trials, gains)
 
 
 def passive_trial(
