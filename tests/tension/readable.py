@@ -257,8 +257,8 @@ def frame_program(problem: TensionProblem, frame: int) -> Program:
         ]
         cost = np.concatenate([np.zeros(controls), many * contacts.generators.cost])
         costs.append(contact_regularisation(contacts.task.options.compliance, widened(cost)))
-        told = np.array([one.measured for one in problem.rows for _ in one.names], dtype=bool)
-        unit = np.concatenate([np.zeros(0), *(one.unit for one in problem.rows)])
+        told = np.array([one.measured for one in problem.added_rows for _ in one.names], dtype=bool)
+        unit = np.concatenate([np.zeros(0), *(one.unit for one in problem.added_rows)])
         if told.any():
             costs.append(
                 shared_wrench(spread(sums[told]), measured[told], unit[told], MEASURED_COST)
@@ -277,7 +277,7 @@ def frame_program(problem: TensionProblem, frame: int) -> Program:
         widened(fast.lower[:base], -np.inf),
         widened(fast.upper[:base], np.inf),
     )
-    return replace(whole, variables=tuple(names), rows=problem.assembly.rows)
+    return replace(whole, variables=tuple(names), rows=problem.assembly.coordinates)
 
 
 def _matrices(problem: TensionProblem, frame: int) -> tuple[Array, Array, Array, Array]:

@@ -68,7 +68,7 @@ def pair(data):
     whole[
         :, problem.separable.row, np.repeat(np.arange(count), np.diff(problem.separable.start))
     ] = given.values
-    row = problem.assembly.coordinate_row[problem.assembly.rows.index("r_elbow_flex")]
+    row = problem.assembly.coordinate_row[problem.assembly.coordinates.index("r_elbow_flex")]
     arms = whole[:, row, :2]
     flexor = model.muscle_names.index("BRA")
     extensor = model.muscle_names.index("TRIlat")

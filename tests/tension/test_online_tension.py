@@ -28,7 +28,7 @@ def test_frame_by_frame_is_the_whole_at_once(data: Callable[[str], Path], passiv
     parts = (one[:, :, None] for one in (wrenches.forces, wrenches.points, wrenches.torques))
     each = total_wrench(*parts)
     moved = motion_arrays(compile_tree(model), motion)
-    assert tension.rows == whole.coordinates
+    assert tension.coordinates == whole.coordinates
     assert tension.actuators == whole.reserve_names
     for frame in range(len(motion)):
         found = dynamics.solve(*(one[frame] for one in moved), each[frame])

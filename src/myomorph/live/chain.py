@@ -200,7 +200,7 @@ class LiveChain:
         self._rest = np.array([coordinate.default for coordinate in model.coordinates])
         nothing = np.full(len(model.muscles), np.nan)
         no_reserves = np.full(len(self.actuators), np.nan)
-        no_torques = np.full(len(self.tension.rows), np.nan)
+        no_torques = np.full(len(self.tension.coordinates), np.nan)
         self._unshared = TensionFrame(
             activations=nothing,
             forces=nothing,

@@ -170,7 +170,7 @@ class _Read:
         )
         balance = problem.balance(0, len(motion))
         force = np.maximum(compile_hill(model).force, 1e-9)
-        self.rows = problem.assembly.rows
+        self.rows = problem.assembly.coordinates
         columns = problem.separable.dense(balance.values)
         columns = columns[:, problem.assembly.coordinate_row, : len(force)]
         self.arms = np.ascontiguousarray(columns / force)

@@ -110,10 +110,10 @@ def frame_blocks(T, problem, frames, c, sums):
     c : (all frames, coordinates) consistent [rad or m]
     sums : `BlockSums`
     """
-    P = problem.pose
-    markers = P.tasks[0]
+    pose = problem.pose
+    markers = pose.tasks[0]
     n = c.shape[1]
-    size = P.free.shape[0]
+    size = pose.free.shape[0]
     lengths = sums.H.shape[0] - 3 * markers.body.shape[0]
     room = slope_room(T, markers.body.shape[0], lengths, n)
     tied_room = slope_room(T, problem.tied.body.shape[0], lengths, n)
@@ -129,22 +129,22 @@ def frame_blocks(T, problem, frames, c, sums):
         A[:] = 0.0
         marker_slopes(T, markers, problem.stretch, at, room)
         for m in range(markers.body.shape[0]):
-            seen, distance = _weigh_marker(markers, P.free, frame, m, room, rows)
+            seen, distance = _weigh_marker(markers, pose.free, frame, m, room, rows)
             sums.errors[frame, m] = distance
             if seen:
                 _add_shared(markers, m, room, rows, equations)
                 _add_angles(markers, m, room, rows, equations)
-        stiffness = problem.posture_weight * _mean_curvature(P, A)
-        _add_coordinates(P, frame, at, equations)
+        stiffness = problem.posture_weight * _mean_curvature(pose, A)
+        _add_coordinates(pose, frame, at, equations)
         if problem.tied.body.shape[0] > 0:
             marker_slopes(T, problem.tied, problem.tied_stretch, at, tied_room)
-            add_ties(P.free, tied_room.by_length, tied_room.by_coordinate, equations)
-        _add_posture(P, at, stiffness, equations)
+            add_ties(pose.free, tied_room.by_length, tied_room.by_coordinate, equations)
+        _add_posture(pose, at, stiffness, equations)
         _eliminate(A, equations.E)
 
 
 @in_place
-def _weigh_marker(markers, F, frame, m, room, rows):
+def _weigh_marker(markers, free, frame, m, room, rows):
     """Multiply the rows of a marker by the root of its weight, 0 where it is unseen.
 
     Returns whether it is seen, and the distance between model and recording [m].
@@ -158,8 +158,8 @@ def _weigh_marker(markers, F, frame, m, room, rows):
         e = room.places[m, i] - y[i]
         square += e * e
         rows.misfit[row] = root * e if seen else 0.0
-        for a in range(F.shape[0]):
-            rows.Jq[row, a] = root * room.by_coordinate[row, F[a]]
+        for a in range(free.shape[0]):
+            rows.Jq[row, a] = root * room.by_coordinate[row, free[a]]
         for a in range(room.by_length.shape[1]):
             room.by_length[row, a] *= root
     return seen, np.sqrt(square)
@@ -213,55 +213,57 @@ def _add_angles(markers, m, room, rows, equations):
 
 
 @in_place
-def _mean_curvature(P, A):
+def _mean_curvature(problem, A):
     """Mean curvature of the markers, in units, over the angles that they see move."""
     total = 0.0
     moved = 0
     for a in range(A.shape[0]):
         if A[a, a] > 0.0:
-            total += A[a, a] * P.unit[P.free[a]] ** 2
+            total += A[a, a] * problem.unit[problem.free[a]] ** 2
             moved += 1
     return total / moved if moved else 1.0
 
 
 @in_place
-def _add_coordinates(P, frame, c, equations):
+def _add_coordinates(problem, frame, c, equations):
     """Add the pulls of coordinates to values; like the markers', they are sums, not means."""
-    F = P.free
+    free = problem.free
     A = equations.A
     E = equations.E
-    pulled = P.tasks[1]
-    total = seen_weight(P.tasks[0], frame)
-    for a in range(F.shape[0]):
-        A[a, a] += total * pulled.weight[F[a]]
-        E[a, E.shape[1] - 1] += total * pulled.weight[F[a]] * (c[F[a]] - pulled.value[frame, F[a]])
+    pulled = problem.tasks[1]
+    total = seen_weight(problem.tasks[0], frame)
+    for a in range(free.shape[0]):
+        A[a, a] += total * pulled.weight[free[a]]
+        E[a, E.shape[1] - 1] += (
+            total * pulled.weight[free[a]] * (c[free[a]] - pulled.value[frame, free[a]])
+        )
 
 
 @in_place
-def _add_posture(P, c, stiffness, equations):
+def _add_posture(problem, c, stiffness, equations):
     """Add the pull to the posture, and leave out the angles that lie at a bound."""
-    F = P.free
+    free = problem.free
     A = equations.A
     E = equations.E
-    for a in range(F.shape[0]):
-        pull = stiffness / P.unit[F[a]] ** 2
+    for a in range(free.shape[0]):
+        pull = stiffness / problem.unit[free[a]] ** 2
         A[a, a] += pull
-        E[a, E.shape[1] - 1] += pull * (c[F[a]] - P.posture[F[a]])
-        slack = AT_BOUND * (1.0 + abs(c[F[a]]))
-        if c[F[a]] <= P.lower[a] + slack or c[F[a]] >= P.upper[a] - slack:
-            for other in range(F.shape[0]):
+        E[a, E.shape[1] - 1] += pull * (c[free[a]] - problem.posture[free[a]])
+        slack = AT_BOUND * (1.0 + abs(c[free[a]]))
+        if c[free[a]] <= problem.lower[a] + slack or c[free[a]] >= problem.upper[a] - slack:
+            for other in range(free.shape[0]):
                 A[max(a, other), min(a, other)] = 0.0
             A[a, a] = 1.0
             E[a] = 0.0
 
 
 @in_place
-def add_ties(F, by_length, by_coordinate, equations):
+def add_ties(free, by_length, by_coordinate, equations):
     """Add the squares of the gaps between pairs of tied points, at the weight `TIED`.
 
     Parameters
     ----------
-    F : (variables,) numbers of the free coordinates
+    free : (variables,) numbers of the free coordinates
     by_length : (3 points, lengths) derivatives of the points, first and second in turn [m]
     by_coordinate : (3 points, coordinates) derivatives of the points [m/rad or 1]
     equations : `FrameEquations`
@@ -275,13 +277,13 @@ def add_ties(F, by_length, by_coordinate, equations):
             slope = TIED * (by_length[row + 3, a] - by_length[row, a])
             for column in range(a + 1):
                 H[a, column] += slope * (by_length[row + 3, column] - by_length[row, column])
-        for a in range(F.shape[0]):
-            slope = TIED * (by_coordinate[row + 3, F[a]] - by_coordinate[row, F[a]])
+        for a in range(free.shape[0]):
+            slope = TIED * (by_coordinate[row + 3, free[a]] - by_coordinate[row, free[a]])
             if slope == 0.0:
                 continue
             for other in range(a + 1):
                 A[a, other] += slope * (
-                    by_coordinate[row + 3, F[other]] - by_coordinate[row, F[other]]
+                    by_coordinate[row + 3, free[other]] - by_coordinate[row, free[other]]
                 )
             for column in range(by_length.shape[1]):
                 E[a, column] += slope * (by_length[row + 3, column] - by_length[row, column])

@@ -231,20 +231,20 @@ def frames_shown(problem: PoseProblem) -> np.ndarray:
 
 
 @kernel
-def fill_shown(P, result):
+def fill_shown(problem, result):
     """Fill `result` (frames,) of `frames_shown`."""
     for frame in range(result.shape[0]):
-        result[frame] = shown(P.tasks, frame)
+        result[frame] = shown(problem.tasks, frame)
 
 
 @kernel
-def solve_chunk(T, P, frames, settings, room):
+def solve_chunk(T, problem, frames, settings, room):
     """Solve frames in turn, for `solve_poses`.
 
     Parameters
     ----------
     T : arrays of the tree
-    P : `PoseProblem`
+    problem : `PoseProblem`
     frames : the first, and the one behind the last
     settings : `Settings`
     room : `PoseRoom`; of these frames, starts become poses, and all else is filled
@@ -253,14 +253,14 @@ def solve_chunk(T, P, frames, settings, room):
     values = room.values
     n = values.shape[1]
     work = new_work(T, n)
-    closing = new_closing(P.ties, n, P.free.shape[0])
+    closing = new_closing(problem.ties, n, problem.free.shape[0])
     before = values[first].copy()
     run = 0
     unseen = 0
     for frame in range(first, last):
         room.converged[frame] = False
         room.iterations[frame] = 0
-        if settings.chained and not shown(P.tasks, frame):
+        if settings.chained and not shown(problem.tasks, frame):
             run = 0
             unseen = unseen + 1
             room.cost[frame] = 0.0
@@ -268,21 +268,21 @@ def solve_chunk(T, P, frames, settings, room):
                 values[frame, j] = np.nan
             continue
         if settings.chained and frame > first:
-            resumed = unseen >= SCOUT and resume(P, frame, last, values)
+            resumed = unseen >= SCOUT and resume(problem, frame, last, values)
             if not resumed:
                 _continue(values, frame, before, run)
         run = run + 1
         unseen = 0
-        closed = _begin(T, P, frame, values[frame], work, closing)
+        closed = _begin(T, problem, frame, values[frame], work, closing)
         if not closed and settings.chained and frame > first:
             _copy(before, values[frame])
-            closed = _begin(T, P, frame, values[frame], work, closing)
+            closed = _begin(T, problem, frame, values[frame], work, closing)
         room.cost[frame] = np.inf
         if closed:
             room.converged[frame], room.iterations[frame], room.cost[frame] = _descend(
-                T, P, frame, settings, values[frame], work, closing
+                T, problem, frame, settings, values[frame], work, closing
             )
-        keep_residuals(P.tasks, values[frame], frame, work)
+        keep_residuals(problem.tasks, values[frame], frame, work)
         _copy(values[frame], before)
 
 
@@ -317,36 +317,36 @@ def _continue(values, frame, before, run):
 
 
 @bare
-def resume(P, frame, last, values):
+def resume(problem, frame, last, values):
     """Start a frame from the next scout, where that is in the chunk and shown.
 
     Returns whether it is.
     """
     scout = -(-frame // SCOUT) * SCOUT
-    if scout >= last or not shown(P.tasks, scout):
+    if scout >= last or not shown(problem.tasks, scout):
         return False
     _copy(values[scout], values[frame])
     return True
 
 
 @bare
-def _begin(T, P, frame, c, work, closing):
+def _begin(T, problem, frame, c, work, closing):
     """Put c inside its bounds, what is not solved for at its value, and close the loops.
 
     Returns whether they are closed.
     """
     i = 0
     for j in range(c.shape[0]):
-        if i < P.free.shape[0] and P.free[i] == j:
-            c[j] = min(max(c[j], P.lower[i]), P.upper[i])
+        if i < problem.free.shape[0] and problem.free[i] == j:
+            c[j] = min(max(c[j], problem.lower[i]), problem.upper[i])
             i += 1
         else:
-            c[j] = P.fixed[frame, j]
-    return close(T, P, c, work, closing)
+            c[j] = problem.fixed[frame, j]
+    return close(T, problem, c, work, closing)
 
 
 @bare
-def _descend(T, P, frame, settings, c, work, closing):
+def _descend(T, problem, frame, settings, c, work, closing):
     """Take damped Newton steps from c in place.
 
     Poses and gaps in `work` and `closing` are those of c, as `close` has left them, before and
@@ -355,62 +355,62 @@ def _descend(T, P, frame, settings, c, work, closing):
     """
     trial = work.trial
     damping = 0.0
-    cost = gradient_and_hessian(T, P, frame, c, work)
-    stiffness = settings.posture_weight * mean_curvature(P, work)
-    cost += posture_cost(P, c, stiffness)
+    cost = gradient_and_hessian(T, problem, frame, c, work)
+    stiffness = settings.posture_weight * mean_curvature(problem, work)
+    cost += posture_cost(problem, c, stiffness)
     for count in range(1, settings.max_steps + 1):
-        _add_posture(P, c, stiffness, work)
-        hold_variables(T, P, c, work, closing)
+        _add_posture(problem, c, stiffness, work)
+        hold_variables(T, problem, c, work, closing)
         accepted = False
         reached = cost
         while not accepted and damping < MAX_DAMPING:
-            size = newton_step(P, work, closing, c, damping)
+            size = newton_step(problem, work, closing, c, damping)
             if size < 0.0:
                 damping = max(damping * 10.0, FIRST_DAMPING)
                 continue
-            closed = _try_step(T, P, c, work, closing)
+            closed = _try_step(T, problem, c, work, closing)
             if closed and _is_last(size, damping, settings.tolerance):
                 _copy(trial, c)
                 return True, count, cost
             reached = np.inf
             if closed:
-                reached = sum_of_costs(P.tasks, trial, frame, work) + posture_cost(
-                    P, trial, stiffness
+                reached = sum_of_costs(problem.tasks, trial, frame, work) + posture_cost(
+                    problem, trial, stiffness
                 )
             if reached <= cost:
                 accepted = True
                 damping = damping * 0.1 if damping > 1e-6 else 0.0
             else:
                 damping = max(damping * 10.0, FIRST_DAMPING)
-                ties_at(T, P, c, work, closing)
+                ties_at(T, problem, c, work, closing)
         if not accepted:
             return False, count, cost
         _copy(trial, c)
         flat = cost - reached <= ROUNDING * cost
-        cost = gradient_and_hessian(T, P, frame, c, work)
-        cost += posture_cost(P, c, stiffness)
+        cost = gradient_and_hessian(T, problem, frame, c, work)
+        cost += posture_cost(problem, c, stiffness)
         if flat:
             return True, count, cost
     return False, settings.max_steps, cost
 
 
 @bare
-def _add_posture(P, c, stiffness, work):
+def _add_posture(problem, c, stiffness, work):
     """Add half of `posture_cost` to gradient and Hessian."""
-    F = P.free
-    for i in range(F.shape[0]):
-        square = P.unit[F[i]] ** 2
-        work.g[F[i]] += stiffness / square * (c[F[i]] - P.posture[F[i]])
-        work.H[F[i], F[i]] += stiffness / square
+    free = problem.free
+    for i in range(free.shape[0]):
+        square = problem.unit[free[i]] ** 2
+        work.g[free[i]] += stiffness / square * (c[free[i]] - problem.posture[free[i]])
+        work.H[free[i], free[i]] += stiffness / square
 
 
 @bare
-def _try_step(T, P, c, work, closing):
+def _try_step(T, problem, c, work, closing):
     """Step from c to `work.trial` and close the loops there; returns whether they are closed."""
     _copy(c, work.trial)
-    for i in range(P.free.shape[0]):
-        work.trial[P.free[i]] += work.step[i]
-    return close(T, P, work.trial, work, closing)
+    for i in range(problem.free.shape[0]):
+        work.trial[problem.free[i]] += work.step[i]
+    return close(T, problem, work.trial, work, closing)
 
 
 @bare
@@ -423,33 +423,33 @@ def _is_last(size, damping, tolerance):
 
 
 @bare
-def posture_cost(P, c, stiffness):
+def posture_cost(problem, c, stiffness):
     """Cost of the pull towards the posture, which determines what no task shows."""
     total = 0.0
-    for j in P.free:
-        total += stiffness * ((c[j] - P.posture[j]) / P.unit[j]) ** 2
+    for j in problem.free:
+        total += stiffness * ((c[j] - problem.posture[j]) / problem.unit[j]) ** 2
     return total
 
 
 @bare
-def newton_step(P, work, closing, c, damping):
+def newton_step(problem, work, closing, c, damping):
     """Find the damped Newton step of the free coordinates along the loops' ties.
 
     It is left in `work.step`. Coordinates of `work.held` stay where they are; those that would
     leave their bounds are stopped there and the rest is solved again. Returns the largest entry of
     the step, in units, or -1 where the damped Hessian is not positive definite along the ties.
     """
-    F = P.free
+    free = problem.free
     L = work.L
     step = work.step
     stopped = work.stopped
     index = work.solved
-    n = P.free.shape[0]
+    n = problem.free.shape[0]
     for i in range(n):
         step[i] = 0.0
         stopped[i] = work.held[i]
     while True:
-        size = reduced_system(P, work, closing, c, damping)
+        size = reduced_system(problem, work, closing, c, damping)
         if not solve_in_place(L, size):
             return -1.0
         for a in range(size):
@@ -457,21 +457,23 @@ def newton_step(P, work, closing, c, damping):
         close_step(work, closing, size)
         left = False
         for i in range(n):
-            reached = c[F[i]] + step[i]
-            if not stopped[i] and (reached < P.lower[i] or reached > P.upper[i]):
-                step[i] = (P.lower[i] if reached < P.lower[i] else P.upper[i]) - c[F[i]]
+            reached = c[free[i]] + step[i]
+            if not stopped[i] and (reached < problem.lower[i] or reached > problem.upper[i]):
+                step[i] = (
+                    problem.lower[i] if reached < problem.lower[i] else problem.upper[i]
+                ) - c[free[i]]
                 stopped[i] = True
                 left = True
         if not left:
             break
     largest = 0.0
     for i in range(n):
-        largest = max(largest, abs(step[i]) / P.unit[F[i]])
+        largest = max(largest, abs(step[i]) / problem.unit[free[i]])
     return largest
 
 
 @bare
-def reduced_system(P, work, closing, c, damping):
+def reduced_system(problem, work, closing, c, damping):
     """Write the equations of the independent free coordinates that are not stopped into `work.L`.
 
     They fill the rows up to their number, which is returned; their places in `free` are in
@@ -480,54 +482,54 @@ def reduced_system(P, work, closing, c, damping):
     and the row behind it is -B^T (g + (H + damping D) s).
     """
     if closing is None:
-        return _open_system(P, work, damping)
-    find_late(P, c, 0.0, work.late)
-    closing.rank[0] = eliminate(P.free, closing, work.stopped, work.late)
+        return _open_system(problem, work, damping)
+    find_late(problem, c, 0.0, work.late)
+    closing.rank[0] = eliminate(problem.free, closing, work.stopped, work.late)
     size = 0
-    for i in range(P.free.shape[0]):
+    for i in range(problem.free.shape[0]):
         if not work.stopped[i] and not closing.dependent[i]:
             work.solved[size] = i
             size += 1
-    _known_step(P, work, closing, size)
-    _project_columns(P, work, closing, size, damping)
-    _project_rows(P, work, closing, size)
+    _known_step(problem, work, closing, size)
+    _project_columns(problem, work, closing, size, damping)
+    _project_rows(problem, work, closing, size)
     return size
 
 
 @bare
-def _open_system(P, work, damping):
+def _open_system(problem, work, damping):
     """Write `reduced_system` of a model without loops; returns its size."""
-    F = P.free
+    free = problem.free
     H = work.H
     L = work.L
     index = work.solved
     size = 0
-    for i in range(F.shape[0]):
+    for i in range(free.shape[0]):
         if not work.stopped[i]:
             index[size] = i
             size += 1
     for a in range(size):
-        i = F[index[a]]
+        i = free[index[a]]
         for b in range(a + 1):
-            L[a, b] = H[i, F[index[b]]]
+            L[a, b] = H[i, free[index[b]]]
         L[a, a] += damping * work.D[i]
         right = -work.g[i]
-        for j in range(F.shape[0]):
+        for j in range(free.shape[0]):
             if work.stopped[j] and work.step[j] != 0.0:
-                right -= H[i, F[j]] * work.step[j]
+                right -= H[i, free[j]] * work.step[j]
         L[size, a] = right
     return size
 
 
 @bare
-def _known_step(P, work, closing, size):
+def _known_step(problem, work, closing, size):
     """Fill the part s of the step that is known before the system is solved.
 
     Bounded variables go to their bounds, dependent ones close the gap for them, those that are
     solved for are 0.
     """
     A = closing.A
-    n = P.free.shape[0]
+    n = problem.free.shape[0]
     for row in range(closing.rank[0]):
         total = A[row, n]
         for i in range(n):
@@ -539,26 +541,26 @@ def _known_step(P, work, closing, size):
 
 
 @bare
-def _project_columns(P, work, closing, size, damping):
+def _project_columns(problem, work, closing, size, damping):
     """Fill Z = (H + damping D) B; a column of B is 1 at its variable and -A at dependent ones."""
-    F = P.free
+    free = problem.free
     H = work.H
     D = work.D
-    for i in range(F.shape[0]):
+    for i in range(free.shape[0]):
         for a in range(size):
             j = work.solved[a]
-            total = H[F[i], F[j]] + (damping * D[F[i]] if i == j else 0.0)
+            total = H[free[i], free[j]] + (damping * D[free[i]] if i == j else 0.0)
             for row in range(closing.rank[0]):
                 d = closing.taken[row]
-                entry = H[F[i], F[d]] + (damping * D[F[i]] if i == d else 0.0)
+                entry = H[free[i], free[d]] + (damping * D[free[i]] if i == d else 0.0)
                 total -= entry * closing.A[row, j]
             closing.Z[i, a] = total
 
 
 @bare
-def _project_rows(P, work, closing, size):
+def _project_rows(problem, work, closing, size):
     """Fill L = B^T Z, lower triangle, and the row -B^T g - Z^T s behind it."""
-    F = P.free
+    free = problem.free
     A = closing.A
     Z = closing.Z
     taken = closing.taken
@@ -570,10 +572,10 @@ def _project_rows(P, work, closing, size):
             for row in range(rank):
                 total -= A[row, i] * Z[taken[row], b]
             work.L[a, b] = total
-        right = -work.g[F[i]]
+        right = -work.g[free[i]]
         for row in range(rank):
-            right += A[row, i] * work.g[F[taken[row]]]
-        for j in range(F.shape[0]):
+            right += A[row, i] * work.g[free[taken[row]]]
+        for j in range(free.shape[0]):
             if work.step[j] != 0.0:
                 right -= Z[j, a] * work.step[j]
         work.L[size, a] = right

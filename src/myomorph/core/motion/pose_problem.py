@@ -93,23 +93,23 @@ class PoseProblem(NamedTuple):
 
 
 @bare
-def mean_curvature(P, work):
+def mean_curvature(problem, work):
     """Mean Gauss-Newton diagonal of the tasks of bodies.
 
     It is taken in units, D_j unit_j^2, over the free coordinates that these tasks see move.
     """
     total = 0.0
     moved = 0
-    for j in P.free:
+    for j in problem.free:
         shared = work.D[j] - work.direct[j]
         if shared > 0.0:
-            total += shared * P.unit[j] ** 2
+            total += shared * problem.unit[j] ** 2
             moved += 1
     return total / moved if moved > 0 else 1.0
 
 
 @bare
-def gradient_and_hessian(T, P, frame, c, work):
+def gradient_and_hessian(T, problem, frame, c, work):
     """Gradient g and full Hessian H of half the cost in the independent coordinates.
 
     Half the cost of points x_m with weights a_m that should lie at y_m is half of
@@ -150,7 +150,7 @@ def gradient_and_hessian(T, P, frame, c, work):
     """
     half = HalfCost(H=work.H, g=work.g, D=work.D)
     _reset(work, half)
-    cost = add_tasks(P.tasks, c, frame, work)
+    cost = add_tasks(problem.tasks, c, frame, work)
     has_rows = work.has_rows[0]
     axis_fields(T, c, work)
     for b in range(T.parent.shape[0] - 1, 0, -1):
@@ -165,7 +165,7 @@ def gradient_and_hessian(T, P, frame, c, work):
         for j in range(i):
             half.H[j, i] = half.H[i, j]
     fold_dependents(T, c, half.H, half.g, half.D)
-    for j in P.free:
+    for j in problem.free:
         half.H[j, j] += work.direct[j]
         half.D[j] += work.direct[j]
     return cost
@@ -195,14 +195,14 @@ def _add_axis(T, work, half, b, axis):
 
     H_ik = v_i . F + w_i . N + w_i . Q
     """
-    S = work.points[b]
+    sums = work.points[b]
     field = work.fields[axis]
     w = (field[0], field[1], field[2])
     v = (field[3], field[4], field[5])
-    F = _force(S, w, v)
-    N = _moment(S, w, v)
-    Q = _remainder(S, w, v)
-    slope = _slope(S, w, v)
+    F = _force(sums, w, v)
+    N = _moment(sums, w, v)
+    Q = _remainder(sums, w, v)
+    slope = _slope(sums, w, v)
     if work.has_rows[0]:
         rows = work.rows[b]
         N = plus(N, _products(rows, 0, field))
@@ -223,56 +223,68 @@ def _add_axis(T, work, half, b, axis):
 
 
 @bare
-def _force(S, w, v):
-    """F = v sum a + w * sum a x, from the sums S (POINT_SUMS,) of a body."""
+def _force(sums, w, v):
+    """F = v sum a + w * sum a x, from the sums (POINT_SUMS,) of a body."""
     return (
-        S[WEIGHT] * v[0] + w[1] * S[Z] - w[2] * S[Y],
-        S[WEIGHT] * v[1] + w[2] * S[X] - w[0] * S[Z],
-        S[WEIGHT] * v[2] + w[0] * S[Y] - w[1] * S[X],
+        sums[WEIGHT] * v[0] + w[1] * sums[Z] - w[2] * sums[Y],
+        sums[WEIGHT] * v[1] + w[2] * sums[X] - w[0] * sums[Z],
+        sums[WEIGHT] * v[2] + w[0] * sums[Y] - w[1] * sums[X],
     )
 
 
 @bare
-def _moment(S, w, v):
+def _moment(sums, w, v):
     """N = (sum a x) * v + (tr(A) 1 - A) w with A = sum a x x^T."""
     return (
-        S[Y] * v[2] - S[Z] * v[1] + (S[YY] + S[ZZ]) * w[0] - S[XY] * w[1] - S[XZ] * w[2],
-        S[Z] * v[0] - S[X] * v[2] - S[XY] * w[0] + (S[XX] + S[ZZ]) * w[1] - S[YZ] * w[2],
-        S[X] * v[1] - S[Y] * v[0] - S[XZ] * w[0] - S[YZ] * w[1] + (S[XX] + S[YY]) * w[2],
+        sums[Y] * v[2]
+        - sums[Z] * v[1]
+        + (sums[YY] + sums[ZZ]) * w[0]
+        - sums[XY] * w[1]
+        - sums[XZ] * w[2],
+        sums[Z] * v[0]
+        - sums[X] * v[2]
+        - sums[XY] * w[0]
+        + (sums[XX] + sums[ZZ]) * w[1]
+        - sums[YZ] * w[2],
+        sums[X] * v[1]
+        - sums[Y] * v[0]
+        - sums[XZ] * w[0]
+        - sums[YZ] * w[1]
+        + (sums[XX] + sums[YY]) * w[2],
     )
 
 
 @bare
-def _remainder(S, w, v):
+def _remainder(sums, w, v):
     """Q = v * sum e + (B - tr(B) 1) w with B = sum x e^T."""
-    trace = S[X_EX] + S[Y_EY] + S[Z_EZ]
+    trace = sums[X_EX] + sums[Y_EY] + sums[Z_EZ]
     return (
-        v[1] * S[EZ]
-        - v[2] * S[EY]
-        + S[X_EX] * w[0]
-        + S[X_EY] * w[1]
-        + S[X_EZ] * w[2]
+        v[1] * sums[EZ]
+        - v[2] * sums[EY]
+        + sums[X_EX] * w[0]
+        + sums[X_EY] * w[1]
+        + sums[X_EZ] * w[2]
         - trace * w[0],
-        v[2] * S[EX]
-        - v[0] * S[EZ]
-        + S[Y_EX] * w[0]
-        + S[Y_EY] * w[1]
-        + S[Y_EZ] * w[2]
+        v[2] * sums[EX]
+        - v[0] * sums[EZ]
+        + sums[Y_EX] * w[0]
+        + sums[Y_EY] * w[1]
+        + sums[Y_EZ] * w[2]
         - trace * w[1],
-        v[0] * S[EY]
-        - v[1] * S[EX]
-        + S[Z_EX] * w[0]
-        + S[Z_EY] * w[1]
-        + S[Z_EZ] * w[2]
+        v[0] * sums[EY]
+        - v[1] * sums[EX]
+        + sums[Z_EX] * w[0]
+        + sums[Z_EY] * w[1]
+        + sums[Z_EZ] * w[2]
         - trace * w[2],
     )
 
 
 @bare
-def _slope(S, w, v):
+def _slope(sums, w, v):
     """Slope along an axis, s = v . sum e + w . sum x * e."""
-    translation = v[0] * S[EX] + v[1] * S[EY] + v[2] * S[EZ]
-    moment = (S[Y_EZ] - S[Z_EY], S[Z_EX] - S[X_EZ], S[X_EY] - S[Y_EX])
+    translation = v[0] * sums[EX] + v[1] * sums[EY] + v[2] * sums[EZ]
+    moment = (sums[Y_EZ] - sums[Z_EY], sums[Z_EX] - sums[X_EZ], sums[X_EY] - sums[Y_EX])
     return translation + dot(w, moment)
 
 

@@ -293,23 +293,23 @@ def pack_curves(curves: Sequence[Curve]) -> CurveArrays:
 
 
 @inner(counted=False, forceinline=True)
-def parameter_at(P, piece, x):
+def parameter_at(pieces, piece, x):
     """Find the parameter u of a piece at which its quintic x(u) is x.
 
     By Newton steps within a bracket, which is halved where a step would leave it.
 
     Parameters
     ----------
-    P : (pieces, 13) see `CurveArrays`
+    pieces : (pieces, 13) see `CurveArrays`
     piece : its row
     x : within the piece
     """
-    a0 = P[piece, 1]
-    a1 = P[piece, 2]
-    a2 = P[piece, 3]
-    a3 = P[piece, 4]
-    a4 = P[piece, 5]
-    a5 = P[piece, 6]
+    a0 = pieces[piece, 1]
+    a1 = pieces[piece, 2]
+    a2 = pieces[piece, 3]
+    a3 = pieces[piece, 4]
+    a4 = pieces[piece, 5]
+    a5 = pieces[piece, 6]
     u = (x - a0) / (a1 + a2 + a3 + a4 + a5)
     below = 0.0
     above = 1.0
@@ -377,21 +377,27 @@ def curve_value(C, i, x):
     elif x >= E[i, 3]:
         y = E[i, 4] + E[i, 5] * (x - E[i, 3])
     else:
-        P = C.pieces
-        S = C.shapes
+        pieces = C.pieces
+        shapes = C.shapes
         low = C.of_curve[i, 0]
         piece = C.of_curve[i, 1]
-        while piece > low and x < P[piece, 0]:
+        while piece > low and x < pieces[piece, 0]:
             piece -= 1
-        y = P[piece, 7]
+        y = pieces[piece, 7]
         if C.of_piece[piece, 0]:
-            u = parameter_at(P, piece, x)
+            u = parameter_at(pieces, piece, x)
             y += u * (
-                P[piece, 8]
-                + u * (P[piece, 9] + u * (P[piece, 10] + u * (P[piece, 11] + u * P[piece, 12])))
+                pieces[piece, 8]
+                + u
+                * (
+                    pieces[piece, 9]
+                    + u * (pieces[piece, 10] + u * (pieces[piece, 11] + u * pieces[piece, 12]))
+                )
             )
         for s in range(C.of_piece[piece, 1], C.of_piece[piece, 2]):
-            y += S[s, 1] * _shape_value(S[s, 0], (S[s, 2] + S[s, 3] * x) / (S[s, 4] + S[s, 5] * x))
+            y += shapes[s, 1] * _shape_value(
+                shapes[s, 0], (shapes[s, 2] + shapes[s, 3] * x) / (shapes[s, 4] + shapes[s, 5] * x)
+            )
     if y < E[i, 6]:
         return E[i, 6]
     return E[i, 7] if y > E[i, 7] else y
@@ -415,16 +421,16 @@ def curve_jet(C, i, x):
         y1 = E[i, 5]
         y2 = 0.0
     else:
-        P = C.pieces
+        pieces = C.pieces
         low = C.of_curve[i, 0]
         piece = C.of_curve[i, 1]
-        while piece > low and x < P[piece, 0]:
+        while piece > low and x < pieces[piece, 0]:
             piece -= 1
-        y0 = P[piece, 7]
+        y0 = pieces[piece, 7]
         y1 = 0.0
         y2 = 0.0
         if C.of_piece[piece, 0]:
-            rise, y1, y2 = _polynomial_jet(P, piece, parameter_at(P, piece, x))
+            rise, y1, y2 = _polynomial_jet(pieces, piece, parameter_at(pieces, piece, x))
             y0 += rise
         y0, y1, y2 = _with_shapes(C, piece, x, (y0, y1, y2))
     if y0 <= E[i, 6]:
@@ -443,15 +449,15 @@ def _with_shapes(C, piece, x, jet):
 
         size f,   size f' z_1,   size (f'' z_1 - 2 f' d / (c + d x)) z_1
     """
-    S = C.shapes
+    shapes = C.shapes
     y0, y1, y2 = jet
     for s in range(C.of_piece[piece, 1], C.of_piece[piece, 2]):
-        size = S[s, 1]
-        b = S[s, 3]
-        d = S[s, 5]
-        scale = 1.0 / (S[s, 4] + d * x)
-        f0, f1, f2 = shape_jet(S[s, 0], (S[s, 2] + b * x) * scale)
-        z1 = (b * S[s, 4] - S[s, 2] * d) * scale * scale
+        size = shapes[s, 1]
+        b = shapes[s, 3]
+        d = shapes[s, 5]
+        scale = 1.0 / (shapes[s, 4] + d * x)
+        f0, f1, f2 = shape_jet(shapes[s, 0], (shapes[s, 2] + b * x) * scale)
+        z1 = (b * shapes[s, 4] - shapes[s, 2] * d) * scale * scale
         y0 += size * f0
         y1 += size * f1 * z1
         y2 += size * (f2 * z1 - 2.0 * f1 * d * scale) * z1
@@ -459,18 +465,18 @@ def _with_shapes(C, piece, x, jet):
 
 
 @inner(counted=False, forceinline=True)
-def _polynomial_jet(P, piece, u):
+def _polynomial_jet(pieces, piece, u):
     """Value less that at u = 0, slope and curvature over x of a piece's polynomial at u."""
-    a1 = P[piece, 2]
-    a2 = P[piece, 3]
-    a3 = P[piece, 4]
-    a4 = P[piece, 5]
-    a5 = P[piece, 6]
-    b1 = P[piece, 8]
-    b2 = P[piece, 9]
-    b3 = P[piece, 10]
-    b4 = P[piece, 11]
-    b5 = P[piece, 12]
+    a1 = pieces[piece, 2]
+    a2 = pieces[piece, 3]
+    a3 = pieces[piece, 4]
+    a4 = pieces[piece, 5]
+    a5 = pieces[piece, 6]
+    b1 = pieces[piece, 8]
+    b2 = pieces[piece, 9]
+    b3 = pieces[piece, 10]
+    b4 = pieces[piece, 11]
+    b5 = pieces[piece, 12]
     x1 = max(a1 + u * (2.0 * a2 + u * (3.0 * a3 + u * (4.0 * a4 + u * 5.0 * a5))), 1e-9)
     x2 = 2.0 * a2 + u * (6.0 * a3 + u * (12.0 * a4 + u * 20.0 * a5))
     y0 = u * (b1 + u * (b2 + u * (b3 + u * (b4 + u * b5))))

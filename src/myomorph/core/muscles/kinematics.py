@@ -29,10 +29,10 @@ AT_ONCE = 64  # Frames whose moment arms stand in one dense table
 
 
 @kernel
-def _slopes(P, c, slopes):
+def _slopes(paths, c, slopes):
     """`coupler_slopes` of frames: c (frames, coordinates), slopes (frames, couplers, 2) filled."""
     for frame in range(c.shape[0]):
-        coupler_slopes(P, c[frame], slopes[frame])
+        coupler_slopes(paths, c[frame], slopes[frame])
 
 
 @shown

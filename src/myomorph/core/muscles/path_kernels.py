@@ -26,7 +26,7 @@ SLACK = 1e-5  # Beyond its range in which a coordinate still gives the path a po
 
 
 @inner
-def path_scratch(P):
+def path_scratch(paths):
     """Make scratch arrays for `path_frames`, one set per thread.
 
     Returns
@@ -44,24 +44,24 @@ def path_scratch(P):
     moved : (moving points, 6) position in the body [m], and its derivative in the coordinates
     ends : (9, 3) arguments of `wrap_tendon`
     """
-    nodes = P.sizes[0] + 2
-    wraps = P.sizes[1]
-    bodies = P.sizes[2]
+    nodes = paths.sizes[0] + 2
+    wraps = paths.sizes[1]
+    bodies = paths.sizes[2]
     return (
         np.zeros((nodes, 8)),
         np.zeros((nodes, 5), np.int64),
         np.zeros((2 * wraps, 4)),
         np.zeros((2, wraps), np.int64),
         np.zeros((bodies, 6)),
-        np.zeros((P.object.shape[0], 12)),
-        np.zeros((P.coupler.shape[0], 2)),
-        np.zeros((P.moving.shape[0], 6)),
+        np.zeros((paths.object.shape[0], 12)),
+        np.zeros((paths.coupler.shape[0], 2)),
+        np.zeros((paths.moving.shape[0], 6)),
         np.zeros((9, 3)),
     )
 
 
 @kernel
-def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pulls, nodes):
+def path_frames(T, paths, surfaces, tendons, c, cdot, lengths, velocities, arms, pulls, nodes):
     """Lengths, velocities and moment arms of all muscles, frame by frame.
 
     Moment arms by virtual work: unit tension pulls with (f, m) on each body, and
@@ -72,7 +72,7 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
 
     Parameters
     ----------
-    T, P : `TreeArrays`, `PathArrays`
+    T, paths : `TreeArrays`, `PathArrays`
     surfaces, tendons : 1 where a path wraps by the rules of OpenSim or of MuJoCo, else None, for
         which they are not compiled: they are half of this kernel
     c, cdot : (frames, coordinates) values, of which dependent ones are set here, and speeds, of
@@ -90,20 +90,20 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
     """
     # Taken out of the bundles once: taking them out in a loop counts references each time, which
     # cost more than the arithmetic.
-    start = P.start
-    point = P.point
-    place = P.place
-    moving = P.moving
-    wrap = P.wrap
-    surface = P.object
-    size = P.object_size
-    side = P.wrap_side
-    axis = P.axis
-    support = P.support
-    arm = P.arm
-    follow = P.follow
-    fixed_pose = P.object_pose
-    x, node, seen, turns, pull, pose, slopes, moved, ends = path_scratch(P)
+    start = paths.start
+    point = paths.point
+    place = paths.place
+    moving = paths.moving
+    wrap = paths.wrap
+    surface = paths.object
+    size = paths.object_size
+    side = paths.wrap_side
+    axis = paths.axis
+    support = paths.support
+    arm = paths.arm
+    follow = paths.follow
+    fixed_pose = paths.object_pose
+    x, node, seen, turns, pull, pose, slopes, moved, ends = path_scratch(paths)
     rotation = ends[:3]
     out = ends[3:5]
     rows = (ends[5], ends[6], ends[7], ends[8])
@@ -119,8 +119,8 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
         row = arms[f]
         couple(T, here)
         body_poses(T, here, body_pose)
-        coupler_slopes(P, here, slopes)
-        _move_points(P, here, moved)
+        coupler_slopes(paths, here, slopes)
+        _move_points(paths, here, moved)
         _place_objects(surface, fixed_pose, R, p, pose)
         for m in range(start.shape[0] - 1):
             first = start[m, columns.POINTS]
@@ -236,13 +236,15 @@ def _hand_on(follow, slopes, start, stop, arm, arms):
 
 
 @inner
-def coupler_slopes(P, c, slopes):
+def coupler_slopes(paths, c, slopes):
     """Fill slopes (couplers, 2) of the dependent coordinates in those they follow."""
     for index in range(slopes.shape[0]):
-        function = P.coupler[index, 0]
-        i = P.coupler[index, 1]
-        j = P.coupler[index, 2]
-        _, slopes[index, 0], slopes[index, 1], _, _, _ = evaluate_at(P.functions, function, i, j, c)
+        function = paths.coupler[index, 0]
+        i = paths.coupler[index, 1]
+        j = paths.coupler[index, 2]
+        _, slopes[index, 0], slopes[index, 1], _, _, _ = evaluate_at(
+            paths.functions, function, i, j, c
+        )
 
 
 @inner
@@ -291,15 +293,15 @@ def _point_nodes(point, place, moved, start, stop, c, R, p, x, node):
 
 
 @inner
-def _move_points(P, c, moved):
+def _move_points(paths, c, moved):
     """Fill moved (moving points, 6): place in the body, and its derivative in the coordinates."""
     for v in range(moved.shape[0]):
         for i in range(3):
-            j = P.moving[v, 3 + i]
-            low = P.moving_range[v, 2 * i]
-            high = P.moving_range[v, 2 * i + 1]
+            j = paths.moving[v, 3 + i]
+            low = paths.moving_range[v, 2 * i]
+            high = paths.moving_range[v, 2 * i + 1]
             at = min(max(c[j], low), high) if j >= 0 else 0.0
-            moved[v, i], slope, _, _, _, _ = evaluate(P.functions, P.moving[v, i], at, 0.0)
+            moved[v, i], slope, _, _, _, _ = evaluate(paths.functions, paths.moving[v, i], at, 0.0)
             # Beyond the range the point stands still.
             moved[v, 3 + i] = slope if j >= 0 and low <= c[j] <= high else 0.0
 

@@ -96,8 +96,8 @@ def compile_functions(functions: Sequence[Function]) -> FunctionArrays:
 
 
 @kernel
-def evaluate(F, i, x1, x2):
-    """Value and derivatives of function i of `FunctionArrays` F at (x1, x2).
+def evaluate(functions, i, x1, x2):
+    """Value and derivatives of function i of `FunctionArrays` at (x1, x2).
 
     A function of one coordinate takes x1 and leaves the derivatives in x2 zero.
 
@@ -105,26 +105,28 @@ def evaluate(F, i, x1, x2):
     -------
     f, f_1, f_2, f_11, f_12, f_22 : with indices for derivatives in x1 and x2
     """
-    if F.table[i, PIECES] == 1 and F.table[i, WIDTH] == 2:
+    if functions.table[i, PIECES] == 1 and functions.table[i, WIDTH] == 2:
         # Most axes move in proportion to a coordinate: short enough for the compiler to inline.
-        c = F.table[i, START]
-        slope = F.coefficients[c + 1]
-        value = F.coefficients[c] + slope * (x1 - F.breaks[F.table[i, FIRST]])
+        c = functions.table[i, START]
+        slope = functions.coefficients[c + 1]
+        value = functions.coefficients[c] + slope * (
+            x1 - functions.breaks[functions.table[i, FIRST]]
+        )
         return value, slope, 0.0, 0.0, 0.0, 0.0
-    return evaluate_curved(F, i, x1, x2)
+    return evaluate_curved(functions, i, x1, x2)
 
 
 @bare
-def evaluate_at(F, function, i, j, c):
+def evaluate_at(functions, function, i, j, c):
     """Evaluate a function at coordinates number i and j of c (coordinates,).
 
     A number of -1 stands for no coordinate, which counts as 0. Returns what `evaluate` does.
     """
-    return evaluate(F, function, c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)
+    return evaluate(functions, function, c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)
 
 
 @bare
-def function_rates(F, function, i, j, state):
+def function_rates(functions, function, i, j, state):
     """Velocity and acceleration of a function of coordinates i and j, as of `evaluate_at`.
 
     fdot  = f_1 v_1 + f_2 v_2
@@ -132,10 +134,10 @@ def function_rates(F, function, i, j, state):
 
     Parameters
     ----------
-    F, function, i, j : as of `evaluate_at`
+    functions, function, i, j : as of `evaluate_at`
     state : `State` of the frame
     """
-    _, d1, d2, d11, d12, d22 = evaluate_at(F, function, i, j, state.c)
+    _, d1, d2, d11, d12, d22 = evaluate_at(functions, function, i, j, state.c)
     v1 = state.cdot[i] if i >= 0 else 0.0
     v2 = state.cdot[j] if j >= 0 else 0.0
     a1 = state.cddot[i] if i >= 0 else 0.0
@@ -147,59 +149,59 @@ def function_rates(F, function, i, j, state):
 
 
 @bare
-def evaluate_curved(F, i, x1, x2):
+def evaluate_curved(functions, i, x1, x2):
     """Evaluate any function, a straight line or not; returns what `evaluate` does."""
-    if F.table[i, KIND] == POLYNOMIAL:
-        f, slope, curvature = _evaluate_polynomial(F, i, x1)
+    if functions.table[i, KIND] == POLYNOMIAL:
+        f, slope, curvature = _evaluate_polynomial(functions, i, x1)
         return f, slope, 0.0, curvature, 0.0, 0.0
-    return _evaluate_sines(F, i, x1, x2)
+    return _evaluate_sines(functions, i, x1, x2)
 
 
 # A part of its caller: of a spline in a knee, the call took as long as Horner's scheme.
 @inner(counted=False, forceinline=True)
-def _evaluate_polynomial(F, i, x):
+def _evaluate_polynomial(functions, i, x):
     """Value, slope and curvature of piecewise polynomial i at x, by Horner's scheme."""
-    first = F.table[i, FIRST]
+    first = functions.table[i, FIRST]
     low = first
-    high = low + F.table[i, PIECES] - 1
+    high = low + functions.table[i, PIECES] - 1
     while low < high:
         middle = (low + high + 1) // 2
-        if x >= F.breaks[middle]:
+        if x >= functions.breaks[middle]:
             low = middle
         else:
             high = middle - 1
-    h = x - F.breaks[low]
-    width = F.table[i, WIDTH]
-    start = F.table[i, START] + (low - first) * width
+    h = x - functions.breaks[low]
+    width = functions.table[i, WIDTH]
+    start = functions.table[i, START] + (low - first) * width
     f = 0.0
     slope = 0.0
     curvature = 0.0
     for power in range(width - 1, -1, -1):
         curvature = curvature * h + 2.0 * slope
         slope = slope * h + f
-        f = f * h + F.coefficients[start + power]
+        f = f * h + functions.coefficients[start + power]
     return f, slope, curvature
 
 
 @bare
-def _evaluate_sines(F, i, x1, x2):
+def _evaluate_sines(functions, i, x1, x2):
     """Product of sines a sin(k_1 x_1 + p_1) sin(k_2 x_2 + p_2) + offset; returns as `evaluate`.
 
     A function of one coordinate has 1 in the place of the second sine.
     """
-    start = F.table[i, START]
-    a = F.coefficients[start]
-    offset = F.coefficients[start + 1]
-    k1 = F.coefficients[start + 2]
-    s1 = np.sin(k1 * x1 + F.coefficients[start + 3])
-    c1 = np.cos(k1 * x1 + F.coefficients[start + 3])
+    start = functions.table[i, START]
+    a = functions.coefficients[start]
+    offset = functions.coefficients[start + 1]
+    k1 = functions.coefficients[start + 2]
+    s1 = np.sin(k1 * x1 + functions.coefficients[start + 3])
+    c1 = np.cos(k1 * x1 + functions.coefficients[start + 3])
     k2 = 0.0
     s2 = 1.0
     c2 = 0.0
-    if F.table[i, WIDTH] == 2:
-        k2 = F.coefficients[start + 4]
-        s2 = np.sin(k2 * x2 + F.coefficients[start + 5])
-        c2 = np.cos(k2 * x2 + F.coefficients[start + 5])
+    if functions.table[i, WIDTH] == 2:
+        k2 = functions.coefficients[start + 4]
+        s2 = np.sin(k2 * x2 + functions.coefficients[start + 5])
+        c2 = np.cos(k2 * x2 + functions.coefficients[start + 5])
     return (
         a * s1 * s2 + offset,
         a * k1 * c1 * s2,

@@ -33,12 +33,12 @@ def transposed(r):
 
 
 @bare
-def tied_frames(L, i, pose):
+def tied_frames(loops, i, pose):
     """Poses of the two frames that loop i ties.
 
     Parameters
     ----------
-    L : `LoopArrays`
+    loops : `LoopArrays`
     i : number of the loop
     pose : of `body_poses`
 
@@ -48,14 +48,14 @@ def tied_frames(L, i, pose):
     x2 : origin of the second in ground [m]
     Q, e : rotation and origin [m] of the second, seen from the first
     """
-    b1 = L.body_1[i]
-    b2 = L.body_2[i]
+    b1 = loops.body_1[i]
+    b2 = loops.body_2[i]
     of_body_1 = matrix(pose.R, b1)
     of_body_2 = matrix(pose.R, b2)
-    r1 = product(of_body_1, matrix(L.turn_1, i))
-    x1 = plus(vector(pose.p, b1), turned(of_body_1, vector(L.point_1, i)))
-    x2 = plus(vector(pose.p, b2), turned(of_body_2, vector(L.point_2, i)))
-    Q = product(transposed(r1), product(of_body_2, matrix(L.turn_2, i)))
+    r1 = product(of_body_1, matrix(loops.turn_1, i))
+    x1 = plus(vector(pose.p, b1), turned(of_body_1, vector(loops.point_1, i)))
+    x2 = plus(vector(pose.p, b2), turned(of_body_2, vector(loops.point_2, i)))
+    Q = product(transposed(r1), product(of_body_2, matrix(loops.turn_2, i)))
     return r1, x2, Q, turned_back(r1, minus(x2, x1))
 
 
@@ -83,7 +83,7 @@ def half_rotation(Q):
 
 
 @bare
-def loop_errors(L, pose, errors):
+def loop_errors(loops, pose, errors):
     """Closure errors of all loops.
 
     A point has the gap e [m]. A weld has before it the rotation 2 u [rad], with u of
@@ -92,14 +92,14 @@ def loop_errors(L, pose, errors):
 
     Parameters
     ----------
-    L : `LoopArrays`
+    loops : `LoopArrays`
     pose : of `body_poses`
     errors : (rows,) filled
     """
-    for i in range(L.body_1.shape[0]):
-        _, _, Q, gap = tied_frames(L, i, pose)
-        row = L.row[i]
-        if L.row[i + 1] - row == 6:
+    for i in range(loops.body_1.shape[0]):
+        _, _, Q, gap = tied_frames(loops, i, pose)
+        row = loops.row[i]
+        if loops.row[i + 1] - row == 6:
             _, u = half_rotation(Q)
             put(errors, row, 2.0, u)
             row += 3
@@ -122,7 +122,7 @@ def turned_error(a, u, W):
 
 
 @bare
-def loop_rows(T, L, c, pose, rows):
+def loop_rows(T, loops, c, pose, rows):
     """Differentiate `loop_errors` by the coordinates.
 
     An axis between a loop's second body and the bodies' common ancestor moves the second frame, one
@@ -131,19 +131,19 @@ def loop_rows(T, L, c, pose, rows):
 
     Parameters
     ----------
-    T, L : `TreeArrays` and `LoopArrays`
+    T, loops : `TreeArrays` and `LoopArrays`
     c : (coordinates,) consistent
     pose : of `body_poses`
     rows : (rows, coordinates) filled, with what dependent coordinates do handed on to those they
         follow (`gather_dependents`)
     """
     rows[:] = 0.0
-    for i in range(L.body_1.shape[0]):
-        r1, x2, Q, _ = tied_frames(L, i, pose)
+    for i in range(loops.body_1.shape[0]):
+        r1, x2, Q, _ = tied_frames(loops, i, pose)
         second = (r1, x2, half_rotation(Q))
-        error_rows = rows[L.row[i] : L.row[i + 1]]
-        b1 = L.body_1[i]
-        b2 = L.body_2[i]
+        error_rows = rows[loops.row[i] : loops.row[i + 1]]
+        b1 = loops.body_1[i]
+        b2 = loops.body_2[i]
         while b1 != b2:
             # A parent has the smaller number, so the larger of both is no ancestor of the other.
             if b2 > b1:
@@ -189,12 +189,12 @@ def _add_axes(T, body, sign, second, pose, rows):
 
 
 @kernel
-def loop_frames(T, L, c, errors, rows):
+def loop_frames(T, loops, c, errors, rows):
     """`loop_errors` and `loop_rows` of frames.
 
     Parameters
     ----------
-    T, L : `TreeArrays` and `LoopArrays`
+    T, loops : `TreeArrays` and `LoopArrays`
     c : (frames, coordinates) consistent
     errors : (frames, rows) filled
     rows : (frames, rows, coordinates) filled
@@ -202,19 +202,19 @@ def loop_frames(T, L, c, errors, rows):
     pose = pose_room(T)
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], pose)
-        loop_errors(L, pose, errors[frame])
-        loop_rows(T, L, c[frame], pose, rows[frame])
+        loop_errors(loops, pose, errors[frame])
+        loop_rows(T, loops, c[frame], pose, rows[frame])
 
 
 @kernel
 def loop_rate_frames(  # page: arrays over frames, of which each call takes a part
-    T, L, c, cdot, cddot, first, second
+    T, loops, c, cdot, cddot, first, second
 ):
     """First and second time derivatives of the closure errors of frames.
 
     Parameters
     ----------
-    T, L : `TreeArrays` and `LoopArrays`
+    T, loops : `TreeArrays` and `LoopArrays`
     c, cdot, cddot : (frames, coordinates) consistent
     first, second : (frames, rows) filled
     """
@@ -223,16 +223,16 @@ def loop_rate_frames(  # page: arrays over frames, of which each call takes a pa
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], pose)
         body_rates(T, State(c=c[frame], cdot=cdot[frame], cddot=cddot[frame]), pose, rates)
-        for i in range(L.body_1.shape[0]):
-            row = L.row[i]
-            if L.row[i + 1] - row == 6:
-                _put_rotation_rates(L, i, pose, rates, first[frame, row:], second[frame, row:])
+        for i in range(loops.body_1.shape[0]):
+            row = loops.row[i]
+            if loops.row[i + 1] - row == 6:
+                _put_rotation_rates(loops, i, pose, rates, first[frame, row:], second[frame, row:])
                 row += 3
-            _put_gap_rates(L, i, pose, rates, first[frame, row:], second[frame, row:])
+            _put_gap_rates(loops, i, pose, rates, first[frame, row:], second[frame, row:])
 
 
 @bare
-def _put_rotation_rates(L, i, pose, rates, first, second):
+def _put_rotation_rates(loops, i, pose, rates, first, second):
     """Store the rates of a weld's rotation 2 u.
 
     With W and E the angular velocity and acceleration of the second frame seen from the first, and
@@ -247,11 +247,11 @@ def _put_rotation_rates(L, i, pose, rates, first, second):
     rates : of `body_rates`
     first, second : (3 or more,) of which three are filled
     """
-    r1, _, Q, _ = tied_frames(L, i, pose)
-    W1 = vector(rates.omega, L.body_1[i])
-    E1 = vector(rates.alpha, L.body_1[i])
-    W2 = vector(rates.omega, L.body_2[i])
-    E2 = vector(rates.alpha, L.body_2[i])
+    r1, _, Q, _ = tied_frames(loops, i, pose)
+    W1 = vector(rates.omega, loops.body_1[i])
+    E1 = vector(rates.alpha, loops.body_1[i])
+    W2 = vector(rates.omega, loops.body_2[i])
+    E2 = vector(rates.alpha, loops.body_2[i])
     W = turned_back(r1, minus(W2, W1))
     E = turned_back(r1, minus(minus(E2, E1), cross(W1, W2)))
     a, u = half_rotation(Q)
@@ -262,7 +262,7 @@ def _put_rotation_rates(L, i, pose, rates, first, second):
 
 
 @bare
-def _put_gap_rates(L, i, pose, rates, first, second):
+def _put_gap_rates(loops, i, pose, rates, first, second):
     """Store the rates of the gap between a loop's points, in the first frame's axes.
 
     Both are rates at the second point: of the body that it belongs to, less those of the first body
@@ -272,11 +272,11 @@ def _put_gap_rates(L, i, pose, rates, first, second):
     ----------
     pose, rates, first, second : as of `_put_rotation_rates`
     """
-    b1 = L.body_1[i]
-    b2 = L.body_2[i]
-    r1 = tied_frames(L, i, pose)[0]
+    b1 = loops.body_1[i]
+    b2 = loops.body_2[i]
+    r1 = tied_frames(loops, i, pose)[0]
     W1 = vector(rates.omega, b1)
-    arm_2 = turned(matrix(pose.R, b2), vector(L.point_2, i))
+    arm_2 = turned(matrix(pose.R, b2), vector(loops.point_2, i))
     arm_1 = minus(plus(vector(pose.p, b2), arm_2), vector(pose.p, b1))
     v1, a1 = _point_rates(rates, b1, arm_1)
     v2, a2 = _point_rates(rates, b2, arm_2)

@@ -87,7 +87,7 @@ class Assembly:
 
     Attributes
     ----------
-    rows : names of the coordinates that are free and follow no other, one per row
+    coordinates : names of those that are free and follow no other, one per row
     links : from entries to A; entries are those of the terms, one term after the other
     pattern : of A
     extra_place : (extra entries,) where in A the entries of the rows that terms add lie, then one
@@ -96,7 +96,7 @@ class Assembly:
     """
 
     tree: Tree
-    rows: tuple[str, ...]
+    coordinates: tuple[str, ...]
     links: TorqueLinks
     pattern: Pattern
     extra_place: NDArray[np.int64]
@@ -104,9 +104,9 @@ class Assembly:
 
     @property
     def coordinate_row(self) -> NDArray[np.int64]:
-        """(rows,) place of every coordinate of `rows` in the order of elimination."""
+        """(coordinates,) place of each of `coordinates` in the order of elimination."""
         names = self.tree.model.coordinate_names
-        return self.links.row[[names.index(row) for row in self.rows]]
+        return self.links.row[[names.index(row) for row in self.coordinates]]
 
 
 def assemble(  # page: each says another thing of the pattern
@@ -151,7 +151,7 @@ def assemble(  # page: each says another thing of the pattern
     variable, source, dependent, follows, target = np.ascontiguousarray(links.T)
     return Assembly(
         tree=tree,
-        rows=rows.names,
+        coordinates=rows.names,
         links=TorqueLinks(
             variable=variable,
             source=source,
@@ -271,12 +271,12 @@ def _reach(tree: Tree, basis: LoopBasis | None) -> list[list[tuple[int, int]]]:
 
 
 @inner
-def _coupling(T, L, c, slopes, C):
+def _coupling(T, links, c, slopes, C):
     """Slopes of the coordinates that follow others, over those they end in.
 
     Parameters
     ----------
-    T, L : arrays of the tree, `TorqueLinks`
+    T, links : arrays of the tree, `TorqueLinks`
     c : (coordinates,) values
     slopes : (dependents of loops, coordinates)
     C : (dependents, coordinates) filled
@@ -297,7 +297,7 @@ def _coupling(T, L, c, slopes, C):
             source, slope = (i, d1) if s == 0 else (j, d2)
             if source < 0:
                 continue
-            earlier = _number_of(L.driven, source)
+            earlier = _number_of(links.driven, source)
             if earlier < 0:
                 C[index, source] += slope
             else:
@@ -316,29 +316,29 @@ def _number_of(driven, coordinate):
 
 
 @inner
-def _put_required(L, C, torques, required):
+def _put_required(links, C, torques, required):
     """Fill the torques that all forces together have to balance: tau + C^T tau_dependent.
 
     Parameters
     ----------
-    L : `TorqueLinks`
+    links : `TorqueLinks`
     C : (dependents, coordinates) of `_coupling`
     torques : (coordinates,) [N m or N]
     required : (rows,) filled [N m or N]
     """
-    for j in range(L.row.shape[0]):
-        if L.row[j] >= 0:
-            required[L.row[j]] = torques[j]
-    for number in range(L.driven.shape[0]):
-        dependent = torques[L.driven[number]]
-        for j in range(L.row.shape[0]):
-            if L.row[j] >= 0 and C[number, j] != 0.0:
-                required[L.row[j]] += C[number, j] * dependent
+    for j in range(links.row.shape[0]):
+        if links.row[j] >= 0:
+            required[links.row[j]] = torques[j]
+    for number in range(links.driven.shape[0]):
+        dependent = torques[links.driven[number]]
+        for j in range(links.row.shape[0]):
+            if links.row[j] >= 0 and C[number, j] != 0.0:
+                required[links.row[j]] += C[number, j] * dependent
 
 
 @kernel
 def fold(  # page: arrays over frames, of A and b and what they are made from
-    T, L, coordinates, slopes, entries, forces, anyway, torques, values, required, b
+    T, links, coordinates, slopes, entries, forces, anyway, torques, values, required, b
 ):
     """Fill A and b of every frame.
 
@@ -347,7 +347,7 @@ def fold(  # page: arrays over frames, of A and b and what they are made from
 
     Parameters
     ----------
-    T, L : arrays of the tree, `TorqueLinks`
+    T, links : arrays of the tree, `TorqueLinks`
     coordinates : (frames, coordinates) values of all
     slopes : (frames, dependents of loops, coordinates)
     entries : (frames, entries) generalized forces of unit forces
@@ -358,20 +358,20 @@ def fold(  # page: arrays over frames, of A and b and what they are made from
     required : (frames, rows) filled with the torques that all forces together have to balance
     b : (frames, rows) filled with the same less what acts anyway: the right side of A x = b
     """
-    C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
+    C = np.zeros((links.driven.shape[0], coordinates.shape[1]))
     for frame in range(coordinates.shape[0]):
-        _coupling(T, L, coordinates[frame], slopes[frame], C)
-        _put_required(L, C, torques[frame], required[frame])
+        _coupling(T, links, coordinates[frame], slopes[frame], C)
+        _put_required(links, C, torques[frame], required[frame])
         for index in range(required.shape[1]):
             b[frame, index] = required[frame, index]
         for index in range(values.shape[1]):
             values[frame, index] = 0.0
-        for index in range(L.variable.shape[0]):
-            entry = entries[frame, L.source[index]]
-            variable = L.variable[index]
+        for index in range(links.variable.shape[0]):
+            entry = entries[frame, links.source[index]]
+            variable = links.variable[index]
             slope = 1.0
-            if L.dependent[index] >= 0:
-                slope = C[L.dependent[index], L.follows[index]]
-            values[frame, L.target[index]] += entry * forces[frame, variable] * slope
+            if links.dependent[index] >= 0:
+                slope = C[links.dependent[index], links.follows[index]]
+            values[frame, links.target[index]] += entry * forces[frame, variable] * slope
             if variable < anyway.shape[1]:
-                b[frame, L.row[L.follows[index]]] -= entry * anyway[frame, variable] * slope
+                b[frame, links.row[links.follows[index]]] -= entry * anyway[frame, variable] * slope

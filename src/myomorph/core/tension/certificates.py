@@ -161,9 +161,9 @@ def solved_frames(
     x[:, :first] = problem.x_of(frames)[:, :first]
     x[:, :muscles] = tension.activation[frames]
     x[:, muscles:controls] = tension.actuator_force[frames] / problem.actuators.optimal_forces
-    if problem.rows:
+    if problem.added_rows:
         missing = np.einsum("frn,fn->fr", A, x) - balance.right
-        units = np.concatenate([row.unit for row in problem.rows])
+        units = np.concatenate([row.unit for row in problem.added_rows])
         x[:, first:] = missing[:, problem.assembly.extra_row] / units
     return SolvedFrames(
         frames=frames,
@@ -549,7 +549,7 @@ def open_bounds(
     lower = np.where(targeted, np.maximum(lower, np.minimum(low, x)), lower)
     upper = np.where(targeted, np.minimum(upper, np.maximum(high, x)), upper)
 
-    are_measured = [np.full(len(row), row.measured) for row in problem.rows]
+    are_measured = [np.full(len(row), row.measured) for row in problem.added_rows]
     are_measured = are_measured or [np.zeros(0, np.bool_)]
     measured = len(problem.unknowns) + np.flatnonzero(np.concatenate(are_measured))
     max_miss = np.maximum(np.abs(x[:, measured]), options.deviations)

@@ -215,7 +215,7 @@ class TensionProblem:
     terms : all that the problem is made of; `muscles`, `actuators` and `contacts` are among them
     contacts : None without contacts
     unknowns : of all terms: activations, controls, amplitudes of contacts, others
-    rows : that terms add to the equations of the coordinates; their unknowns come last
+    added_rows : that terms add to the equations of the coordinates; their unknowns come last
     assembly : pattern of A and what fills it
     separable : weights, exponents and bounds of all unknowns, those of rows included
     penalties : interval penalties of all unknowns
@@ -252,7 +252,7 @@ class TensionProblem:
         self.unknowns = self._all_unknowns(variables)
         rows = [(term, term.rows(self.unknowns)) for term in self.terms]
         self._row_terms = [(term, added) for term, added in rows if added is not None]
-        self.rows = [added for _, added in self._row_terms]
+        self.added_rows = [added for _, added in self._row_terms]
 
         basis = loop_basis(tree, self.coordinates) if model.loops else None
         self._slopes = loop_slopes(basis, self.coordinates)
@@ -260,7 +260,7 @@ class TensionProblem:
             tree,
             self._entries(),
             len(self.unknowns),
-            extra=self.rows,
+            extra=self.added_rows,
             basis=basis,
             only=only,
         )
@@ -319,7 +319,7 @@ class TensionProblem:
                 lower=row.lower,
                 upper=row.upper,
             )
-            for row in self.rows
+            for row in self.added_rows
         ]
         all_variables = joined([variables, *of_rows])
         pattern = self.assembly.pattern
@@ -369,7 +369,7 @@ class TensionProblem:
         self._passive = np.empty((frames, muscles if self.options.passive else 0))
         sites = 0 if self.contacts is None else len(self.contacts.generators.sites)
         self._contact_forces = np.empty((3, frames, sites, 3))
-        self._balanced = np.empty((frames, len(self.assembly.rows)))
+        self._balanced = np.empty((frames, len(self.assembly.coordinates)))
         self._residual = np.empty(frames)
         self._iterations = np.empty(frames, np.int64)
         self._status = np.empty(frames, np.int8)
@@ -449,7 +449,7 @@ class TensionProblem:
         if not self._row_terms:
             return
         filled = [term.row_values(rows, frames) for term, rows in self._row_terms]
-        units = np.concatenate([rows.unit for rows in self.rows])
+        units = np.concatenate([rows.unit for rows in self.added_rows])
         of_e = np.broadcast_to(-units, (len(frames), len(units)))
         values[:, self.assembly.extra_place] = np.hstack([*(S for S, _ in filled), of_e])
         right[:, self.assembly.extra_row] = np.hstack([target for _, target in filled])
@@ -552,7 +552,7 @@ class TensionProblem:
             muscle_force=self._forces,
             reserve_names=tuple(actuator.name for actuator in self.actuators.actuators),
             actuator_force=controls * self.actuators.optimal_forces,
-            coordinates=self.assembly.rows,
+            coordinates=self.assembly.coordinates,
             balanced_torque=self._balanced,
             equilibrium_residual=self._residual,
             status=self._status,
@@ -612,7 +612,7 @@ class TensionFrame:
     forces : (muscles,) along the tendons [N], NaN where the frame was not solved
     reserves : (actuators,) their forces [N] and torques [N m]
     balanced : (rows,) what muscles and actuators had to give together, in the order of
-        `OnlineTension.rows`
+        `OnlineTension.coordinates`
     status : index into `STATUS_NAMES`
     equilibrium_residual : greatest torque or force left unbalanced [N m or N]
     """
@@ -631,7 +631,7 @@ class OnlineTension:
     Attributes
     ----------
     muscles, actuators : names
-    rows : names of the coordinates that are balanced
+    coordinates : names of those that are balanced
     lower, upper : (muscles,) bounds of the activations
     """
 
@@ -665,7 +665,7 @@ class OnlineTension:
         )
         self.actuators = tuple(actuator.name for actuator in self._problem.actuators.actuators)
         self.muscles = model.muscle_names
-        self.rows = self._problem.assembly.rows
+        self.coordinates = self._problem.assembly.coordinates
         shared = self._problem.separable
         muscles = len(self.muscles)
         self.lower = shared.lower[:muscles]

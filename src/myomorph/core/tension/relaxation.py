@@ -629,7 +629,7 @@ def relaxations(
         )
     floating = floating_joints(problem.assembly.tree.model)
     held = {name for joint in floating for name in joint.coordinates}
-    if not held or not held <= set(problem.assembly.rows):
+    if not held or not held <= set(problem.assembly.coordinates):
         return ()
     roots = Roots(problem, problem.contacts, tension)
     limits = roots.weights[:, None] * [residual, moment * roots.center]

@@ -112,13 +112,13 @@ def new_closing(ties, n, variables):
 
 
 @bare
-def ties_at(T, P, c, work, closing):
+def ties_at(T, problem, c, work, closing):
     """Poses at c, the gaps of all ties [m] and their derivatives. Returns the largest gap."""
     couple(T, c)
     body_poses(T, c, PoseArrays(R=work.R, p=work.p, w=work.w, o=work.o, dphi=work.dphi))
     if closing is None:
         return 0.0
-    ties = P.ties
+    ties = problem.ties
     for i in range(closing.G.shape[0]):
         for j in range(closing.G.shape[1]):
             closing.G[i, j] = 0.0
@@ -184,7 +184,7 @@ def _moved(T, work, axis, x):
 
 
 @bare
-def close(T, P, c, work, closing):
+def close(T, problem, c, work, closing):
     """Close the loops inside the bounds, by Newton steps of few variables from c in place.
 
     Returns whether they are closed.
@@ -193,17 +193,17 @@ def close(T, P, c, work, closing):
         couple(T, c)
         body_poses(T, c, PoseArrays(R=work.R, p=work.p, w=work.w, o=work.o, dphi=work.dphi))
         return True
-    for i in range(P.free.shape[0]):
+    for i in range(problem.free.shape[0]):
         work.stopped[i] = False
-    gap = ties_at(T, P, c, work, closing)
+    gap = ties_at(T, problem, c, work, closing)
     for _ in range(TO_CLOSE):
         if gap <= CLOSED:
             return True
-        find_late(P, c, 0.0, work.late)
-        rank = eliminate(P.free, closing, work.stopped, work.late)
+        find_late(problem, c, 0.0, work.late)
+        rank = eliminate(problem.free, closing, work.stopped, work.late)
         if rank == 0:
             return False
-        reached = _step_together(T, P, c, work, closing, gap, rank)
+        reached = _step_together(T, problem, c, work, closing, gap, rank)
         if not reached < gap:
             return gap <= 1e3 * CLOSED
         gap = reached
@@ -211,32 +211,32 @@ def close(T, P, c, work, closing):
 
 
 @bare
-def find_late(P, c, slack, late):
+def find_late(problem, c, slack, late):
     """Flag the variables at a bound: others are to close the loops.
 
     Parameters
     ----------
-    P : `PoseProblem`
+    problem : `PoseProblem`
     c : (coordinates,) [rad or m]
     slack : relative distance at which a variable still counts as at its bound
     late : (free,) filled
     """
-    F = P.free
-    for i in range(F.shape[0]):
-        room = slack * (1.0 + abs(c[F[i]]))
-        late[i] = c[F[i]] <= P.lower[i] + room or c[F[i]] >= P.upper[i] - room
+    free = problem.free
+    for i in range(free.shape[0]):
+        room = slack * (1.0 + abs(c[free[i]]))
+        late[i] = c[free[i]] <= problem.lower[i] + room or c[free[i]] >= problem.upper[i] - room
 
 
 @bare
-def _step_together(T, P, c, work, closing, gap, rank):
+def _step_together(T, problem, c, work, closing, gap, rank):
     """Move c along the step that would close the gaps, shortened until the largest one falls.
 
     No variable moves by more than 0.5 at once, and none beyond its bounds. Returns the largest gap
     that is reached [m].
     """
-    F = P.free
+    free = problem.free
     A = closing.A
-    variables = F.shape[0]
+    variables = free.shape[0]
     for j in range(c.shape[0]):
         closing.before[j] = c[j]
     largest = 0.0
@@ -247,9 +247,9 @@ def _step_together(T, P, c, work, closing, gap, rank):
     while share > 1e-3:
         for row in range(rank):
             i = closing.taken[row]
-            moved = closing.before[F[i]] + share * A[row, variables]
-            c[F[i]] = min(max(moved, P.lower[i]), P.upper[i])
-        reached = ties_at(T, P, c, work, closing)
+            moved = closing.before[free[i]] + share * A[row, variables]
+            c[free[i]] = min(max(moved, problem.lower[i]), problem.upper[i])
+        reached = ties_at(T, problem, c, work, closing)
         if reached < gap:
             break
         share *= 0.5
@@ -257,8 +257,8 @@ def _step_together(T, P, c, work, closing, gap, rank):
 
 
 @bare
-def eliminate(F, closing, held, late):
-    """Eliminate G d = -e over the variables F after Gauss and Jordan, with full pivoting.
+def eliminate(free, closing, held, late):
+    """Eliminate G d = -e over the free variables after Gauss and Jordan, with full pivoting.
 
     Variables that are `held` are not taken, those that come `late` only when no other is left.
     Afterwards d[taken[row]] = A[row, variables] - sum over the others of A[row, i] d[i]. Returns
@@ -266,9 +266,9 @@ def eliminate(F, closing, held, late):
     """
     A = closing.A
     rows = A.shape[0]
-    for i in range(F.shape[0]):
+    for i in range(free.shape[0]):
         closing.dependent[i] = False
-    least = PIVOT * _write_equations(F, closing.G, closing.e, A)
+    least = PIVOT * _write_equations(free, closing.G, closing.e, A)
     rank = 0
     for attempt in range(2):
         while rank < rows:
@@ -285,16 +285,16 @@ def eliminate(F, closing, held, late):
 
 
 @bare
-def _write_equations(F, G, e, A):
-    """Write G d = -e over the variables F, and the identity behind it, into A.
+def _write_equations(free, G, e, A):
+    """Write G d = -e over the free variables, and the identity behind it, into A.
 
     Returns the largest entry of G.
     """
-    variables = F.shape[0]
+    variables = free.shape[0]
     largest = 0.0
     for r in range(A.shape[0]):
         for i in range(variables):
-            A[r, i] = G[r, F[i]]
+            A[r, i] = G[r, free[i]]
             largest = max(largest, abs(A[r, i]))
         A[r, variables] = -e[r]
         for s in range(A.shape[0]):
@@ -346,52 +346,52 @@ def _clear_column(A, rank, column):
 
 
 @bare
-def hold_variables(T, P, c, work, closing):
+def hold_variables(T, problem, c, work, closing):
     """Fill `work.held`: variables that lie at a bound and are pushed outwards.
 
     Loops add their curvature to work.H.
     """
     if closing is None:
-        F = P.free
+        free = problem.free
         g = work.g
-        for i in range(F.shape[0]):
-            slack = AT_BOUND * (1.0 + abs(c[F[i]]))
-            low = c[F[i]] <= P.lower[i] + slack
-            high = c[F[i]] >= P.upper[i] - slack
-            work.held[i] = (low and g[F[i]] > 0.0) or (high and g[F[i]] < 0.0)
+        for i in range(free.shape[0]):
+            slack = AT_BOUND * (1.0 + abs(c[free[i]]))
+            low = c[free[i]] <= problem.lower[i] + slack
+            high = c[free[i]] >= problem.upper[i] - slack
+            work.held[i] = (low and g[free[i]] > 0.0) or (high and g[free[i]] < 0.0)
     else:
-        multipliers(T, P, c, work, closing)
+        multipliers(T, problem, c, work, closing)
 
 
 @bare
-def multipliers(T, P, c, work, closing):
+def multipliers(T, problem, c, work, closing):
     """Find the multipliers of the ties at c, and add their curvature to work.H.
 
     Fills `work.held`: variables that a bound keeps from moving outwards.
     """
-    F = P.free
-    variables = P.free.shape[0]
+    free = problem.free
+    variables = problem.free.shape[0]
     push = closing.push
     held = work.held
     late = work.late
     for i in range(variables):
         held[i] = False
-    find_late(P, c, AT_BOUND, late)
-    rank = eliminate(F, closing, held, late)
+    find_late(problem, c, AT_BOUND, late)
+    rank = eliminate(free, closing, held, late)
     for r in range(push.shape[0]):
         push[r] = 0.0
         for row in range(rank):
-            push[r] -= closing.A[row, variables + 1 + r] * work.g[F[closing.taken[row]]]
+            push[r] -= closing.A[row, variables + 1 + r] * work.g[free[closing.taken[row]]]
     for i in range(variables):
         if late[i] and not closing.dependent[i]:
-            slope = work.g[F[i]]
+            slope = work.g[free[i]]
             for r in range(push.shape[0]):
-                slope += push[r] * closing.G[r, F[i]]
-            low = c[F[i]] <= P.lower[i] + AT_BOUND * (1.0 + abs(c[F[i]]))
+                slope += push[r] * closing.G[r, free[i]]
+            low = c[free[i]] <= problem.lower[i] + AT_BOUND * (1.0 + abs(c[free[i]]))
             held[i] = slope > 0.0 if low else slope < 0.0
-    tie_curvature(T, P.ties, c, work, closing)
-    for i in F:
-        for j in F:
+    tie_curvature(T, problem.ties, c, work, closing)
+    for i in free:
+        for j in free:
             work.H[i, j] += closing.H[i, j]
 
 

@@ -129,7 +129,7 @@ class ElasticProblem(TensionProblem):
         Activations at frames are no unknowns here; forces of tendons are.
         """
         elastic = np.flatnonzero(self.muscles.elastic)
-        for rows in self.rows:
+        for rows in self.added_rows:
             if not rows.on_forces and np.isin(rows.column, elastic).any():
                 raise BadData(
                     f"term '{rows.names[0]}' has rows on activations, which elastic tendons do not"

@@ -130,67 +130,67 @@ def _reached_coordinates(tree: Tree, body: int, other: int) -> list[int]:
 
 
 @kernel
-def body_directions(T, P, coordinates, out):
+def body_directions(T, actuators, coordinates, out):
     """Fill generalized forces per unit of force or torque of every body actuator.
 
     Parameters
     ----------
-    T, P : arrays of the tree, `BodyActuators`
+    T, actuators : arrays of the tree, `BodyActuators`
     coordinates : (frames, coordinates)
-    out : (frames, entries) filled, on `P.coordinate`
+    out : (frames, entries) filled, on their `coordinate`
     """
     pose = pose_room(T)
     column = np.empty(coordinates.shape[1])
     zero = (0.0, 0.0, 0.0)
     for frame in range(coordinates.shape[0]):
         body_poses(T, coordinates[frame], pose)
-        for a in range(P.kind.shape[0]):
-            for e in range(P.start[a], P.start[a + 1]):
-                column[P.coordinate[e]] = 0.0
-            b = P.body[a]
-            other = P.other[a]
-            d = vector(P.direction, a)
-            if not P.global_direction[a]:
+        for a in range(actuators.kind.shape[0]):
+            for e in range(actuators.start[a], actuators.start[a + 1]):
+                column[actuators.coordinate[e]] = 0.0
+            b = actuators.body[a]
+            other = actuators.other[a]
+            d = vector(actuators.direction, a)
+            if not actuators.global_direction[a]:
                 d = turned(matrix(pose.R, b), d)
-            if P.kind[a] == TORQUE:
-                _add_work(T, P, pose, b, zero, d, column)
+            if actuators.kind[a] == TORQUE:
+                _add_work(T, actuators, pose, b, zero, d, column)
                 if other >= 0:
-                    _add_work(T, P, pose, other, zero, minus(zero, d), column)
+                    _add_work(T, actuators, pose, other, zero, minus(zero, d), column)
             else:
-                x = _place(P, a, pose, vector(P.point, a), b)
-                if P.kind[a] == POINT_TO_POINT:
+                x = _place(actuators, a, pose, vector(actuators.point, a), b)
+                if actuators.kind[a] == POINT_TO_POINT:
                     # A positive force drives the points apart.
-                    y = _place(P, a, pose, vector(P.other_point, a), max(other, 0))
+                    y = _place(actuators, a, pose, vector(actuators.other_point, a), max(other, 0))
                     d = minus(x, y)
                     d = along(zero, 1.0 / norm(d), d)
                     if other >= 0:
-                        _add_work(T, P, pose, other, minus(zero, d), cross(d, y), column)
-                _add_work(T, P, pose, b, d, cross(x, d), column)
-            for e in range(P.start[a], P.start[a + 1]):
-                out[frame, e] = column[P.coordinate[e]]
+                        _add_work(T, actuators, pose, other, minus(zero, d), cross(d, y), column)
+                _add_work(T, actuators, pose, b, d, cross(x, d), column)
+            for e in range(actuators.start[a], actuators.start[a + 1]):
+                out[frame, e] = column[actuators.coordinate[e]]
 
 
 @inner
-def _place(P, a, pose, point, body):
+def _place(actuators, a, pose, point, body):
     """Point of an actuator in ground."""
-    if P.global_point[a]:
+    if actuators.global_point[a]:
         return point
     return plus(vector(pose.p, body), turned(matrix(pose.R, body), point))
 
 
 @inner
-def _add_work(T, P, pose, body, force, moment, column):
+def _add_work(T, actuators, pose, body, force, moment, column):
     """Add the generalized forces of a force and its moment on a body to `column`.
 
     Parameters
     ----------
-    T, P : arrays of the tree, `BodyActuators`
+    T, actuators : arrays of the tree, `BodyActuators`
     pose : of `body_poses`
     force, moment : on the body, the moment about the ground's origin
     column : (coordinates,) added to
     """
     for index in range(T.axis_kind.shape[0]):
-        if P.supports[body, index]:
+        if actuators.supports[body, index]:
             acts = force
             if T.axis_kind[index] == ROTATION:
                 acts = minus(moment, cross(vector(pose.o, index), force))

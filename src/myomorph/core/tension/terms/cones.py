@@ -305,13 +305,13 @@ def subject_weight(tree: Tree, *bodies: str) -> float:
 
 @kernel
 def contact_columns(  # page: arrays over frames, as `GeneratorForces` names them
-    T, P, coordinates, entries, places, pushes, turns
+    T, cones, coordinates, entries, places, pushes, turns
 ):
     """Fill what `ConeGenerators.evaluate` returns, frame by frame.
 
     Parameters
     ----------
-    T, P : arrays of the tree, `ConeArrays`
+    T, cones : arrays of the tree, `ConeArrays`
     coordinates : (frames, coordinates)
     entries, places, pushes, turns : filled, as of `GeneratorForces`
     """
@@ -321,19 +321,19 @@ def contact_columns(  # page: arrays over frames, as `GeneratorForces` names the
         out = entries[frame]
         for e in range(out.shape[0]):
             out[e] = 0.0
-        for i in range(P.body.shape[0]):
-            b = P.body[i]
-            x = plus(vector(pose.p, b), turned(matrix(pose.R, b), vector(P.place, i)))
+        for i in range(cones.body.shape[0]):
+            b = cones.body[i]
+            x = plus(vector(pose.p, b), turned(matrix(pose.R, b), vector(cones.place, i)))
             put_vector(places[frame], i, x)
-            for g in range(P.start[i], P.start[i + 1]):
-                r = matrix(pose.R, P.frame[g])
-                put_vector(pushes[frame], g, turned(r, vector(P.push, g)))
-                put_vector(turns[frame], g, turned(r, vector(P.turn, g)))
-            _add_power(T, P, i, x, pose, pushes[frame], turns[frame], out)
+            for g in range(cones.start[i], cones.start[i + 1]):
+                r = matrix(pose.R, cones.frame[g])
+                put_vector(pushes[frame], g, turned(r, vector(cones.push, g)))
+                put_vector(turns[frame], g, turned(r, vector(cones.turn, g)))
+            _add_power(T, cones, i, x, pose, pushes[frame], turns[frame], out)
 
 
 @bare
-def _add_power(T, P, i, x, pose, push, turn, out):
+def _add_power(T, cones, i, x, pose, push, turn, out):
     """Add what the generators of point i do along the axes that it has power on.
 
     Of a generator with push f and turn m at a place x, the power per unit speed of an axis w
@@ -346,16 +346,16 @@ def _add_power(T, P, i, x, pose, push, turn, out):
     push, turn : (generators, 3) in ground [1], [m]
     out : (entries,) added to
     """
-    for a in range(P.reach[i], P.reach[i + 1]):
-        index = P.axis[a]
+    for a in range(cones.reach[i], cones.reach[i + 1]):
+        index = cones.axis[a]
         direction = vector(pose.w, index)
         rotates = T.axis_kind[index] == ROTATION
         move = cross(direction, minus(x, vector(pose.o, index))) if rotates else direction
-        for g in range(P.start[i], P.start[i + 1]):
+        for g in range(cones.start[i], cones.start[i + 1]):
             power = dot(move, vector(push, g))
             if rotates:
                 power += dot(direction, vector(turn, g))
-            power *= P.sign[a]
+            power *= cones.sign[a]
             for s in range(2):
-                if P.slot[a, s] >= 0:
-                    out[P.first[g] + P.slot[a, s]] += pose.dphi[index, s] * power
+                if cones.slot[a, s] >= 0:
+                    out[cones.first[g] + cones.slot[a, s]] += pose.dphi[index, s] * power
