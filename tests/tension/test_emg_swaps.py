@@ -9,7 +9,7 @@ import itertools
 import numpy as np
 import pytest
 
-from myomorph.body.tension.emg_held_out import Swap, swap_lines, swapped_channels
+from myomorph.body.tension.emg_held_out import Swap, held_out_verdict, swap_lines, swapped_channels
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.series import Emg, Motion, Series
@@ -76,3 +76,18 @@ def test_too_few_frames_say_nothing():
     rng = np.random.default_rng(0)
     first = rng.random((20, 2))
     assert swapped_channels(first[:, ::-1], first) == ()
+
+
+def test_left_out_channels_are_judged_by_their_mean_correlation():
+    names = ["vasti", "soleus", "silent"]
+    held = np.array([[0.5, 0.7], [0.6, 0.5], [np.nan, np.nan]])
+    verdict = held_out_verdict(names, held)
+    assert verdict.parts == ("vasti", "soleus")
+    assert verdict.better == (np.nanmean(held[:, 1]) > np.nanmean(held[:, 0]))
+    assert not held_out_verdict(names, held[:, ::-1]).better
+    rng = np.random.default_rng(0)
+    one, other = rng.normal(size=(2, 500))
+    courses = [(values - values.mean()) / values.std() for values in (one, one + 0.4 * other)]
+    r = float(np.corrcoef(courses)[0, 1])
+    apart = held_out_verdict(["vasti"], np.array([[0.0, r]])).estimate[0, 0]
+    assert apart == pytest.approx(np.sqrt(np.mean((courses[0] - courses[1]) ** 2)))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.core.fit.estimation import Estimate, estimate_of
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.fit.posterior import Posterior
 from myomorph.core.model.arrays import Array
 from myomorph.core.motion.emg_activation import (
@@ -42,6 +43,8 @@ rectus femoris and vasti 0.7.
 """
 
 
+INTERVAL = 0.95
+"""Share of true gains that intervals hold."""
 HELD = 1e6
 """Precision of the logarithm of a gain that is held."""
 
@@ -164,7 +167,8 @@ def calibration_of(
     gains with intervals, and activations of muscles that act as measured ones do
     """
     gains = settled.fit.gains
-    spread = np.exp(np.outer(settled.deviation, (-1.96, 1.96)))
+    half = half_width(settled.deviation, INTERVAL)
+    spread = np.exp(np.stack([-half, half], axis=1))
     cosines = np.maximum(action_cosines(tracking.frames), 0.0)
     near = cosines @ tracking.tells / np.maximum(tracking.tells.sum(axis=0), 1.0)
     synergies = tuple(_twins(group, near, gains, names, muscles) for group in tracking.groups)

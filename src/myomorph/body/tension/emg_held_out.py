@@ -22,6 +22,7 @@ from myomorph.body.tension.emg_groups import (
     some_names,
     synergy_groups,
 )
+from myomorph.core.fit.verdict import Verdict
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.series import Emg, Motion, Series
@@ -223,8 +224,16 @@ class HeldOut:
         if np.nanmean(held[:, 1] - held[:, 0]) < 0.0:
             weight = 0.0
         warnings = (*emg_calibration.warnings, *self._warnings(held))
+        estimate = emg_calibration.estimate
+        if estimate is not None:
+            estimate = replace(estimate, verdict=held_out_verdict(names, held))
         return replace(
-            emg_calibration, weight=weight, others_weight=others, held_out=held, warnings=warnings
+            emg_calibration,
+            weight=weight,
+            others_weight=others,
+            held_out=held,
+            warnings=warnings,
+            estimate=estimate,
         )
 
     def _with_twins(self) -> list[tuple[int, list[int]]]:
@@ -329,6 +338,41 @@ class HeldOut:
             " with their own "
         )
         return (f"{text}EMG when left out, without EMG to with it",) if fallen else ()
+
+
+def held_out_verdict(names: Sequence[str], held: Array) -> Verdict:
+    """Judge whether EMG predicts left-out channels better than joint torques alone do.
+
+    Courses of mean 0 and standard deviation 1 whose correlation is r lie sqrt(2 - 2 r) apart (root
+    mean square), so that root mean squares over channels are compared as mean correlations are.
+
+    Parameters
+    ----------
+    names : of the channels
+    held : (channels, 2) correlation of a channel that is left out with the activation of its
+        muscles, without EMG and with that of the others; NaN where not known
+
+    Returns
+    -------
+    the verdict, in which "generic" is without EMG
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from myomorph.body.tension.emg_held_out import held_out_verdict
+    >>> held_out_verdict(["vasti", "soleus"], np.array([[0.5, 0.8], [0.6, 0.7]])).better
+    True
+    """
+    known = np.isfinite(held).all(axis=1)
+    apart = np.sqrt(2.0 - 2.0 * held[known])
+    return Verdict(
+        kinds=(("distance of normalized courses", "SD"),),
+        parts=tuple(name for name, seen in zip(names, known, strict=True) if seen),
+        estimate=apart[:, 1:],
+        generic=apart[:, :1],
+        weights=np.ones(len(apart)),
+        what="EMG channels that are left out",
+    )
 
 
 def held_out_line(emg_calibration: EmgCalibration) -> tuple[str, ...]:
