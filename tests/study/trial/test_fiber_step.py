@@ -16,6 +16,7 @@ from myomorph.core.motion.filters import differentiate
 from myomorph.core.muscles.kinematics import muscle_kinematics
 from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.tension.dual import STALLED
+from myomorph.core.tension.fiber_quantities import FIBER_WORK, WORK_TABLE
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import Tension, TensionOptions
 from myomorph.lab.report.page.parts import PageHead
@@ -27,7 +28,6 @@ from myomorph.lab.store.stored import get_tension, put_tension
 from myomorph.lab.study.step.step import StepOutput
 from myomorph.lab.study.trial.fiber_step import (
     LARGE_STRAIN,
-    WORK,
     fiber_notes,
     fiber_numbers,
     fiber_signals,
@@ -187,10 +187,11 @@ def test_work_of_fibers_and_tendons_is_that_of_the_path(data):
 
 
 def test_table_of_work_names_units(stored):
-    with open(stored[0] / WORK, encoding="utf-8") as stream:
+    with open(stored[0] / WORK_TABLE, encoding="utf-8") as stream:
         head, *rows = csv.reader(stream)
     assert head[:5] == ["muscle", "stride", "start_s", "stop_s", "fiber_done_J"]
     assert "fiber_peak_W" in head
+    assert head == [quantity.column for quantity in FIBER_WORK]
     assert len(rows) == 6
 
 

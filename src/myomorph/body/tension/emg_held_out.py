@@ -363,7 +363,7 @@ def held_out_verdict(names: Sequence[str], held: Array) -> Verdict:
     >>> held_out_verdict(["vasti", "soleus"], np.array([[0.5, 0.8], [0.6, 0.7]])).better
     True
     """
-    known = np.isfinite(held).all(axis=1)
+    known = np.asarray(np.isfinite(held).all(axis=1))
     apart = np.sqrt(2.0 - 2.0 * held[known])
     return Verdict(
         kinds=(("distance of normalized courses", "SD"),),

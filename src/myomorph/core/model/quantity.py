@@ -174,6 +174,11 @@ class Quantity:
         return self.file.rpartition(".")[0] or self.name
 
     @property
+    def column(self) -> str:
+        """Name of its column in a table whose columns are unlike quantities, with its unit."""
+        return self.field if self.unit in ("", "1") else f"{self.field}_{self.unit}"
+
+    @property
     def suffix(self) -> str:
         """Ending of its tables."""
         return f".{self.file.rpartition('.')[2]}" if self.file else ".sto"

@@ -24,7 +24,7 @@ from myomorph.core.fit.problem import Problem
 from myomorph.core.fit.residuals import LinearPrior, NormalEquations
 from myomorph.core.fit.solver import Method, Solution
 from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 
 GAINS = "gains"
 OFFSETS = "offsets"
@@ -111,6 +111,7 @@ class Squares(NamedTuple):
     compared: int
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SquaresOfParameters:
     """Residuals, known by their squares, that are linear in gains, offsets and weights.
@@ -141,6 +142,7 @@ class SquaresOfParameters:
         return _SquaresAt(squares=self.squares, x=x, gains=gains, bent=self.bent)
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _SquaresAt:
     """Squares at some parameters.

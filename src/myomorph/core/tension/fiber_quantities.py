@@ -7,6 +7,8 @@ from myomorph.core.model.quantity import Quantity, Tidy
 BY_MUSCLE = ("time", "muscle")
 MUSCLE = ("muscle",)
 BY_FRAME = ("time",)
+BY_STRIDE = ("fiber_work",)
+WORK_TABLE = "fiber_work.csv"
 
 FIBER_LENGTH = Quantity(
     name="fiber_length",
@@ -139,6 +141,129 @@ ELASTIC_CERTIFICATE_VALUE = Quantity(
     meaning="how sure the elastic solution is",
 )
 
+FIBER_WORK = (
+    Quantity(
+        name="fiber_work_muscle",
+        dims=BY_STRIDE,
+        unit="",
+        meaning="muscle of a row",
+        attribute="muscle",
+        kind="text",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_stride",
+        dims=BY_STRIDE,
+        unit="1",
+        meaning="stride of the muscle's own leg from 1 on, 0 for the whole recording",
+        attribute="stride",
+        kind="count",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_start",
+        dims=BY_STRIDE,
+        unit="s",
+        meaning="begin of the stride",
+        attribute="start",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_stop",
+        dims=BY_STRIDE,
+        unit="s",
+        meaning="its end",
+        attribute="stop",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_fiber_done",
+        dims=BY_STRIDE,
+        unit="J",
+        meaning="work that the fibers do",
+        attribute="fiber_done",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_fiber_absorbed",
+        dims=BY_STRIDE,
+        unit="J",
+        meaning="work that the fibers absorb",
+        attribute="fiber_absorbed",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_tendon_returned",
+        dims=BY_STRIDE,
+        unit="J",
+        meaning="work that the tendon gives back",
+        attribute="tendon_returned",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_tendon_stored",
+        dims=BY_STRIDE,
+        unit="J",
+        meaning="work that the tendon takes up",
+        attribute="tendon_stored",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_fiber_peak",
+        dims=BY_STRIDE,
+        unit="W",
+        meaning="greatest power of the fibers",
+        attribute="fiber_peak",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_tendon_peak",
+        dims=BY_STRIDE,
+        unit="W",
+        meaning="greatest power of the tendon",
+        attribute="tendon_peak",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_max_strain",
+        dims=BY_STRIDE,
+        unit="1",
+        meaning="greatest strain of the tendon",
+        attribute="max_strain",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_shortest",
+        dims=BY_STRIDE,
+        unit="1",
+        meaning="shortest normalized fiber length",
+        attribute="shortest",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+    Quantity(
+        name="fiber_work_longest",
+        dims=BY_STRIDE,
+        unit="1",
+        meaning="longest normalized fiber length",
+        attribute="longest",
+        stored=False,
+        file=WORK_TABLE,
+    ),
+)
+"""Columns of the table of work, in its order."""
+
 QUANTITIES = (
     *FIBERS,
     NORMALIZED_FIBER_LENGTH,
@@ -147,4 +272,5 @@ QUANTITIES = (
     UNREACHABLE_FRAME,
     UNREACHABLE_LENGTH,
     ELASTIC_CERTIFICATE_VALUE,
+    *FIBER_WORK,
 )

@@ -13,6 +13,7 @@ from myomorph.core.contact.plan import ContactPlan
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.tension.emg_quantities import CHANNEL_TABLE
 from myomorph.core.tension.emg_targets import EmgOptions
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.actuators import floating_joints
@@ -26,7 +27,7 @@ from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.step.folder_steps import FolderOutput
 from myomorph.lab.study.step.step import Step
 from myomorph.lab.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.lab.study.trial.emg_tables import EMG_TABLE, write_channels
+from myomorph.lab.study.trial.emg_tables import write_channels
 from myomorph.lab.study.trial.steps.id import solve_dynamics
 from myomorph.lab.study.trial.steps.ik import solve_kinematics
 from myomorph.lab.study.trial.trial_inputs import TrialInputs
@@ -123,7 +124,7 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     muscles = _muscles([trial for trial in trials if not parts[trial.name]])
     with output.whole() as folder:
         write_gains(gains, folder / GAINS)
-        write_channels(gains.calibration, muscles, folder / EMG_TABLE)
+        write_channels(gains.calibration, muscles, folder / CHANNEL_TABLE)
         rows = ((name, "no" if why else "yes", why) for name, why in parts.items())
         write_csv(folder / TRIALS, ("trial", "takes part", "why not"), rows)
 

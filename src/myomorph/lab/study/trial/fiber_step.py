@@ -5,7 +5,7 @@ numbers.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,10 +19,12 @@ from myomorph.core.tension.fiber_quantities import (
     FIBER_LENGTH,
     FIBER_POWER,
     FIBER_VELOCITY,
+    FIBER_WORK,
     NORMALIZED_FIBER_LENGTH,
     TENDON_FORCE,
     TENDON_POWER,
     TENDON_STRAIN,
+    WORK_TABLE,
 )
 from myomorph.core.tension.tension import Fibers, Tension
 from myomorph.lab.analysis.joint_loads import own_strides
@@ -32,18 +34,6 @@ from myomorph.lab.store.results import Stored
 from myomorph.lab.store.stored import get_fibers
 from myomorph.lab.study.step.step import StepOutput
 from myomorph.lab.study.trial.trial_inputs import Signals, Value, tidy_signals
-
-WORK = "fiber_work.csv"
-UNITS = {
-    "start": "s",
-    "stop": "s",
-    "peak": "W",
-    "done": "J",
-    "absorbed": "J",
-    "returned": "J",
-    "stored": "J",
-}
-"""Of the columns of the table of work, by the last word of their names."""
 
 FIBER_TABLES = (FIBER_LENGTH, FIBER_VELOCITY, TENDON_STRAIN, FIBER_POWER, TENDON_POWER)
 """Quantities of fibers with a table of their own."""
@@ -150,10 +140,8 @@ def write_fibers(
         write_series(output.folder, series)
     optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
     work = fiber_work(tension.time, tension.muscles, fibers, optimal, strides)
-    names = [field.name for field in fields(FiberWork)]
-    units = (UNITS.get(name.rpartition("_")[2], "") for name in names)
-    head = (f"{name}_{unit}" if unit else name for name, unit in zip(names, units, strict=True))
-    write_csv(output.folder / WORK, head, map(astuple, work))
+    rows = ([quantity.of(stride) for quantity in FIBER_WORK] for stride in work)
+    write_csv(output.folder / WORK_TABLE, (quantity.column for quantity in FIBER_WORK), rows)
     return fiber_notes(tension)
 
 

@@ -29,10 +29,10 @@ from myomorph.core.model.findings import Finding
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.motion.envelope import EnvelopeOptions
-from myomorph.core.tension import fiber_quantities, load_quantities
+from myomorph.core.tension import emg_quantities, fiber_quantities, load_quantities
 from myomorph.core.tension.contact_setting import Measurements, during
 from myomorph.core.tension.dual import INFEASIBLE, STALLED
-from myomorph.core.tension.emg_quantities import CONFLICTS
+from myomorph.core.tension.emg_quantities import CHANNEL_TABLE
 from myomorph.core.tension.emg_targets import EmgOptions
 from myomorph.core.tension.joint_contact import JointPoints
 from myomorph.core.tension.load_quantities import (
@@ -72,7 +72,7 @@ from myomorph.lab.study.inputs.input import ByType, OptionSet
 from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
-from myomorph.lab.study.trial.emg_tables import EMG_TABLE, write_channels, write_conflicts
+from myomorph.lab.study.trial.emg_tables import write_channels, write_conflicts
 from myomorph.lab.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.lab.study.trial.joint_contact_step import (
     joint_contact_numbers,
@@ -143,9 +143,8 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     notes += write_fibers(tension, trial.model, strides, output)
     if task.emg is not None:
         if task.emg.calibration is not None:
-            write_channels(
-                task.emg.calibration, trial.inputs[RecordedEmg].muscles, output.folder / EMG_TABLE
-            )
+            measured = trial.inputs[RecordedEmg].muscles
+            write_channels(task.emg.calibration, measured, output.folder / CHANNEL_TABLE)
         notes = (*write_conflicts(trial.model, tension, task.emg, output), *task.emg.notes, *notes)
     frame = trial.options[TensionTables].reactions
     if frame != "none":
@@ -453,7 +452,7 @@ STEP = Step(
     gives=Tensions,
     quantities=(
         *(*TENSION, ACTUATOR_COORDINATE, GENERALIZED_FORCE_WITH_CONTACTS),
-        *(*fiber_quantities.QUANTITIES, *load_quantities.QUANTITIES, *CONFLICTS),
+        *(*fiber_quantities.QUANTITIES, *load_quantities.QUANTITIES, *emg_quantities.QUANTITIES),
         *contact_quantities.QUANTITIES,
     ),
     needs=(Poses,),
