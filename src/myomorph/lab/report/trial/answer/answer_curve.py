@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
@@ -56,7 +54,7 @@ class SideCurve:
         return float(self.mean[sample])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@read_only
 class AnswerCurve:
     """A chart of the first screen.
 
