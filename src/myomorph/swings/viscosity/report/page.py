@@ -5,11 +5,11 @@ It has tables I and II of [S], figures, and what to trust.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from myomorph.lab.report.charts.marks import Level
 from myomorph.lab.report.page.page import Tile, rendered
-from myomorph.lab.report.page.parts import Note, PageHead, Section, cited
+from myomorph.lab.report.page.parts import Note, PageHead, Reference, Section, cited
 from myomorph.swings.viscosity.cohort import STROEVE_TOTAL_VISCOSITY, CohortLine, cohort
 from myomorph.swings.viscosity.relaxed.drops import SILENT
 from myomorph.swings.viscosity.relaxed.identify import UNITS
@@ -79,7 +79,7 @@ def _warnings(shown: ViscosityInput) -> tuple[str, ...]:
     )
 
 
-def _sources(shown: ViscosityInput) -> Sequence[str]:
+def _sources(shown: ViscosityInput) -> tuple[Reference, ...]:
     """Cite what the page rests on."""
     shoulders = any(specimen.shoulder for specimen in shown.done)
     literature = ("stroeve1999",) if shoulders else ()
