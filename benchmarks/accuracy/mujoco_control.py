@@ -24,7 +24,7 @@ from benchmarks.recordings import RECORDINGS, read_markers
 from myomorph.core.io.loads import read_external_loads
 from myomorph.core.io.mjcf.compile import silent_mujoco
 from myomorph.core.model.arrays import Array
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.tension import Tension, TensionOptions

@@ -18,7 +18,7 @@ from benchmarks.species_cases import Bodies, anatomist_on_skeleton, from_man, ma
 from data_collection import data_folder
 from myomorph.bones.morph.species.counterparts import Posed
 from myomorph.bones.study.species_morphing import read_species
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 
 METHOD = "SSD"
 BENT = 0.5 * np.pi

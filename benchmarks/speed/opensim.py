@@ -23,7 +23,7 @@ from myomorph.core.io.loads import read_external_loads, read_load_entries
 from myomorph.core.io.mjcf.read import read_mjcf
 from myomorph.core.io.osim.setup_parts import read_ik_tasks
 from myomorph.core.motion.sync import cut
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.tree import compile_tree
 
 COUPLED = "Rajagopal 2016 (generic), 39 coordinates, 80 muscles, coupled knees"

@@ -12,7 +12,7 @@ import myomorph as mm
 from benchmarks.recordings import read_markers
 from benchmarks.speed.timing import MEGABYTE, clocked, in_own_process
 from data_collection import data_folder
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 

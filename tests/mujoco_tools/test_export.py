@@ -17,7 +17,7 @@ from myomorph.core.model.model import Axis, Body, Coordinate, Coupler, Joint, Mo
 from myomorph.core.model.series import Motion
 from myomorph.core.model.spatial import Transform
 from myomorph.core.muscles.hill import hill_forces
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.exchange.mujoco.cams import cams_of

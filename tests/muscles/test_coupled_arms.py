@@ -16,7 +16,7 @@ from myomorph.core.model.paths import MovingPathPoint, Muscle, Path, PathPoint
 from myomorph.core.model.series import Motion
 from myomorph.core.muscles.coupled_arms import loop_couplings, loop_groups
 from myomorph.core.muscles.kinematics import ReportedPaths, muscle_kinematics
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.coordinates import couple_frames
 from myomorph.core.rigid.loops import close_loops, closure_jacobian
 from myomorph.core.rigid.tree import compile_tree

@@ -8,8 +8,8 @@ import pytest
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.model.series import Motion
 from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.muscles.patella import extensors, tendon_arms, with_lever
-from myomorph.core.muscles.path import compile_paths
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.lab.analyze.generic_model import generic_model
 

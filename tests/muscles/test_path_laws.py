@@ -24,7 +24,7 @@ from myomorph.core.model.paths import (
 from myomorph.core.model.series import Motion
 from myomorph.core.model.spatial import Transform, axis_rotation
 from myomorph.core.muscles.kinematics import muscle_kinematics
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 
 STEP = 1e-6
 HERE = Transform.identity()

@@ -11,7 +11,7 @@ from path_models import opensim_kinematics
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.paths import MovingPathPoint
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.coordinates import couple_frames
 
 opensim = pytest.importorskip("opensim")

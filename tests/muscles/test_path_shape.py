@@ -14,7 +14,8 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.functions import Function
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.paths import MovingPathPoint, Muscle
-from myomorph.core.muscles.path import ARC_PARTS, compile_paths, drawn_paths
+from myomorph.core.muscles.drawn_paths import ARC_PARTS, drawn_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.kinematics import Poses
 from myomorph.core.rigid.tree import compile_tree
 

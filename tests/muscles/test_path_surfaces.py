@@ -7,7 +7,7 @@ import pytest
 from path_models import QUADRANTS, Surface, Way, opensim_kinematics, opensim_model
 
 from myomorph.core.io.formats import read_model
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 
 opensim = pytest.importorskip("opensim")
 FRAMES = 150

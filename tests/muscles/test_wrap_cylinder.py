@@ -7,7 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.core.muscles.wrap_cylinder import MANDATORY, NO_WRAP, Half, wrap_cylinder
+from myomorph.core.muscles.wrap.cylinder import wrap_cylinder
+from myomorph.core.muscles.wrap.surface import MANDATORY, NO_WRAP, Half
 from myomorph.core.rigid.kernels import kernel
 
 ANGLE = np.deg2rad(170.0)

@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 from myomorph.core.model.spatial import axis_rotation
-from myomorph.core.muscles.wrap_tendon import (
-    BEFORE_FOUR,
-    CYLINDER,
-    FOUR,
-    NO_SIDE,
-    SPHERE,
-    wrap_tendon,
-)
+from myomorph.core.muscles.wrap.surface import CYLINDER, NO_WRAP, SPHERE, Half, Surface
+from myomorph.core.muscles.wrap.tendon import BEFORE_FOUR, FOUR, NO_SIDE, Side, wrap_tendon
+from myomorph.core.rigid.kernels import kernel
 
 mujoco = pytest.importorskip("mujoco")
 INSTALLED = FOUR if int(mujoco.__version__.split(".")[0]) >= 4 else BEFORE_FOUR
@@ -42,6 +37,31 @@ SCENE = """
 """
 
 
+ANY_SIDE = Side(rule=NO_SIDE, point=(0.0, 0.0, 0.0))
+
+
+@kernel
+def _wrapped(a, b, surface, side):
+    """`wrap_tendon`, which only kernels may call."""
+    return wrap_tendon(a, b, surface, side)
+
+
+def _wrap(p0, p1, kind, radius, R, x, side, out):
+    """Length of the arc, -1 for none; `out` (2, 3) is filled with its ends where there is one."""
+    surface = Surface(
+        kind=kind,
+        size=(radius, 0.0, 0.0),
+        half=Half(axis=0, side=0),
+        rotation=tuple(R.ravel()),
+        center=tuple(x),
+    )
+    wrap = _wrapped(tuple(p0), tuple(p1), surface, side)
+    if wrap.code == NO_WRAP:
+        return -1.0
+    out[:] = wrap.r, wrap.s
+    return wrap.arc
+
+
 @pytest.fixture(scope="module", params=["sphere", "cylinder"])
 def kind(request):
     return request.param
@@ -59,9 +79,8 @@ def ours(m, d, kind, radius, has_side):
     R = d.geom_xmat[0].reshape(3, 3).copy()
     x = d.geom_xpos[0].copy()
     code = SPHERE if kind == "sphere" else CYLINDER
-    arc = wrap_tendon(
-        a.copy(), b.copy(), code, radius, R, x, side.copy(), INSTALLED if has_side else NO_SIDE, out
-    )
+    chosen = Side(rule=INSTALLED if has_side else NO_SIDE, point=tuple(side))
+    arc = _wrap(a.copy(), b.copy(), code, radius, R, x, chosen, out)
     if arc < 0:
         return arc, np.linalg.norm(b - a), out
     return arc, np.linalg.norm(out[0] - a) + arc + np.linalg.norm(b - out[1]), out
@@ -119,7 +138,7 @@ def random_cases(kind, count, seed=5):
         R = axis_rotation((0.6, 0.0, 0.8), rng.uniform(-3, 3))
         radius = rng.uniform(0.1, 0.5)
         out = np.zeros((2, 3))
-        arc = wrap_tendon(p0, p1, kind, radius, R, x, np.zeros(3), NO_SIDE, out)
+        arc = _wrap(p0, p1, kind, radius, R, x, ANY_SIDE, out)
         if arc > 0.01:
             found += 1
             yield p0, p1, radius, R, x, out, arc
@@ -132,7 +151,7 @@ def test_a_taut_string_is_tangent_and_shortest(code):
 
         def length(p0, radius=radius, R=R, x=x, p1=p1):
             points = np.zeros((2, 3))
-            arc = wrap_tendon(p0, p1, code, radius, R, x, np.zeros(3), NO_SIDE, points)
+            arc = _wrap(p0, p1, code, radius, R, x, ANY_SIDE, points)
             return np.linalg.norm(points[0] - p0) + arc + np.linalg.norm(points[1] - p1)
 
         for end, point in zip((p0, p1), out, strict=True):
@@ -155,15 +174,14 @@ def test_a_rigid_motion_moves_the_path_along(code):
     shift = np.array([0.3, -2.0, 1.0])
     for p0, p1, radius, R, x, out, arc in random_cases(code, 20, seed=6):
         moved = np.zeros((2, 3))
-        again = wrap_tendon(
+        again = _wrap(
             turn @ p0 + shift,
             turn @ p1 + shift,
             code,
             radius,
             turn @ R,
             turn @ x + shift,
-            np.zeros(3),
-            NO_SIDE,
+            ANY_SIDE,
             moved,
         )
         assert again == pytest.approx(arc, abs=1e-9)
@@ -191,7 +209,8 @@ def test_a_side_point_sends_the_path_the_other_way_where_the_center_is_in_their_
         near = np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1.0, 1.0))
         lines = sum(np.arccos(radius / np.linalg.norm(end)) for end in (a, b))
         expected = radius * ((2.0 * np.pi - near if far else near) - lines)
-        arc = wrap_tendon(a, b, code, radius, np.eye(3), np.zeros(3), side, FOUR, np.zeros((2, 3)))
+        chosen = Side(rule=FOUR, point=tuple(side))
+        arc = _wrap(a, b, code, radius, np.eye(3), np.zeros(3), chosen, np.zeros((2, 3)))
         assert arc == pytest.approx(expected if expected > 0.0 else -1.0, abs=1e-9)
         ways[far] += 1
     assert min(ways.values()) > 20
@@ -201,23 +220,14 @@ def test_no_wrap_inside_or_away():
     out = np.zeros((2, 3))
     R = np.eye(3)
     x = np.zeros(3)
-    none = np.zeros(3)
     assert (
-        wrap_tendon(
-            np.array([0.1, 0, 0]), np.array([2.0, 0, 0]), SPHERE, 1.0, R, x, none, NO_SIDE, out
-        )
-        == -1
+        _wrap(np.array([0.1, 0, 0]), np.array([2.0, 0, 0]), SPHERE, 1.0, R, x, ANY_SIDE, out) == -1
     )
     assert (
-        wrap_tendon(
-            np.array([2.0, 2, 0]), np.array([-2.0, 2, 0]), SPHERE, 1.0, R, x, none, NO_SIDE, out
-        )
-        == -1
+        _wrap(np.array([2.0, 2, 0]), np.array([-2.0, 2, 0]), SPHERE, 1.0, R, x, ANY_SIDE, out) == -1
     )
     assert (
-        wrap_tendon(
-            np.array([2.0, 0, 0]), np.array([-2.0, 0.1, 0]), SPHERE, 0.0, R, x, none, NO_SIDE, out
-        )
+        _wrap(np.array([2.0, 0, 0]), np.array([-2.0, 0.1, 0]), SPHERE, 0.0, R, x, ANY_SIDE, out)
         == -1
     )
     assert np.all(out == 0.0)

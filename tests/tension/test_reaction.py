@@ -21,7 +21,7 @@ from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.model.spatial import Transform
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.sync import resample_wrenches
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.bushings import bushing_forces
 from myomorph.core.rigid.dynamics import inverse_dynamics, joint_wrenches
 from myomorph.core.rigid.forward import gathered

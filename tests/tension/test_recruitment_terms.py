@@ -13,7 +13,7 @@ from walking import walk
 from myomorph.body.tension.task import tension_task
 from myomorph.core.contact.plan import ContactPlan
 from myomorph.core.model.errors import BadData, UnknownName
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.dynamics import inverse_dynamics, values_and_rates
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.contact_setting import Measurements

@@ -14,7 +14,7 @@ from myomorph.core.model.series import Markers, Motion
 from myomorph.core.motion.ik import InverseKinematicsOptions, poses_near
 from myomorph.core.muscles.hill import compile_hill, compile_hill_as
 from myomorph.core.muscles.kinematics import default_path_lengths
-from myomorph.core.muscles.path import compile_paths, compile_paths_as
+from myomorph.core.muscles.model_paths import compile_paths, compile_paths_as
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree, compile_tree_as
 from myomorph.lab.uncertainty.bodies import Draw, drawn_model, drawn_subject, stronger

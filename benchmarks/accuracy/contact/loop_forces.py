@@ -18,7 +18,7 @@ from benchmarks.accuracy.tension.passive import TRUNK
 from benchmarks.opensim_static import static_optimization, write_actuators
 from myomorph.core.model.paths import MovingPathPoint
 from myomorph.core.muscles.coupled_arms import loop_couplings, loop_groups
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.bushings import angular_velocities
 from myomorph.core.rigid.coordinates import couple_frames
 from myomorph.core.rigid.loops import close_loops, closed_motion, loop_torques

@@ -24,7 +24,7 @@ from benchmarks.species_cases import (
 )
 from myomorph.bones.morph.species.counterparts import MuscleHomology, Posed
 from myomorph.bones.study.species_morphing import read_species
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from truths.mouse_hindlimb import mouse_hindlimb_model
 
 ANATOMIST = "mouse-hindlimb-muscles/mouse_hindlimb.json"

@@ -21,8 +21,8 @@ from benchmarks.accuracy.tension.knee import Row, command
 from myomorph.core.io.loads import read_external_loads
 from myomorph.core.io.mjcf.read import composed_model
 from myomorph.core.model.arrays import Array
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.muscles.patella import extensors, tendon_arms
-from myomorph.core.muscles.path import compile_paths
 from myomorph.core.muscles.published_arms import BANDS, knee_arms
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.knees import flexion_coordinate, knee_joints

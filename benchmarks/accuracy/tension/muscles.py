@@ -17,7 +17,7 @@ import numpy as np
 import myomorph as mm
 from benchmarks.recordings import RECORDINGS
 from myomorph.core.muscles.kinematics import MuscleKinematics
-from myomorph.core.muscles.path import Paths, compile_paths
+from myomorph.core.muscles.model_paths import Paths, compile_paths
 
 SAME = 1e-4
 STEP = 1e-5

@@ -12,7 +12,8 @@ import numpy as np
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Model
 from myomorph.core.model.surface import Surface
-from myomorph.core.muscles.path import compile_paths, drawn_paths
+from myomorph.core.muscles.drawn_paths import drawn_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.lab.report.scene.image import activation_color
 from myomorph.lab.report.scene.shapes import tube
 from myomorph.lab.viewer.replay_body import (

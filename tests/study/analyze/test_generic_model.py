@@ -10,7 +10,7 @@ from myomorph.core.motion.ik import KinematicsFit
 from myomorph.core.motion.pose_checks import turned_findings
 from myomorph.core.motion.protocols import protocols
 from myomorph.core.motion.turns import floating_coordinates
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.analyze.generic_model import (

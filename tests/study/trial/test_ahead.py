@@ -14,7 +14,7 @@ from myomorph.lab.study.workers.ahead import TENDONS, compile_muscles
 
 USE = """
 from myomorph.lab.study.workers import ahead
-from myomorph.core.muscles.path_kernels import path_frames
+from myomorph.core.muscles.path import path_frames
 wraps = frozenset({ahead.TENDONS})
 assert ahead.cached(wraps)
 assert not ahead.cached(frozenset())
@@ -51,7 +51,7 @@ def test_nothing_is_compiled_where_no_later_step_needs_it():
 
 
 def test_the_rules_by_which_paths_wrap_are_those_of_their_kernels():
-    from myomorph.core.muscles.path import compile_paths
+    from myomorph.core.muscles.model_paths import compile_paths
     from myomorph.lab.study.workers.ahead import SURFACES, TENDONS, two_links, wraps_of
 
     for wraps in (set(), {SURFACES}, {TENDONS}, {SURFACES, TENDONS}):

@@ -28,7 +28,7 @@ from myomorph.core.model.errors import BadModel
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle
 from myomorph.core.muscles.hill import muscle_model
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.tension.terms.actuators import balanced_coordinates
 
 POSES = 1024

@@ -18,9 +18,9 @@ from myomorph.core.model.series import DEFAULT_POSE, Motion
 from myomorph.core.model.shapes import ArmPairs, FrameValues, MomentArmTable, MuscleValues
 from myomorph.core.model.shown import shown
 from myomorph.core.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
-from myomorph.core.muscles.path import Paths, compile_paths
+from myomorph.core.muscles.model_paths import Paths, compile_paths
 from myomorph.core.muscles.path_arrays import ARMS
-from myomorph.core.muscles.path_kernels import coupler_slopes
+from myomorph.core.muscles.path_frame import coupler_slopes
 from myomorph.core.muscles.quantities import MOMENT_ARM, MUSCLE_VELOCITY, PATHS
 from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.kernels import kernel

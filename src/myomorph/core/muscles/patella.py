@@ -26,7 +26,7 @@ import numpy as np
 from myomorph.core.model.arrays import read_only
 from myomorph.core.model.model import Joint, Model
 from myomorph.core.model.shapes import ArmPairs, Coordinates, MuscleValues, Pulls
-from myomorph.core.muscles.path import Paths
+from myomorph.core.muscles.model_paths import Paths
 from myomorph.core.rigid.coordinates import Ints, couple_rates_frames
 from myomorph.core.rigid.kinematics import body_motion
 from myomorph.core.rigid.knees import flexion_coordinate, knee_joints

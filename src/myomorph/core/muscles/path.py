@@ -1,38 +1,71 @@
-"""Muscle-tendon lengths, lengthening velocities and moment arms over frames, as in OpenSim.
+"""A muscle's path: its length, its lengthening velocity and its moment arms, frame by frame.
 
-A muscle's path is a taut string through points and around surfaces. Its moment arm about a
-coordinate is the generalized force of unit tension along the path, r = -dl/dq. Two kinds of path
-are known: OpenSim's (`path_chain.wrapped_nodes`) and MuJoCo's (`path_chain.tendon_nodes`, which
-calls `wrap_tendon`); a path takes the second where its wraps are `TendonWrap`.
+A path is a taut string from origin to insertion, through points on bodies and around surfaces. In
+each frame it becomes a chain of nodes (`path_chain`): the points, then for each surface that the
+string meets the two ends of an arc (`path_surfaces` by OpenSim, `path_tendons` by MuJoCo). Then
 
-Most coordinates cannot move most muscles, so moment arms are kept for the structural pattern only:
-the pairs of a muscle and a coordinate that moves some of its bodies against others.
+    length    l = sum of the chain's straight parts and arcs
+    moment arm r_j = -dl/dc_j about coordinate j, by virtual work (`moment_arms`)
+    velocity  ldot = -sum r_j cdot_j over the independent coordinates
+
+What the paths of a model consist of is compiled in `path_arrays`; `model_paths` runs the kernel
+below over a motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.errors import BadData
-from myomorph.core.model.latest import Latest
-from myomorph.core.model.model import Model
-from myomorph.core.model.shapes import ArmPairs, Coordinates, MuscleValues, Points, Pulls
-from myomorph.core.model.shown import shown
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.shapes import ArmPairs, MuscleValues, Pulls
 from myomorph.core.muscles import path_arrays as columns
-from myomorph.core.muscles.path_arrays import PathArrays, moved_paths, path_arrays
-from myomorph.core.muscles.path_kernels import path_frames
-from myomorph.core.rigid.coordinates import Ints
-from myomorph.core.rigid.frames import run_frames
-from myomorph.core.rigid.tree import Flags, Tree, compile_tree
+from myomorph.core.muscles.moment_arms import ArmRow, gather_arms, hand_on, pull_bodies
+from myomorph.core.muscles.path_chain import (
+    Chain,
+    add_point,
+    chain_length,
+    chain_room,
+    forget_seen,
+    put_nodes,
+)
+from myomorph.core.muscles.path_frame import PathFrame, frame_room, place_frame, point_at
+from myomorph.core.muscles.path_surfaces import Passes, pass_room, wrap_surfaces
+from myomorph.core.muscles.path_tendons import wrap_tendons
+from myomorph.core.rigid.kernels import bare, in_place, inner, kernel
 
-ARC_PARTS = 4  # Straight parts that an arc on a surface is drawn from
-MIN_LENGTH = 1e-9  # Of a straight part that has a direction [m]
+SLACK = 1e-5  # Beyond its range in which a coordinate still gives the path a point [rad or m]
+
+
+class WrapRules(NamedTuple):
+    """Rules of wrapping in use: 1 where a path wraps by them, or None where none does.
+
+    Attributes
+    ----------
+    surfaces : OpenSim's, `path_surfaces`
+    tendons : MuJoCo's, `path_tendons`
+    """
+
+    surfaces: int | None
+    tendons: int | None
+
+
+class PathMotion(NamedTuple):
+    """Coordinates over frames, as the kernel reads them.
+
+    Attributes
+    ----------
+    coordinates : (frames, coordinates) of which it sets dependent ones [rad or m]
+    speeds : (frames, coordinates) of which it does not read dependent ones [rad/s or m/s]
+    """
+
+    coordinates: Array
+    speeds: Array
+
+    def part(self, start: int, stop: int) -> PathMotion:
+        """Frames from `start` to before `stop`."""
+        return PathMotion(coordinates=self.coordinates[start:stop], speeds=self.speeds[start:stop])
 
 
 class PathValues(NamedTuple):
@@ -63,308 +96,160 @@ class PathResults(NamedTuple):
     pulls: Pulls
     nodes: Array
 
-
-class PathPulls(NamedTuple):
-    """Loads that unit tensions put on bodies.
-
-    Attributes
-    ----------
-    pulls : (frames, pairs, 6) force [1] and its moment about the ground's origin [m], in ground, in
-        the order of `Paths.pull_muscle` and `pull_body`
-    work : (frames, arms) part of the moment arms that moving points have [m/rad or m/m]
-    """
-
-    pulls: Pulls
-    work: ArmPairs
-
-
-@shown
-@dataclass(frozen=True, eq=False)
-class Paths:
-    """Muscle paths of a model, compiled.
-
-    Attributes
-    ----------
-    tree : the compiled model
-    arrays : of the paths
-    """
-
-    tree: Tree
-    arrays: PathArrays = field(repr=False)
-
-    @property
-    def muscles(self) -> tuple[str, ...]:
-        """Names of the muscles, in order."""
-        return self.tree.model.muscle_names
-
-    @cached_property
-    def arm_muscle(self) -> Ints:
-        """(moment arms,) the muscle of each pair of the pattern."""
-        return np.repeat(np.arange(len(self.muscles)), np.diff(self.arrays.start[:, columns.ARMS]))
-
-    @cached_property
-    def wrap_rules(self) -> tuple[int | None, int | None]:
-        """Rules of wrapping in use, OpenSim's and MuJoCo's: 1, or None where no path has them."""
-        by_mujoco = self.arrays.wrap[:, columns.AFTER] >= 0
-        return (1 if (~by_mujoco).any() else None), (1 if by_mujoco.any() else None)
-
-    @property
-    def arm_coordinate(self) -> Ints:
-        """(moment arms,) the coordinate of each pair of the pattern."""
-        return self.arrays.arm[:, 0]
-
-    @property
-    def arm_free(self) -> Flags:
-        """(moment arms,) whether the pair's coordinate is independent."""
-        return self.arrays.arm[:, 1] == 1
-
-    def evaluate(
-        self,
-        coordinates: Array,
-        speeds: Array | None = None,
-        progress: Callable[[int], None] | None = None,
-    ) -> PathValues:
-        """Lengths, velocities and moment arms of all muscles.
-
-        A coordinate that others follow has what reaches the muscle through them included in its
-        moment arm. A dependent one has its own share.
-
-        Parameters
-        ----------
-        coordinates : (frames, coordinates) in the model's order; dependent ones are set here
-            [rad or m]
-        speeds : (frames, coordinates) of which dependent ones are not read; None for rest [per s]
-        progress : called with the number of frames just done
-
-        Returns
-        -------
-        values of as many frames
-
-        Raises
-        ------
-        BadData : the shape of an array is wrong
-        """
-        coordinates = np.array(coordinates, dtype=np.float64)
-        shape = (len(coordinates), len(self.tree.model.coordinates))
-        if speeds is None:
-            speeds = np.zeros(shape)
-        speeds = np.ascontiguousarray(speeds, dtype=np.float64)
-        for values in (coordinates, speeds):
-            if values.shape != shape:
-                raise BadData(
-                    f"expected coordinates and speeds of shape {shape}, but got {values.shape}"
-                )
-        return self._run(coordinates, speeds, progress).values
-
-    def _run(
-        self,
-        c: Array,
-        speeds: Array,
-        progress: Callable[[int], None] | None,
-        pairs: int = 0,
-        nodes: int = 0,
-    ) -> PathResults:
-        """Run the path kernel over frames.
-
-        Parameters
-        ----------
-        c, speeds : (frames, coordinates); dependent ones are set in `c`
-        progress : called with the number of frames just done
-        pairs : of muscles and bodies whose pulls are computed, 0 for none
-        nodes : of each muscle that are computed, 0 for none
-        """
-        frames = len(c)
-        muscles = len(self.muscles)
-        lengths, velocities = np.empty((2, frames, muscles))
-        arms = np.empty((frames, len(self.arm_coordinate)))
-        pulls = np.zeros((frames, pairs, 6))
-        places = np.full((frames, muscles if nodes else 0, nodes, 4), np.nan)
-        fixed = (self.tree.arrays, self.arrays, *self.wrap_rules)
-        results = (lengths, velocities, arms, pulls, places)
-        run_frames(path_frames, fixed, c, speeds, *results, progress=progress)
+    def part(self, start: int, stop: int) -> PathResults:
+        """Frames from `start` to before `stop`."""
+        values = PathValues(
+            lengths=self.values.lengths[start:stop],
+            velocities=self.values.velocities[start:stop],
+            arms=self.values.arms[start:stop],
+        )
         return PathResults(
-            values=PathValues(lengths=lengths, velocities=velocities, arms=arms),
-            pulls=pulls,
-            nodes=places,
+            values=values, pulls=self.pulls[start:stop], nodes=self.nodes[start:stop]
         )
 
-    @cached_property
-    def pull_muscle(self) -> Ints:
-        """(pairs,) the muscle of each pair of a muscle and a body that its path touches."""
-        return np.repeat(
-            np.arange(len(self.muscles)), np.diff(self.arrays.start[:, columns.BODIES])
-        )
 
-    @cached_property
-    def pull_body(self) -> Ints:
-        """(pairs,) number in the tree of the body of each of those pairs."""
-        P = self.arrays
-        first = self.arrays.start[:, columns.BODIES]
-        bodies = np.zeros(int(first[-1]), np.int64)
-        muscles = np.arange(len(self.muscles))
-        muscle = np.repeat(muscles, np.diff(P.start[:, columns.POINTS]))
-        bodies[first[muscle] + P.point[:, columns.LOCAL]] = P.point[:, columns.BODY]
-        muscle = np.repeat(muscles, np.diff(P.start[:, columns.WRAPS]))
-        surface_bodies = P.object[P.wrap[:, columns.OBJECT], columns.OBJECT_BODY]
-        bodies[first[muscle] + P.wrap[:, columns.OBJECT_LOCAL]] = surface_bodies
-        return bodies
-
-    def pulls(
-        self, coordinates: Coordinates, progress: Callable[[int], None] | None = None
-    ) -> PathPulls:
-        """Compute what unit tension of each muscle does to the bodies its path touches.
-
-        Forces act at the path's points and where it leaves surfaces, along its straight parts. What
-        they do through points that move in their bodies acts on no body, but on the coordinates
-        that move the points.
-
-        Parameters
-        ----------
-        coordinates, progress : as of `evaluate`
-
-        Returns
-        -------
-        pulls and work of as many frames
-        """
-        c = np.array(coordinates, dtype=np.float64)
-        results = self._run(c, np.zeros_like(c), progress, pairs=len(self.pull_body))
-        return PathPulls(pulls=results.pulls, work=results.values.arms)
-
-    def nodes(self, coordinates: Coordinates) -> Array:
-        """Points that each path runs through, where it meets and leaves surfaces included.
-
-        Parameters
-        ----------
-        coordinates : as of `evaluate`
-
-        Returns
-        -------
-        (frames, muscles, nodes, 4) positions in ground and the length of the arc that ends there, 0
-        after a straight part; NaN beyond the path's last point [m]
-        """
-        c = np.array(coordinates, dtype=np.float64)
-        return self._run(c, np.zeros_like(c), None, nodes=int(self.arrays.sizes[0]) + 2).nodes
-
-
-def compile_paths(model: Model) -> Paths:
-    """Compile a model's muscle paths to flat arrays; the same model compiles once."""
-    return _latest(model)
-
-
-def compile_paths_as(model: Model, like: Model) -> Paths:
-    """Compile a model that differs from another in places of path points and sizes of surfaces.
-
-    It may also differ as of `compile_tree_as`. What was compiled of the other is used again.
-
-    Parameters
-    ----------
-    model : to compile
-    like : the other one, with the same parts in the same order
-    """
-    arrays = moved_paths(compile_paths(like).arrays, model)
-    paths = Paths(compile_tree(model), arrays)
-    _latest.put(model, paths)
-    return paths
-
-
-def _compile(model: Model) -> Paths:
-    """Compile a model's muscle paths."""
-    tree = compile_tree(model)
-    return Paths(tree, path_arrays(model, tree))
-
-
-_latest = Latest(_compile)
-
-
-@read_only
-class DrawnPaths:
-    """All paths of a model as one list of points.
+class PathRoom(NamedTuple):
+    """Scratch arrays of `path_frames`, one set per thread.
 
     Attributes
     ----------
-    muscle : (points,) index of the muscle that each belongs to
-    places : (frames, points, 3) in ground, NaN beyond a path's last point [m]
+    frame : what all paths read in a frame
+    chain : nodes of one path
+    passes : order in which OpenSim wraps a path's surfaces, and the latest results
+    pull : (muscle's bodies, 6) force of unit tension and its moment about the ground's origin
+        [1, m]
     """
 
-    muscle: np.ndarray
-    places: Points
+    frame: PathFrame
+    chain: Chain
+    passes: Passes
+    pull: Array
 
 
-def drawn_paths(paths: Paths, coordinates: Coordinates) -> DrawnPaths:
-    """Every path as points to draw lines between, as many at any frame.
-
-    An arc becomes `ARC_PARTS` chords of the cubic that leaves both ends along the straight parts
-    beside them, as a taut string does, with the arc's length as the norm of its tangents.
+@kernel
+def path_frames(T, paths, rules, motion, results):
+    """Lengths, velocities and moment arms of all muscles, frame by frame.
 
     Parameters
     ----------
-    paths : of a model's muscles
-    coordinates : (frames, coordinates) in the model's order [rad or m]
-
-    Returns
-    -------
-    points of all paths in as many frames
+    T, paths : `TreeArrays`, `PathArrays`
+    rules : `WrapRules`; what is None there is not compiled: each is half of this kernel
+    motion : `PathMotion`, whose dependent coordinates are set here
+    results : `PathResults`, filled; pulls only where they have pairs, and then `arms` holds only
+        the work of points that move in their bodies; nodes only where they have muscles, and what
+        is beyond a path's last point is left
     """
-    nodes = paths.nodes(coordinates)
-    start = paths.arrays.start
-    points = np.diff(start[:, columns.POINTS]) + np.diff(start[:, columns.WRAPS]) * (ARC_PARTS + 1)
-    most_points = int(points.max(initial=0))
-    drawn = np.full((len(nodes), len(paths.muscles), most_points + 1, 3), np.nan)
-    is_node = np.isfinite(nodes[..., 0])
-    ends_arc = is_node & (nodes[..., 3] > 0.0)
-    # Each arc puts points before the node at which it ends.
-    slots = np.arange(nodes.shape[2]) + (ARC_PARTS - 1) * np.cumsum(ends_arc, axis=2)
-    frame, muscle, node = np.nonzero(is_node)
-    drawn[frame, muscle, slots[frame, muscle, node]] = nodes[frame, muscle, node, :3]
-    _put_arcs(drawn, nodes, ends_arc, slots)
-    is_drawn = np.arange(most_points + 1) < points[:, None]
-    return DrawnPaths(muscle=np.repeat(np.arange(len(points)), points), places=drawn[:, is_drawn])
+    room = _path_room(T, paths)
+    for frame in range(motion.coordinates.shape[0]):
+        place_frame(T, paths, motion.coordinates[frame], room.frame)
+        _paths(paths, rules[0], rules[1], room, motion, results, frame)
 
 
-def _put_arcs(drawn: Array, nodes: Array, ends_arc: Flags, slots: Ints) -> None:
-    """Put the inner points of arcs before the nodes at which they end.
+@inner
+def _path_room(T, paths):
+    """Make the scratch arrays."""
+    return PathRoom(
+        frame=frame_room(T, paths),
+        chain=chain_room(paths),
+        passes=pass_room(paths),
+        pull=np.zeros((paths.sizes[2], 6)),
+    )
 
-    With s from 0 to 1 between the ends p and q, unit tangents t and u and the arc's length L, the
-    cubic Hermite curve is
 
-        (2 s^3 - 3 s^2 + 1) p + (3 s^2 - 2 s^3) q + L ((s^3 - 2 s^2 + s) t + (s^3 - s^2) u)
+@bare
+def _paths(paths, surfaces, tendons, room, motion, results, frame):
+    """Compute all paths in a frame whose poses are known.
 
     Parameters
     ----------
-    drawn : (frames, muscles, points, 3) changed in place
-    nodes : (frames, muscles, nodes, 4) of `Paths.nodes`
-    ends_arc : (frames, muscles, nodes) whether an arc ends in each
-    slots : (frames, muscles, nodes) positions of the nodes in `drawn`
+    surfaces, tendons : of `WrapRules`
+    frame : its number
     """
-    frame, muscle, node = np.nonzero(ends_arc)
-    first = nodes[frame, muscle, node - 1, :3]
-    last = nodes[frame, muscle, node, :3]
-    chord = last - first
-    before = nodes[frame, muscle, np.maximum(node - 2, 0), :3]
-    after = nodes[frame, muscle, np.minimum(node + 1, nodes.shape[2] - 1), :3]
-    into = _tangent(first - before, chord)
-    out = _tangent(after - last, chord)
-    length = nodes[frame, muscle, node, 3][:, None]
-    for part in range(1, ARC_PARTS):
-        s = part / ARC_PARTS
-        point = (2 * s**3 - 3 * s**2 + 1) * first + (3 * s**2 - 2 * s**3) * last
-        point = point + length * ((s**3 - 2 * s**2 + s) * into + (s**3 - s**2) * out)
-        drawn[frame, muscle, slots[frame, muscle, node] - ARC_PARTS + part] = point
+    start = paths.start
+    here = room.frame
+    chain = room.chain
+    pull = room.pull
+    values = results.values
+    arms = values.arms[frame]
+    coordinates = motion.coordinates[frame]
+    for muscle in range(start.shape[0] - 1):
+        _put_points(paths, muscle, coordinates, here, chain)
+        first_wrap = start[muscle, columns.WRAPS]
+        if start[muscle + 1, columns.WRAPS] > first_wrap:
+            forget_seen(chain, start[muscle + 1, columns.WRAPS] - first_wrap)
+            by_mujoco = paths.wrap[first_wrap, columns.AFTER] >= 0
+            # Numba leaves out a branch whose condition is None by type, if nothing else stands in
+            # the condition.
+            if tendons is not None:  # noqa: SIM102
+                if by_mujoco:
+                    wrap_tendons(paths, muscle, here, chain)
+            if surfaces is not None:  # noqa: SIM102
+                if not by_mujoco:
+                    wrap_surfaces(paths, muscle, here, chain, room.passes)
+        values.lengths[frame, muscle] = chain_length(chain)
+        if results.nodes.shape[1] > 0:
+            put_nodes(chain, results.nodes[frame, muscle])
+
+        row = ArmRow(values=arms, first=start[muscle, columns.ARMS])
+        for arm in range(row.first, start[muscle + 1, columns.ARMS]):
+            arms[arm] = 0.0
+        _clear_pulls(paths, muscle, pull)
+        pull_bodies(paths, here, chain, pull, row)
+        if results.pulls.shape[1] > 0:
+            _put_pulls(paths, muscle, pull, results.pulls[frame])
+        else:
+            gather_arms(paths, muscle, here.bodies, pull, row)
+        hand_on(paths, muscle, here.slopes, row)
+        values.velocities[frame, muscle] = _velocity(paths, muscle, row, motion.speeds[frame])
 
 
-def _tangent(along: Array, chord: Array) -> Array:
-    """Make unit vectors along straight parts, or along the chords where there is none.
+@in_place
+def _put_points(paths, muscle, c, frame, chain):
+    """Begin the chain of a muscle with its active points.
 
-    Parameters
-    ----------
-    along, chord : (arcs, 3) [m]
-
-    Returns
-    -------
-    (arcs, 3)
+    A point may belong to the path only while a coordinate is in a range.
     """
-    lengths = np.linalg.norm(along, axis=1, keepdims=True)
-    usable = np.isfinite(lengths) & (lengths > MIN_LENGTH)
-    along_part = along / np.where(usable, lengths, 1.0)
-    along_chord = chord / np.linalg.norm(chord, axis=1)[:, None]
-    return np.where(usable, along_part, along_chord)
+    start = paths.start
+    point = paths.point
+    place = paths.place
+    chain.used[0] = 0
+    for index in range(start[muscle, columns.POINTS], start[muscle + 1, columns.POINTS]):
+        j = point[index, columns.COORDINATE]
+        low = place[index, columns.LOW] - SLACK
+        high = place[index, columns.HIGH] + SLACK
+        if j >= 0 and not low <= c[j] <= high:
+            continue
+        position = point_at(point, place, frame, index)
+        weight = place[index, columns.WEIGHT]
+        add_point(chain, index, position, weight, point[index, columns.LOCAL])
+
+
+@in_place
+def _clear_pulls(paths, muscle, pull):
+    """Set the pulls on a muscle's bodies to 0."""
+    start = paths.start
+    for b in range(start[muscle + 1, columns.BODIES] - start[muscle, columns.BODIES]):
+        for i in range(6):
+            pull[b, i] = 0.0
+
+
+@in_place
+def _put_pulls(paths, muscle, pull, table):
+    """Store the pulls on a muscle's bodies in `table`, (pairs, 6) of all muscles."""
+    start = paths.start
+    first = start[muscle, columns.BODIES]
+    for pair in range(first, start[muscle + 1, columns.BODIES]):
+        for i in range(6):
+            table[pair, i] = pull[pair - first, i]
+
+
+@in_place
+def _velocity(paths, muscle, row, speeds):
+    """Lengthening velocity -sum r_j cdot_j over the independent coordinates [m/s]."""
+    start = paths.start
+    pattern = paths.arm
+    speed = 0.0
+    for arm in range(start[muscle, columns.ARMS], start[muscle + 1, columns.ARMS]):
+        if pattern[arm, 1] == 1:
+            speed -= row.values[arm] * speeds[pattern[arm, 0]]
+    return speed

@@ -22,8 +22,8 @@ from myomorph.core.model.paths import (
     TendonWrap,
     WrapObject,
 )
-from myomorph.core.muscles.wrap_ellipsoid import AXIAL, HYBRID, MIDPOINT
-from myomorph.core.muscles.wrap_tendon import BEFORE_FOUR, FOUR
+from myomorph.core.muscles.wrap.ellipsoid import AXIAL, HYBRID, MIDPOINT
+from myomorph.core.muscles.wrap.tendon import BEFORE_FOUR, FOUR
 from myomorph.core.rigid.coordinates import FunctionArrays, Ints, compile_functions
 from myomorph.core.rigid.tree import ROTATION, Tree
 

@@ -1,376 +1,236 @@
-"""A muscle's path as a chain of nodes: the rules by which it touches one surface or several.
+"""A muscle's path as a chain of nodes, from origin to insertion.
 
-The chain has a node for each active point, and two more for each surface the path touches. The
-rules are those of OpenSim's `GeometryPath` (4.6). It keeps the last wrap from frame to frame but
-loses it before it is used, so frames do not depend on history.
+The chain has a node for each active point, and two more for each surface that the path touches:
+where it meets the surface and where it leaves it. Between nodes the path is straight, between the
+two of a surface it is an arc.
 
 A quirk of OpenSim 4.6 is kept, since it changes lengths by millimeters where a path has two
 surfaces or more: within a frame, the place in ground of a point on a surface is that of the pass in
-which it was first asked for, though later passes move it (`_look_at`). Lengths and directions use
+which it was first asked for, though later passes move it (`look_at`). Lengths and directions use
 the place first seen, the force acts at the last one. OpenSim's lengthening speed then has a part
-that is no rate of length (it is not zero when the whole body turns); ours is -sum r qdot. MuJoCo's
-tendons take `tendon_nodes`.
+that is no rate of length (it is not zero when the whole body turns); ours is -sum r qdot.
 """
 
 from __future__ import annotations
 
-import math
+from typing import NamedTuple
 
-from myomorph.core.muscles.path_arrays import (
-    ACTIVE,
-    AFTER,
-    AXIS,
-    FIRST,
-    KIND,
-    LAST,
-    METHOD,
-    OBJECT,
-    OBJECT_LOCAL,
-    SIDE,
-    SIDE_BODY,
-)
-from myomorph.core.muscles.wrap_cylinder import (
-    INSIDE,
-    MANDATORY,
-    NO_WRAP,
-    WRAPPED,
-    Half,
-    wrap_cylinder,
-)
-from myomorph.core.muscles.wrap_ellipsoid import wrap_ellipsoid
-from myomorph.core.muscles.wrap_sphere import wrap_sphere
-from myomorph.core.muscles.wrap_tendon import NO_SIDE, wrap_tendon
-from myomorph.core.muscles.wrap_torus import wrap_torus
-from myomorph.core.rigid.kernels import bare, inner
-from myomorph.core.rigid.vectors import minus, norm, plus, turned, turned_back, vector
+import numpy as np
 
-CYLINDER, SPHERE, ELLIPSOID, TORUS = range(4)
-# Columns of `node` and `x`, see `path_scratch`
-NODE_LOCAL, NODE_OBJECT, NODE_POINT, NODE_WRAP, NODE_END = range(5)
-NODE_WEIGHT = 3
-NODE_ARC = 4
+from myomorph.core.model.arrays import Array
+from myomorph.core.rigid.coordinates import Ints
+from myomorph.core.rigid.kernels import bare, in_place, inner
+from myomorph.core.rigid.vectors import minus, norm, put_vector, vector
+
+# Columns of `Chain.values`, after the position: share in the length of what follows the node;
+# length on the surface up to a node that leaves it [m]; position at which OpenSim takes the node to
+# be in ground [m]
+WEIGHT = 3
+ARC = 4
 SEEN = 5
-# OpenSim's: passes over several surfaces, and change of length that ends them [m]
-MAX_PASSES = 8
-TOLERANCE = 0.0005
+VALUES = 8  # How many they are
+# Columns of `Chain.numbers`, -1 for none: of the body, among the muscle's; of the surface; rows of
+# `PathArrays.point`, of `PathArrays.wrap` and of `Chain.first_seen`
+LOCAL = 0
+SURFACE = 1
+POINT = 2
+WRAP = 3
+END = 4
+NUMBERS = 5
+
+
+class Chain(NamedTuple):
+    """Nodes of one path in one frame, in order, of which the first `used` rows count.
+
+    Attributes
+    ----------
+    values : (nodes, VALUES) position in ground [m], then the columns WEIGHT, ARC, SEEN ...
+    numbers : (nodes, NUMBERS) columns LOCAL ... END
+    first_seen : (2 wraps, 4) positions first seen of the points on surfaces [m], and 1 once they
+        are
+    used : (1,) number of nodes
+    """
+
+    values: Array
+    numbers: Ints
+    first_seen: Array
+    used: Ints
+
+
+class ArcPlace(NamedTuple):
+    """Where in a chain an arc belongs.
+
+    Attributes
+    ----------
+    at : node before it
+    local : its body among the muscle's
+    surface : number of the surface
+    wrap : row of `PathArrays.wrap`
+    end : row of `Chain.first_seen` of its first node; the second has the next
+    """
+
+    at: int
+    local: int
+    surface: int
+    wrap: int
+    end: int
 
 
 @inner
-def _insert(x, node, seen, at, count, local, surface, wrap, end, r, s, arc):
+def chain_room(paths):
+    """Make a chain for any path of `PathArrays`."""
+    nodes = paths.sizes[0] + 2
+    wraps = paths.sizes[1]
+    return Chain(
+        values=np.zeros((nodes, VALUES)),
+        numbers=np.zeros((nodes, NUMBERS), np.int64),
+        first_seen=np.zeros((2 * wraps, 4)),
+        used=np.zeros(1, np.int64),
+    )
+
+
+@in_place
+def add_point(chain, index, position, weight, local):
+    """Add a path point after the chain's last node.
+
+    Parameters
+    ----------
+    chain : `Chain`, changed in place
+    index : row of `PathArrays.point`
+    position : in ground [m]
+    weight : share in the length of what follows
+    local : number of its body among the muscle's
+    """
+    values = chain.values
+    numbers = chain.numbers
+    used = chain.used
+    n = used[0]
+    put_vector(values, n, position)
+    for i in range(3):
+        values[n, SEEN + i] = position[i]
+    values[n, WEIGHT] = weight
+    values[n, ARC] = 0.0
+    numbers[n, LOCAL] = local
+    numbers[n, SURFACE] = -1
+    numbers[n, POINT] = index
+    numbers[n, WRAP] = -1
+    numbers[n, END] = -1
+    used[0] = n + 1
+
+
+@bare
+def insert_arc(chain, place, wrap):
     """Put both ends of an arc into the chain.
 
     Parameters
     ----------
-    x, node, seen : of `path_scratch`
-    at, count : node after which they go, and number of nodes before
-    local, surface, wrap : body among the muscle's, surface and row of `wrap`
-    end : row of `seen` of the first end; the second has the next
-    r, s : both ends in ground [m]
-    arc : length between them [m]
-
-    Returns
-    -------
-    number of nodes after
+    chain : `Chain`, changed in place
+    place : `ArcPlace`
+    wrap : `Wrap` in ground
     """
-    for index in range(count - 1, at, -1):
-        for i in range(8):
-            x[index + 2, i] = x[index, i]
-        for i in range(5):
-            node[index + 2, i] = node[index, i]
-    for i in range(3):
-        x[at + 1, i] = r[i]
-        x[at + 2, i] = s[i]
-    for index in range(at + 1, at + 3):
-        row = end + index - at - 1
-        x[index, NODE_WEIGHT] = x[at, NODE_WEIGHT]
-        node[index, NODE_LOCAL] = local
-        node[index, NODE_OBJECT] = surface
-        node[index, NODE_POINT] = -1
-        node[index, NODE_WRAP] = wrap
-        node[index, NODE_END] = row
+    values = chain.values
+    numbers = chain.numbers
+    first_seen = chain.first_seen
+    at = place.at
+    _move_nodes(chain, at + 1, 2)
+    put_vector(values, at + 1, wrap.r)
+    put_vector(values, at + 2, wrap.s)
+    for n in range(at + 1, at + 3):
+        end = place.end + n - at - 1
+        values[n, WEIGHT] = values[at, WEIGHT]
+        numbers[n, LOCAL] = place.local
+        numbers[n, SURFACE] = place.surface
+        numbers[n, POINT] = -1
+        numbers[n, WRAP] = place.wrap
+        numbers[n, END] = end
+        was_seen = first_seen[end, 3] == 1.0
         for i in range(3):
-            x[index, SEEN + i] = seen[row, i] if seen[row, 3] == 1.0 else x[index, i]
-    x[at + 1, NODE_ARC] = 0.0
-    x[at + 2, NODE_ARC] = arc
-    return count + 2
-
-
-@inner
-def _without(x, node, count, wrap):
-    """Take the nodes of a wrap out of the chain; returns how many are left."""
-    for index in range(count - 1):
-        if node[index, NODE_WRAP] == wrap:
-            for n in range(index, count - 2):
-                for i in range(8):
-                    x[n, i] = x[n + 2, i]
-                for i in range(5):
-                    node[n, i] = node[n + 2, i]
-            return count - 2
-    return count
-
-
-@inner
-def tendon_nodes(
-    wrap,
-    wrap_side,
-    surface,
-    size,
-    start,
-    stop,
-    points,
-    R,
-    p,
-    x,
-    node,
-    seen,
-    pose,
-    rotation,
-    rows,
-    out,
-    count,
-):
-    """Wrap the chain in the way of MuJoCo: each surface between the two points around it.
-
-    Parameters
-    ----------
-    wrap, wrap_side, surface, size : see `PathArrays`
-    start, stop : rows of the muscle's wraps
-    points : row of its first point
-    R, p : of `body_poses`
-    x, node, seen, pose : of `path_scratch`
-    rotation, rows, out : (3, 3), 4 of (3,) and (2, 3), scratch for the arguments of `wrap_tendon`
-    count : number of nodes before
-
-    Returns
-    -------
-    number of nodes after
-    """
-    before, after, center, side = rows
-    for index in range(start, stop):
-        at = 0
-        while node[at, NODE_POINT] != points + wrap[index, AFTER]:
-            at += 1
-        b = wrap[index, SIDE_BODY]
-        g = wrap[index, OBJECT]
-        for i in range(3):
-            before[i] = x[at, i]
-            after[i] = x[at + 1, i]
-            center[i] = pose[g, 9 + i]
-            for j in range(3):
-                rotation[i, j] = pose[g, 3 * i + j]
-            if b >= 0:
-                side[i] = p[b, i]
-                for j in range(3):
-                    side[i] += R[b, i, j] * wrap_side[index, j]
-        kind = 0 if surface[g, KIND] == SPHERE else 1
-        rule = wrap[index, METHOD] if b >= 0 else NO_SIDE
-        arc = wrap_tendon(before, after, kind, size[g, 0], rotation, center, side, rule, out)
-        if arc >= 0.0:
-            r = vector(out, 0 * index)
-            s = vector(out, 0 * index + 1)
-            count = _insert(
-                x,
-                node,
-                seen,
-                at,
-                count,
-                wrap[index, OBJECT_LOCAL],
-                g,
-                index,
-                2 * (index - start),
-                r,
-                s,
-                arc,
-            )
-    return count
-
-
-@inner
-def wrapped_nodes(wrap, surface, size, start, stop, points, x, node, seen, turns, pose, count):
-    """Wrap the chain in the way of OpenSim: surface after surface, until the length settles.
-
-    Parameters
-    ----------
-    wrap, surface, size : see `PathArrays`
-    start, stop : rows of the muscle's wraps
-    points : row of its first point
-    x, node, seen, turns, pose : of `path_scratch`
-    count : number of nodes before
-
-    Returns
-    -------
-    number of nodes after
-    """
-    wraps = stop - start
-    for i in range(wraps):
-        turns[0, i] = i
-    before = math.inf
-    turn = 0
-    left = MAX_PASSES if wraps > 1 else 1
-    while left > 0:
-        left -= 1
-        for i in range(wraps):
-            index = start + turns[0, i]
-            g = wrap[index, OBJECT]
-            turns[1, i] = NO_WRAP
-            count = _without(x, node, count, index)
-            first, last = _between_points(
-                node, count, points + wrap[index, FIRST], points + wrap[index, LAST]
-            )
-            if surface[g, ACTIVE] == 1:
-                if first < 0:
-                    # OpenSim then leaves the path as it is, with what later surfaces had before.
-                    left = -1
-                    break
-                turns[1, i], at, arc, r, s = _best_wrap(
-                    surface, size, pose, g, wrap[index, METHOD], x, node, seen, first, last, wraps
-                )
-                if at >= 0:
-                    count = _insert(
-                        x,
-                        node,
-                        seen,
-                        at,
-                        count,
-                        wrap[index, OBJECT_LOCAL],
-                        g,
-                        index,
-                        2 * (index - start),
-                        r,
-                        s,
-                        arc,
-                    )
-        if left > 0:
-            for n in range(count):
-                _look_at(x, node, seen, n)
-            length = chain_length(x, node, count)
-            if abs(length - before) < TOLERANCE:
-                left = 0
-            elif turn == 0 and turns[1, 0] == NO_WRAP and turns[1, 1] == INSIDE:
-                turns[0, 0] = 1
-                turns[0, 1] = 0
-                count = _without(x, node, count, start)
-            before = length
-            turn = 1
-    return count
-
-
-@inner
-def _between_points(node, count, low, high):
-    """Nodes of the first and last active points in a range of points, -1 where there is none."""
-    first = -1
-    last = -1
-    for n in range(count):
-        if low <= node[n, NODE_POINT] <= high:
-            if first < 0:
-                first = n
-            last = n
-    return first, last
-
-
-@inner
-def _best_wrap(surface, size, pose, g, method, x, node, seen, first, last, wraps):
-    """Find the segment on which a surface lengthens the path least, or the first through it.
-
-    Parameters
-    ----------
-    surface, size : see `PathArrays`
-    g, method : row of the surface, and method of the wrap
-    x, node, seen, pose : of `path_scratch`
-    first, last : nodes between which the path may touch the surface
-    wraps : number of the muscle's wraps
-
-    Returns
-    -------
-    code : of the last segment, as of `wrap_cylinder`
-    at : node before the segment, -1 for none
-    arc : length on the surface [m]
-    r, s : both ends in ground [m]
-    """
-    least = math.inf
-    at = -1
-    best_arc = 0.0
-    best_r = (0.0, 0.0, 0.0)
-    best_s = (0.0, 0.0, 0.0)
-    kind = surface[g, KIND]
-    half = Half(axis=surface[g, AXIS], side=surface[g, SIDE])
-    sizes = (size[g, 0], size[g, 1], size[g, 2])
-    code = NO_WRAP
-    for i in range(first, last):
-        if node[i, NODE_OBJECT] >= 0 and node[i, NODE_OBJECT] == node[i + 1, NODE_OBJECT]:
-            continue
-        a = _into(pose, g, vector(x, i))
-        b = _into(pose, g, vector(x, i + 1))
-        if kind == CYLINDER:
-            code, arc, r, s = wrap_cylinder(a, b, sizes[:2], half, wraps == 1)
-        elif kind == SPHERE:
-            code, arc, r, s = wrap_sphere(a, b, sizes[0], half)
-        elif kind == ELLIPSOID:
-            code, arc, r, s = wrap_ellipsoid(a, b, sizes, method, half)
-        else:
-            code, arc, r, s = wrap_torus(a, b, sizes[:2], half, wraps == 1)
-        if code == MANDATORY:
-            at = i
-            best_arc = arc
-            best_r = r
-            best_s = s
-            break
-        if code == WRAPPED:
-            _look_at(x, node, seen, i)
-            _look_at(x, node, seen, i + 1)
-            a = _into(pose, g, seen_at(x, i))
-            b = _into(pose, g, seen_at(x, i + 1))
-            longer = between(a, r) + arc + between(b, s) - between(a, b)
-            if longer < least:
-                least = longer
-                at = i
-                best_arc = arc
-                best_r = r
-                best_s = s
-    return code, at, best_arc, _out_of(pose, g, best_r), _out_of(pose, g, best_s)
+            values[n, SEEN + i] = first_seen[end, i] if was_seen else values[n, i]
+    values[at + 1, ARC] = 0.0
+    values[at + 2, ARC] = wrap.arc
 
 
 @bare
-def between(a, b):
-    """Distance of two points."""
-    return norm(minus(b, a))
-
-
-@inner
-def _look_at(x, node, seen, i):
-    """Ask for node i's position: for the rest of the frame OpenSim takes it to stay there."""
-    end = node[i, NODE_END]
-    if end >= 0 and seen[end, 3] == 0.0:
-        seen[end, 0] = x[i, 0]
-        seen[end, 1] = x[i, 1]
-        seen[end, 2] = x[i, 2]
-        seen[end, 3] = 1.0
-
-
-@inner
-def seen_at(x, i):
-    """Position at which OpenSim takes node i to be in ground."""
-    return x[i, SEEN], x[i, SEEN + 1], x[i, SEEN + 2]
+def remove_arc(chain, wrap):
+    """Take the nodes of a wrap, a row of `PathArrays.wrap`, out of the chain."""
+    for n in range(chain.used[0] - 1):
+        if chain.numbers[n, WRAP] == wrap:
+            _move_nodes(chain, n + 2, -2)
+            return
 
 
 @bare
-def _into(pose, g, a):
-    """Express a point in ground in the frame of surface g."""
-    return turned_back(pose[g], minus(a, (pose[g, 9], pose[g, 10], pose[g, 11])))
+def _move_nodes(chain, first, shift):
+    """Move the nodes from `first` on by a number of places, which makes or closes a gap."""
+    values = chain.values
+    numbers = chain.numbers
+    used = chain.used
+    count = used[0]
+    for k in range(first, count):
+        # Those that move on begin with the last node.
+        n = k if shift < 0 else count - 1 - (k - first)
+        for i in range(VALUES):
+            values[n + shift, i] = values[n, i]
+        for i in range(NUMBERS):
+            numbers[n + shift, i] = numbers[n, i]
+    used[0] = count + shift
+
+
+@in_place
+def forget_seen(chain, wraps):
+    """Forget where the points on a number of surfaces were seen: a path begins."""
+    for end in range(2 * wraps):
+        chain.first_seen[end, 3] = 0.0
 
 
 @bare
-def _out_of(pose, g, a):
-    """Express a point in the frame of surface g in ground."""
-    return plus(turned(pose[g], a), (pose[g, 9], pose[g, 10], pose[g, 11]))
+def look_at(chain, n):
+    """Ask for node n's position: for the rest of the frame OpenSim takes it to stay there."""
+    end = chain.numbers[n, END]
+    first_seen = chain.first_seen
+    if end >= 0 and first_seen[end, 3] == 0.0:
+        put_vector(first_seen, end, vector(chain.values, n))
+        first_seen[end, 3] = 1.0
 
 
-@inner
-def chain_length(x, node, count):
-    """Length of the path, arcs included [m]."""
+@bare
+def seen_at(chain, n):
+    """Position at which OpenSim takes node n to be in ground [m]."""
+    values = chain.values
+    return values[n, SEEN], values[n, SEEN + 1], values[n, SEEN + 2]
+
+
+@bare
+def is_arc(chain, n):
+    """Return whether the path runs on a surface from node n to the next."""
+    numbers = chain.numbers
+    return numbers[n, SURFACE] >= 0 and numbers[n, SURFACE] == numbers[n + 1, SURFACE]
+
+
+@bare
+def between(p, q):
+    """Distance of two points [m]."""
+    return norm(minus(q, p))
+
+
+@bare
+def chain_length(chain):
+    """Length of the path [m]: the sum of its straight parts and arcs, each times its weight."""
+    values = chain.values
     total = 0.0
-    for i in range(count - 1):
-        on_surface = node[i, NODE_OBJECT] >= 0 and node[i, NODE_OBJECT] == node[i + 1, NODE_OBJECT]
-        part = x[i + 1, NODE_ARC] if on_surface else between(seen_at(x, i), seen_at(x, i + 1))
-        total += x[i, NODE_WEIGHT] * part
+    for n in range(chain.used[0] - 1):
+        if is_arc(chain, n):
+            part = values[n + 1, ARC]
+        else:
+            part = between(seen_at(chain, n), seen_at(chain, n + 1))
+        total += values[n, WEIGHT] * part
     return total
+
+
+@in_place
+def put_nodes(chain, table):
+    """Fill `table` (nodes, 4) with positions of a path's nodes and arcs that end there [m]."""
+    values = chain.values
+    for n in range(chain.used[0]):
+        put_vector(table, n, vector(values, n))
+        table[n, 3] = values[n, ARC] if n > 0 and is_arc(chain, n - 1) else 0.0

@@ -10,8 +10,8 @@ import numpy as np
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Joint, Model
 from myomorph.core.model.series import Motion
+from myomorph.core.muscles.model_paths import Paths, compile_paths
 from myomorph.core.muscles.patella import PATELLA, extensors, tendon_arms
-from myomorph.core.muscles.path import Paths, compile_paths
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.knees import flexion_coordinate, knee_joints
 from myomorph.core.rigid.tree import compile_tree

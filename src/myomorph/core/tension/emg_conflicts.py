@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.model import Model
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.tension.tension import RESERVE, Tension
 from myomorph.core.tension.terms.emg import EmgTarget
 

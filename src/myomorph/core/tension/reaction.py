@@ -29,9 +29,9 @@ from myomorph.core.model.paths import Bushing
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
 from myomorph.core.model.spatial import Transform
 from myomorph.core.motion.sync import refuse_other_times
+from myomorph.core.muscles.model_paths import Paths, compile_paths
 from myomorph.core.muscles.passive import joint_forces
 from myomorph.core.muscles.patella import with_lever
-from myomorph.core.muscles.path import Paths, compile_paths
 from myomorph.core.rigid.bushings import angular_velocities, deflection
 from myomorph.core.rigid.dynamics import (
     JointWrenches,

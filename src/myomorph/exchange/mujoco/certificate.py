@@ -11,7 +11,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion
-from myomorph.core.muscles.path import Paths, compile_paths
+from myomorph.core.muscles.model_paths import Paths, compile_paths
 from myomorph.core.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.exchange.mujoco.copy import MujocoCopy

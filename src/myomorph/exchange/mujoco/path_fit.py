@@ -15,7 +15,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import PathPoint, WrapObject
 from myomorph.core.model.spatial import Transform
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 
 ITERATIONS = 25
 STEP = 1e-6

@@ -24,7 +24,7 @@ from myomorph.core.model.paths import (
     surface_level,
 )
 from myomorph.core.model.spatial import Transform, spread_directions
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.kinematics import Poses, forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.exchange.mujoco.joints import range_of

@@ -17,8 +17,8 @@ from myomorph.core.model.spatial import Transform, axis_rotation, rotation_from_
 from myomorph.core.motion.turns import floating_coordinates
 from myomorph.core.muscles.hill import compile_hill_as
 from myomorph.core.muscles.kinematics import default_path_lengths
+from myomorph.core.muscles.model_paths import compile_paths_as
 from myomorph.core.muscles.patella import PATELLA
-from myomorph.core.muscles.path import compile_paths_as
 from myomorph.core.rigid.knees import flexed, hinge_axis, knee_joints, long_axis
 from myomorph.core.rigid.tree import compile_tree, compile_tree_as
 from myomorph.lab.uncertainty.normals import Normals

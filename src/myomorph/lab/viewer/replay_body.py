@@ -15,7 +15,8 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Wrenches
-from myomorph.core.muscles.path import compile_paths, drawn_paths
+from myomorph.core.muscles.drawn_paths import drawn_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.analysis.selection import Subject, centroids, subjects

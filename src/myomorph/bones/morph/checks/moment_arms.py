@@ -12,7 +12,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import check_name
 from myomorph.core.model.model import Coordinate, Model, index_of
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 
 COUNT = 256  # Postures: a muscle over three coordinates meets most of their 125 combinations.
 LEVELS = 5  # Values of each coordinate, evenly from one end of its range to the other.

@@ -17,7 +17,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle, PathPoint, WrapObject, surface_level
 from myomorph.core.model.spatial import Transform
-from myomorph.core.muscles.path import Paths, compile_paths
+from myomorph.core.muscles.model_paths import Paths, compile_paths
 from myomorph.core.rigid.kinematics import forward_kinematics
 
 STEP = 1e-3  # Of a difference, as a share of the muscle's path in the first pose.

@@ -14,7 +14,8 @@ from myomorph.core.model.errors import BadData, from_extra
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle
 from myomorph.core.model.surface import Surface, face_crosses
-from myomorph.core.muscles.path import compile_paths, drawn_paths
+from myomorph.core.muscles.drawn_paths import drawn_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.surfaces.surface_points import Boxes

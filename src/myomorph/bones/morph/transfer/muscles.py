@@ -16,7 +16,7 @@ from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle
 from myomorph.core.model.scale import FIBER_LENGTHS
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 
 USUAL = 0.4, 1.6
 """Normalized fiber lengths of the source that count: beyond, a posture is none that the muscle was

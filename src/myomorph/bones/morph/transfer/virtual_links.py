@@ -25,7 +25,7 @@ from myomorph.core.model.paths import Muscle, TendonWrap
 from myomorph.core.model.series import DEFAULT_POSE, Motion
 from myomorph.core.model.spatial import Transform
 from myomorph.core.muscles.kinematics import default_path_lengths
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.surfaces.linear_maps import procrustes
 
 FREE = "free branch"

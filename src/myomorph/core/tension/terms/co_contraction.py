@@ -10,8 +10,8 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.muscles.passive import joint_forces
-from myomorph.core.muscles.path import compile_paths
 from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.forward import gathered
 from myomorph.core.rigid.tree import compile_tree

@@ -9,8 +9,8 @@ import numpy as np
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadModel, check_name
 from myomorph.core.model.model import Model
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.muscles.patella import with_lever
-from myomorph.core.muscles.path import compile_paths
 from myomorph.core.tension.terms.muscles import MuscleTerm
 from myomorph.core.tension.terms.term import Frames, Rows, Term, Unknowns
 

@@ -10,7 +10,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Model
 from myomorph.core.muscles.hill import compile_hill, rigid_tendon_forces, viscosities
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.tree import Tree
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.term import Columns, Frames, Penalties, Term, Unknowns, Variables

@@ -12,7 +12,8 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.model.sides import split_side
 from myomorph.core.model.surface import Surface, body_meshes
-from myomorph.core.muscles.path import compile_paths, drawn_paths
+from myomorph.core.muscles.drawn_paths import drawn_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.kinematics import Poses, forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.analysis.selection import subjects

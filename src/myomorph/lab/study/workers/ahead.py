@@ -87,12 +87,12 @@ def cached(wraps: frozenset[str] = frozenset()) -> bool:
     # Numba is imported by what computes alone.
     from numba import types
 
-    from myomorph.core.muscles.path_kernels import path_frames
+    from myomorph.core.muscles.path import path_frames
 
     wanted = [kind in wraps for kind in (SURFACES, TENDONS)]
     signatures = signatures_on_disk(path_frames)
     return any(
-        [not isinstance(part, types.NoneType) for part in signature[2:4]] == wanted
+        [not isinstance(part, types.NoneType) for part in signature[2].types] == wanted
         for signature in signatures
     )
 

@@ -18,7 +18,7 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.core.motion.sync import cut
 from myomorph.core.muscles.kinematics import ReportedPaths
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.muscles.quantities import (
     CROSSING_COORDINATE,
     CROSSING_MUSCLE,

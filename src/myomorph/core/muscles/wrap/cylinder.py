@@ -12,35 +12,59 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from myomorph.core.rigid.kernels import inner
-from myomorph.core.rigid.vectors import EPSILON, along, cross, dot, minus, norm, sign, unit
+from myomorph.core.muscles.wrap.surface import (
+    INSIDE,
+    MANDATORY,
+    NO_WRAP,
+    WRAPPED,
+    Vector,
+    Wrap,
+    missed,
+    nearest_pair,
+    on_half,
+)
+from myomorph.core.rigid.kernels import bare, in_place
+from myomorph.core.rigid.vectors import EPSILON, along, cross, dot, minus, norm, unit
 
-# OpenSim's results of a wrap: none; a point lies within the surface; wrapped; the segment runs
-# through the surface
-NO_WRAP = 0
-INSIDE = 1
-WRAPPED = 2
-MANDATORY = 3
 PARALLEL = 2e-13  # Square of the sine of a direction that counts as parallel to the axis
 CHORD = 0.002  # Length of the parts of a helix [m]
 TANGENCY = math.radians(0.1)  # Difference of angles at which sliding ends [rad]
 MAX_SLIDES = 100
 
 
-class Half(NamedTuple):
-    """Half of a surface that a path may touch: where sign(component `axis`) is `side`.
+class _Ends(NamedTuple):
+    """A segment beside a cylinder.
 
     Attributes
     ----------
-    axis : 0, 1 or 2 in the frame of the surface
-    side : 1 or -1; 0 for the whole surface
+    a, b : its ends [m]
+    distance_a, distance_b : of the ends from the axis [m]
     """
 
-    axis: int
-    side: int
+    a: Vector
+    b: Vector
+    distance_a: float
+    distance_b: float
 
 
-@inner
+class _View(NamedTuple):
+    """A point p, a tangent point q and a point w of the circle, seen along the axis.
+
+    Sliding along the axis leaves this as it is.
+
+    Attributes
+    ----------
+    pq, qw, pw : squares of the distances [m^2]
+    share : of the way from p to w at which the point nearest to q lies
+    """
+
+    pq: float
+    qw: float
+    pw: float
+    share: float
+
+
+@bare
 def wrap_cylinder(a, b, size, half, single):
     """Wrap the segment from a to b around a cylinder.
 
@@ -53,23 +77,20 @@ def wrap_cylinder(a, b, size, half, single):
 
     Returns
     -------
-    code : `NO_WRAP`, `INSIDE` (a point lies in the infinite cylinder), `WRAPPED` or `MANDATORY`
-        (the segment runs through the cylinder)
-    arc : length on the surface [m]
-    r, s : points where the path meets and leaves the surface [m]; a and b where it does not
+    `Wrap`; `INSIDE` is a point within the infinite cylinder
     """
     radius, length = size
-    rr = radius * radius
-    da = math.sqrt(a[0] * a[0] + a[1] * a[1])
-    db = math.sqrt(b[0] * b[0] + b[1] * b[1])
-    if da * da < rr or db * db < rr:
-        return INSIDE, 0.0, a, b
-    t, near = _nearest_to_axis(a, b)
-    through = near[0] * near[0] + near[1] * near[1] < rr and 0.0 < t < 1.0
-    if not through and not _may_wrap(a, b, near, half):
-        return NO_WRAP, 0.0, a, b
-    of_a = _tangents(a, da, radius)
-    of_b = _tangents(b, db, radius)
+    square = radius * radius
+    ends = _Ends(a=a, b=b, distance_a=_distance(a), distance_b=_distance(b))
+    if ends.distance_a * ends.distance_a < square or ends.distance_b * ends.distance_b < square:
+        return missed(INSIDE, a, b)
+    t, nearest = _nearest_to_axis(a, b)
+    through = nearest[0] * nearest[0] + nearest[1] * nearest[1] < square and 0.0 < t < 1.0
+    if not through and not _may_wrap(a, b, nearest, half):
+        return missed(NO_WRAP, a, b)
+
+    of_a = _tangents(a, ends.distance_a, radius)
+    of_b = _tangents(b, ends.distance_b, radius)
     far = False
     long = False
     if half.side == 0:
@@ -77,15 +98,21 @@ def wrap_cylinder(a, b, size, half, single):
     else:
         r, s, far = _tangents_on_half(of_a, of_b, half)
         long = _goes_the_long_way(a, b, r, s)
-    r, s = _slide_to_plane(a, b, da, db, r, s, radius, far)
+    r, s = _slide_to_plane(ends, r, s, radius, far)
     if abs(r[2]) > 0.5 * length and abs(s[2]) > 0.5 * length:
-        return NO_WRAP, 0.0, a, b
-    arc, r, s = _helix(a, b, r, s, radius, long, single)
-    return MANDATORY if through else WRAPPED, arc, r, s
+        return missed(NO_WRAP, a, b)
+    arc, r, s = _helix(ends, r, s, radius, _turn(r, s, long), single)
+    return Wrap(code=MANDATORY if through else WRAPPED, arc=arc, r=r, s=s)
 
 
-@inner
-def _may_wrap(a, b, near, half):
+@bare
+def _distance(p):
+    """Distance of a point from the axis [m]."""
+    return math.sqrt(p[0] * p[0] + p[1] * p[1])
+
+
+@in_place
+def _may_wrap(a, b, nearest, half):
     """Return whether a segment beside the cylinder is to be bent around its half.
 
     It is where no end lies on the side of the half, or where one does and the point of the segment
@@ -93,14 +120,14 @@ def _may_wrap(a, b, near, half):
     """
     if half.side == 0:
         return False
-    side_a = sign(a[half.axis])
-    side_b = sign(b[half.axis])
-    if side_a != half.side and side_b != half.side:
+    a_on = on_half(a, half)
+    b_on = on_half(b, half)
+    if not a_on and not b_on:
         return True
-    return side_a != side_b and sign(near[half.axis]) != half.side
+    return a_on != b_on and not on_half(nearest, half)
 
 
-@inner
+@in_place
 def _nearest_tangents(of_a, of_b):
     """Choose the pair of tangent points with the least angle between them.
 
@@ -110,15 +137,21 @@ def _nearest_tangents(of_a, of_b):
     """
     ra, rb = of_a
     sa, sb = of_b
-    first = ra[0] * sa[0] + ra[1] * sa[1]
-    other = ra[0] * sb[0] + ra[1] * sb[1]
     r_first, s_first = nearest_pair(
-        first, other, rb[0] * sa[0] + rb[1] * sa[1], rb[0] * sb[0] + rb[1] * sb[1]
+        _flat_dot(ra, sa), _flat_dot(ra, sb), _flat_dot(rb, sa), _flat_dot(rb, sb)
     )
-    return ra if r_first else rb, sa if s_first else sb
+    r = ra if r_first else rb
+    s = sa if s_first else sb
+    return r, s
 
 
-@inner
+@bare
+def _flat_dot(p, q):
+    """Scalar product across the axis."""
+    return p[0] * q[0] + p[1] * q[1]
+
+
+@in_place
 def _tangents_on_half(of_a, of_b, half):
     """Choose the pair of tangent points that leads around a half.
 
@@ -133,21 +166,21 @@ def _tangents_on_half(of_a, of_b, half):
     ra, rb = of_a
     sa, sb = of_b
     # The angle from ra to sb against the one from rb to sa, by their cosines.
-    wider = ra[0] * sb[0] + ra[1] * sb[1] < rb[0] * sa[0] + rb[1] * sa[1]
-    on_a = sign(ra[half.axis]) == half.side
-    on_b = sign(rb[half.axis]) == half.side
+    wider = _flat_dot(ra, sb) < _flat_dot(rb, sa)
+    on_a = on_half(ra, half)
+    on_b = on_half(rb, half)
     if on_a != on_b:
         first = on_a
-    elif sign(sa[half.axis]) == half.side:
+    elif on_half(sa, half):
         first = False
     else:
-        first = on_a or sign(sb[half.axis]) == half.side or wider
+        first = on_a or on_half(sb, half) or wider
     if first:
         return ra, sb, wider
     return rb, sa, not wider
 
 
-@inner
+@in_place
 def _goes_the_long_way(a, b, r, s):
     """Return whether the straight parts a r and s b lead away from the middle of r and s."""
     x = r[0] - a[0] + s[0] - b[0]
@@ -155,7 +188,7 @@ def _goes_the_long_way(a, b, r, s):
     return x * (r[0] + s[0]) + y * (r[1] + s[1]) < 0.0
 
 
-@inner
+@in_place
 def _nearest_to_axis(a, b):
     """Find the point of a line nearest to the z axis, after its share of the way from a to b."""
     d = minus(b, a)
@@ -167,7 +200,7 @@ def _nearest_to_axis(a, b):
     return s / norm(d), along(a, s, v)
 
 
-@inner
+@bare
 def _tangents(p, distance, radius):
     """Find both points where lines across the axis through p touch the circle at p's height."""
     x = p[0] / distance
@@ -177,36 +210,17 @@ def _tangents(p, distance, radius):
     return (foot * x - h * y, foot * y + h * x, p[2]), (foot * x + h * y, foot * y - h * x, p[2])
 
 
-@inner
-def nearest_pair(aa, ab, ba, bb):
-    """Choose the nearest pair of two tangent points a, b at either end, by cosines of all pairs.
-
-    Returns
-    -------
-    whether the pair has a at the first end, and at the second
-    """
-    if aa > ab and aa > ba and aa > bb:
-        return True, True
-    if ab > ba and ab > bb:
-        return True, False
-    return False, ba > bb
-
-
-@inner
-def _apex(a, b, da, db, radius, far):
+@in_place
+def _apex(ends, radius, far):
     """Find the point of the surface that a, b and the path have a plane with.
 
     It lies at the height at which the segment is divided in the ratio of its ends' distances, on
     the side of the segment, or with `far` on the other.
-
-    Parameters
-    ----------
-    a, b : ends of the segment [m]
-    da, db : their distances from the axis [m]
     """
-    middle = along(a, da / (da + db), minus(b, a))
+    share = ends.distance_a / (ends.distance_a + ends.distance_b)
+    middle = along(ends.a, share, minus(ends.b, ends.a))
     foot = (0.0, 0.0, middle[2])
-    n = unit(cross(unit(minus(a, foot)), unit(minus(b, foot))))
+    n = unit(cross(unit(minus(ends.a, foot)), unit(minus(ends.b, foot))))
     out = unit((-n[1], n[0], 0.0))
     one = along(foot, radius, out)
     other = along(foot, -radius, out)
@@ -216,46 +230,64 @@ def _apex(a, b, da, db, radius, far):
     return one if first_is_near != far else other
 
 
-@inner
-def _slide_to_plane(a, b, da, db, r, s, radius, far):
-    """Move r and s along the axis into the plane of a, b and the cylinder's apex."""
-    apex = _apex(a, b, da, db, radius, far)
+@in_place
+def _slide_to_plane(ends, r, s, radius, far):
+    """Move r and s along the axis into the plane of a, b and the cylinder's apex.
+
+    With n the normal of the plane, z = r_z - n . (r - a) / n_z; so for s and b.
+    """
+    a = ends.a
+    b = ends.b
+    apex = _apex(ends, radius, far)
     n = unit(cross(unit(minus(a, apex)), unit(minus(b, apex))))
     if abs(20.0 * n[2]) < 1e-5:
         return r, s
-    reach = 10.0 * (1.0 + 2e-5)
+    limit = 10.0 * (1.0 + 2e-5)
     span = (b[2] - a[2]) * (b[2] - a[2])
     # OpenSim measures from a in the direction of b's foot on the axis, which is no direction at 0.
     degenerate = abs(b[2]) < EPSILON
     z = r[2] - dot(n, minus(r, a)) / n[2]
     seen = a[2] if degenerate else z
-    if abs(z - r[2]) <= reach and (seen - b[2]) * (seen - b[2]) < span:
+    if abs(z - r[2]) <= limit and (seen - b[2]) * (seen - b[2]) < span:
         r = (r[0], r[1], z)
     z = s[2] - dot(n, minus(s, a)) / n[2]
     seen = a[2] if degenerate else z
-    if abs(z - s[2]) <= reach and (seen - a[2]) * (seen - a[2]) < span:
+    if abs(z - s[2]) <= limit and (seen - a[2]) * (seen - a[2]) < span:
         s = (s[0], s[1], z)
     return r, s
 
 
-@inner
-def _helix(a, b, r, s, radius, long, single):
+@in_place
+def _turn(r, s, long):
+    """Angle about the axis from r to s [rad], with its sign.
+
+    On the long way, which has the other sense, it is 2 pi less the angle of the short way, which
+    there counts with its sign.
+    """
+    angle = math.atan2(r[0] * s[1] - r[1] * s[0], r[0] * s[0] + r[1] * s[1])
+    return -(2.0 * math.pi - angle) if long else angle
+
+
+@in_place
+def _helix(ends, r, s, radius, turn, single):
     """Compute the length of the helix from r to s, slid to tangency unless `single`, and its ends.
 
     Of the angle phi and the height z it is sqrt((radius phi)^2 + z^2).
+
+    Parameters
+    ----------
+    turn : of `_turn`
     """
-    angle = math.atan2(r[0] * s[1] - r[1] * s[0], r[0] * s[0] + r[1] * s[1])
-    if long:
-        angle = 2.0 * math.pi - angle
-    turn = -angle if long else angle
+    a = ends.a
+    b = ends.b
     z = r[2]
     y = s[2]
-    arc = _helix_length(radius * angle, y - z)
+    arc = _helix_length(radius * turn, y - z)
     slides = 0 if not single else MAX_SLIDES
     known = 0
     t = 0.0
-    at_r = (0.0, 0.0, 0.0, 0.0)
-    at_s = (0.0, 0.0, 0.0, 0.0)
+    at_r = _View(pq=0.0, qw=0.0, pw=0.0, share=0.0)
+    at_s = at_r
     while slides < MAX_SLIDES and arc >= 2.0 * CHORD:
         chords = int(arc / CHORD)
         if chords != known:
@@ -270,42 +302,38 @@ def _helix(a, b, r, s, radius, long, single):
             break
         z = new_z
         y = new_y
-        arc = _helix_length(radius * angle, y - z)
+        arc = _helix_length(radius * turn, y - z)
         slides += 1
     return arc, (r[0], r[1], z), (s[0], s[1], y)
 
 
-@inner
+@bare
 def _helix_length(flat, rise):
     """Length of a helix from its length along the circle and its rise [m]."""
     return math.sqrt(flat * flat + rise * rise)
 
 
-@inner
+@bare
 def _flat_view(p, q, r, turn):
-    """View a point p, a tangent point q, and w, which is r turned by `turn`, along the axis.
-
-    Sliding leaves this as it is.
-
-    Returns
-    -------
-    squares of the distances p q, q w and p w, and the share of the way from p to w at which the
-    point nearest to q lies
-    """
-    c = math.cos(turn)
-    s = math.sin(turn)
-    w0 = c * r[0] - s * r[1]
-    w1 = s * r[0] + c * r[1]
+    """View p, q and the point w to which `turn` rotates r, along the axis: `_View`."""
+    cosine = math.cos(turn)
+    sine = math.sin(turn)
+    w0 = cosine * r[0] - sine * r[1]
+    w1 = sine * r[0] + cosine * r[1]
     q0 = q[0] - p[0]
     q1 = q[1] - p[1]
     d0 = w0 - p[0]
     d1 = w1 - p[1]
     pw = d0 * d0 + d1 * d1
-    share = (q0 * d0 + q1 * d1) / pw if pw > 0.0 else 0.0
-    return q0 * q0 + q1 * q1, (w0 - q[0]) ** 2 + (w1 - q[1]) ** 2, pw, share
+    return _View(
+        pq=q0 * q0 + q1 * q1,
+        qw=(w0 - q[0]) ** 2 + (w1 - q[1]) ** 2,
+        pw=pw,
+        share=(q0 * d0 + q1 * d1) / pw if pw > 0.0 else 0.0,
+    )
 
 
-@inner
+@bare
 def _slide_to_tangency(p, q, w, view):
     """Slide a tangent point where the line to it and the helix from it meet at another angle.
 
@@ -318,15 +346,15 @@ def _slide_to_tangency(p, q, w, view):
     -------
     whether it slid, and the height of the tangent point after [m]
     """
-    pq, qw, pw, share = view
     into = q - p
     away = w - q
-    v = into / math.sqrt(pq + into * into)
-    u = away / math.sqrt(qw + away * away)
+    v = into / math.sqrt(view.pq + into * into)
+    u = away / math.sqrt(view.qw + away * away)
     # acos is steep: only cosines this near need their angles.
     slides = abs(v - u) > TANGENCY or abs(math.acos(v) - math.acos(u)) > TANGENCY
-    if slides and abs(w - p) >= EPSILON and pw > PARALLEL * (pw + (w - p) * (w - p)):
+    crosses_axis = view.pw > PARALLEL * (view.pw + (w - p) * (w - p))
+    if slides and abs(w - p) >= EPSILON and crosses_axis:
         # To the height of the line from p to w where it passes the tangent point, and half as far
         # again.
-        return True, q + 1.5 * (p + share * (w - p) - q)
+        return True, q + 1.5 * (p + view.share * (w - p) - q)
     return False, q
