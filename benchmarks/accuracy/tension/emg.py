@@ -28,9 +28,9 @@ from myomorph.core.motion.emg_activation import ChannelMap, EmgCalibration
 from myomorph.core.motion.envelope import EnvelopeOptions
 from myomorph.core.motion.filters import lowpass
 from myomorph.core.motion.sync import cut
+from myomorph.core.tension.emg_quantities import CHANNEL_TABLE
 from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.core.tension.emg_tracking import few_frames
-from myomorph.lab.study.trial.emg_tables import EMG_TABLE
 
 Row = dict[str, object]
 
@@ -313,7 +313,7 @@ def held_out(folder: Path, recorded: Recorded) -> tuple[Row, ...]:
         (alone,) = mm.load(run("", ALONE)).values()
         for channel, muscles in json.loads(alone.facts["emg_muscles"]).items():
             outs = {way: alone.path.parent if way == ALONE else run(channel, way) for way in WORDS}
-            with open(outs["default"] / EMG_TABLE, encoding="utf-8") as lines:
+            with open(outs["default"] / CHANNEL_TABLE, encoding="utf-8") as lines:
                 told = next(csv.DictReader(lines))
             assert alone.emg is not None
             row: Row = {"walk": recorded.name, "channel": channel}

@@ -190,6 +190,7 @@ def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
     return repaired
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Changes:
     """The problem in the changes E of the moved links, ten scaled entries each.

@@ -15,7 +15,7 @@ import numpy as np
 
 from myomorph.body.personalize.prior import Prior
 from myomorph.body.personalize.recorded import Recorded
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 
 UNKNOWN = 0.15  # Standard deviation over time of an activation without EMG
 EMG_FLOOR = 0.03
@@ -106,6 +106,7 @@ class TorqueMisfit(NamedTuple):
     variance: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Marginal:
     """The misfit with activations marginalized within 0 and 1; those at a bound have no part in it.

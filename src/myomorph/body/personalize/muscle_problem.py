@@ -29,7 +29,7 @@ from myomorph.body.personalize.recordings import Windows
 from myomorph.core.fit.problem import Problem
 from myomorph.core.fit.residuals import LinearPrior, NormalEquations, Rows
 from myomorph.core.fit.unknowns import Block, Bools, Unknown, Unknowns, Values
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 
 BLOCKS = ("fibers", "points", "strength", "passive", "gains")
 """What can be fitted: optimal fiber lengths, operating points, strengths, passive strains, gains of
@@ -58,6 +58,7 @@ simulated people.
 MIN_LEFT = 0.5  # Share of the misfits that is left to errors, whatever the parameters follow
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MuscleProblem:
     """Muscles of a person and recordings of them.
@@ -105,6 +106,7 @@ class MuscleProblem:
         return np.array([every.min(axis=0), every.max(axis=0)])
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FitState:
     """What is estimated beside the parameters, before a step.
@@ -148,6 +150,7 @@ def first_state(problem: MuscleProblem) -> FitState:
     )
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RecordingsAt:
     """All recordings at some parameters.

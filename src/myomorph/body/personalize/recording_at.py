@@ -60,6 +60,7 @@ class Muscles:
     shapes: MuscleShapes
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RecordingAt:
     """One recording at some parameters and activations.

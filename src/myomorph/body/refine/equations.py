@@ -221,6 +221,7 @@ def linearize_data(problem: Problem, point: Point) -> Equations:
     return Equations(trials=tuple(trials), H=sums.H, g=sums.g)
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Rows:
     """Residuals of a recording with their slopes, and the roots of their weights.

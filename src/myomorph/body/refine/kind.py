@@ -22,6 +22,7 @@ from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.tree import TreeArrays
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Setup:
     """What kinds of unknowns are made of.

@@ -6,7 +6,6 @@ from .noise import RecordingNoise as RecordingNoise
 from .noise import noise_of_residuals as noise_of_residuals
 from .posterior import Posterior as Posterior
 from .problem import Problem as Problem
-from .residuals import Condensed as Condensed
 from .residuals import Evaluation as Evaluation
 from .residuals import LinearPrior as LinearPrior
 from .residuals import Measured as Measured

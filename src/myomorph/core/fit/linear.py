@@ -63,10 +63,11 @@ def minimize_linear(
     >>> import myomorph as mm
     >>> from myomorph.core.fit.cones import Cone, Cones
     >>> from myomorph.core.fit.linear import minimize_linear
+    >>> from myomorph.core.fit.residuals import Condensed
     >>> masses = mm.fit.Block(
     ...     name="masses", unknowns=(mm.fit.Unknown(name="arm"), mm.fit.Unknown(name="hand"))
     ... )
-    >>> scale = mm.fit.Condensed(
+    >>> scale = Condensed(
     ...     name="scale",
     ...     blocks=("masses",),
     ...     rows=np.array([[1.0, 1.0], [1.0, -1.0]]),

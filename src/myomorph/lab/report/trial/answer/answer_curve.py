@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
@@ -55,6 +57,7 @@ class SideCurve:
 
 
 @read_only
+@dataclass(frozen=True, kw_only=True, eq=False)
 class AnswerCurve:
     """A chart of the first screen.
 
