@@ -32,6 +32,7 @@ ARRAY = re.compile(rf"\b(Ints|Flags|NDArray|ndarray|{'|'.join(SHAPES)})\b")
 
 KERNELS = "kernels take its arrays as they are, and would be compiled anew for read-only ones"
 EXCEPTIONS: dict[str, str] = {
+    "myomorph.body.refine.trial.TrialState": KERNELS,
     "myomorph.core.fit.unknowns.Block": "holds no array, but a function that gives one",
     "myomorph.body.calibrate.calibration.Calibration": KERNELS,
     "myomorph.body.calibrate.shared_problem.FrameSet": KERNELS,

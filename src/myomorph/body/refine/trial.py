@@ -57,7 +57,6 @@ class TrialData:
         return self.basis.fitted(self.start)
 
 
-@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrialState:
     """A recording at a point.
