@@ -201,7 +201,9 @@ def test_an_unknown_name_is_refused_with_those_that_there_are(laboratory):
 def gain(monkeypatch):
     """Put the page's unknown into the table of kinds."""
     section = PAGE.read_text(encoding="utf-8").split("## An unknown of `refine`")[1]
-    code, line = re.findall(r"^```(?:python|text)\n(.*?)^```", section, re.MULTILINE | re.DOTALL)[:2]
+    code, line = re.findall(r"^```(?:python|text)\n(.*?)^```", section, re.MULTILINE | re.DOTALL)[
+        :2
+    ]
     names: dict[str, object] = {}
     exec(code, names)
     ((name, make),) = eval(f"{{{line.strip()}}}", names).items()
