@@ -10,6 +10,8 @@ from myomorph.core.rigid.kernels import inner, kernel
 from myomorph.lab.report.scene.image import Bytes
 
 FAR = -1e30
+EDGE = 0.62
+"""Brightness of silhouettes."""
 
 
 @read_only
@@ -68,37 +70,11 @@ class Canvas:
         """(height, width, 4) pixels, `shrink` x `shrink` of them averaged, silhouettes drawn
         darker.
         """
-        solid = self.near > FAR / 2
-        depth = np.where(solid, self.near, -1e9)
-        step = 0.02 * self.view.height
-        edge = np.zeros(depth.shape, dtype=bool)
-        for axis in (0, 1):
-            fall = depth - np.roll(depth, -1, axis)
-            edge |= fall > step
-            edge |= np.roll(-fall > step, 1, axis)
-        color = self.color * np.where(edge, 0.62, 1.0)[..., None]
-        height = depth.shape[0] // shrink
-        width = depth.shape[1] // shrink
-
-        def mean(values: np.ndarray) -> Array:
-            rows = height * shrink
-            columns = width * shrink
-            parts = [
-                values[y:rows:shrink, x:columns:shrink]
-                for y in range(shrink)
-                for x in range(shrink)
-            ]
-            total: Array = np.sum(parts, axis=0, dtype=np.float64)
-            return total / len(parts)
-
-        cover = mean(solid)
-        paint = mean(color)
+        height = self.near.shape[0] // shrink
+        width = self.near.shape[1] // shrink
         pixels = np.zeros((height, width, 4), dtype=np.uint8)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            pixels[..., :3] = np.nan_to_num(
-                255.0 * np.clip(paint / cover[..., None], 0.0, 1.0)
-            ).astype(np.uint8)
-        pixels[..., 3] = (255.0 * cover).astype(np.uint8)
+        # A silhouette is where what is behind lies so much farther away.
+        shrink_pixels(self.color, self.near, shrink, 0.02 * self.view.height, pixels)
         return pixels
 
 
@@ -196,3 +172,45 @@ def fill_tubes(starts, ends, radii, colors, image, near):
                 brightness = lit(ox / r, -oy / r, out / r)
                 for i in range(3):
                     image[y, x, i] = colors[s, i] * brightness
+
+
+@inner
+def stands_out(near, y, x, step):
+    """Return whether a pixel is nearer than one of its four neighbours by a step."""
+    here = near[y, x]
+    height, width = near.shape
+    return (
+        (y > 0 and here - near[y - 1, x] > step)
+        or (y < height - 1 and here - near[y + 1, x] > step)
+        or (x > 0 and here - near[y, x - 1] > step)
+        or (x < width - 1 and here - near[y, x + 1] > step)
+    )
+
+
+@kernel
+def shrink_pixels(image, near, shrink, step, pixels):
+    """Average `shrink` x `shrink` pixels of an image, its silhouettes darker, into `pixels`.
+
+    `pixels` (height, width, 4) are red, green, blue and opacity, the share that is drawn.
+    """
+    for row in range(pixels.shape[0]):
+        for column in range(pixels.shape[1]):
+            drawn = 0
+            red = 0.0
+            green = 0.0
+            blue = 0.0
+            for y in range(row * shrink, (row + 1) * shrink):
+                for x in range(column * shrink, (column + 1) * shrink):
+                    if near[y, x] <= FAR / 2:
+                        continue
+                    shade = EDGE if stands_out(near, y, x, step) else 1.0
+                    drawn += 1
+                    red += shade * image[y, x, 0]
+                    green += shade * image[y, x, 1]
+                    blue += shade * image[y, x, 2]
+            if drawn == 0:
+                continue
+            pixels[row, column, 0] = int(255.0 * min(red / drawn, 1.0))
+            pixels[row, column, 1] = int(255.0 * min(green / drawn, 1.0))
+            pixels[row, column, 2] = int(255.0 * min(blue / drawn, 1.0))
+            pixels[row, column, 3] = int(255.0 * drawn / (shrink * shrink))

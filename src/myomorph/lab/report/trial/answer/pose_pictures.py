@@ -28,7 +28,7 @@ AZIMUTH = 27.0
 """Angle of the view from the subject's right side towards its front [degrees]."""
 ELEVATION = 6.0
 """Angle of the view from above [degrees]."""
-PIXELS = 760
+PIXELS = 640
 """Height of the tallest picture."""
 SHRINK = 2
 MARGIN = 0.02
