@@ -290,8 +290,7 @@ class Condensed:
         values : of the unknowns
         before : not used
         """
-        x = np.concatenate([values[name] for name in self.blocks])
-        return Rows(residuals=self.rows @ x - self.right, slopes=self.rows)
+        return _linear_rows(self, values)
 
 
 @read_only
@@ -319,8 +318,7 @@ class LinearPrior:
         values : of the unknowns
         before : not used
         """
-        x = np.concatenate([values[name] for name in self.blocks])
-        return Rows(residuals=self.rows @ x - self.right, slopes=self.rows)
+        return _linear_rows(self, values)
 
 
 def own_prior(unknowns: Unknowns) -> LinearPrior:
@@ -337,3 +335,9 @@ def own_prior(unknowns: Unknowns) -> LinearPrior:
         rows=rows,
         right=(unknowns.mean / unknowns.sd)[known],
     )
+
+
+def _linear_rows(given: Condensed | LinearPrior, values: Values) -> Rows:
+    """Compute rows x - right of the blocks that were given, with the rows as slopes."""
+    x = np.concatenate([values[name] for name in given.blocks])
+    return Rows(residuals=given.rows @ x - given.right, slopes=given.rows)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from myomorph.lab.report.trial.answer.answer import Answer, answer_of
 from myomorph.lab.report.trial.answer.answer_chart import answer_chart
 from myomorph.lab.report.trial.answer.answer_curve import FEW, SideCurve
 from myomorph.lab.report.trial.answer.muscle_names import plain_name
+from myomorph.lab.report.trial.answer.squat import squat
 from myomorph.lab.report.trial.prepared import prepare
 from myomorph.lab.report.trial.report_input import Kinematics, ReportInput
 from walker import everything, having
@@ -98,3 +100,19 @@ def test_muscles_have_their_plain_names() -> None:
     assert plain_name("addbrev_r") == "adductors"
     assert plain_name("lat_gas_r") == "gastrocnemius"
     assert plain_name("nobody_knows_it") == ""
+
+
+def test_what_is_not_known_is_not_said() -> None:
+    """Torques that are missing at the deepest point give no number, and no mark on a curve."""
+    given = everything(100)
+    torques = given.dynamics.torques
+    assert torques is not None
+    hidden = replace(torques, values=np.full_like(torques.values, np.nan))
+    partly = torques.values.copy()
+    partly[10:] = np.nan
+    for series in (hidden, replace(torques, values=partly)):
+        found = squat(prepare(having(given, torques=series)), "everything")
+        assert found is not None
+        assert "nan" not in str(found.sentence) + found.caveat
+        for curve in found.curves:
+            assert "nan" not in answer_chart(curve, found, last=True)

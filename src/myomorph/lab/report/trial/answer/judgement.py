@@ -115,7 +115,8 @@ def _nothing(prepared: Prepared) -> Judgement | None:
     frames = _gravest(prepared, OF_FRAMES)
     share = float(np.mean(missed_frames(prepared)))
     if frames is not None and share > MOST_FRAMES:
-        text = f"{_reason(frames)} So are {100.0 * share:.0f}{NO_BREAK}% of the frames."
+        many = f"{100.0 * share:.0f}{NO_BREAK}%"
+        text = f"{_reason(frames)} In {many} of the frames they do, or no pose fits."
         return Judgement("nothing", text)
     lost = _lost_marker(prepared)
     return Judgement("nothing", lost) if lost else None

@@ -53,7 +53,7 @@ def time_curve(
 
     Returns
     -------
-    the curve; None where no value is known
+    the curve, NaN where a value is not known; None where none is
     """
     at = np.linspace(*span, SAMPLES)
     sides = []
@@ -61,7 +61,9 @@ def time_curve(
         if column is None or not np.isfinite(column).any():
             continue
         sampled = np.interp(at, time, column)
-        mark = int(np.nanargmax(sampled)) if marked is None else int(np.abs(at - marked).argmin())
+        if not np.isfinite(sampled).any():
+            continue
+        mark = _marked(sampled, at, marked)
         label = side or heading.middle
         sides.append(SideCurve(side=cast(Side, side), label=label, cycles=sampled[None], mark=mark))
     if not sides:
@@ -69,3 +71,11 @@ def time_curve(
     return AnswerCurve(
         title=heading.title, unit=heading.unit, sides=tuple(sides), at=at, digits=heading.digits
     )
+
+
+def _marked(sampled: Array, at: Array, marked: float | None) -> int | None:
+    """Return the sample whose value is printed, None where it is not known."""
+    if marked is None:
+        return int(np.nanargmax(sampled))
+    nearest = int(np.abs(at - marked).argmin())
+    return nearest if np.isfinite(sampled[nearest]) else None

@@ -67,8 +67,9 @@ class Bending:
 
     def carried(self, at: float) -> list[float]:
         """Return the moments of the knees that are known, at a time [N m]."""
-        known = (moment for moment in self.moments.values() if moment is not None)
-        return [float(np.interp(at, self.clock, moment)) for moment in known]
+        given = (moment for moment in self.moments.values() if moment is not None)
+        found = [float(np.interp(at, self.clock, moment)) for moment in given]
+        return [moment for moment in found if np.isfinite(moment)]
 
 
 def squat(prepared: Prepared, use: Use) -> MainResult | None:
@@ -116,9 +117,10 @@ def _sentence(bending: Bending, bend: float, at: float) -> Sentence:
     if not carried:
         return Sentence.of(f"{begin}.")
     loads = f"; each carries {with_unit(float(np.mean(carried)), 'N·m')}"
-    if bending.back is None:
+    back = np.nan if bending.back is None else float(np.interp(at, bending.clock, bending.back))
+    if not np.isfinite(back):
         return Sentence.of(f"{begin}{loads}.")
-    trunk = with_unit(float(np.interp(at, bending.clock, bending.back)), "N·m")
+    trunk = with_unit(back, "N·m")
     return Sentence.of(f"{begin}{loads}, the low back {trunk}.")
 
 

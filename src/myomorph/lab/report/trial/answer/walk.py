@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve
 from myomorph.lab.report.trial.answer.judgement import Use
 from myomorph.lab.report.trial.answer.main_result import MainResult
@@ -29,16 +31,19 @@ def walk(prepared: Prepared, use: Use) -> MainResult | None:
     push = stride_curve(gait, "ankle_moment", "Ankle push-off moment", "N·m/kg", digits=1)
     if knee is None or hip is None:
         return None
-    third = push if push is not None and use in ("everything", "angles and torques") else ankle
-    sentence = _of_angles(knee, [hip, *([ankle] if ankle else [])])
-    if third is push and push is not None:
+    if push is not None and use in ("everything", "angles and torques"):
         sentence = _of_push(knee, push)
+        curves = [push, knee, hip]
+    else:
+        others = [curve for curve in (hip, ankle) if curve is not None]
+        sentence = _of_angles(knee, others)
+        curves = [knee, *others]
     speed = sum(stride.speed for stride in strides.strides) / len(strides.strides)
     return MainResult(
         movement="Walking",
         sentence=sentence,
         caveat=few_strides_note(gait),
-        curves=tuple(curve for curve in (knee, hip, third) if curve is not None),
+        curves=tuple(curves),
         poses=stance_poses(gait, strides, "push-off"),
         axis=PERCENT,
         amount=f"{speed:.2f}\u00a0m/s, {counted_strides(gait)}",
@@ -71,7 +76,10 @@ def _of_push(knee: AnswerCurve, push: AnswerCurve) -> Sentence:
         value = f"{second[0].value(second[0].highest):.1f}"
         middle = (", the ", Phrase(f"{second[0].label} with {value}", second[0].side))
     bends = [degrees(side.value(side.highest)) for side in knee.sides]
-    return Sentence.of(*begin, *middle, f"; the knees bend {' and '.join(bends)} in swing.")
+    bent = (
+        f"the knees bend {' and '.join(bends)}" if len(bends) > 1 else f"the knee bends {bends[0]}"
+    )
+    return Sentence.of(*begin, *middle, f"; {bent} in swing.")
 
 
 def _largest_gap(curve: AnswerCurve) -> float:
@@ -80,6 +88,6 @@ def _largest_gap(curve: AnswerCurve) -> float:
         return 0.0
     right = curve.sides[0].mean
     left = curve.sides[1].mean
-    highest = abs(float(right.max()) - float(left.max()))
-    lowest = abs(float(right.min()) - float(left.min()))
+    highest = abs(float(np.nanmax(right)) - float(np.nanmax(left)))
+    lowest = abs(float(np.nanmin(right)) - float(np.nanmin(left)))
     return max(highest, lowest)
