@@ -11,7 +11,17 @@ from myomorph.core.model.quantity import Quantity
 from myomorph.lab.study.step.step import declared_quantities, trial_steps
 
 PLACE = re.compile(r"^<!-- quantities -->$", re.MULTILINE)
-HEAD = ("quantity", "axes", "unit", "what it is", "step", "table", "in `values.csv`", "draws")
+HEAD = (
+    "quantity",
+    "axes",
+    "unit",
+    "what it is",
+    "step",
+    "table",
+    "in `values.csv`",
+    "draws",
+    "attribute",
+)
 
 
 def with_quantities(markdown: str) -> str:
@@ -36,6 +46,7 @@ def _row(quantity: Quantity) -> tuple[str, ...]:
         _file(quantity),
         _tidy(quantity),
         "yes" if quantity.drawn else "",
+        "" if quantity.field == quantity.name else f"`{quantity.field}`",
     )
 
 

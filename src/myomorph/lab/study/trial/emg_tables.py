@@ -15,12 +15,10 @@ from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.model import Model
 from myomorph.core.motion.emg_activation import EmgCalibration
 from myomorph.core.tension.emg_conflicts import conflict_line
-from myomorph.core.tension.emg_quantities import CHANNELS
+from myomorph.core.tension.emg_quantities import CHANNELS, CONFLICTS, TABLE
 from myomorph.core.tension.tension import Tension
 from myomorph.lab.store.stored import put_conflicts
 from myomorph.lab.study.step.step import StepOutput
-
-EMG_CONFLICTS = "emg_conflicts.csv"
 
 
 class ChannelRow(NamedTuple):
@@ -109,18 +107,11 @@ def write_conflicts(
         return ()
     conflicts = targets.conflicts(model, tension)
     put_conflicts(output.writer, conflicts)
-    rows = []
-    for conflict in conflicts:
-        times = (f"{value:.4f}" for value in (conflict.start, conflict.stop, conflict.worst))
-        rows.append(
-            (
-                conflict.muscle,
-                conflict.coordinate,
-                *times,
-                f"{conflict.emg:.5g}",
-                f"{conflict.found:.5g}",
-            )
-        )
-    head = ("muscle", "coordinate", "start_s", "stop_s", "worst_s", "emg_or_torque", "found")
-    write_csv(output.folder / EMG_CONFLICTS, head, rows)
-    return conflict_line(conflicts, EMG_CONFLICTS)
+    cells = ([_rounded(quantity.of(conflict)) for quantity in CONFLICTS] for conflict in conflicts)
+    write_csv(output.folder / TABLE, (quantity.column for quantity in CONFLICTS), cells)
+    return conflict_line(conflicts, TABLE)
+
+
+def _rounded(value: str | float) -> str:
+    """A cell of a stretch: a name as it is, a number in six digits."""
+    return value if isinstance(value, str) else f"{value:.6g}"
