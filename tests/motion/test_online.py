@@ -9,7 +9,13 @@ from myomorph.core.io.trc import read_trc
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Motion
 from myomorph.core.motion.ik import inverse_kinematics
-from myomorph.core.motion.online import MovingWindow, OnlineFilter, OnlineKinematics
+from myomorph.core.motion.online import (
+    MovingWindow,
+    OnlineFilter,
+    OnlineKinematics,
+    SteadyFrame,
+    SteadyKinematics,
+)
 
 
 def test_parabolas_are_differentiated_exactly() -> None:
@@ -117,3 +123,24 @@ def test_single_frames_agree_with_the_batch(data: Callable[[str], Path]) -> None
         else:
             assert error == pytest.approx(fit.rms[i], rel=1e-3)
             np.testing.assert_allclose(values, fit.motion.values[i], atol=1e-3)
+
+
+@pytest.mark.parametrize("kinematics", [OnlineKinematics, SteadyKinematics])
+def test_a_stream_begins_no_whole_turn_away(
+    data: Callable[[str], Path], kinematics: type[OnlineKinematics] | type[SteadyKinematics]
+) -> None:
+    """A shoulder without bounds begins at the angle that the batch finds: of the poses from several
+    headings the best has it a turn away at 0.3 s of this walk.
+    """
+    folder = data("rajagopal-walk-emg")
+    model = read_model(folder / "subject_walk_scaled.osim")
+    markers = read_trc(folder / "markers_walk.trc").markers
+    assert markers is not None
+    begin = int(np.searchsorted(markers.time, 0.3))
+    first = slice(begin, begin + 2)
+    batch = inverse_kinematics(
+        model, type(markers)(markers.time[first], markers.names, markers.values[first])
+    )
+    solved = kinematics(model, markers.names).solve(markers.time[begin], markers.values[begin])
+    coordinates = solved.coordinates if isinstance(solved, SteadyFrame) else solved[0]
+    np.testing.assert_allclose(coordinates, batch.motion.values[0], atol=1e-2)

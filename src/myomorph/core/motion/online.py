@@ -35,7 +35,7 @@ from myomorph.core.motion.sensors.mounting import (
 )
 from myomorph.core.motion.starts import scout_poses
 from myomorph.core.motion.tasks.orientations import OrientationArrays
-from myomorph.core.motion.turns import floating_coordinates, nearest_turn
+from myomorph.core.motion.turns import floating_coordinates, nearest_turn, of_one_turn
 from myomorph.core.rigid.tree import compile_tree
 
 REACH = 4.0  # Half width of the filter's window in standard deviations of its bell
@@ -261,9 +261,12 @@ class OnlineKinematics:
         if not frames_shown(problem)[0]:
             self._before = []
             return np.full(len(self._tree.defaults), np.nan), float("nan")
-        values, error = self._settle(problem, self._start(problem))
+        if not self._before:
+            values, error = self._settle_anew(problem)
+        else:
+            values, error = self._settle(problem, self._ahead())
         if self._before and error > LOST * self._usual:
-            other, less = self._settle(problem, self._search(problem))
+            other, less = self._settle_anew(problem)
             if less < 0.99 * error:
                 values = other
                 error = less
@@ -304,7 +307,7 @@ class OnlineKinematics:
         (coordinates,) [rad or m] and their root mean square marker error [m]
         """
         problem = self._frame(time, positions)
-        return self._settle(problem._replace(posture=posture), self._search(problem))
+        return self._settle_anew(problem._replace(posture=posture))
 
     def _frame(self, time: float, positions: Array) -> PoseProblem:
         """Build the problem of one frame from markers (markers, 3) [m]."""
@@ -317,15 +320,22 @@ class OnlineKinematics:
         )
         return shown.with_coordinates(value=targets)._replace(fixed=targets)
 
-    def _start(self, problem: PoseProblem) -> Array:
-        """Extrapolate the last two poses, or search for one: (coordinates,) [rad or m]."""
+    def _ahead(self) -> Array:
+        """Extrapolate the last two poses: (coordinates,) [rad or m]."""
         if len(self._before) == 2:
             return 2.0 * self._before[1] - self._before[0]
-        return self._before[0] if self._before else self._search(problem)
+        return self._before[0]
 
-    def _search(self, problem: PoseProblem) -> Array:
-        """Find a pose (coordinates,) from several headings [rad or m]."""
-        return scout_poses(self._tree, problem, self._options.settings)[0]
+    def _settle_anew(self, problem: PoseProblem) -> tuple[Array, float]:
+        """Solve one frame from several headings, without whole turns away from the default pose.
+
+        Returns
+        -------
+        (coordinates,) [rad or m] and their root mean square error
+        """
+        start = scout_poses(self._tree, problem, self._options.settings)[0]
+        values, error = self._settle(problem, start)
+        return of_one_turn(self._tree, problem, values[None])[0], error
 
     def _settle(self, problem: PoseProblem, start: Array) -> tuple[Array, float]:
         """Solve one frame from a pose (coordinates,): the pose and its root mean square error."""
