@@ -1,13 +1,15 @@
-"""The navigation of the site, as docs/index.md lists pages: its headings are the groups, its links
-their pages.
+"""The navigation of the site, as docs/index.md lists pages: its headings are the groups, headings
+below them parts of a group, its links their pages.
 
-Of a folder the index page is linked there and lists the others in its turn. A page that no index
-lists comes last: in the group of its folder, or as "More" where it has none.
+Of a folder the index page is linked there and lists the others in its turn, without those that
+docs/index.md puts into another group. A page that no index lists comes last: in the group of its
+folder, or as "More" where it has none.
 """
 
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -26,21 +28,44 @@ def navigation() -> Navigation:
     """Groups and their pages, in the form of mkdocs' `nav`."""
     groups: Navigation = [{"Home": ["index.md"]}]
     text = (DOCS / "index.md").read_text(encoding="utf-8")
-    for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
-        heading, _, listed = part.partition("\n")
-        pages: list = []
-        for link in LINK.findall(listed):
-            inside = _inside(link) if link.endswith("/index.md") else [ELSEWHERE.get(link, link)]
-            # A folder that is a group's first page fills the group; another is a part of it.
-            pages += (
-                inside
-                if len(inside) == 1 or not pages
-                else [{PurePosixPath(link).parent.name.title(): inside}]
-            )
-        groups.append({heading.strip(): pages})
+    listed = frozenset(LINK.findall(text))
+    for part in _parts(text, "##"):
+        pages = _pages(part.text.partition("\n### ")[0], listed)
+        pages += [{task.heading: _pages(task.text, listed)} for task in _parts(part.text, "###")]
+        groups.append({part.heading: pages})
     every = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
     left = sorted(every - set(pages_of(groups)))
     return [*groups, {"More": left}] if left else groups
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """What stands under a heading."""
+
+    heading: str
+    text: str
+
+
+def _parts(text: str, marks: str) -> list[Part]:
+    pieces = re.split(rf"^{marks} ", text, flags=re.MULTILINE)[1:]
+    split = [piece.partition("\n") for piece in pieces]
+    return [Part(heading=heading.strip(), text=rest) for heading, _, rest in split]
+
+
+def _pages(text: str, listed: frozenset[str]) -> list:
+    """Pages that a part of the index links; `listed` are those that any part links."""
+    pages: list = []
+    for link in LINK.findall(text):
+        inside = (
+            _inside(link, listed) if link.endswith("/index.md") else [ELSEWHERE.get(link, link)]
+        )
+        # A folder that is a group's first page fills the group; another is a part of it.
+        pages += (
+            inside
+            if len(inside) == 1 or not pages
+            else [{PurePosixPath(link).parent.name.title(): inside}]
+        )
+    return pages
 
 
 def pages_of(entries: list) -> list[str]:
@@ -76,15 +101,16 @@ def with_listed(markdown: str, page: str) -> str:
     return LISTED.sub(lines, markdown)
 
 
-def _inside(index: str) -> list[str]:
-    """The pages of a folder: its index, those that the index lists, then the others by name."""
+def _inside(index: str, listed: frozenset[str]) -> list[str]:
+    """The pages of a folder: its index, those that the index lists, then the others by name,
+    without those that the index of the site lists.
+    """
     folder = PurePosixPath(index).parent
-    listed = [
-        f"{folder}/{link}" for link in LINK.findall((DOCS / index).read_text(encoding="utf-8"))
-    ]
+    own = [f"{folder}/{link}" for link in LINK.findall((DOCS / index).read_text(encoding="utf-8"))]
     every = [path.relative_to(DOCS).as_posix() for path in sorted((DOCS / folder).glob("*.md"))]
+    rest = [page for page in every if page != index and page not in listed]
     return [
         index,
-        *(page for page in listed if page in every),
-        *(page for page in every if page not in (index, *listed)),
+        *(page for page in own if page in rest),
+        *(page for page in rest if page not in own),
     ]

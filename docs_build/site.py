@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
+from docs_build.command_line import with_commands  # noqa: E402
 from docs_build.face import with_names  # noqa: E402
 from docs_build.navigation import navigation, with_listed  # noqa: E402
 from docs_build.notebooks import notebook_text, tutorials  # noqa: E402
@@ -34,16 +35,15 @@ TEX = {r"\arg": r"\operatorname{arg}"}
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Make the navigation: the groups of the index, with the reference before the pages on
-    development.
-    """
+    """Make the navigation: groups of the index, with all modules at the end of the reference."""
     rooms = [
         {room: [f"reference/{room}/index.md", *(page_of(module) for module in modules(room))]}
         for room in WINGS
     ]
     groups = navigation()
-    at = next(i for i, group in enumerate(groups) if "Development" in group)
-    config.nav = [*groups[:at], {"Reference": ["reference/index.md", *rooms]}, *groups[at:]]
+    reference = next(group["Reference"] for group in groups if "Reference" in group)
+    reference.append({"Modules": ["reference/index.md", *rooms]})
+    config.nav = groups
     return config
 
 
@@ -71,6 +71,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """Put tables and numbers of results in place; tutorials name their notebook."""
     source = Path(page.file.src_uri)
     markdown = with_quantities(with_names(rendered(markdown, page.file.src_uri)))
+    markdown = with_commands(markdown)
     markdown = with_listed(markdown, page.file.src_uri)
     # The index has the changelog beside docs/; in the site it is a page like others.
     markdown = markdown.replace("](../CHANGELOG.md)", "](changelog.md)")
@@ -135,14 +136,14 @@ def room_index(room: str) -> str:
 def reference_index() -> str:
     """The wings, from the main job outwards."""
     lines = [
-        "# Reference",
+        "# Modules",
         "",
         (
             "What every module offers, taken from its docstrings. The laboratory stands on the"
             " body, the body on the core, and the other wings on these; [Architecture]"
             "(../architecture.md) has the map and the values that pass between rooms."
         ),
-        "Names that begin with an underscore are nobody else's business and are left out.",
+        "Names that begin with an underscore are private and left out.",
         "",
         "| wing | what it is for | modules |",
         "|---|---|---|",

@@ -2,7 +2,7 @@
 nothing of our solver.
 
 Powers are power cones, t^(1/p) >= |a|; the greatest activation is a variable; joint loads and
-co-contraction stand as docs/recruitment.md defines them, joint loads from reactions of unit
+co-contraction stand as docs/method.md defines them, joint loads from reactions of unit
 tensions.
 """
 
@@ -177,7 +177,7 @@ HIGHEST = mm.TensionOptions(recruitment="minmax")
 SMALLEST = 1e-5
 TWICE = 100.0
 """Cost of a^2 beside the greatest activation, and of co-contraction that lacks, as
-docs/recruitment.md gives them.
+docs/method.md gives them.
 """
 
 

@@ -110,7 +110,7 @@ class TensionOptions:
     ----------
     recruitment : how muscles share the load; "power": the least sum_m w_m a_m^p + sum_r |u_r|^p of
         activations a and controls u; "minmax": the least greatest activation, and of all that have
-        it the least sum_m w_m a_m^2 (see docs/recruitment.md)
+        it the least sum_m w_m a_m^2 (see docs/method.md)
     exponent : p, 1.2 to 20; above 4 controls count with 2, and each activation with a little of its
         square added
     weights : of muscles in the effort; "equal": w = 1; "volume": w_m in proportion to F0 L0,
