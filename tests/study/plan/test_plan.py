@@ -130,8 +130,8 @@ def test_everything_wrong_is_told_at_once(folder):
         ),
         (SMALLEST.replace('["walk*.trc"]', '[{name = "a"}]'), ("one of 'markers' and 'motion'",)),
         (
-            SMALLEST.replace("mass = 72.6", "height = 1.8"),
-            ("'height' and 'chest'", "'chest' is missing"),
+            SMALLEST.replace("mass = 72.6", "chest = 0.9"),
+            ("'height' and 'chest'", "'height' is missing"),
         ),
         (SMALLEST.replace("mass = 72.6", "time = [2, 1]"), ("start before an end",)),
         ("[study]\nname = 'x'\n", ("'subject' is missing",)),

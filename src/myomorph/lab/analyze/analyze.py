@@ -58,6 +58,7 @@ from myomorph.lab.study.inputs.labels import Labels
 from myomorph.lab.study.inputs.laboratory import AS_RECORDED
 from myomorph.lab.study.inputs.loads import LoadsFile
 from myomorph.lab.study.inputs.mass import BodyMass
+from myomorph.lab.study.inputs.person import RecordedPerson
 from myomorph.lab.study.inputs.reading import cut_to, open_model
 from myomorph.lab.study.inputs.session import TrialSession
 from myomorph.lab.study.inputs.table import all_keys, settings_of_keys
@@ -75,6 +76,7 @@ MIN_MARKERS = 6  # Fewer markers on a body's bones say too little of a motion.
 NEEDED = ("pelvis", "thigh", "shank")  # Segments that must have a marker, ...
 OF_ARMS = ("trunk", "upper_arm", "forearm")  # ... and where there are markers of arms alone.
 OF_MUSCLES = ("muscles", "tension")  # Steps that a model without muscles does not take.
+MAX_HEIGHT = 3.0  # Of a body [m].
 HEIGHT_TOLERANCE = 0.1  # A height that the markers show lies within this share of the true one.
 
 
@@ -296,7 +298,14 @@ class PreparedSubject:
 
 def _check_one_person(session: Session, request: AnalyzeRequest) -> None:
     """Refuse what belongs to one person where the recordings are of several."""
-    given = (("--mass", request.mass), ("--height", request.height), ("--static", request.static))
+    stated = request.inputs.or_default(RecordedPerson)
+    given = (
+        ("--mass", request.mass),
+        ("--height", request.height),
+        ("--static", request.static),
+        ("--age", stated.age),
+        ("--sex", stated.sex),
+    )
     flags = [flag for flag, value in given if value is not None]
     if len(session.people) > 1 and flags:
         names = " and ".join(str(person.name) for person in session.people)
@@ -470,11 +479,17 @@ def _chosen_model(
     )
 
 
+def _plausible(height: float | None) -> float | None:
+    """Return a stated height [m], None for one that is in another unit."""
+    return height if height is not None and height < MAX_HEIGHT else None
+
+
 def _trials(person: CheckedPerson, chosen: ChosenModel) -> tuple[tuple[TrialFiles, ...], list[str]]:
     """Trial of each recording of motion, and sentences on single trials."""
     request = person.request
     labels = Labels(FrozenMap(chosen.labels))
     mass = BodyMass(request.mass)
+    body = replace(request.inputs.or_default(RecordedPerson), height=_plausible(request.height))
     trials = []
     sentences = []
     for recording, name in zip(person.moving, _names(person.moving), strict=True):
@@ -482,7 +497,7 @@ def _trials(person: CheckedPerson, chosen: ChosenModel) -> tuple[tuple[TrialFile
         trial, of_trial = recorded_trial(recording, files, chosen.model, request)
         stated, of_session = stated_session(person.trials[recording.path], files.get(TrialSession))
         # Those on the session are not written, for its keys can be corrected.
-        trials.append(trial.having(labels, mass, stated, Assumed(tuple(of_trial))))
+        trials.append(trial.having(labels, mass, body, stated, Assumed(tuple(of_trial))))
         sentences += [f"{name}: {sentence}" for sentence in (*of_session, *of_trial)]
     return tuple(trials), sentences
 

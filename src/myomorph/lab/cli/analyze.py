@@ -21,9 +21,10 @@ INPUTS = (
     "contact points",
     "actuators",
     "time",
+    "person",
 )
 STEPS = tuple(map(step_of, ("ik", "id", "muscles", "tension")))
-AnalyzeInputs = flags.inputs_class(*INPUTS)
+AnalyzeInputs = flags.inputs_class(*INPUTS, leave_out=("height",))
 AnalyzeOptions = flags.options_class(*(kind for step in STEPS for kind in step.options))
 
 

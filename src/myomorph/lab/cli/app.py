@@ -21,6 +21,7 @@ OWN_COMMANDS = {
         panel="Main job",
         first_options=(
             "mass",
+            "age",
             "static",
             "model",
             "loads",

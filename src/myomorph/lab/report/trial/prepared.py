@@ -95,13 +95,17 @@ class Prepared:
             model, kinematics.motion, kinematics.fit, wrenches=wrenches, events=events
         )
 
-    @cached_property
+    @property
     def gait(self) -> GaitCurves | None:
         """Curves of clinical gait analysis over the strides; None where the motion is no walk of
         two legs, or the recording is of another movement.
         """
-        if self.results.recorded.movement.value not in (None, "walking"):
-            return None
+        walks = self.results.recorded.movement.value in (None, "walking")
+        return self.stride_curves if walks else None
+
+    @cached_property
+    def stride_curves(self) -> GaitCurves | None:
+        """The same of any movement with strides of two legs."""
         model = self.results.model
         motion = self.results.kinematics.motion
         if (

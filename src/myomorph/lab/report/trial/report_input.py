@@ -68,6 +68,9 @@ class Recorded:
 
     subject: str = ""  # name, as printed
     mass: float | None = None  # as it was given or weighed [kg]
+    age: float | None = None  # [years]
+    sex: str = ""  # "female" or "male", "" where it is not known
+    height: float | None = None  # as it was stated [m]
     # further lines of the heading, name to text
     facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     emg: Emg | None = None  # measured excitations

@@ -58,5 +58,5 @@ INPUT = Input(
     settings=MarkersFile,
     open=_open,
     main="markers",
-    holds=("loads", "error sizes", "session"),
+    holds=("loads", "error sizes", "person", "session"),
 )

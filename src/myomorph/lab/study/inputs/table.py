@@ -34,6 +34,7 @@ OWN_INPUTS = {
     "phases": "myomorph.lab.study.inputs.phases",
     "time": "myomorph.lab.study.inputs.time_span",
     "mass": "myomorph.lab.study.inputs.mass",
+    "person": "myomorph.lab.study.inputs.person",
     "session": "myomorph.lab.study.inputs.session",
     "assumed": "myomorph.lab.study.inputs.assumed",
     "truth": "myomorph.lab.study.inputs.truth",

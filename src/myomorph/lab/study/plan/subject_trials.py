@@ -43,8 +43,7 @@ def measured(
     """A subject's table with what the table of measures tells, and its model where that is told
     there.
 
-    What both tell must be the same; where either height or chest is known, there is no body shape,
-    so neither is used.
+    What both tell must be the same. A chest without a height gives no body shape and is not used.
     """
     where = f"subject '{named.name}'"
     table = named.table
@@ -74,10 +73,8 @@ def measured(
         notes.problems.append(
             f"{where}: has no model: give 'model', 'model_of', or a cell 'model' in {source}"
         )
-    sizes = [table.height or told["height"], table.chest or told["chest"]]
-    if table.skin is None and table.height is None and table.chest is None and None in sizes:
-        # Tables of measures often have heights only: no fault, but too little for a body shape.
-        told["height"] = told["chest"] = None
+    if table.skin is None and table.chest is None and not (table.height or told["height"]):
+        told["chest"] = None
     return (
         table.model_copy(update={name: value for name, value in told.items() if value is not None}),
         model,
@@ -113,11 +110,13 @@ def subject_files(
             for key in ("passive", "generic")
             if getattr(table, key)
         ]
-    if table.skin is None and (table.height is None) != (table.chest is None):
-        lacking = "chest" if table.chest is None else "height"
+    if table.skin is None and table.height is None and table.chest is not None:
         problems.append(
-            f"{where}: a body shape takes 'height' and 'chest' [m], but '{lacking}' is missing"
+            f"{where}: a body shape takes 'height' and 'chest' [m], but 'height' is missing"
         )
+    shaped = table.skin is not None or table.chest is not None
+    if table.height is not None and not shaped and "identify" in table.steps:
+        notes.remarks.append(f"{where}: 'height' without 'chest' gives 'identify' no body shape")
     for step, own_table in own_tables().items():
         if step in table.steps and getattr(table, own_table.key) is None:
             problems.append(
@@ -139,7 +138,7 @@ def subject_files(
     shape = BodyShape(
         skin=files["skin"],
         landmarks=files["landmarks"],
-        height=table.height,
+        height=table.height if shaped else None,
         chest=table.chest,
         sex=table.sex,
         age=table.age,

@@ -48,7 +48,7 @@ DEMO = "demo:"  # Begins the name of a model that a demo makes.
 
 ModelMaker = Callable[[str], Model]  # Makes a model by a name.
 
-NOT_IN_TABLES = ("coordinate_velocity", "coordinate_acceleration", "muscle_velocity")
+NOT_IN_TABLES = ("coordinate_acceleration", "muscle_velocity")
 """Variables of results that no table of values comes from."""
 LENGTH_CURVES = "length_strides.csv"
 LENGTH_RANGES = "length_ranges.csv"
@@ -297,6 +297,9 @@ def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInpu
     recorded = Recorded(
         subject=facts.get("subject", ""),
         mass=float(mass) if mass else None,
+        age=_number(facts, "age"),
+        sex=facts.get("sex", ""),
+        height=_number(facts, "height"),
         facts=FrozenMap({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
         emg=store.get_emg(stored),
         emg_muscles={
@@ -330,6 +333,12 @@ def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInpu
     for step in STEPS["trial"]:
         shown = step_of(step).show(shown, stored)
     return shown
+
+
+def _number(facts: Mapping[str, str], name: str) -> float | None:
+    """Return a number among the facts of a result file, None where it is not known."""
+    text = facts.get(name, "")
+    return float(text) if text else None
 
 
 MAX_TRIANGLES = 40000

@@ -5,6 +5,7 @@ is.
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Series
 from myomorph.lab.analysis.cycles import SAMPLES, Cycles, over_cycles
+from myomorph.lab.analysis.stride_quantities import STRIDE_TABLE
+from myomorph.lab.analysis.stride_spread import StrideSpread, stride_spreads
 from myomorph.lab.report.page.parts import Verdict
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.results import Stored
@@ -24,6 +27,7 @@ from myomorph.lab.study.step.step import trial_steps
 from myomorph.lab.study.step.step_table import REPORT
 from myomorph.lab.study.trial.labelled_result import labelled_signals
 from myomorph.lab.study.trial.reporting import TrialResults
+from myomorph.lab.study.trial.stride_table import write_stride_table
 from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, LOADED, Signals, Value, statistics_of
 from myomorph.lab.study.trial.trial_strides import TrialStrides, by_side
 
@@ -32,15 +36,20 @@ CURVES = "curves.csv"
 QUALITY = "quality.csv"
 OF_STRIDE = "percent_of_stride"
 OF_TRIAL = "percent_of_trial"
-VALUE_COLUMNS = ("step", "quantity", "value", "unit", "low", "high", "sd")
-NUMBERS = ("value", "low", "high", "sd")
-"""Columns of `VALUE_COLUMNS` that are numbers; those of draws are empty where nothing was drawn."""
+STRIDE_COLUMNS = ("stride_sd", "mean_low", "mean_high", "strides")
+VALUE_COLUMNS = ("step", "quantity", "value", "unit", "low", "high", "sd", *STRIDE_COLUMNS)
+NUMBERS = ("value", "low", "high", "sd", *STRIDE_COLUMNS)
+"""Columns of `VALUE_COLUMNS` that are numbers; those of draws are empty where nothing was drawn,
+those of strides where the value is no mean over strides.
+"""
 QUALITY_COLUMNS = ("quantity", "value", "unit", "limit", "state", "worst", "time_s", "detail")
 
 
 def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
-    """Write `values.csv`, `curves.csv` and `quality.csv` beside a trial's results, from these
-    alone. Where every step was reused from an earlier run and the files are there, they stay.
+    """Write `values.csv`, `curves.csv`, `strides.csv` and `quality.csv` beside a trial's results.
+
+    They are made from these alone. Where every step was reused from an earlier run and the files
+    are there, they stay.
     """
     names = (VALUES, CURVES, QUALITY)
     steps = [step for step in outcome.done if step != REPORT]
@@ -61,6 +70,7 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     cycles = [_cycles(signal, strides) for signal in signals]
     limits = get_value_limits(stored)
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)
+    write_stride_table(outcome.folder / STRIDE_TABLE, prepared.stride_curves)
     write_csv(
         outcome.folder / QUALITY,
         QUALITY_COLUMNS,
@@ -80,11 +90,15 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
 
 def value_row(value: Value) -> tuple[str, ...]:
     """A row of `VALUE_COLUMNS`."""
-    drawn = (
-        f"{number:.6g}" if np.isfinite(number) else ""
-        for number in (value.low, value.high, value.sd)
-    )
-    return (value.step, value.quantity, f"{value.value:.9g}", value.unit, *drawn)
+    numbers = [value.low, value.high, value.sd]
+    count = ""
+    if value.strides is None:
+        numbers += [math.nan] * 3
+    else:
+        numbers += [value.strides.sd, value.strides.low, value.strides.high]
+        count = str(value.strides.count)
+    texts = (f"{number:.6g}" if np.isfinite(number) else "" for number in numbers)
+    return (value.step, value.quantity, f"{value.value:.9g}", value.unit, *texts, count)
 
 
 def _with_limits(
@@ -112,25 +126,37 @@ def trial_values(
         if not step.numbers_last:
             yield from step.numbers(stored, model, strides)
     for signal, cycle in zip(signals, cycles, strict=True):
-        tables = {"": statistics_of(signal.series.values)}
-        if cycle is not None and strides is not None:
-            each = statistics_of(cycle.values, axis=1)
-            tables[f" {IN_STRIDE}"] = {
-                name: statistics_of(values)["mean"] for name, values in each.items()
-            }
-        for index, name in enumerate(signal.series.names):
-            for where, numbers in tables.items():
-                for what in signal.statistics:
-                    quantity = f"{name}{signal.endings[index]}, {what}{where}"
-                    yield Value(
-                        step=signal.step,
-                        quantity=quantity,
-                        value=float(numbers[what][index]),
-                        unit=signal.units[index],
-                    )
+        yield from _signal_values(signal, cycle if strides is not None else None)
     for step in steps:
         if step.numbers_last:
             yield from step.numbers(stored, model, strides)
+
+
+def _signal_values(signal: Signals, cycle: Cycles | None) -> Iterator[Value]:
+    """Yield extremes and means of the columns of a signal: over the trial, and where there are
+    strides the mean over these of each stride's own, with how strides differ.
+    """
+    whole = statistics_of(signal.series.values)
+    each = {} if cycle is None else statistics_of(cycle.values, axis=1)
+    means = {what: statistics_of(each[what])["mean"] for what in signal.statistics if each}
+    spreads = {what: stride_spreads(each[what]) for what in signal.statistics if each}
+    for index, name in enumerate(signal.series.names):
+        beginning = f"{name}{signal.endings[index]}"
+        for what in signal.statistics:
+            yield Value(
+                step=signal.step,
+                quantity=f"{beginning}, {what}",
+                value=float(whole[what][index]),
+                unit=signal.units[index],
+            )
+        for what, numbers in means.items():
+            yield Value(
+                step=signal.step,
+                quantity=f"{beginning}, {what} {IN_STRIDE}",
+                value=float(numbers[index]),
+                unit=signal.units[index],
+                strides=spreads[what][index],
+            )
 
 
 def quality_rows(verdicts: Sequence[Verdict], warnings: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -232,22 +258,33 @@ def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, 
 
 
 def read_values(path: Path) -> list[Value]:
-    """Values as `write_trial_values` wrote them."""
+    """Values as `write_trial_values` wrote them; tables of older versions have no columns of
+    strides.
+    """
     with path.open(newline="", encoding="utf-8") as stream:
-        rows = csv.reader(stream)
-        next(rows, None)
-        return [
-            Value(
-                step=step,
-                quantity=quantity,
-                value=float(value),
-                unit=unit,
-                low=float(low or "nan"),
-                high=float(high or "nan"),
-                sd=float(sd or "nan"),
-            )
-            for step, quantity, value, unit, low, high, sd in rows
-        ]
+        return [_read_value(row) for row in csv.DictReader(stream)]
+
+
+def _read_value(row: Mapping[str, str]) -> Value:
+    value = Value(
+        step=row["step"],
+        quantity=row["quantity"],
+        value=float(row["value"]),
+        unit=row["unit"],
+        low=float(row["low"] or "nan"),
+        high=float(row["high"] or "nan"),
+        sd=float(row["sd"] or "nan"),
+    )
+    if not row.get("strides"):
+        return value
+    spread = StrideSpread(
+        mean=value.value,
+        sd=float(row["stride_sd"] or "nan"),
+        low=float(row["mean_low"] or "nan"),
+        high=float(row["mean_high"] or "nan"),
+        count=int(row["strides"]),
+    )
+    return value._replace(strides=spread)
 
 
 def read_quality(path: Path) -> list[dict[str, str]]:

@@ -20,6 +20,7 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source
 from myomorph.core.model.series import Series, Trial
 from myomorph.lab.analysis.presets import preset_of
+from myomorph.lab.analysis.stride_spread import StrideSpread
 from myomorph.lab.store.quantity_files import motions_of
 from myomorph.lab.store.results import ResultWriter, file_source
 from myomorph.lab.store.settings import ReportOptions, with_settings
@@ -38,7 +39,15 @@ Held = TypeVar("Held")
 Settings = Mapping[str, Mapping[str, Any]]  # The settings of each step, by step and setting.
 # With which quantities end that are the mean over strides of each stride's own.
 IN_STRIDE = "in a stride"
-NO_FACTS = {"mass": "", "phases": "{}", "parts": "{}", "emg_muscles": "{}"}
+NO_FACTS = {
+    "mass": "",
+    "age": "",
+    "sex": "",
+    "height": "",
+    "phases": "{}",
+    "parts": "{}",
+    "emg_muscles": "{}",
+}
 """Facts of a recording without these inputs, as result files of every version have them."""
 EXTREMES = ("minimum", "maximum", "range", "mean")
 LOADED = 0.05  # Of body weight: a foot that never carries more in a cycle did not stand on a plate.
@@ -193,7 +202,7 @@ class TrialInputs:
 
 class Value(NamedTuple):
     """One number of a trial, its step and unit; limits of 90 % and standard deviation of draws, NaN
-    for none.
+    for none; of a mean over strides how these differ.
     """
 
     step: str
@@ -203,6 +212,7 @@ class Value(NamedTuple):
     low: float = math.nan
     high: float = math.nan
     sd: float = math.nan
+    strides: StrideSpread | None = None
 
 
 @read_only

@@ -20,6 +20,7 @@ from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.analysis.cycles import SAMPLES, Cycles, over_cycles
 from myomorph.lab.analysis.foot_events import Limb
 from myomorph.lab.analysis.groups import Animal
+from myomorph.lab.analysis.stride_spread import stride_spread
 from myomorph.lab.analysis.strides import Stride, Strides, find_strides
 from myomorph.lab.analysis.walking import (
     facing_of,
@@ -95,6 +96,7 @@ class TrialStrides:
                         quantity=f"{name}, {limb}",
                         value=float(np.nanmean(values)),
                         unit=unit or "1",
+                        strides=stride_spread(values),
                     )
 
 

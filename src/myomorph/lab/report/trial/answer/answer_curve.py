@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.lab.analysis.stride_spread import MIN_STRIDES
 from myomorph.lab.report.trial.answer.sentence import Side
 
-FEW = 5
+FEW = MIN_STRIDES
 """From so many cycles on their spread is drawn as a band; below, each is drawn by itself."""
 
 
