@@ -273,11 +273,11 @@ def how_sure() -> Figure:
     contributes.
     """
     columns = (
-        ("torques", "knee_angle_l_moment", 1.0),
-        ("joint_contact_forces", "total_walker_knee_l", 1e-3),
+        ("torques", "generalized_force", "knee_angle_l_moment", 1.0),
+        ("joint_contact_forces", "joint_contact_load", "total_walker_knee_l", 1e-3),
     )
     figure, axes = plt.subplots(2, 2, figsize=(7.0, 4.8), width_ratios=(2, 1))
-    for (table, column, scale), (curve, bars) in zip(columns, axes, strict=True):
+    for (table, quantity, column, scale), (curve, bars) in zip(columns, axes, strict=True):
         for folder, color in (("usual", "#cccccc"), ("images", "#92c5de")):
             low = mm.read_sto(f"{folder}/{table}_low.sto")
             high = mm.read_sto(f"{folder}/{table}_high.sto")
@@ -299,7 +299,7 @@ def how_sure() -> Figure:
                 row = next(
                     one
                     for one in csv.DictReader(stream)
-                    if (one["table"], one["column"]) == (table, wanted)
+                    if (one["quantity"], one["column"]) == (quantity, wanted)
                 )
             if folder == "usual":
                 names = [key for key in row if key.endswith("_total") and float(row[key]) > 0.01]
