@@ -104,6 +104,7 @@ from .exchange.mujoco.certificate import Difference as Difference
 from .exchange.mujoco.export import write_mjcf as write_mjcf
 from .lab import session as session
 from .lab import uncertainty as uncertainty
+from .lab import viewer as viewer
 from .lab.analysis.correlations import Correlations as Correlations
 from .lab.analysis.correlations import correlate as correlate
 from .lab.analysis.cycles import Periodicity as Periodicity

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,9 +16,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from myomorph.core.io.mesh import write_obj
 from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.errors import BadFile
+from myomorph.core.model.model import Mesh
 from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform
+from myomorph.core.model.surface import Surface
 from myomorph.lab.cli import main
 from myomorph.lab.store import stored
 from myomorph.lab.store.results import STORED, file_source, new_result, provenance_of
@@ -181,3 +187,36 @@ def test_the_command_says_where_and_ends_with_ctrl_c(write: Write) -> None:
         assert errors == ""
     finally:
         process.kill()
+
+
+def test_missing_meshes_are_named_and_found_in_the_folder_given(
+    write: Write, arm: SimpleNamespace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = read_osim(arm.model)
+    mesh = Mesh(file="hand.obj", pose=Transform(np.eye(3), np.zeros(3)), scale=np.ones(3))
+    bodies = (model.bodies[0], replace(model.bodies[1], meshes=(mesh,)))
+    write_osim(replace(model, bodies=bodies), arm.model)
+    path = write(f"walk{STORED}", "walk")
+    movie = ["--movie", str(tmp_path / "walk.gif"), "--size", "200", "120"]
+    pytest.importorskip("PIL", reason="needs the extra 'view'")
+    assert main(["view", str(path), *movie]) == 0
+    told = capsys.readouterr()
+    assert "1 of 1 mesh files" in told.err
+    assert "'hand.obj'" in told.err
+    assert "--geometry" in told.err
+    assert re.search(r"wrote .*walk.gif: 20 pictures, 1 s at 1 of", told.out)
+    meshes = tmp_path / "meshes"
+    meshes.mkdir()
+    write_obj(Surface(np.eye(3), np.array([[0, 1, 2]])), meshes / "hand.obj")
+    assert main(["view", str(path), *movie, "--geometry", str(meshes)]) == 0
+    assert capsys.readouterr().err == ""
+    assert main(["view", str(path), *movie, "--geometry", str(tmp_path / "gone")]) == 2
+    assert "is no folder" in capsys.readouterr().err
+
+
+def test_options_of_a_movie_need_a_movie(write: Write, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(f"walk{STORED}", "walk")
+    assert main(["view", str(path), "--speed", "0.5", "--no-browser"]) == 2
+    assert "--movie" in capsys.readouterr().err
+    assert main(["view", str(path), str(path), "--movie", "a.gif"]) == 2
+    assert "one folder" in capsys.readouterr().err

@@ -244,10 +244,11 @@ OWN_COMMANDS = {
         panel="Main job",
     ),
     "view": CommandEntry(
-        function="myomorph.lab.cli.files:view_command",
-        help="Show results in a web page: the body moves, with its muscles and forces.",
+        function="myomorph.lab.cli.view:view_command",
+        help="Show results in a web page, or as a movie: the body moves, with muscles and curves.",
         example="myomorph view demo",
         panel="Main job",
+        option_panels={"Movie": ("movie", "size", "time", "seconds", "speed", "curves")},
     ),
 }
 

@@ -1,26 +1,13 @@
-"""Commands on files and folders of results: `info`, `convert`, `report` and `view`."""
+"""Commands on files and folders of results: `info`, `convert` and `report`."""
 
 from __future__ import annotations
 
-import signal
-import threading
-import webbrowser
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-from myomorph.core.model.errors import check_name
-from myomorph.core.model.extension import Extension, FolderReader, load
-from myomorph.core.model.registry import extensions
 from myomorph.lab.cli.options import documented, inputs_class, inputs_of_flags
 from myomorph.lab.cli.output import said, warn
-
-if TYPE_CHECKING:
-    from myomorph.core.model.model import Model
-    from myomorph.lab.study.trial.viewing import Recordings
-
+from myomorph.lab.study.trial.result_folders import demo_model, folder_reader
 
 ConvertInputs = inputs_class("loads", "time", leave_out=("loads", "bodies"))
 
@@ -103,83 +90,15 @@ def report_command(
     norms : what gait.html holds a walk against: folders of results of a control group, adults or
         none; by default adults, for a body of their size
     """
-    reader = _reader(folder, lambda extension: extension.reports)
+    reader = folder_reader(folder, lambda extension: extension.reports)
     if reader is not None:
         paths = [reader.read(folder)]
     else:
         from myomorph.lab.study.trial.reporting import report_folder
 
         paths = report_folder(
-            folder, preset=preset, times=times, demo_model=_demo_model, norms=norms
+            folder, preset=preset, times=times, demo_model=demo_model, norms=norms
         )
     for path in paths:
         said(f"wrote {path}")
     return 0
-
-
-@documented
-def view_command(folders: list[Path], /, *, port: int | None = None, browser: bool = True) -> int:
-    """Show results in a web page: the body moves, with its muscles, forces, markers and curves.
-
-    Parameters
-    ----------
-    folders : of results; several are shown in one scene, with one clock
-    port : of the page; any free one by default
-    browser : open the page in the browser
-    """
-    from myomorph.lab.study.trial.viewing import open_replay
-
-    def served(opened: int) -> None:
-        address = f"http://127.0.0.1:{opened}"
-        said(f"{address} (for this machine only; Ctrl-C ends)")
-        if browser:
-            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
-
-    with _ended_by_ctrl_c() as ended:
-        replay = open_replay(folders, port, served, _demo_model, _other_recordings)
-        try:
-            while not ended.wait(0.5):
-                pass
-        finally:
-            replay.close()
-    return 0
-
-
-def _reader(
-    folder: Path, kinds: Callable[[Extension], Sequence[FolderReader]]
-) -> FolderReader | None:
-    """What shows a folder of results of an extension, None for those of a trial or a study."""
-    readers = (reader for extension in extensions() for reader in kinds(extension))
-    return next((reader for reader in readers if reader.knows(folder)), None)
-
-
-def _other_recordings(folder: Path) -> Recordings:
-    reader = _reader(folder, lambda extension: extension.replays)
-    return {} if reader is None else reader.read(folder)
-
-
-def _demo_model(name: str) -> Model:
-    """The model of a demo's results."""
-    demos = {name: demo for each in extensions() for name, demo in each.demos.items() if demo.model}
-    check_name("demo", name, demos, "the installation")
-    return load(demos[name].model)(name)
-
-
-@contextmanager
-def _ended_by_ctrl_c() -> Iterator[threading.Event]:
-    """The event that the first Ctrl-C sets; a second one interrupts.
-
-    An exception can be raised anywhere, in callbacks too whose exceptions Python prints and
-    forgets: the program would then go on.
-    """
-    ended = threading.Event()
-
-    def end(number: int, frame: FrameType | None) -> None:
-        signal.signal(signal.SIGINT, before)
-        ended.set()
-
-    before = signal.signal(signal.SIGINT, end)
-    try:
-        yield ended
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -66,6 +66,7 @@ PANELS = {
         "times",
         "port",
         "browser",
+        "geometry",
         "norms",
         "generic",
         "keep-generic",

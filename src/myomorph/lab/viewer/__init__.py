@@ -1,3 +1,7 @@
-"""Pages that play stored results in three dimensions, and live ones; they compute no value that is
-kept.
+"""Results to look at: pages that play them, movies, and poses and paths to draw oneself; no value
+that is kept is computed here.
 """
+
+from myomorph.lazy_names import lazy_names
+
+__getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

@@ -90,10 +90,17 @@ class Instant:
 
 class PlayedBody:
     """One body with all that was found of it, frame by frame on demand, at `time` (frames,) [s].
-    `known`: (frames,) whether the coordinates of each frame are; `size`: that all that is drawn is
-    thick by [m]; `centers`: (frames, subjects, 3) of mass [m]; `activations`, `tensions` [N]:
-    (frames, `muscles`), NaN where unknown; `fibers`: their normalized lengths and tendon strains,
-    None unless tendons were elastic.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    known : (frames,) whether the coordinates of each frame are
+    size : that all that is drawn is thick by [m]
+    centers : (frames, subjects, 3) of mass [m]
+    activations, tensions : (frames, `muscles`), tensions [N]; NaN where unknown
+    measured, estimated : (frames, forces, 2, 3) start and end of the arrows of plates and of
+        contacts, NaN without a force [m]
+    fibers : normalized lengths and tendon strains, None unless tendons were elastic
     """
 
     def __init__(self, results: ReportInput):
@@ -144,11 +151,11 @@ class PlayedBody:
         ]
         # Arrows are drawn by the weight of the heaviest subject.
         weight = self.scene.weight * (max(masses) / model.mass if model.mass > 0.0 else 1.0)
-        self._measured = _arrows(wrenches, motion.time, weight, self.size)
+        self.measured = _arrows(wrenches, motion.time, weight, self.size)
         estimated = (
             None if results.contacts.forces is None else results.contacts.forces.wrenches("group")
         )
-        self._estimated = _arrows(estimated, motion.time, weight, self.size)
+        self.estimated = _arrows(estimated, motion.time, weight, self.size)
 
     @cached_property
     def tube_muscles(self) -> np.ndarray:
@@ -169,15 +176,17 @@ class PlayedBody:
         """The frame nearest to a time [s]."""
         return int(nearest_samples(self.time, np.array([time]))[0])
 
+    def posed_frame(self, frame: int) -> int:
+        """The frame whose pose is shown at a frame: the last one that is known, else the first."""
+        before = np.flatnonzero(self.known[: frame + 1])
+        return int(before[-1] if len(before) else np.flatnonzero(self.known)[0])
+
     def at(self, frame: int, chosen: Collection[int] = ()) -> Instant:
         """The body at a frame; muscles `chosen` by index stand out. An unknown frame shows the last
         known pose.
         """
         known = bool(self.known[frame])
-        before = np.flatnonzero(self.known[: frame + 1])
-        posed = (
-            frame if known else int(before[-1] if len(before) else np.flatnonzero(self.known)[0])
-        )
+        posed = self.posed_frame(frame)
         coordinates = self._coordinates[posed : posed + 1]
         poses = forward_kinematics(self._tree, coordinates)
         rotations = poses.rotations[0]
@@ -192,8 +201,8 @@ class PlayedBody:
             ),
             recorded=self._markers.recorded[frame],
             modelled=self._markers.modelled(rotations, origins),
-            measured=self._measured[frame],
-            estimated=self._estimated[frame],
+            measured=self.measured[frame],
+            estimated=self.estimated[frame],
             centers=self.centers[posed],
         )
 

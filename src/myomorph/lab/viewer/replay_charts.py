@@ -16,6 +16,7 @@ from myomorph.core.model.series import Wrenches
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.model.sides import split_side
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
+from myomorph.core.tension.load_quantities import JOINT_CONTACT_LOAD
 from myomorph.core.tension.quantities import ACTIVATION, MUSCLE_FORCE
 from myomorph.lab.analysis.selection import coordinate_pairs, pairs
 from myomorph.lab.report.trial.report_input import ReportInput
@@ -204,6 +205,31 @@ def _vertical(body: PlayedBody, wrenches: Wrenches, dashed: bool) -> list[Curve]
     return result
 
 
+def joint_force_chart(body: PlayedBody, joints: Sequence[str] = ()) -> Chart | None:
+    """The size of the force in joints with contact points, by body weight; all of them by
+    default.
+    """
+    contacts = body.results.joint_contacts
+    if contacts is None or not contacts.joints:
+        return None
+    curves = []
+    names = (joints or contacts.joints)[:MAX_CURVES]
+    scale = 1.0 / contacts.weight
+    for index, name in enumerate(names):
+        values = at_times(body.time, contacts.time, scale * contacts.of(name))
+        column = f"total_{name}"
+        curve = Curve(name, values, _ink(name, index))
+        curves.append(_with_limits(body, JOINT_CONTACT_LOAD, column, curve, scale))
+    kinds = {segment_joint(name) for name in names}
+    what = f"{kinds.pop().capitalize()} force" if len(kinds) == 1 else "Joint force"
+    return Chart(f"{what} [body weights]", tuple(curves))
+
+
+def segment_joint(name: str) -> str:
+    """The word for a joint in its name: `knee` of `walker_knee_r`."""
+    return split_side(name)[0].rpartition("_")[2]
+
+
 def center_chart(body: PlayedBody) -> Chart | None:
     """Where every subject's center of mass is against its mean: upwards, ahead and to the right."""
     scene = body.scene
@@ -244,7 +270,7 @@ class Curves:
         panel = gui.add_panel()
         panel.dock_left()
         panel.set_width(WIDTH)
-        names = ("coordinate", "activation", "tension", "torque", "force", "center")
+        names = ("coordinate", "activation", "tension", "torque", "joint", "force", "center")
         tab = panel.add_tab("Curves")
         with tab:
             gui.add_html(UNLISTED, order=-1.0)
@@ -264,6 +290,7 @@ class Curves:
         self._coordinate.options = tuple(self._choices)
         self._show_coordinate()
         self.show_muscles(strongest(body))
+        self._show("joint", joint_force_chart(body))
         self._show("force", force_chart(body))
         self._show("center", center_chart(body))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from myomorph.lab.store.netcdf import open_netcdf
 from myomorph.lab.store.results import DAMAGED, read_result, result_files
 
 if TYPE_CHECKING:
+    from myomorph.core.model.model import Model
     from myomorph.lab.report.trial.report_input import ReportInput
     from myomorph.lab.study.trial.reporting import ModelMaker
     from myomorph.lab.viewer.replay import Replay
@@ -25,24 +27,47 @@ LARGE = ("moment_arm",)  # Variables that a page does not show.
 Recordings = Mapping[str, Callable[[], "ReportInput"]]  # By name, each opened when it is called.
 
 
+@dataclass(frozen=True, kw_only=True)
+class Appearance:
+    """What results are shown with, beside what they hold.
+
+    Attributes
+    ----------
+    demo_model : makes the model of a demonstration's results, by its name
+    geometry : folder of meshes, looked into before those beside the model
+    missing : called with a sentence for each kind of meshes that are not shown
+    """
+
+    demo_model: ModelMaker | None = None
+    geometry: Path | None = None
+    missing: Callable[[str], None] = lambda sentence: None
+
+    def __post_init__(self) -> None:
+        if self.geometry is not None and not self.geometry.is_dir():
+            raise BadFile(self.geometry, "is no folder", "give the one that holds the meshes")
+
+
+AS_STORED = Appearance()
+
+
 def open_replay(
     folders: Sequence[str | Path],
     port: int | None = None,
     served: Callable[[int], None] | None = None,
-    demo_model: ModelMaker | None = None,
+    appearance: Appearance = AS_STORED,
     others: Callable[[Path], Recordings] = lambda folder: {},
 ) -> Replay:
     """A page, on a free port by default, that shows the results (with a motion) of one folder or
     file, or of several in one scene; `served` is called with the port once the page can be opened,
     before the results are read; `others`: finds recordings of folders of another kind.
     """
-    choices = [others(Path(folder)) or recordings(folder, demo_model) for folder in folders]
+    choices = [others(Path(folder)) or recordings(folder, appearance) for folder in folders]
     from myomorph.lab.viewer.replay import Replay
 
     return Replay(choices, port, served)
 
 
-def recordings(folder: str | Path, demo_model: ModelMaker | None = None) -> Recordings:
+def recordings(folder: str | Path, appearance: Appearance = AS_STORED) -> Recordings:
     """The recordings of a folder of results by name, each opened when it is called; those with a
     motion. Files in one folder belong together where they tell of the same trial at the same times.
     """
@@ -71,16 +96,30 @@ def recordings(folder: str | Path, demo_model: ModelMaker | None = None) -> Reco
         )
         while name in result:
             name += "'"
-        result[name] = partial(_open, tuple(files), demo_model)
+        result[name] = partial(_open, tuple(files), appearance)
     return result
 
 
-def _open(files: Sequence[Path], demo_model: ModelMaker | None) -> ReportInput:
+def _open(files: Sequence[Path], appearance: Appearance) -> ReportInput:
     # The page is served already: what takes longest to import comes last.
     from myomorph.lab.study.trial.reporting import joined, model_of, report_input
 
     stored = joined([read_result(path, leave_out=LARGE) for path in files])
-    return report_input(stored, model_of(stored, demo_model))
+    model = model_of(stored, appearance.demo_model)
+    return _with_meshes(report_input(stored, model, drawn=False), model, appearance)
+
+
+def _with_meshes(shown: ReportInput, model: Model, appearance: Appearance) -> ReportInput:
+    """Return what is shown with its meshes, and a warning of those that are missing."""
+    from myomorph.core.io.mesh import mesh_folders, read_surfaces
+    from myomorph.lab.study.trial.reporting import reduced_for_pictures
+
+    own = () if appearance.geometry is None else (appearance.geometry,)
+    surfaces, missing = read_surfaces(model, (*own, *mesh_folders(model)))
+    sentences = [f"{text}: name the folder that has them by --geometry" for text in missing]
+    for sentence in sentences:
+        appearance.missing(sentence)
+    return replace(shown, surfaces=reduced_for_pictures(surfaces)).with_warnings(sentences)
 
 
 def _what_is_in(path: Path) -> tuple[tuple[object, ...] | None, bool]:

@@ -13,13 +13,12 @@ import numpy as np
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
-from myomorph.core.model.paths import Muscle
-from myomorph.core.model.surface import Surface
 from myomorph.lab.report.scene.image import data_uri, png
 from myomorph.lab.report.scene.pictures import DRAWERS
 from myomorph.lab.report.scene.raster import Canvas, View
-from myomorph.lab.report.scene.scene import MusclePath, Scene, solid_corners
-from myomorph.lab.report.scene.shapes import normals, quads
+from myomorph.lab.report.scene.scene import Scene, solid_corners
+from myomorph.lab.report.scene.shapes import normals
+from myomorph.lab.report.scene.spindles import FACES, spindles
 
 Theme = Literal["light", "dark"]
 THEMES: tuple[Theme, ...] = get_args(Theme)
@@ -45,20 +44,6 @@ RAMPS: Mapping[Theme, tuple[str, ...]] = FrozenMap(
 """Colors from rest to `FULL`, monotonic in lightness: more active is further from the page."""
 BONES: Mapping[Theme, str] = FrozenMap({"light": "#e8e6df", "dark": "#a9aeb6"})
 
-SPECIFIC_TENSION = 3e5
-"""Force of muscle per cross section [N/m^2], 30 N/cm^2 (Zajac 1989)."""
-BELLY = 0.62
-"""Share of a muscle's length that is its belly."""
-THINNED = 0.8
-"""Of the radius that holds the muscle's volume: neighbours stay apart."""
-THICKEST = 0.1
-"""Largest radius as a share of the length: short muscles are no balls."""
-TENDON = 0.0016
-"""Radius of a tendon [m]."""
-RINGS = 18
-SIDES = 10
-"""Corners of a spindle along and around it."""
-
 
 @dataclass(frozen=True)
 class PosePicture:
@@ -83,7 +68,7 @@ def pose_pictures(model: Model, scene: Scene) -> tuple[PosePicture, ...]:
     model : whose muscles' volumes give the spindles their size
     scene : the body in its key poses, with activations where they are known
     """
-    axes = _camera(scene)
+    axes = camera_axes(scene)
     boxes = [_box(scene, frame, axes) for frame in range(len(scene.time))]
     bottom = min(box[2] for box in boxes)
     top = max(box[3] for box in boxes)
@@ -140,22 +125,30 @@ def _shapes(model: Model, scene: Scene, frame: int) -> list[Shape]:
         shapes.append(
             Shape(vertices=vertices, normals=lit, faces=solid.surface.faces, activation=None)
         )
-    for path, muscle in zip(scene.muscles, model.muscles, strict=True):
-        spindle = spindle_of(path, muscle, frame)
-        if spindle is not None:
-            active = float(path.activation[frame])
-            shape = Shape(
+    for spindle in spindles(scene.muscles, model.muscles, frame):
+        active = float(scene.muscles[spindle.muscle].activation[frame])
+        shapes.append(
+            Shape(
                 vertices=spindle.vertices,
-                normals=normals(spindle),
-                faces=spindle.faces,
+                normals=spindle.normals,
+                faces=FACES,
                 activation=active,
             )
-            shapes.append(shape)
+        )
     return shapes
 
 
-def _camera(scene: Scene) -> Array:
-    """(3, 3) rows: to the right of the picture, up in it, towards the viewer."""
+def camera_axes(scene: Scene) -> Array:
+    """Turn the camera to a body.
+
+    Parameters
+    ----------
+    scene : the body's axes are taken
+
+    Returns
+    -------
+    (3, 3) rows: to the right of the picture, up in it, towards the viewer
+    """
     azimuth = np.radians(AZIMUTH)
     elevation = np.radians(ELEVATION)
     level = np.cos(azimuth) * scene.right + np.sin(azimuth) * scene.forward
@@ -192,43 +185,6 @@ def _image(theme: Theme, view: View, shapes: Sequence[Shape]) -> str:
     lean = canvas.picture(SHRINK) & np.array([252, 252, 252, 255], dtype=np.uint8)
     lean[lean[..., 3] == 0] = 0
     return data_uri(png(lean))
-
-
-def spindle_of(path: MusclePath, muscle: Muscle, frame: int) -> Surface | None:
-    """Return a spindle along a path, with the muscle's volume in its belly.
-
-    The volume is the cross section of the maximum isometric force by the optimal fiber length.
-    None where the path is not known in the frame.
-    """
-    points = path.points[frame]
-    points = points[np.isfinite(points).all(axis=1)]
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    points = points[np.concatenate([[True], steps > 1e-5])] if len(points) else points
-    if len(points) < 2:
-        return None
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    rings = np.linspace(0.0, along[-1], RINGS)
-    centers = np.stack([np.interp(rings, along, points[:, axis]) for axis in range(3)], axis=1)
-    volume = muscle.max_isometric_force / SPECIFIC_TENSION * muscle.optimal_fiber_length
-    length = float(along[-1])
-    radius = THINNED * np.sqrt(max(volume, 0.0) / (np.pi * BELLY * length))
-    belly = min(float(radius), THICKEST * length)
-    profile = np.sin(np.pi * np.linspace(0.0, 1.0, RINGS)) ** 1.2
-    return _around(centers, TENDON + belly * profile)
-
-
-def _around(centers: Array, radii: Array) -> Surface:
-    """Return a round surface of radii (rings,) around points (rings, 3) of a line."""
-    along = np.gradient(centers, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-    # Not along any axis of the body, so that it is across every muscle.
-    across = np.cross(along, np.array([0.31, 0.17, 0.93]))
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    aside = np.cross(along, across)
-    angle = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)[None, :, None]
-    directions = np.cos(angle) * across[:, None] + np.sin(angle) * aside[:, None]
-    points = centers[:, None] + radii[:, None, None] * directions
-    return Surface(points.reshape(-1, 3), quads(len(centers), SIDES))
 
 
 def ramp_color(theme: Theme, activation: float) -> Array:
