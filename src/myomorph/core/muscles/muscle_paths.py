@@ -81,7 +81,7 @@ def muscle_paths(model: Model, motion: Motion) -> MusclePaths:
     check_argument("model", model, Model)
     check_argument("motion", motion, Motion)
     coordinates = compile_tree(model).coordinates_of(motion)
-    known = np.isfinite(coordinates).all(axis=1)
+    known = np.asarray(np.isfinite(coordinates).all(axis=1))
     drawn = drawn_paths(compile_paths(model), np.where(known[:, None], coordinates, 0.0))
     return MusclePaths(
         time=motion.time,

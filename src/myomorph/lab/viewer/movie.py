@@ -147,7 +147,8 @@ def movie_clock(time: Array, options: MovieOptions) -> MovieClock:
     seconds = min(length / speed, options.seconds or MAX_SECONDS)
     count = max(round(seconds * RATE), 1)
     cut = seconds < length / speed - 1e-9
-    return MovieClock(times=start + np.arange(count) * speed / RATE, speed=speed, cut=cut)
+    times = np.asarray(start + np.arange(count) * speed / RATE, dtype=np.float64)
+    return MovieClock(times=times, speed=speed, cut=cut)
 
 
 class MoviePages:
