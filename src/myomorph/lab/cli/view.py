@@ -105,6 +105,7 @@ def _play(folders: list[Path], appearance: Appearance, port: int | None, browser
 
 def _write_movie(folders: list[Path], appearance: Appearance, out: Path, flags: MovieFlags) -> int:
     """Write a movie of the first recording of a folder; return the exit status."""
+    from myomorph.lab.store.progress import progress
     from myomorph.lab.study.trial.movie_of_results import recordings_of
     from myomorph.lab.viewer.movie import MovieOptions as Options
     from myomorph.lab.viewer.movie import draw_movie
@@ -124,7 +125,7 @@ def _write_movie(folders: list[Path], appearance: Appearance, out: Path, flags: 
     name, opened = next(iter(found.items()))
     if len(found) > 1:
         said(f"{name}, the first of {len(found)} recordings: give the folder of another to see it")
-    clock = draw_movie(opened(), out, options)
+    clock = draw_movie(opened(), out, options, progress)
     parts = [
         f"wrote {out}: {len(clock.times)} pictures",
         f"{clock.seconds:.3g} s at {clock.speed:.3g} of the recorded speed",

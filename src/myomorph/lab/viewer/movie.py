@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +17,7 @@ from myomorph.lab.report.trial.report_input import ReportInput
 from myomorph.lab.viewer.movie_body import BodyPainter
 from myomorph.lab.viewer.movie_charts import FAINT, SHRINK, ChartPainter, ChartPlace
 from myomorph.lab.viewer.movie_curves import movie_charts
-from myomorph.lab.viewer.movie_file import check_movie_file, write_movie_file
+from myomorph.lab.viewer.movie_file import Pictures, check_movie_file, write_movie_file
 from myomorph.lab.viewer.replay_body import PlayedBody
 from myomorph.lab.viewer.replay_scene import COLORS
 
@@ -36,6 +38,14 @@ CHARTS = 0.54
 """Share of the width that charts have."""
 STEPS = 64
 """Colors of the scale of activations."""
+
+
+Watch = Callable[[str, int], AbstractContextManager[Callable[[float], None]]]
+
+
+@contextmanager
+def _unwatched(title: str, count: int) -> Iterator[Callable[[float], None]]:
+    yield lambda drawn: None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +101,9 @@ class MovieClock:
         return len(self.times) / RATE
 
 
-def draw_movie(results: ReportInput, out: Path, options: MovieOptions) -> MovieClock:
+def draw_movie(
+    results: ReportInput, out: Path, options: MovieOptions, watch: Watch = _unwatched
+) -> MovieClock:
     """Write a movie of results.
 
     Parameters
@@ -99,6 +111,7 @@ def draw_movie(results: ReportInput, out: Path, options: MovieOptions) -> MovieC
     results : with a motion
     out : file to write, as GIF, WebP or PNG by its ending
     options : how it looks
+    watch : is told how far it is: a title and the number of pictures, then pictures just drawn
 
     Returns
     -------
@@ -115,7 +128,9 @@ def draw_movie(results: ReportInput, out: Path, options: MovieOptions) -> MovieC
     body = PlayedBody(results)
     clock = movie_clock(body.time, options)
     pages = MoviePages(body, clock.times, options)
-    write_movie_file(out, pages.picture, len(clock.times), 1.0 / RATE)
+    pictures = Pictures(draw=pages.picture, count=len(clock.times), seconds=1.0 / RATE)
+    with watch(f"drawing {out.name}", pictures.count) as advance:
+        write_movie_file(out, pictures, advance)
     return clock
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,6 @@ import numpy as np
 
 from myomorph.core.model.errors import BadFile, from_extra
 from myomorph.lab.report.scene.pictures import DRAWERS
-from myomorph.lab.store.progress import progress
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -40,30 +40,48 @@ def check_movie_file(path: Path) -> None:
         )
 
 
-def write_movie_file(
-    path: Path, picture: Callable[[int], Image], count: int, seconds: float
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """Pictures of a movie, drawn when they are needed.
+
+    Attributes
+    ----------
+    draw : draws one of them, by its number
+    count : how many there are
+    seconds : that each is shown
+    """
+
+    draw: Callable[[int], Image]
+    count: int
+    seconds: float
+
+
+def write_movie_file(path: Path, pictures: Pictures, advance: Callable[[float], None]) -> None:
     """Draw pictures and write them as a movie that begins again at its end.
 
     Parameters
     ----------
     path : with one of `ENDINGS`
-    picture : draws one of them, by its number
-    count : of pictures
-    seconds : that each is shown
+    pictures : at least one
+    advance : called with the number of pictures just drawn
 
     Raises
     ------
     BadFile : the file cannot be written
     """
     gif = path.suffix.lower() == ".gif"
-    encoded: Callable[[Image], Image] = _with_colors(picture, count) if gif else _as_it_is
+    encoded: Callable[[Image], Image] = _with_colors(pictures) if gif else _as_it_is
+    draw = pictures.draw
     frames = []
-    with progress(f"drawing {path.name}", count) as advance, ThreadPoolExecutor(DRAWERS) as pool:
-        for frame in pool.map(lambda number: encoded(picture(number)), range(count)):
+    with ThreadPoolExecutor(DRAWERS) as pool:
+        for frame in pool.map(lambda number: encoded(draw(number)), range(pictures.count)):
             frames.append(frame)
             advance(1.0)
-    options: dict[str, Any] = {"duration": round(1000.0 * seconds), "loop": 0, "save_all": True}
+    options: dict[str, Any] = {
+        "duration": round(1000.0 * pictures.seconds),
+        "loop": 0,
+        "save_all": True,
+    }
     # Pillow takes from these what the format knows.
     options |= {"optimize": gif, "quality": QUALITY}
     try:
@@ -76,14 +94,15 @@ def _as_it_is(frame: Image) -> Image:
     return frame
 
 
-def _with_colors(picture: Callable[[int], Image], count: int) -> Callable[[Image], Image]:
+def _with_colors(pictures: Pictures) -> Callable[[Image], Image]:
     """Return what gives every picture of a movie the same few colors.
 
     What stands still then has the same color in all, and costs nothing.
     """
     image = from_extra("view", "PIL.Image", "pillow")
-    numbers = np.unique(np.linspace(0, count - 1, SAMPLES).astype(int))
-    pixels = np.concatenate([np.asarray(picture(int(n))).reshape(-1, 3) for n in numbers])
+    numbers = np.unique(np.linspace(0, pictures.count - 1, SAMPLES).astype(int))
+    samples = [np.asarray(pictures.draw(number)) for number in numbers.tolist()]
+    pixels = np.concatenate([sample.reshape(-1, 3) for sample in samples])
     drawn = pixels[pixels.min(axis=1) < WHITE]
     side = int(np.sqrt(len(drawn)))
     square = image.fromarray(drawn[: side * side].reshape(side, side, 3))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from myomorph.core.model.errors import BadData
+from myomorph.lab.store.progress import progress
 from myomorph.lab.study.trial.result_folders import demo_model, folder_reader
 from myomorph.lab.study.trial.viewing import Appearance, Recordings, recordings
 from myomorph.lab.viewer.movie import AS_RECORDED, MovieClock, MovieOptions, draw_movie
@@ -50,7 +51,7 @@ def write_movie(
     folder = None if geometry is None else Path(geometry)
     appearance = Appearance(demo_model=demo_model, geometry=folder)
     found = recordings_of(Path(results), appearance)
-    return draw_movie(next(iter(found.values()))(), Path(out), options)
+    return draw_movie(next(iter(found.values()))(), Path(out), options, progress)
 
 
 def recordings_of(folder: Path, appearance: Appearance) -> Recordings:
