@@ -13,9 +13,12 @@ FIGURES = {
     "contact-intervals": "contacts:draw_intervals",
     "hands-lift": "contacts:draw_lift",
     "hidden-plates": "contacts:draw",
+    "inertial-angles": "sensors:draw",
     "knee-force": "muscles:draw",
     "morph-shapes": "bones:draw_errors",
     "mouse-lengths": "muscles:draw_lengths",
+    "mujoco-arms": "exchange:draw_arms",
+    "opensim-torques": "exchange:draw_torques",
     "passive-tensions": "muscles:draw_passive",
     "species-leg": "bones:draw",
 }
