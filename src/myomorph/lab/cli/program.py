@@ -12,17 +12,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from myomorph.core.model.errors import MyomorphError, UnknownName, check_name, one_line
+from myomorph.core.model.errors import UnknownName, check_name, one_line
 from myomorph.core.model.extension import is_own, load
 from myomorph.core.model.registry import new_remarks
 from myomorph.core.rigid.kernels import before_compiling
+from myomorph.lab.cli.failures import BAD_INPUT, failure_of
 
 if TYPE_CHECKING:
     from cyclopts import App
 
 DONE = 0
-OUR_FAULT = 1
-BAD_INPUT = 2
 INTERRUPTED = 130
 
 
@@ -50,23 +49,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # End quietly, as other programs do, where whoever read our output has gone (`| head`).
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
-    except MyomorphError as error:
-        return _say(f"error: {error}", BAD_INPUT, debug)
-    except UnicodeEncodeError as error:
-        near = error.object[max(error.start - 40, 0) : error.end + 40]
-        return _say(f"error: a file's name is not UTF-8 ('{near}'): rename it", BAD_INPUT, debug)
-    except OSError as error:
-        return _say(f"error: {_about_file(error)}", BAD_INPUT, debug)
-    except MemoryError:
-        return _say(
-            "error: not enough memory: cut the recording with --time START END", BAD_INPUT, debug
-        )
     except Exception as error:
-        text = f"this is a fault of Myomorph, not of your files: {type(error).__name__}: {error}; "
-        text += "please report it" + (
-            "" if debug else ", with what the same command prints with --debug"
-        )
-        return _say(text, OUR_FAULT, debug)
+        failure = failure_of(error)
+        text = failure.text
+        if failure.status == BAD_INPUT:
+            text = f"error: {text}"
+        elif not debug:
+            text += ", with what the same command prints with --debug"
+        return _say(text, failure.status, debug)
 
 
 def _run(words: list[str]) -> int:
@@ -130,12 +120,3 @@ def _say_that_kernels_compile(folder: Path, can_keep: bool) -> None:
             " NUMBA_CACHE_DIR to a folder that can"
         )
     _say(text, DONE)
-
-
-def _about_file(error: OSError) -> str:
-    """An operating system's error as one line that names the file."""
-    reason = error.strerror or str(error)
-    # Of two names the second is the one that could not be written, as where a result is open in
-    # another program.
-    name = error.filename2 if error.filename2 is not None else error.filename
-    return f"{name}: {reason}" if name is not None else reason
