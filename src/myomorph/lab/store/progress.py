@@ -8,10 +8,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from myomorph.lab.store.watched import announce, is_watched
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
 PATIENCE = 2.0  # Work shorter than this says nothing [s].
+OFTEN = 0.3  # How often whoever watches from outside hears how far it is [s].
 
 Advance = Callable[[float], None]
 
@@ -50,10 +53,15 @@ def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
     bar: Progress | None = None
     done = 0.0
     interactive = sys.stderr.isatty() and not _SILENT
+    watched = is_watched()
+    announced = started
 
     def advance(count: float) -> None:
-        nonlocal bar, done
+        nonlocal announced, bar, done
         done += count
+        if watched and time.monotonic() - announced > OFTEN:
+            announced = time.monotonic()
+            announce(done=min(1.0, done / max(total, 1)))
         if bar is not None:
             bar.update(bar.task_ids[0], completed=done)
         elif interactive and time.monotonic() - started > PATIENCE:

@@ -15,7 +15,9 @@ from pathlib import PurePath
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.provenance import Provenance, Source
 from myomorph.lab.store.outcome import Outcome, failed
+from myomorph.lab.store.watched import announce
 
+LAST = "report"  # What follows from all steps of a job, as whoever watches hears it.
 NEVER = "is not computed yet"  # Why a step is computed of which there is no result.
 AFTER_OTHERS = "what it begins with is made anew"
 """Why a step is computed that begins with files of one that is computed."""
@@ -105,12 +107,14 @@ def run_steps(
                 )
                 outcome = replace(outcome, changed=tuple(changed))
                 started = time.monotonic()
+                announce(subject=outcome.subject, trial=outcome.trial, step=step)
                 job.compute(step)
                 timed = (*outcome.timed, (step, time.monotonic() - started))
                 outcome = replace(outcome, done=(*outcome.done, step), timed=timed)
             except Exception as error:
                 outcome = failed(outcome, error, step)
                 break
+        announce(subject=outcome.subject, trial=outcome.trial, step=LAST)
         return job.end(outcome)
 
 
