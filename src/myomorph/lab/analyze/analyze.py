@@ -35,7 +35,12 @@ from myomorph.lab.analyze.sensor_trials import (
     with_pose,
 )
 from myomorph.lab.analyze.session_sentences import people_sentences, stated_session
-from myomorph.lab.analyze.unfit_markers import unfit_markers
+from myomorph.lab.analyze.unfit_markers import (
+    MIN_MARKERS,
+    missing_segments,
+    shows_body,
+    unfit_markers,
+)
 from myomorph.lab.session.plate_cover import weighed
 from myomorph.lab.session.read import session_of
 from myomorph.lab.session.recordings import (
@@ -50,6 +55,7 @@ from myomorph.lab.session.recordings import (
     static_beside,
 )
 from myomorph.lab.session.session import Person, Session, SessionTrial
+from myomorph.lab.session.statements import corrected_session
 from myomorph.lab.store.results import file_name
 from myomorph.lab.study.inputs.assumed import Assumed
 from myomorph.lab.study.inputs.input import ByType
@@ -72,9 +78,6 @@ STUDY = "study.toml"
 GENERIC = "generic.osim"
 PROPOSED = "protocol.toml"
 STEPS = ("calibrate", "ik", "id", "muscles", "tension", "report")
-MIN_MARKERS = 6  # Fewer markers on a body's bones say too little of a motion.
-NEEDED = ("pelvis", "thigh", "shank")  # Segments that must have a marker, ...
-OF_ARMS = ("trunk", "upper_arm", "forearm")  # ... and where there are markers of arms alone.
 OF_MUSCLES = ("muscles", "tension")  # Steps that a model without muscles does not take.
 MAX_HEIGHT = 3.0  # Of a body [m].
 HEIGHT_TOLERANCE = 0.1  # A height that the markers show lies within this share of the true one.
@@ -259,7 +262,7 @@ def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
     _refuse_changed(study)
     paths, passed_over = files_of(request.recordings)
     looked_at = [look_at(path, table=request.table) for path in paths]
-    session = session_of(looked_at)
+    session = corrected_session(session_of(looked_at), request.statements)
     _check_one_person(session, request)
     # All are checked before anything is written.
     checked = [
@@ -351,6 +354,7 @@ def _checked_person(
     name = str(person.name)
     trials = {trial.path: trial for trial in session.of(name)}
     own = [recording for recording in looked_at if recording.path in trials]
+    request = request.of_person(name)
     request, recordings, sentences = _sorted_recordings(request, own, trials)
     _check_inputs(request.inputs, recordings.moving)
     _check_recordings(recordings, request, out)
@@ -432,7 +436,7 @@ def _sorted_recordings(
     marked = looked_at
     sentences = RecordingSentences()
     if looked_at:
-        static, marked, of_static = _static(looked_at, of_person, request)
+        static, marked, of_static = static_trial(looked_at, of_person, request)
         sentences = replace(sentences, static=[of_static])
     else:
         request, worth = unmarked_request(request)
@@ -596,18 +600,22 @@ def _refuse_changed(path: Path) -> None:
         )
 
 
-def _static(
+def static_trial(
     looked: list[Recording], of_person: Mapping[Path, SessionTrial], request: AnalyzeRequest
 ) -> tuple[Recording | None, list[Recording], str]:
     """Find the recording of standing still, the others, and a sentence on it.
 
     Somebody who sways stands too: recordings in which the session sees standing come after those in
     which nothing moves.
+
+    Parameters
+    ----------
+    looked : recordings of markers of one person
+    of_person : trials of the session, by file
+    request : whose static trial, where it names one, goes before what is found
     """
     if request.static is not None:
-        static = look_at(request.static, table=request.table)
-        moved = "" if static.still else ", although markers move in it by more than 3 cm"
-        return static, looked, f"{static.path.name} is the static trial, as --static says{moved}."
+        return _stated_static(looked, request.static, request)
     still = [one for one in looked if one.still]
     if not still:
         still = [one for one in looked if of_person[one.path].movement.value == "standing"]
@@ -629,6 +637,16 @@ def _static(
     )
 
 
+def _stated_static(
+    looked: list[Recording], path: Path, request: AnalyzeRequest
+) -> tuple[Recording, list[Recording], str]:
+    """Look at the static trial that a user names; it is no motion besides, unless it is all."""
+    static = look_at(path, table=request.table)
+    moving = [one for one in looked if one.path != path] or looked
+    moved = "" if static.still else ", although markers move in it by more than 3 cm"
+    return static, moving, f"{static.path.name} is the static trial, as --static says{moved}."
+
+
 def _check_markers(recording: Recording, everyone: Sequence[Recording], out: Path) -> None:
     """Refuse a recording whose known labels do not show a pelvis and a leg.
 
@@ -639,19 +657,16 @@ def _check_markers(recording: Recording, everyone: Sequence[Recording], out: Pat
     ------
     BadData
     """
-    segments = {site.segment for site in recording.found.sites.values()}
-    lacking = [
-        name for name in (OF_ARMS if is_arm(recording.found) else NEEDED) if name not in segments
-    ]
-    if len(recording.found.sites) >= MIN_MARKERS and not lacking:
+    if shows_body(recording.found):
         return
+    lacking = missing_segments(recording.found)
     if not recording.found.sites and not recording.found.unknown:
         raise BadData(
             f"{recording.path}: holds no marker that is ever seen: give the recording of the"
             " markers"
         )
     why = unfit_markers(recording.found, lacking)
-    standing = None if is_arm(recording.found) else next(filter(_all_still, everyone), None)
+    standing = None if is_arm(recording.found) else next(filter(all_still, everyone), None)
     proposals = (
         proposed_sites(standing.trial.markers)
         if standing is not None and standing.trial.markers
@@ -669,7 +684,7 @@ def _check_markers(recording: Recording, everyone: Sequence[Recording], out: Pat
     )
 
 
-def _all_still(recording: Recording) -> bool:
+def all_still(recording: Recording) -> bool:
     """Whether somebody stands still, by all markers."""
     markers = recording.trial.markers
     return markers is not None and stands_still(np.moveaxis(markers.values, 1, 0))

@@ -18,6 +18,7 @@ from myomorph.lab.analysis.arm_labels import is_arm
 from myomorph.lab.session.plate_cover import LASTS, SHARED, shared_time, uncovered_share
 from myomorph.lab.session.recordings import Recording, bare
 from myomorph.lab.session.sensor_recordings import placed_sensors
+from myomorph.lab.session.statements import StatedPerson, Statements
 from myomorph.lab.store.settings import ForceOptions, with_settings
 from myomorph.lab.study.inputs.contacts import ContactsFile
 from myomorph.lab.study.inputs.emg import EmgFiles
@@ -73,6 +74,7 @@ class AnalyzeRequest:
     inputs : settings of inputs, which go before what is found
     options : settings of the steps
     command : as typed, for the study file
+    statements : what the user says of single recordings and people
     """
 
     recordings: tuple[Path, ...]
@@ -85,6 +87,17 @@ class AnalyzeRequest:
     inputs: ByType = field(default_factory=ByType)
     options: Settings = field(default_factory=lambda: FrozenMap({}))
     command: str = "myomorph analyze"
+    statements: Statements = field(default_factory=Statements)
+
+    def of_person(self, name: str) -> AnalyzeRequest:
+        """Request for the recordings of one person, with what is stated of this person."""
+        stated = self.statements.people.get(name, StatedPerson())
+        return replace(
+            self,
+            mass=self.mass if stated.mass is None else stated.mass,
+            height=self.height if stated.height is None else stated.height,
+            static=self.static if stated.static is None else stated.static,
+        )
 
     @property
     def time(self) -> tuple[float, float] | None:
@@ -123,7 +136,10 @@ def recorded_trial(
         texts.append("Nobody moves in it: angles, torques and tensions are those of one pose.")
     emg, of_emg = _emg(recording, model, files.get(EmgFiles))
     texts += of_emg
-    measured = _measured_forces(recording, files.get(LoadsFile), model, request)
+    if request.statements.of(recording.path).plates:
+        measured = _measured_forces(recording, files.get(LoadsFile), model, request)
+    else:
+        measured = _without_plates(recording, files.get(LoadsFile), model)
     contacts, of_contacts = _contacts(recording, files.get(ContactsFile), measured, model, request)
     texts += (*measured.sentences, *of_contacts)
     if alone:
@@ -165,6 +181,13 @@ class MeasuredForces:
     feet: tuple[str, ...]
     found: bool = False
     sentences: tuple[str, ...] = ()
+
+
+def _without_plates(recording: Recording, loads: LoadsFile, model: Model) -> MeasuredForces:
+    """Leave out the plates of a recording, as a user says."""
+    unused = replace(loads, plates=("none",) * len(recording.trial.plates))
+    text = "Forces of plates are not used, as stated."
+    return MeasuredForces(loads=unused, feet=feet_of(model), sentences=(text,))
 
 
 def _measured_forces(

@@ -22,6 +22,8 @@ def _who(session: Session) -> list[str]:
         (person,) = session.people
         if person.name.origin == "not known":
             return []
+        if person.name.origin == "user":
+            return [f"Recorded was {person.name}, as stated."]
         return [f"Recorded was {person.name}, by the {person.name.origin}."]
     texts = [
         f"{person.name} ({person.why})" if person.why else str(person.name)
@@ -41,7 +43,9 @@ def stated_session(trial: SessionTrial, stated: TrialSession) -> tuple[TrialSess
     movement = stated.movement or trial.movement.value or ""
     day = stated.date or (str(trial.date) if trial.date else "")
     texts = []
-    if not stated.movement and trial.movement:
+    if trial.movement.origin == "user":
+        texts.append(f"{str(trial.movement).capitalize()}, as stated.")
+    elif not stated.movement and trial.movement:
         texts.append(
             f"{str(trial.movement).capitalize()}, by {trial.movement.origin}"
             f" ({trial.movement.sentence})."

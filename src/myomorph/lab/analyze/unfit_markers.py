@@ -12,9 +12,29 @@ TABLE = (
     "say what they lie on in a table (--protocol TABLE.toml), or give a model with such markers"
     " (--model)"
 )
+MIN_MARKERS = 6  # Fewer markers on a body's bones say too little of a motion.
+NEEDED = ("pelvis", "thigh", "shank")  # Segments that must have a marker, ...
+OF_ARMS = ("trunk", "upper_arm", "forearm")  # ... and where there are markers of arms alone.
 # A label that only counts: `Point 12`, `unnamed_3`, `M7`.
 NUMBERED = re.compile(r"^(?P<stem>\D*?)[\s_.-]*\d+$")
 MOSTLY = 0.8  # Share of labels that makes all of them of a kind.
+
+
+def missing_segments(recognized: Recognized) -> tuple[str, ...]:
+    """Name the segments that the generic model needs and no label lies on.
+
+    Parameters
+    ----------
+    recognized : labels of the recording
+    """
+    segments = {site.segment for site in recognized.sites.values()}
+    needed = OF_ARMS if is_arm(recognized) else NEEDED
+    return tuple(name for name in needed if name not in segments)
+
+
+def shows_body(recognized: Recognized) -> bool:
+    """Whether a recording's markers move the generic model."""
+    return len(recognized.sites) >= MIN_MARKERS and not missing_segments(recognized)
 
 
 def unfit_markers(recognized: Recognized, lacking: Sequence[str]) -> str:

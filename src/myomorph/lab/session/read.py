@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from myomorph.core.model.errors import BadFile, MyomorphError
 from myomorph.core.model.known import Known
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Series
+from myomorph.core.motion.protocols import ProtocolTable
 from myomorph.lab.analysis.arm_labels import is_arm
 from myomorph.lab.analysis.found_movement import found_movement
 from myomorph.lab.analysis.seen_body import SeenBody
@@ -72,16 +73,40 @@ def read_session(
     """
     given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
     files, passed_over = files_of(map(Path, given))
-    recordings = []
-    for path in files:
-        try:
-            recordings.append(look_at(path))
-        except MyomorphError as error:
-            passed_over.append(" ".join(str(error).split()))
+    recordings, unread = looked_at(files)
+    passed_over += unread
     if not recordings:
         raise BadFile(given[0], "holds no recording that can be read", "; ".join(passed_over[:3]))
     source = ", ".join(str(path) for path in given)
     return session_of(recordings, source, passed_over)
+
+
+def looked_at(
+    paths: Sequence[Path],
+    table: ProtocolTable | None = None,
+    begins: Callable[[Path], None] = lambda path: None,
+) -> tuple[list[Recording], list[str]]:
+    """Look at recordings.
+
+    Parameters
+    ----------
+    paths : of recordings
+    table : of marker protocols, None for those of the package
+    begins : called with each path before it is read
+
+    Returns
+    -------
+    those that can be read, and why others cannot, one line each
+    """
+    recordings = []
+    unread = []
+    for path in paths:
+        begins(path)
+        try:
+            recordings.append(look_at(path, table=table))
+        except MyomorphError as error:
+            unread.append(" ".join(str(error).split()))
+    return recordings, unread
 
 
 def session_of(
@@ -242,8 +267,8 @@ def _people(
         people.append(
             Person(
                 name=name,
-                kind=_kind(own),
-                mass=_mass(own),
+                kind=kind_of(own),
+                mass=mass_of(own),
                 why=group.why,
                 unresolved=group.unresolved,
             )
@@ -270,7 +295,7 @@ def _free(name: str, taken: set[str]) -> str:
     return free
 
 
-def _kind(trials: Sequence[SessionTrial]) -> Known[Kind]:
+def kind_of(trials: Sequence[SessionTrial]) -> Known[Kind]:
     """Person or an animal, by the lengths of shanks and pelvis."""
     lengths = [one.mean for trial in trials for one in trial.measures.lengths.values()]
     animal = [trial for trial in trials if "animal" in trial.movement.sentence]
@@ -281,7 +306,8 @@ def _kind(trials: Sequence[SessionTrial]) -> Known[Kind]:
     return Known()
 
 
-def _mass(trials: Sequence[SessionTrial]) -> Known[float]:
+def mass_of(trials: Sequence[SessionTrial]) -> Known[float]:
+    """Mass of a person by plates that carry somebody who stands still."""
     weighed = [trial for trial in trials if trial.measures.mass is not None]
     if not weighed:
         return Known(sentence="no plates carry somebody who stands still")
