@@ -1,4 +1,4 @@
-"""What the wing of shows adds: the command `demo`, and demonstrations of the main job."""
+"""What the wing of shows adds: `demo`, `app`, and demonstrations of the main job."""
 
 from myomorph.core.model.extension import CommandEntry, DemoEntry, Extension
 
@@ -17,7 +17,13 @@ EXTENSION = Extension(
             ),
             example="myomorph demo --out demo",
             panel="Main job",
-        )
+        ),
+        "app": CommandEntry(
+            function="myomorph.show.app.command:app_command",
+            help="A page that takes dropped recordings and opens the answer.",
+            example="myomorph app",
+            panel="Main job",
+        ),
     },
     demos={
         "simulated": DemoEntry(

@@ -26,9 +26,15 @@ INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit status. 0 done; 2 bad input, reported in one line; 1
-    our fault; 130 interrupted with Ctrl-C. `arguments`: what follows the program's name; None takes
-    them from the process.
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : what follows the program's name; None takes them from the process
+
+    Returns
+    -------
+    exit status: 0 done; 2 bad input, reported in one line; 1 our fault; 130 interrupted with Ctrl-C
     """
     before_compiling(_say_that_kernels_compile)
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -92,9 +98,7 @@ def _warn(remarks: Sequence[str]) -> None:
 
 
 def _check_options(app: App, command: str, words: Sequence[str]) -> None:
-    """Raise `UnknownName` for the first word that looks like an option and is none of the
-    command's.
-    """
+    """Raise `UnknownName` for the first word that looks like an option and is no option."""
     names = [name for argument in app.assemble_argument_collection() for name in argument.names]
     options = [name for name in names if name.startswith("--")]
     for word in words:

@@ -1,0 +1,1 @@
+"""`myomorph app`: a page on this machine that takes recordings and opens the answer."""
