@@ -31,7 +31,7 @@ def navigation() -> Navigation:
     listed = frozenset(LINK.findall(text))
     for part in _parts(text, "##"):
         pages = _pages(part.text.partition("\n### ")[0], listed)
-        pages += [{task.heading: _pages(task.text, listed)} for task in _parts(part.text, "###")]
+        pages += [_task(task, listed) for task in _parts(part.text, "###")]
         groups.append({part.heading: pages})
     every = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
     left = sorted(every - set(pages_of(groups)))
@@ -50,6 +50,12 @@ def _parts(text: str, marks: str) -> list[Part]:
     pieces = re.split(rf"^{marks} ", text, flags=re.MULTILINE)[1:]
     split = [piece.partition("\n") for piece in pieces]
     return [Part(heading=heading.strip(), text=rest) for heading, _, rest in split]
+
+
+def _task(part: Part, listed: frozenset[str]) -> dict[str, list | str]:
+    """A part of a group; a single page stands for it."""
+    pages = _pages(part.text, listed)
+    return {part.heading: pages[0] if len(pages) == 1 else pages}
 
 
 def _pages(text: str, listed: frozenset[str]) -> list:
@@ -72,11 +78,11 @@ def pages_of(entries: list) -> list[str]:
     """All pages of a navigation or of a part of it."""
     found: list[str] = []
     for entry in entries:
-        found += (
-            [entry]
-            if isinstance(entry, str)
-            else [page for part in entry.values() for page in pages_of(part)]
-        )
+        if isinstance(entry, str):
+            found.append(entry)
+            continue
+        for part in entry.values():
+            found += [part] if isinstance(part, str) else pages_of(part)
     return found
 
 
