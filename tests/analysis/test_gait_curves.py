@@ -91,16 +91,16 @@ def test_parameters_of_a_walk_at_a_known_speed(walk):
     table = gait_parameters(walking_strides(model, motion))
     for side in SIDES:
         value = {
-            name: estimates[side].value for name, estimates in table.items() if side in estimates
+            name: estimates[side].mean for name, estimates in table.items() if side in estimates
         }
         assert value["Walking speed"] == pytest.approx(
             value["Stride length"] / value["Stride time"], rel=0.05
         )
         assert 55.0 < value["Stance"] < 70.0
         assert 10.0 < value["Double support"] < 40.0
-    steps = [table["Step length"][side].value for side in SIDES]
+    steps = [table["Step length"][side].mean for side in SIDES]
     assert sum(steps) == pytest.approx(
-        np.mean([table["Stride length"][side].value for side in SIDES]), rel=0.1
+        np.mean([table["Stride length"][side].mean for side in SIDES]), rel=0.1
     )
 
 

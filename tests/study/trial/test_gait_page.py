@@ -123,6 +123,7 @@ def test_draws_are_the_bands(prepared, tmp_path):
     write_report(tmp_path, prepare(shown))
     page = (tmp_path / "gait.html").read_text("utf-8")
     assert "90 % of the draws" in page
+    assert "line edge right" in page
     assert "(" in page.split("Gait profile score of")[1][:120]
 
 

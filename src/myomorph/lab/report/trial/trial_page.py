@@ -16,7 +16,7 @@ from myomorph.lab.report.scene.scene import make_scene
 from myomorph.lab.report.trial.answer.answer import answer_of
 from myomorph.lab.report.trial.answer.first_screen import first_screen
 from myomorph.lab.report.trial.estimated_forces import acting_forces
-from myomorph.lab.report.trial.gait_page import GAIT_PAGE
+from myomorph.lab.report.trial.gait.gait_page import GAIT_PAGE
 from myomorph.lab.report.trial.prepared import Prepared, prepare
 from myomorph.lab.report.trial.report_input import ReportInput
 from myomorph.lab.report.trial.sections import sections

@@ -30,7 +30,7 @@ from myomorph.lab.analysis.presets import preset_of
 from myomorph.lab.report.page.parts import Note, PageHead, SourceFile, option_text
 from myomorph.lab.report.page.parts import Step as PageStep
 from myomorph.lab.report.scene.shapes import reduced
-from myomorph.lab.report.trial.gait_page import GAIT_PAGE, gait_page
+from myomorph.lab.report.trial.gait.gait_page import GAIT_PAGE, gait_page
 from myomorph.lab.report.trial.prepared import Prepared, prepare
 from myomorph.lab.report.trial.report_input import AnalysisChoice, Recorded, ReportInput, Truth
 from myomorph.lab.report.trial.trial_page import prepared_page

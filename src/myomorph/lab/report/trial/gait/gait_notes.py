@@ -1,0 +1,97 @@
+"""Notes of the gait page: whose norm it is, what is missing and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from myomorph.lab.analysis.gait_curves import KEYS, SIDES, VARIABLES, GaitCurves
+from myomorph.lab.analysis.gait_scores import GaitNorm, GaitScores
+from myomorph.lab.report.trial.answer.judgement import Use
+from myomorph.lab.report.trial.gait.gait_tables import interval_note
+from myomorph.lab.report.trial.prepared import Prepared
+
+
+def gait_notes(
+    prepared: Prepared, curves: GaitCurves, norm: GaitNorm | None, note: str, use: Use
+) -> list[str]:
+    """Return the notes in the order of the page.
+
+    Parameters
+    ----------
+    prepared : the trial
+    curves : of both sides over their strides
+    norm : that they are held against, None for none
+    note : why there is no norm, "" where there is one
+    use : what the verdict allows
+    """
+    most = max(len(curves.strides[side]) for side in SIDES)
+    return [
+        interval_note(most),
+        *_of_norm(norm),
+        *([note] if note else []),
+        *_of_moments(prepared, curves, use),
+        *_of_emg(prepared, use),
+        *_of_head(prepared),
+    ]
+
+
+def score_notes(scores: GaitScores | None) -> list[str]:
+    """Say why there is no scaled score."""
+    if scores is None or scores.scaled:
+        return []
+    return ["No scaled score (GDI*): it takes a control group of five or more (--norms FOLDER)."]
+
+
+def _of_norm(norm: GaitNorm | None) -> Iterable[str]:
+    """Say whose norm it is, and what it lacks."""
+    if norm is None:
+        return
+    persons = f"; {norm.persons} persons" if norm.persons else ""
+    yield f"Norm: {norm.source}{persons}. Grey: mean ± 1 SD between people."
+    if not norm.same_definitions:
+        yield (
+            "The norm has the marker set and angles of another laboratory: offsets of pelvis and"
+            " hip by ten or twenty degrees are definitions. Scores are of shape, not those of the"
+            " literature."
+        )
+    known = np.isfinite(norm.mean).any(axis=0)
+    absent = [variable.title for variable, has in zip(VARIABLES, known, strict=True) if not has]
+    if absent:
+        yield f"The norm lacks: {'; '.join(absent)}."
+
+
+def _of_moments(prepared: Prepared, curves: GaitCurves, use: Use) -> Iterable[str]:
+    """Say of which strides moments are, or that the verdict leaves them out."""
+    if use in ("angles", "nothing"):
+        if prepared.results.dynamics.torques is not None:
+            yield "Moments and powers are left out: the verdict allows angles only."
+        return
+    for side in SIDES:
+        whole = len(curves.strides[side])
+        moments = curves.of(side)[:, :, KEYS.index("knee_moment")]
+        count = int(np.isfinite(moments).any(axis=1).sum())
+        if count < whole:
+            part = f"moments and powers of {count} of {whole} strides"
+            yield f"{side.capitalize()}: {part}, those whose foot stood on a plate."
+
+
+def _of_emg(prepared: Prepared, use: Use) -> Iterable[str]:
+    """Say what envelopes are scaled by."""
+    if prepared.results.recorded.emg is not None and use != "nothing":
+        yield "EMG: 100 % is the largest value of a channel's mean over the strides of its side."
+
+
+def _of_head(prepared: Prepared) -> Iterable[str]:
+    """Say what is simulated, and what the report has to say beyond this page."""
+    head = prepared.results.head
+    for part in head.notes:
+        if part.kind == "simulated":
+            yield f"Simulated: {part.text}"
+    over = sum(verdict.state == "over" for verdict in prepared.verdicts)
+    if over or head.warnings:
+        yield (
+            f"report.html has {over} quantities over their limits and {len(head.warnings)}"
+            " warnings."
+        )
