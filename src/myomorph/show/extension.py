@@ -1,6 +1,6 @@
 """What the wing of shows adds: `demo`, `app`, and demonstrations of the main job."""
 
-from myomorph.core.model.extension import CommandEntry, DemoEntry, Extension
+from myomorph.core.model.extension import CommandEntry, DemoEntry, Extension, SampleEntry
 
 RECORDED = "myomorph.show.command:run_recorded"
 PERFORMED = "myomorph.show.command:run_performed"
@@ -57,5 +57,14 @@ EXTENSION = Extension(
             needs=SOLVER,
             extra=DEMO,
         ),
+    },
+    samples={
+        "walk": SampleEntry(make="myomorph.show.samples:walk"),
+        "run": SampleEntry(make="myomorph.show.samples:run"),
+        "squat": SampleEntry(make="myomorph.show.samples:squat"),
+        "jump": SampleEntry(
+            make="myomorph.show.samples:jump", needs={"biomdp": "biomdp"}, extra=DEMO
+        ),
+        "mouse": SampleEntry(make="myomorph.show.samples:mouse"),
     },
 )

@@ -5,6 +5,7 @@ from myomorph.core.model.extension import (
     DemoEntry,
     Extension,
     FolderReader,
+    SampleEntry,
     StepEntry,
 )
 
@@ -79,4 +80,5 @@ EXTENSION = Extension(
             function="myomorph.swings.viscosity.study.viewing:swings_of",
         ),
     ),
+    samples={"swings": SampleEntry(make="myomorph.swings.samples:swings")},
 )

@@ -136,6 +136,22 @@ class DemoEntry:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SampleEntry:
+    """A small recording that comes by its name.
+
+    Attributes
+    ----------
+    make : place of the function that gives the `Sample`
+    needs : packages that are not there with every installation, by the module that each brings
+    extra : of Myomorph that brings them
+    """
+
+    make: str
+    needs: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    extra: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class FolderReader:
     """A page for a kind of folders of results.
 
@@ -191,6 +207,7 @@ class Extension:
     contact_laws : places of subclasses of `Cone`, by the name in contact files
     quantities : places of tuples of `Quantity` that are no step's own
     demos : of the program
+    samples : small recordings by name
     motion_sources : of `identify`, by the switch that asks for each
     reports : what makes the report of a folder again, and gives its path
     replays : what gives the recordings of a folder by name, as a page plays them
@@ -207,6 +224,7 @@ class Extension:
     contact_laws: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     quantities: tuple[str, ...] = ()
     demos: Mapping[str, DemoEntry] = field(default_factory=lambda: FrozenMap({}))
+    samples: Mapping[str, SampleEntry] = field(default_factory=lambda: FrozenMap({}))
     motion_sources: Mapping[str, MotionSource] = field(default_factory=lambda: FrozenMap({}))
     reports: tuple[FolderReader, ...] = ()
     replays: tuple[FolderReader, ...] = ()

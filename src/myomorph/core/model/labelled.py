@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from myomorph.core.model.curve_columns import CurveColumns, flattened
 from myomorph.core.model.errors import BadData, UnknownName, check_name, from_extra
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.quantity import CLOCK, Quantity
+from myomorph.core.model.stride_curves import (
+    EventLike,
+    StrideCurves,
+    StridesLike,
+    curves_over,
+    stride_spans,
+)
 
 if TYPE_CHECKING:
     import pandas
@@ -124,6 +133,72 @@ class Labelled:
             place.append(known.index(label))
         index: tuple[slice | int, ...] = (slice(None), *place)
         return np.asarray(values)[index]
+
+    def strides(
+        self,
+        strikes: StridesLike | Iterable[EventLike] | Mapping[str, ArrayLike] | None,
+        quantity: str = "",
+    ) -> StrideCurves:
+        """Resample a quantity over strides, from 0 to 100 % of each.
+
+        Parameters
+        ----------
+        strikes : strides that `walking_strides` found; events of a recording, of which foot strikes
+            with a side count; or times of foot strikes by foot or side [s]
+        quantity : its name, as in result files, "" for the first that has names
+
+        Returns
+        -------
+        curves (strides, 101, names) with side, start and end of each stride
+
+        Raises
+        ------
+        UnknownName : there is no such quantity
+        BadData : nothing marks a stride
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import myomorph as mm
+        >>> time = np.linspace(0.0, 4.0, 401)
+        >>> angle = mm.Series(time, ("knee_angle_r",), np.sin(np.pi * time)[:, None])
+        >>> curves = angle.strides({"right": [0.0, 2.0, 4.0]})
+        >>> curves["knee_angle_r"].shape, round(float(curves.mean("knee_angle_r").max()), 2)
+        ((2, 101), 1.0)
+        """
+        return curves_over(self.curve_columns(quantity), stride_spans(strikes))
+
+    def curve_columns(self, quantity: str = "") -> CurveColumns:
+        """Lay out a quantity over time as plain columns.
+
+        Parameters
+        ----------
+        quantity : its name, as in result files, "" for the first that has names
+
+        Raises
+        ------
+        UnknownName : there is no such quantity
+        BadData : there is nothing over time
+        """
+        named = {
+            name: variable
+            for name, variable in self.variables().items()
+            if variable.over_time and len(variable.dimensions) > 1
+        }
+        if not named:
+            raise BadData(f"{type(self).__name__} has no curves over time")
+        chosen = quantity or next(iter(named))
+        check_name("quantity", chosen, named, type(self).__name__)
+        variable = named[chosen]
+        labels = self.labels()
+        names, values = flattened(variable.values, variable.dimensions, labels)
+        return CurveColumns(
+            time=np.asarray(labels[variable.dimensions[0]]),
+            names=names,
+            values=values,
+            quantity=chosen,
+            unit=variable.unit,
+        )
 
     def to_xarray(self) -> xarray.Dataset:
         """Put all arrays into one `xarray.Dataset`, with units, named as in result files."""

@@ -12,6 +12,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from myomorph.core.model.arrays import Array, freeze, read_only
+from myomorph.core.model.cycle_samples import SAMPLES, over_spans
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Series
 from myomorph.core.model.shown import shown
@@ -199,10 +200,6 @@ def _vertex(values: Array, at: int) -> float:
     return float(at + np.clip(-0.5 * slope / bend, -reach, reach)) if bend < 0.0 else float(at)
 
 
-SAMPLES = 101
-MAX_GAP = 0.1  # Of a signal within a cycle, as a share of it, that a line may cross
-
-
 @read_only
 class Cycles:
     """Signals of many cycles, each from 0 to 100 %."""
@@ -234,50 +231,15 @@ class Band:
 def over_cycles(
     series: Series, spans: Sequence[tuple[float, float]], samples: int = SAMPLES
 ) -> Cycles:
-    """Signals resampled over cycles by straight lines between frames.
-    `series`: values (frames, names), NaN where not known; `spans`: start and end of each cycle [s];
-    a part outside of the series is NaN.
-    """
-    if series.values.ndim != 2:
-        raise BadData(
-            "curves over the cycle are of single numbers, but these have shape"
-            f" {series.values.shape}"
-        )
-    for start, stop in spans:
-        if not stop > start:
-            raise BadData(f"a cycle from {start:g} to {stop:g} s does not go forward")
-    starts, stops = np.array(spans, dtype=np.float64).reshape(-1, 2).T
-    at = np.linspace(starts, stops, samples, axis=1)
-    step = float(np.median(np.diff(series.time))) if len(series) > 1 else np.nan
-    known = np.isfinite(series.values).all(axis=0)
-    if known.all():
-        return Cycles(series.names, _between(series.time, series.values, at, step))
-    values = np.full((len(spans), samples, len(series.names)), np.nan)
-    # Columns without gaps share their places in time, and are done together.
-    values[..., known] = _between(series.time, series.values[:, known], at, step)
-    for j in np.flatnonzero(~known):
-        finite = np.isfinite(series.values[:, j])
-        values[..., j] = _between(series.time[finite], series.values[finite, j, None], at, step)[
-            ..., 0
-        ]
-    return Cycles(series.names, values)
+    """Resample signals over cycles by straight lines between frames.
 
-
-def _between(time: Array, values: Array, at: Array, step: float) -> Array:
-    """Values (frames, n), all known, by straight lines at times (cycles, samples); NaN outside and
-    in long gaps.
+    Parameters
+    ----------
+    series : values (frames, names), NaN where not known
+    spans : start and end of each cycle [s]; a part outside of the series is NaN
+    samples : of each cycle
     """
-    if len(time) < 2:
-        return np.full((*at.shape, values.shape[1]), np.nan)
-    after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
-    span = time[after] - time[after - 1]
-    share = ((at - time[after - 1]) / span)[..., None]
-    before = values[after - 1]
-    result: Array = before + share * (values[after] - before)
-    apart = np.where(time[after] == at, 0.0, span)
-    longest = np.maximum(MAX_GAP * (at[:, -1:] - at[:, :1]), 1.5 * step)
-    result[(apart > longest) | (at < time[0]) | (at > time[-1])] = np.nan
-    return result
+    return Cycles(series.names, over_spans(series.time, series.values, spans, samples))
 
 
 def band(curves: ArrayLike, confidence: float = 0.95) -> Band:

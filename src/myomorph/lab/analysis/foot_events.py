@@ -12,6 +12,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Event, Wrenches
 from myomorph.core.model.sides import split_side
+from myomorph.core.model.stride_curves import STRIKES
 from myomorph.lab.analysis.phases import contacts
 
 NEAREST = 0.4
@@ -229,9 +230,8 @@ def on_plates(
     return _with_events(track, strikes, lifts, usual, "plates" if len(strikes) > 1 else "markers")
 
 
-STRIKES = ("foot strike", "foot contact", "heel strike", "initial contact")
 LIFTS = ("foot off", "toe off", "foot lift")
-"""What laboratories call the two events."""
+"""What laboratories call it when a foot leaves the ground, as `STRIKES` when it meets it."""
 
 
 def on_events(

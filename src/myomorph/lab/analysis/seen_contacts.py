@@ -12,7 +12,8 @@ import numpy as np
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.known import Origin
 from myomorph.core.model.series import Event
-from myomorph.lab.analysis.foot_events import LIFTS, STRIKES
+from myomorph.core.model.stride_curves import STRIKES
+from myomorph.lab.analysis.foot_events import LIFTS
 
 SHORT_EVENT = re.compile(r"(?P<side>[RL])\.?\s?(?P<what>HS|IC|FS|FC|TO|FO)", re.IGNORECASE)
 """Events in short, as RHS for a strike of the right heel."""

@@ -184,10 +184,33 @@ def walking_strides(
     wrenches: Wrenches | None = None,
     events: Sequence[Event] = (),
 ) -> Strides | None:
-    """Strides of a motion, or None where it is no walk: no feet, feet that stand, no stride, or
-    none like another. `motion`: coordinates (frames, coordinates) [rad or m]; `wrenches`: on the
-    feet: strikes and lifts that they show go before all others; `events`: of the recording, which
-    go before those of the motion.
+    """Find the strides of a walk or a run: by plates, else by events, else by the motion.
+
+    Parameters
+    ----------
+    model : of the body, whose feet are found by their names
+    motion : coordinates (frames, coordinates) [rad or m]
+    fit : that the motion is of: a foot without markers is then unseen
+    wrenches : on the feet: strikes and lifts that they show go before all others
+    events : of the recording, which go before those of the motion
+
+    Returns
+    -------
+    strides with their times, lengths and widths; None where it is no walk: no feet, feet that
+    stand, no stride, or none like another
+
+    Raises
+    ------
+    UnknownName : the motion has a coordinate that the model has not
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> walk = mm.sample("walk")
+    >>> motion = walk.truth["coordinate_value"]
+    >>> strides = mm.walking_strides(walk.model, motion, wrenches=walk.loads)
+    >>> [len(strides.of(foot)) for foot in ("calcn_r", "calcn_l")]
+    [5, 5]
     """
     limbs = walking_limbs(model)
     if len(limbs) < 2 or not len(motion):

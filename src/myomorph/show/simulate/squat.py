@@ -27,8 +27,8 @@ from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.core.motion.measurements import default_markers
 from myomorph.core.motion.splines import natural_spline
 from myomorph.core.motion.tasks.coordinates import CoordinateTask
-from myomorph.core.rigid.dynamics import inverse_dynamics, joint_wrenches, motion_arrays
-from myomorph.core.rigid.kinematics import marker_positions
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import forward_kinematics, marker_positions
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.rigid.tree import Tree, compile_tree
 from myomorph.core.tension.quantities import ACTIVATION
@@ -41,6 +41,7 @@ from myomorph.lab.study.inputs.mass import BodyMass
 from myomorph.lab.study.inputs.session import RecordedSession
 from myomorph.lab.study.inputs.truth import KnownTruth
 from myomorph.lab.study.trial.trial_inputs import TrialInputs, TrialNotes
+from myomorph.show.simulate.total_wrench import total_wrench
 
 FEET = ("calcn_r", "calcn_l")
 MARKED = (
@@ -231,7 +232,15 @@ class Splines:
 
     def at(self, rate: float, duration: float) -> Motion:
         """The motion with exact derivatives at so many frames a second."""
-        time = np.arange(round(rate * duration) + 1) / rate
+        return self.at_times(np.arange(round(rate * duration) + 1) / rate)
+
+    def at_times(self, time: Array) -> Motion:
+        """Sample the motion with exact derivatives.
+
+        Parameters
+        ----------
+        time : (frames,) [s]
+        """
         return Motion(
             time=time,
             names=self.names,
@@ -274,11 +283,11 @@ def balancing_wrenches(tree: Tree, motion: Motion) -> Wrenches:
     needs is moved to the feet: its center of pressure on the floor lies midway between two points
     that are as far apart as the feet.
     """
-    arrays = motion_arrays(tree, motion)
-    whole = joint_wrenches(tree, *arrays, np.zeros((len(motion), len(tree.arrays.parent), 6)))
-    force = whole.forces[:, 0]
-    moment = whole.moments[:, 0]
-    feet = [whole.origins[:, tree.body_index[name]] for name in FEET]
+    total = total_wrench(tree, motion)
+    force = total.force
+    moment = total.moment
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    feet = [poses.origins[:, tree.body_index[name]] for name in FEET]
     up = -tree.model.gravity / np.linalg.norm(tree.model.gravity)
     floor = float(np.min([foot @ up for foot in feet])) - SOLE
     vertical = force @ up

@@ -163,6 +163,29 @@ def virtual_specimen(
     )
 
 
+def bare_swing(number: int, seconds: float) -> tuple[Specimen, VirtualCondition]:
+    """Release one of the six specimens once, without its muscles.
+
+    Parameters
+    ----------
+    number : row of the tables
+    seconds : that are recorded [s]
+
+    Returns
+    -------
+    specimen with exact markers, and what is recorded
+    """
+    row = SPECIMENS[number - 1]
+    random = np.random.default_rng(number)
+    specimen = arm_specimen()
+    specimen = specimen.standing(mounted(specimen.stand, random))
+    limb = HeldLimb(specimen, HELD)
+    bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
+    swings = _swings(limb, bare, row.joint_viscosity, 0.0, [released(random)], seconds)
+    trials = _recorded(limb, swings, "without", Noise(), random)
+    return specimen, VirtualCondition(bare, row.joint_viscosity, trials)
+
+
 def _sized(
     limb: HeldLimb,
     row: PublishedSpecimen,

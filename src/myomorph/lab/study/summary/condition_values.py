@@ -14,6 +14,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.cycle_samples import SAMPLES
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.series import Series
 from myomorph.lab.analysis.conditions import (
@@ -23,7 +24,7 @@ from myomorph.lab.analysis.conditions import (
     mean_curves,
     modified_z,
 )
-from myomorph.lab.analysis.cycles import SAMPLES, Cycles
+from myomorph.lab.analysis.cycles import Cycles
 from myomorph.lab.analysis.groups import Animal, Comparison
 from myomorph.lab.report.study.study_input import Described, Outlier
 from myomorph.lab.study.trial.tidy import OF_STRIDE

@@ -8,14 +8,22 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from myomorph.core.model.errors import from_extra
+from myomorph.core.model.curve_columns import CurveColumns, flattened
+from myomorph.core.model.errors import check_name, from_extra
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.labelled import AXES
+from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance
+from myomorph.core.model.quantity import CLOCK
 from myomorph.core.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.core.model.shown import shown
+from myomorph.core.model.stride_curves import StrideCurves, curves_over, stride_spans
 from myomorph.core.motion.ik import KinematicsFit
 from myomorph.core.tension.tension import Tension, TensionOptions
+from myomorph.lab.analysis.strides import Strides
+from myomorph.lab.analysis.walking import walking_strides
 from myomorph.lab.store import stored as store
+from myomorph.lab.store.quantity_table import stated_quantities
 from myomorph.lab.store.results import Stored, read_result, result_files
 from myomorph.lab.store.uncertainty_store import get_uncertainty
 from myomorph.lab.uncertainty.spread import Uncertainty
@@ -42,6 +50,8 @@ class TrialResult:
     tension : activations, muscle forces [N], reserves
     uncertainty : limits of the tables that hold 90 % of the draws, and what contributes to them
     markers, emg : as recorded and used
+    model : that the results were made with
+    steps : strides of the motion, None where it is no walk
     """
 
     path: Path
@@ -88,6 +98,65 @@ class TrialResult:
     def emg(self) -> Emg | None:
         """Recorded excitations."""
         return store.get_emg(self.stored)
+
+    @cached_property
+    def model(self) -> Model:
+        """The model that the results were made with, read again; raises `BadFile` if it is gone."""
+        # It brings the report's pages, which take longer to import than results to read.
+        from myomorph.lab.study.trial.reporting import model_of
+
+        return model_of(self.stored)
+
+    @cached_property
+    def steps(self) -> Strides | None:
+        """Strides of the motion: by plates, else events, else motion; None where it is no walk."""
+        if self.fit is None and self.motion is None:
+            return None
+        motion = store.get_motion(self.stored)
+        events = store.get_events(self.stored)
+        return walking_strides(self.model, motion, self.fit, wrenches=self.wrenches, events=events)
+
+    def strides(self, quantity: str = "coordinate_value") -> StrideCurves:
+        """Resample a quantity over the strides of the trial, from 0 to 100 % of each.
+
+        Parameters
+        ----------
+        quantity : its name in result files, with one column a name: "generalized_force",
+            "activation", "muscle_force", ...
+
+        Raises
+        ------
+        UnknownName : the trial has no such quantity
+        BadData : it has no strides
+        """
+        return curves_over(self.curve_columns(quantity), stride_spans(self.steps))
+
+    def curve_columns(self, quantity: str) -> CurveColumns:
+        """Lay out a quantity over time as plain columns.
+
+        Parameters
+        ----------
+        quantity : its name in result files
+
+        Raises
+        ------
+        UnknownName : the trial has no such quantity
+        """
+        known = {
+            declared.name: declared
+            for declared in stated_quantities()
+            if declared.over_time and len(declared.stored_dims) > 1
+            if declared.name in self.stored.values
+        }
+        check_name("quantity", quantity, known, "the trial")
+        declared = known[quantity]
+        labels = {name: self.stored.names.get(name, AXES) for name in declared.dims[1:]}
+        names, values = flattened(self.stored.values[quantity], declared.dims, labels)
+        clock = declared.dims[0]
+        time = self.stored.time if clock == CLOCK else self.stored.values[clock]
+        return CurveColumns(
+            time=time, names=names, values=values, quantity=quantity, unit=declared.unit
+        )
 
     def to_xarray(self) -> xarray.Dataset:
         """Every variable of the result file, moment arms included, as one `xarray.Dataset`.

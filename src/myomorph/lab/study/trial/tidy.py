@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.core.io.parsing.text import write_csv
+from myomorph.core.model.cycle_samples import SAMPLES
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Series
-from myomorph.lab.analysis.cycles import SAMPLES, Cycles, over_cycles
+from myomorph.lab.analysis.cycles import Cycles, over_cycles
 from myomorph.lab.analysis.stride_quantities import STRIDE_TABLE
 from myomorph.lab.analysis.stride_spread import StrideSpread, stride_spreads
 from myomorph.lab.report.page.parts import Verdict

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.cycle_samples import SAMPLES
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import GROUND, Model
@@ -17,7 +18,7 @@ from myomorph.core.model.series import Series
 from myomorph.core.model.sides import split_side
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
-from myomorph.lab.analysis.cycles import SAMPLES, Cycles, over_cycles
+from myomorph.lab.analysis.cycles import Cycles, over_cycles
 from myomorph.lab.analysis.foot_events import Limb
 from myomorph.lab.analysis.groups import Animal
 from myomorph.lab.analysis.stride_spread import stride_spread
