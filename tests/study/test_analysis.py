@@ -11,7 +11,7 @@ from myomorph.lab.cli import main
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    """A walk and a run of one simulated person, and its model."""
+    """Write a short simulated walk and its model."""
     folder = tmp_path_factory.mktemp("recordings")
     walk = mm.sample("walk")
     files = walk.write(folder / "model")

@@ -173,7 +173,7 @@ class StrideCurves:
         return np.stack([_known_mean(self[one]) for one in self.names], axis=-1)
 
     def sd(self, name: str = "") -> Array:
-        """Standard deviation between the strides of each name's own foot (of a sample).
+        """Return the standard deviation of a sample between strides of each name's own foot.
 
         Parameters
         ----------
@@ -283,7 +283,7 @@ def stride_spans(
 
 
 def _event_strikes(events: Iterable[EventLike]) -> dict[str, list[float]]:
-    """Times of foot strikes by side, of events that have one [s]."""
+    """Collect times of foot strikes by side, of events that have one [s]."""
     strikes: dict[str, list[float]] = {}
     for event in events:
         label = event.label.lower().replace("_", " ").strip()
@@ -327,7 +327,10 @@ def _known_mean(curves: Array) -> Array:
 
 
 def _known_sd(curves: Array) -> Array:
-    """Standard deviation (101,) of a sample of curves (strides, 101); NaN of fewer than two."""
+    """Return the standard deviation (101,) of a sample of curves (strides, 101).
+
+    NaN where fewer than two are known.
+    """
     known = np.isfinite(curves)
     count = known.sum(axis=0)
     squares = np.where(known, curves - _known_mean(curves), 0.0) ** 2

@@ -240,6 +240,10 @@ class Splines:
         Parameters
         ----------
         time : (frames,) [s]
+
+        Returns
+        -------
+        coordinates with velocities and accelerations [rad, m, per s, per s^2]
         """
         return Motion(
             time=time,

@@ -66,6 +66,10 @@ def support_of(falls: Sequence[Footfall], length: float, time: Array) -> Support
     falls : in the order of time
     length : from heel to ball [m]
     time : (frames,) [s]
+
+    Returns
+    -------
+    shares and places at these times
     """
     begins = [max(after.strike, fall.lift) for fall, after in itertools.pairwise(falls)]
     ends = [min(fall.lift, after.strike) for fall, after in itertools.pairwise(falls)]
@@ -119,6 +123,10 @@ def heights(plan: GaitPlan, falls: Sequence[Footfall], gravity: float, time: Arr
     falls : in the order of time
     gravity : [m/s^2]
     time : (frames,) [s]
+
+    Returns
+    -------
+    height and acceleration at these times
     """
     if plan.flies:
         return _bounce(plan, gravity, time)

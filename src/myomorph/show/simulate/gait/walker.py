@@ -246,7 +246,7 @@ class Walker:
         return Splines(tuple(names), spline)
 
     def wrenches(self, motion: Motion) -> Wrenches:
-        """Forces on both feet that a motion takes."""
+        """Share the wrench that a motion takes between both feet."""
         support = support_of(self.falls, self.soles["right"].length, motion.time)
         bodies = (self.soles["right"].body, self.soles["left"].body)
         return wrenches_on_feet(self.falls, support, total_wrench(self.tree, motion), bodies)
