@@ -158,7 +158,7 @@ def _evenly(time: Array, values: Array) -> tuple[float, Array, Array] | None:
 
 def _autocorrelation(signal: Array, seen: Array) -> tuple[Array, Array]:
     """r(k) of `find_period` for every lag, and how many pairs of values it compares."""
-    size = scipy.fft.next_fast_len(2 * len(signal), real=True)
+    size = 1 << (2 * len(signal) - 1).bit_length()  # A power of two needs no import of scipy.fft.
     wave, square, mask = np.fft.rfft(np.stack([signal, signal**2, seen]), size, axis=1)
     spectra = [np.abs(wave) ** 2, square * np.conj(mask), mask * np.conj(square), np.abs(mask) ** 2]
     products, later, earlier, pairs = np.fft.irfft(np.stack(spectra), size, axis=1)[
