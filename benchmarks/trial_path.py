@@ -15,9 +15,9 @@ first time; a return is a stay in a file that had been left. Methods that Python
 The making of a report is left out: it is made of results. The trial is a walk with plates where the
 data collection is there, else the small example that comes along; the specimen is simulated.
 
-`python -m benchmarks trial_path [--tree PATH]`; the tree is a checkout of this package, by default
-this one. A count by reading the code, which stood here before, cannot follow functions that are
-found in tables.
+`python -m benchmarks trial_path [--before REVISION]`: this checkout, compared with a revision if
+one is named. A count by reading the code, which stood here before, cannot follow functions that
+are found in tables.
 """
 
 from __future__ import annotations
@@ -32,8 +32,10 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.speed.revision import unpack_sources
 from data_collection import data_folder
 
+ROOT = Path(__file__).parents[1]
 CARRIED = (
     "TrialFiles",
     "TrialInputs",
@@ -196,13 +198,16 @@ def _write_study(folder: Path) -> None:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command line."""
     parser.add_argument(
-        "--tree",
-        type=Path,
-        default=Path(__file__).parents[1],
-        help="a checkout; this one by default",
+        "--before", default="", metavar="REVISION", help="a git revision to compare with"
     )
 
 
-def run(tree: Path) -> list[dict[str, object]]:
-    """Return the rows of a checkout."""
-    return count(tree)
+def run(before: str = "") -> list[dict[str, object]]:
+    """Return the rows of this checkout, after those of a revision if one is named."""
+    now = [{"tree": "now", **row} for row in count(ROOT)]
+    if not before:
+        return now
+    with tempfile.TemporaryDirectory() as folder:
+        unpack_sources(before, Path(folder))
+        then = [{"tree": before, **row} for row in count(Path(folder))]
+    return [*then, *now]
