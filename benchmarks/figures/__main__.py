@@ -20,7 +20,9 @@ FIGURES = {
     "mujoco-arms": "exchange:draw_arms",
     "opensim-torques": "exchange:draw_torques",
     "passive-tensions": "muscles:draw_passive",
+    "report.png": "screens:draw_report",
     "species-leg": "bones:draw",
+    "walk.gif": "screens:draw_walk",
 }
 
 parser = argparse.ArgumentParser(prog="python -m benchmarks.figures", description=__doc__)
@@ -29,5 +31,5 @@ parser.add_argument("file", nargs="?", type=Path)
 options = parser.parse_args()
 module, function = FIGURES[options.name].split(":")
 getattr(importlib.import_module(f"benchmarks.figures.{module}"), function)(
-    options.file or IMAGES / f"{options.name}.svg"
+    options.file or IMAGES / (options.name if "." in options.name else f"{options.name}.svg")
 )

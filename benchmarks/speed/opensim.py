@@ -14,8 +14,8 @@ import opensim
 
 import myomorph as mm
 from benchmarks import opensim_static, opensim_tools
-from benchmarks.accuracy import tension as accuracy_tension
 from benchmarks.accuracy.kinematics.kinematics import written_whole
+from benchmarks.accuracy.tension import tension as accuracy_tension
 from benchmarks.recordings import RECORDINGS, Recording, read_markers
 from benchmarks.speed.timing import alternate, compared
 from data_collection import data_folder

@@ -172,8 +172,9 @@ class PanelHelp:
             DefaultFormatter()(console, options, panel)
             return
         entries = self.shown(panel.entries)
-        for title in (*list(PANELS)[:1], METHOD, *list(PANELS)[1:]):
-            own = self.entry.option_panels
+        own = self.entry.option_panels
+        titles = (*list(PANELS)[:1], METHOD, *list(PANELS)[1:])
+        for title in dict.fromkeys((*titles, *own)):
             members = [each for each in entries if option_panel(_name(each), own) == title]
             if members:
                 DefaultFormatter()(console, options, panel.copy(title=title, entries=members))
