@@ -1,12 +1,13 @@
 """The words of the site by section: `python -m docs_build.words`.
 
-A word is what stands between blanks in the source of a page, code and tables included; what is made
-when the site is built (the help of commands, tables of results, the reference of modules) is not
-counted.
+A word is what stands between blanks in the source of a page and has a letter or a digit, code and
+tables included. What is made when the site is built (the help of commands, tables of results, the
+reference of modules) is not counted.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import dataclass
 
@@ -15,6 +16,8 @@ from docs_build.navigation import DOCS, ELSEWHERE, navigation, pages_of
 CORE = ("Home", "First results", "Tasks", "Reference", "Method", "Validation")
 """Groups of the navigation that whoever uses the main job reads."""
 MADE = tuple(ELSEWHERE.values())
+"""Pages that lie beside docs/."""
+WORD = re.compile(r"\S*\w\S*")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +43,7 @@ class Section:
 
 def words_of(page: str) -> int:
     """Return the words of a page, given by its path under docs."""
-    return len((DOCS / page).read_text(encoding="utf-8").split())
+    return len(WORD.findall((DOCS / page).read_text(encoding="utf-8")))
 
 
 def sections() -> list[Section]:
