@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from myomorph.core.model.causes import MARKERS, PLATES
 from myomorph.core.model.findings import Finding, Repair, repaired
+from myomorph.core.model.messages import OTHER
 from myomorph.lab.store.results import findings_of, findings_text
 
 FINDINGS = (
     Finding(
         kind="unit",
         place="a",
-        text="a is small",
+        text=MARKERS.message("a is small", size=3.0),
         times=((0.0, 1.0),),
         repair=Repair(lambda value: value + 1, "one was added", "add one"),
     ),
-    Finding("name", "b", "b has no name"),
-    Finding("sign", "c", "c is negative", repair=Repair(lambda value: -value, "it was reversed")),
+    Finding("name", "b", MARKERS.message("b has no name")),
+    Finding(
+        "sign",
+        "c",
+        PLATES.message("c is negative"),
+        repair=Repair(lambda value: -value, "it was reversed"),
+    ),
 )
 
 
@@ -44,3 +51,23 @@ def test_what_is_reported_is_kept_in_files_and_repaired_no_more():
     _, reported = repaired(3, FINDINGS)
     assert findings_of(findings_text(reported)) == reported
     assert repaired(3, reported) == (3, reported)
+
+
+def test_what_was_put_right_is_good_to_know():
+    _, reported = repaired(3, FINDINGS)
+    assert [finding.message.gravity for finding in reported] == [
+        "good to know",
+        MARKERS.gravity,
+        "good to know",
+    ]
+    _, left = repaired(3, FINDINGS, mend=False)
+    assert {finding.message.gravity for finding in left} == {MARKERS.gravity}
+
+
+def test_causes_are_kept_in_files_and_older_files_have_none():
+    read = findings_of(findings_text(FINDINGS[:1]))[0].message
+    assert read.cause == MARKERS
+    assert read.size == 3.0
+    assert read.times == ((0.0, 1.0),)
+    old = '[{"kind": "unit", "place": "a", "text": "a is small", "times": [], "mended": false}]'
+    assert findings_of(old)[0].message.cause == OTHER

@@ -11,6 +11,7 @@ from myomorph.core.contact.sites import foot_sites
 from myomorph.core.contact.states import contact_activations, find_contacts
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.causes import CONTACTS
 from myomorph.core.model.contacts import Cone, Site
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Series
@@ -21,7 +22,7 @@ from myomorph.core.tension.problem import TensionInputs, tension_problem
 from myomorph.core.tension.relaxation import (
     Allowance,
     missing_words,
-    relaxation_lines,
+    relaxation_messages,
     relaxations,
     what_would_do,
 )
@@ -136,10 +137,25 @@ def test_a_tilted_cone_and_a_grip_are_taken_as_they_are():
     assert any(part.kind == "friction" for part in one.allowances)
 
 
-def test_runs_of_frames_make_one_line():
-    lines = relaxation_lines(found(legs([(0.0, 0.0)]), 0.0, frames=5))
-    assert len(lines) == 1
-    assert lines[0].startswith("0.00 to 0.04 s, worst at 0.0")
+def test_all_frames_make_one_message():
+    every = found(legs([(0.0, 0.0)]), 0.0, frames=5)
+    apart = (*every[:2], *every[3:])
+    (message,) = relaxation_messages(apart, 5, 700.0)
+    assert message.startswith(
+        "contacts cannot carry the motion in 4 of 5 frames (2 stretches), worst at 0.0"
+    )
+    assert message.cause == CONTACTS
+    assert message.times == ((0.0, 0.01), (0.03, 0.04))
+    assert message.share == 0.8
+    assert message.size == max(np.linalg.norm(each.force) for each in apart)
+    assert relaxation_messages((), 5, 700.0) == ()
+
+
+def test_what_plates_are_off_anyway_is_good_to_know():
+    every = found(legs([(0.0, 0.0)]), 0.0, frames=5)
+    heavy = 30.0 * max(float(np.linalg.norm(each.force)) for each in every)
+    assert relaxation_messages(every, 5, heavy)[0].gravity == "good to know"
+    assert relaxation_messages(every[:1], 100, 1.0)[0].gravity == "good to know"
 
 
 def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):

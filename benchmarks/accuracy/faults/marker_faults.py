@@ -18,6 +18,7 @@ import myomorph as mm
 from benchmarks.accuracy.faults.faults import texts_of
 from benchmarks.recordings import RECORDINGS
 from myomorph.core.model.findings import Finding
+from myomorph.core.model.messages import OTHER
 from myomorph.core.motion.ik import tracked_markers
 from myomorph.core.motion.label_repair import front_pairs, limb_pairs, side_pairs
 from myomorph.core.motion.marker_checks import checked_kinematics
@@ -264,7 +265,7 @@ def findings_of(model: mm.Model, markers: mm.Markers) -> tuple[Finding, ...]:
     try:
         fitted_to(model, mm.Trial(markers=markers, source="markers.trc"))
     except mm.BadData as error:
-        return (Finding("refused", "markers", str(error)),)
+        return (Finding("refused", "markers", OTHER.message(str(error))),)
     return checked_kinematics(model, markers).findings
 
 

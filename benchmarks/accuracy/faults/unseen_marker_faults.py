@@ -34,6 +34,7 @@ from benchmarks.accuracy.faults.unseen_faults import RAW as OF_FORCES
 from benchmarks.accuracy.faults.unseen_faults import Raw as RawForces
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.findings import Finding
+from myomorph.core.model.messages import OTHER
 from myomorph.core.motion.marker_checks import checked_kinematics
 from myomorph.lab.session.recordings import Recording, bare, look_at
 from myomorph.lab.store import results
@@ -262,7 +263,7 @@ def analyzed(folder: Path, markers: mm.Markers, static: str) -> Result:
             return Result(
                 model=None,
                 motion=None,
-                findings=(Finding("refused", "recording", line),),
+                findings=(Finding("refused", "recording", OTHER.message(line)),),
                 said=said,
             )
         ((_, trial),) = mm.load(out).items()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.model.causes import PLATES
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.lab.cli.running import print_outcome
@@ -24,7 +25,7 @@ FOUND = (
     Finding(
         kind="wrong foot",
         place="F1",
-        text="force 'F1' acts under calcn_l: put there",
+        text=PLATES.message("force 'F1' acts under calcn_l: put there"),
         times=(),
         mended=True,
     ),
@@ -54,4 +55,6 @@ def test_findings_are_printed_with_their_trial(capsys) -> None:
     print_outcome(outcome)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("s01/walk: 4 frames")
-    assert lines[1] == f"  {FOUND[0].text}"
+    assert lines[1] == f"  {PLATES.gravity}: {PLATES.title} (F1): 1 message"
+    assert lines[2] == f"    {FOUND[0].text}"
+    assert lines[3] == f"    {PLATES.effect} {PLATES.remedy}"

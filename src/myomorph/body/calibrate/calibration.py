@@ -12,6 +12,7 @@ from myomorph.core.fit.estimation import Estimate
 from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.findings import Finding
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers
 from myomorph.core.model.shown import shown
@@ -311,7 +312,7 @@ class Calibration:
     marker_names: tuple[str, ...]
     converged: bool
     costs: tuple[float, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Message, ...]
     steps: int = 0
     last_change: float = 0.0
     zero_angles: tuple[ZeroAngle, ...] = ()

@@ -10,7 +10,10 @@ import numpy as np
 from myomorph.body.calibrate.calibration import LengthEstimate, MarkerEstimate, SideEstimate
 from myomorph.body.calibrate.recorded import RecordedMarkers
 from myomorph.body.calibrate.shared_fit import Search
+from myomorph.body.causes import CALIBRATION, SEARCH, SIDES
+from myomorph.core.model.causes import MARKERS
 from myomorph.core.model.errors import listing
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.motion.lengths import segments_that_stretch
 
@@ -20,7 +23,7 @@ MAX_SHIFT = 0.1
 MIN_MARKERS = 3  # A segment with fewer can turn without showing it [markers]
 
 
-def search_notes(search: Search) -> Iterator[str]:
+def search_notes(search: Search) -> Iterator[Message]:
     """Report what the search could not find.
 
     Parameters
@@ -34,20 +37,27 @@ def search_notes(search: Search) -> Iterator[str]:
     found = search.found
     frames = sum(len(angles) for angles in found.point.angles)
     if frames < MIN_FRAMES:
-        yield f"only {frames} frames: lengths and marker positions come mostly from the given model"
+        yield CALIBRATION.message(
+            f"only {frames} frames: lengths and marker positions come mostly from the given model"
+        )
     if not search.noise_found:
-        yield f"so few frames do not show the noise: taken as {1e3 * search.stage.noise:g} mm"
+        yield CALIBRATION.message(
+            f"so few frames do not show the noise: taken as {1e3 * search.stage.noise:g} mm",
+            gravity="good to know",
+        )
     if not found.converged:
         yield (
-            f"not converged after {search.steps} steps, last change {found.change:.1g}:"
-            " allow more iterations"
+            SEARCH.message(
+                f"not converged after {search.steps} steps, last change {found.change:.1g}:"
+                " allow more iterations"
+            )
         )
     if found.point.settled < 1.0:
         lost = 100.0 * (1.0 - found.point.settled)
-        yield f"the angles of {lost:.0f} % of the frames did not converge"
+        yield SEARCH.message(f"the angles of {lost:.0f} % of the frames did not converge")
 
 
-def length_notes(lengths: Sequence[LengthEstimate]) -> Iterator[str]:
+def length_notes(lengths: Sequence[LengthEstimate]) -> Iterator[Message]:
     """Report lengths from joint to joint that are not identifiable.
 
     Parameters
@@ -63,12 +73,14 @@ def length_notes(lengths: Sequence[LengthEstimate]) -> Iterator[str]:
     ]
     if hidden:
         yield (
-            f"the recordings do not show {', '.join(hidden)}: they follow the overall size and"
-            " their neighbors"
+            CALIBRATION.message(
+                f"the recordings do not show {', '.join(hidden)}: they follow the overall size and"
+                " their neighbors"
+            )
         )
 
 
-def marker_notes(markers: Sequence[MarkerEstimate], unit: float) -> Iterator[str]:
+def marker_notes(markers: Sequence[MarkerEstimate], unit: float) -> Iterator[Message]:
     """Report markers that lie farther from their places than markers are put.
 
     Parameters
@@ -84,12 +96,14 @@ def marker_notes(markers: Sequence[MarkerEstimate], unit: float) -> Iterator[str
     far = [marker.name for marker in markers if float(np.linalg.norm(marker.shift)) > limit]
     if far:
         yield (
-            f"more than {100 * limit:.3g} cm from their places on the given model:"
-            f" {', '.join(far)}; look whether they are named as the model names them"
+            MARKERS.message(
+                f"more than {100 * limit:.3g} cm from their places on the given model:"
+                f" {', '.join(far)}; look whether they are named as the model names them"
+            )
         )
 
 
-def side_notes(sides: Sequence[SideEstimate]) -> Iterator[str]:
+def side_notes(sides: Sequence[SideEstimate]) -> Iterator[Message]:
     """Report sides that differ: a longer leg or arm, or a fault of markers that looks like it.
 
     Parameters
@@ -108,8 +122,10 @@ def side_notes(sides: Sequence[SideEstimate]) -> Iterator[str]:
     ]
     if differing:
         yield (
-            f"sides differ more than side_sd allows: {', '.join(differing)}; they were set free:"
-            " look whether the person is so, or markers of one side lie elsewhere"
+            SIDES.message(
+                f"sides differ more than side_sd allows: {', '.join(differing)}; they were set"
+                " free: look whether the person is so, or markers of one side lie elsewhere"
+            )
         )
 
 
@@ -126,7 +142,7 @@ class _FewMarkers(NamedTuple):
     missing: tuple[str, ...]
 
 
-def few_marker_notes(model: Model, recorded: RecordedMarkers) -> Iterator[str]:
+def few_marker_notes(model: Model, recorded: RecordedMarkers) -> Iterator[Message]:
     """Report segments that only one or two markers show.
 
     Also the model's markers that are missing there, and recorded ones that the model does not know.
@@ -152,7 +168,7 @@ def few_marker_notes(model: Model, recorded: RecordedMarkers) -> Iterator[str]:
         unknown = sorted(names - set(model.marker_names))
         if unknown:
             text += f" (recorded and unknown to the model: {listing(missing[0], unknown)})"
-    yield text
+    yield CALIBRATION.message(text)
 
 
 def _seen(recorded: RecordedMarkers) -> set[str]:

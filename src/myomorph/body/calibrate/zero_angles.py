@@ -26,11 +26,13 @@ from myomorph.body.calibrate.calibration import (
 from myomorph.body.calibrate.frame_sums import reduce
 from myomorph.body.calibrate.shared_fit import Search
 from myomorph.body.calibrate.shared_problem import Point, SharedProblem
+from myomorph.body.causes import CALIBRATION
 from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.fit.unknowns import Bools
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 
 ORDER = (GENERIC, SYMMETRY, FUNCTIONAL, STATIC)
 """Sources in the order in which what they add is counted."""
@@ -196,7 +198,7 @@ def _precision(S: Array, information: Array) -> Array:
     return 1.0 / np.maximum(variance, MIN_VARIANCE)
 
 
-def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
+def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[Message, ...]:
     """Report angles whose zeros are known badly: which, how far, and what would fix them."""
     wide = sorted((zero for zero in zeros if half_width(zero.sd) > WIDE), key=lambda zero: -zero.sd)
     if not wide:
@@ -207,7 +209,11 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
     if generic:
         cause = f"{generic} of them fixed by the generic model's marker places"
     cure = "" if static else "; a static trial (--static) with known angles fixes them"
-    return (f"zero angles known to no better than {np.degrees(WIDE):g}°: {named} ({cause}{cure})",)
+    return (
+        CALIBRATION.message(
+            f"zero angles known to no better than {np.degrees(WIDE):g}°: {named} ({cause}{cure})"
+        ),
+    )
 
 
 def far_zeros(zeros: Sequence[ZeroAngle], static: bool) -> tuple[Finding, ...]:
@@ -235,8 +241,9 @@ def far_zeros(zeros: Sequence[ZeroAngle], static: bool) -> tuple[Finding, ...]:
     then = f"their angles may be off by as much{cure}"
     if mended:
         then = "calibrated on the static trial alone"
-    text = (
+    text = CALIBRATION.message(
         f"zero angles are far from the generic model's ({named}), for the motion turns bones as the"
-        f" model's joints cannot (a foot that bends, a shank that twists): {then}"
+        f" model's joints cannot (a foot that bends, a shank that twists): {then}",
+        gravity="changes results",
     )
     return (Finding("far zero angles", far[0].coordinate, text, mended=mended),)

@@ -14,9 +14,11 @@ import scipy
 
 from myomorph.body.identify.least_squares import Finer, Recording
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import WEIGHT
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.motion.filters import differentiate
@@ -89,7 +91,7 @@ class Usable:
     flight: int
     weighs: float
     name: str = ""
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[Message, ...] = field(default=())
 
     @property
     def use(self) -> np.ndarray:
@@ -304,7 +306,7 @@ def _mean_ratio(balance: Balance, frames: np.ndarray) -> float:
     return float(balance.measured_up[frames].mean() / balance.needed_up[frames].mean())
 
 
-def _notes_of_mass(name: str, weighs: float, mass: float) -> tuple[str, ...]:
+def _notes_of_mass(name: str, weighs: float, mass: float) -> tuple[Message, ...]:
     """Report forces that weigh the body otherwise than stated.
 
     Parameters
@@ -316,8 +318,10 @@ def _notes_of_mass(name: str, weighs: float, mass: float) -> tuple[str, ...]:
     if not abs(weighs / mass - 1.0) > MASS_TOLERANCE:
         return ()
     return (
-        f"{name}: the forces correspond to {weighs:.1f} kg, but the specified mass is {mass:.1f}: a"
-        " plate's zero or gain is off, a load is carried, or the mass is wrong",
+        WEIGHT.message(
+            f"{name}: the forces correspond to {weighs:.1f} kg, but the specified mass is"
+            f" {mass:.1f}: a plate's zero or gain is off, a load is carried, or the mass is wrong"
+        ),
     )
 
 

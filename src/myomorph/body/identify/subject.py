@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.body.causes import HELD_OUT, MASSES, SEARCH
 from myomorph.body.identify.base import BaseFit, BaseOptions, fit_base
 from myomorph.body.identify.base_parameters import base_parameters, held_in
 from myomorph.body.identify.determined import (
@@ -52,6 +53,7 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
 from myomorph.core.model.interval import Interval
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.soft_tissue import SoftTissue
 
@@ -182,7 +184,7 @@ class Identification:
     consistency: Mapping[str, Consistency]
     recordings: tuple[Usable, ...]
     soft_tissue: SoftTissue | None = None
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[Message, ...] = field(default=())
 
     @property
     def unseen(self) -> Verdict:
@@ -598,9 +600,9 @@ def _base_fit(body: _Body, equations: _Equations) -> BaseFit:
     return fit_base(body.generic, recordings, base, options, motion=equations.noise)
 
 
-def _not_converged(solved: Mapping[str, MassPointFit | PseudoInertiaFit]) -> list[str]:
+def _not_converged(solved: Mapping[str, MassPointFit | PseudoInertiaFit]) -> list[Message]:
     return [
-        f"{name}: not proven to be the optimum"
+        SEARCH.message(f"{name}: not proven to be the optimum")
         for name, solution in solved.items()
         if not solution.converged
     ]
@@ -707,30 +709,38 @@ def _verdict_on(
     )
 
 
-def _verdict(unseen: Verdict, taken: bool) -> tuple[str, ...]:
+def _verdict(unseen: Verdict, taken: bool) -> tuple[Message, ...]:
     """Report where identified masses do not predict what was not used, first of all notes."""
     if not unseen.known:
         return (
-            "the recording is too short to hold parts of it out: whether the masses predict"
-            " anything is unknown",
+            HELD_OUT.message(
+                "the recording is too short to hold parts of it out: whether the masses predict"
+                " anything is unknown"
+            ),
         )
     where = f"on {unseen.what}: {unseen.numbers}"
     cause = "the motion is too short or too uniform, or forces and motion do not belong together"
     if unseen.worse and taken:
         return (
-            f"identified masses predict no better than the generic model {where}; {cause};"
-            " taken all the same",
+            HELD_OUT.message(
+                f"identified masses predict no better than the generic model {where}; {cause};"
+                " taken all the same"
+            ),
         )
     if unseen.worse:
         return (
-            "the generic model's masses are kept, identified ones predict no better than the"
-            f" generic model {where}; "
-            f'{cause}; if_worse = "identified" takes them',
+            HELD_OUT.message(
+                "the generic model's masses are kept, identified ones predict no better than the"
+                f" generic model {where}; "
+                f'{cause}; if_worse = "identified" takes them'
+            ),
         )
     if not unseen.losses:
         return ()
     losses = ", the ".join(unseen.losses[:3])
-    return (f"identified masses predict worse than the generic model in the {losses}",)
+    return (
+        HELD_OUT.message(f"identified masses predict worse than the generic model in the {losses}"),
+    )
 
 
 def _solved(
@@ -771,7 +781,9 @@ def _solved(
     return solved
 
 
-def _far_from_shape(model: Model, masses: Array, shape: Array, mass_sd: float) -> tuple[str, ...]:
+def _far_from_shape(
+    model: Model, masses: Array, shape: Array, mass_sd: float
+) -> tuple[Message, ...]:
     """Report links whose mass is hard to believe, and the motion that would show it.
 
     Parameters
@@ -794,8 +806,10 @@ def _far_from_shape(model: Model, masses: Array, shape: Array, mass_sd: float) -
     )
     return (
         (
-            f"{len(far)} of {len(names)} links weigh far from what their shape says: {listed};"
-            " faults of the motion that return with every step may be in them: record the"
-            f" movements named, or hold masses with a mass_sd below {mass_sd:g}"
+            MASSES.message(
+                f"{len(far)} of {len(names)} links weigh far from what their shape says: {listed};"
+                " faults of the motion that return with every step may be in them: record the"
+                f" movements named, or hold masses with a mass_sd below {mass_sd:g}"
+            )
         ),
     )

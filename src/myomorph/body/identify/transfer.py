@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.body.causes import COUNTERPARTS
 from myomorph.body.identify.transfer_options import TransferOptions
 from myomorph.body.shape.center_fit import (
     CenterFit,
@@ -27,6 +28,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import inertial_parameters, parameters_of, with_inertial_parameters
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Marker, Model
 from myomorph.core.model.scale import scale
 from myomorph.core.model.series import DEFAULT_POSE, Motion
@@ -94,7 +96,7 @@ class Transfer:
     masses: tuple[MassMatch, ...]
     without_center: tuple[str, ...]
     without_counterpart: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 def transfer(
@@ -408,7 +410,7 @@ def common_region(region: Region, common: set[Region]) -> Region:
 
 def _markers(
     lower: Standing, higher: Standing, rotation: Array, options: TransferOptions
-) -> tuple[tuple[Marker, ...], list[str]]:
+) -> tuple[tuple[Marker, ...], list[Message]]:
     """Place the lower model's markers at the same places in space, on bodies of the higher.
 
     Parameters
@@ -427,7 +429,12 @@ def _markers(
     notes = []
     for marker in lower.model.markers:
         if marker.body not in lower.regions:
-            notes.append(f"marker '{marker.name}' is on the ground: it is left out")
+            notes.append(
+                COUNTERPARTS.message(
+                    f"marker '{marker.name}' is on the ground: it is left out",
+                    gravity="good to know",
+                )
+            )
             continue
         place = rotation @ lower.in_ground(marker.body, marker.location)
         region = common_region(lower.regions[marker.body], common)

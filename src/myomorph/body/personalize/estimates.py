@@ -8,12 +8,14 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from myomorph.body.causes import PERSONAL_MUSCLES
 from myomorph.body.personalize.generic_map import GenericMap
 from myomorph.body.personalize.prior import Prior
 from myomorph.core.fit.interval_rule import drawn_limits, half_width
 from myomorph.core.fit.posterior import Posterior
 from myomorph.core.fit.unknowns import Bools
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 
 PARTLY = 0.5
@@ -317,7 +319,7 @@ def mapped_estimates(model: Model, mapped: GenericMap) -> tuple[MuscleEstimate, 
     )
 
 
-def known_by_prior(estimates: Sequence[MuscleEstimate]) -> str:
+def known_by_prior(estimates: Sequence[MuscleEstimate]) -> Message:
     """Report the share of lengths that only what was assumed before knows, in one line."""
     levels = {
         name: [estimate.identifiable for estimate in estimates if estimate.parameter == name]
@@ -331,4 +333,6 @@ def known_by_prior(estimates: Sequence[MuscleEstimate]) -> str:
         for name, those in levels.items()
     )
     before = f"{share:.0f} % of the lengths, which are what was assumed before"
-    return f"the recordings say little or nothing of {before}: {what}"
+    return PERSONAL_MUSCLES.message(
+        f"the recordings say little or nothing of {before}: {what}", gravity="good to know"
+    )

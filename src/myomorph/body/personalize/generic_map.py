@@ -19,12 +19,14 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from myomorph.body.causes import COUNTERPARTS, PERSONAL_MUSCLES
 from myomorph.body.personalize.fiber_kernel import Paths
 from myomorph.body.personalize.fibers import follow
 from myomorph.body.personalize.muscle_curves import muscle_shapes
 from myomorph.body.personalize.prior import sizes_of
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadModel
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle
 from myomorph.core.muscles.hill import muscle_model
@@ -57,7 +59,7 @@ class GenericMap:
     poses: Array
     before: Array
     after: Array
-    notes: tuple[str, ...]
+    notes: tuple[Message, ...]
 
 
 def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap:
@@ -99,7 +101,10 @@ def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap
     before = _active_lengths(scaled, own)[:, of_scaled]
     after = _active_lengths(model, own)[:, of_scaled]
     alone = [name for name in scaled.muscle_names if name not in names]
-    notes = [f"muscle '{name}' is not in the generic model: it keeps its lengths" for name in alone]
+    notes = [
+        COUNTERPARTS.message(f"muscle '{name}' is not in the generic model: it keeps its lengths")
+        for name in alone
+    ]
     return GenericMap(
         model=model,
         muscles=names,
@@ -152,12 +157,12 @@ def _working(generic: Model, lengths: Array) -> _Working:
 
 
 class _Mapped(NamedTuple):
-    """Lengths of one muscle [m], the poses that counted, and why it keeps its lengths, or ""."""
+    """Lengths of one muscle [m], the poses that counted, and why it keeps its lengths, if so."""
 
     fiber: float
     slack: float
     poses: int
-    note: str = ""
+    note: Message | None = None
 
 
 def _mapped(working: _Working, g: int, muscle: Muscle, path: Array) -> _Mapped:
@@ -176,18 +181,20 @@ def _mapped(working: _Working, g: int, muscle: Muscle, path: Array) -> _Mapped:
     good = (x > low) & (x < high) & (tendon >= MIN_TENDON) & np.isfinite(path)
     poses = int(good.sum())
     if poses < MIN_COUNT:
-        note = (
+        unused = PERSONAL_MUSCLES.message(
             f"muscle '{muscle.name}': its fibers work between {low:g} and {high:g} optimal"
             f" lengths in {poses} of {len(path)} poses of the generic model: it keeps its lengths"
         )
-        return _Mapped(fiber=np.nan, slack=np.nan, poses=poses, note=note)
+        return _Mapped(fiber=np.nan, slack=np.nan, poses=poses, note=unused)
     sizes = muscle_model(muscle).sizes(muscle)
     lo, ls = _least_squares(
         working.along[good, g], tendon[good], path[good], sizes.fiber, sizes.tendon
     )
-    note = ""
+    note: Message | None = None
     if not (lo > 0.0 and ls > 0.0):
-        note = f"muscle '{muscle.name}': no positive lengths map its poses: it keeps its lengths"
+        note = PERSONAL_MUSCLES.message(
+            f"muscle '{muscle.name}': no positive lengths map its poses: it keeps its lengths"
+        )
     return _Mapped(fiber=lo, slack=ls, poses=poses, note=note)
 
 

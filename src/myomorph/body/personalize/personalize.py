@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from myomorph.body.causes import HELD_OUT, PERSONAL_MUSCLES, SEARCH
 from myomorph.body.personalize.estimates import (
     Knowledge,
     MuscleEstimate,
@@ -30,7 +31,9 @@ from myomorph.body.personalize.reach import cannot_reach
 from myomorph.body.personalize.recordings import PersonalTrial, Windows, torque_floors, windows_of
 from myomorph.core.fit.estimation import Estimate, estimate_of
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import MUSCLES
 from myomorph.core.model.errors import BadData, check_choices, check_name
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 
 STILL_MOVING = 0.5  # Last step in standard deviations from which on a fit is reported as unfinished
@@ -102,7 +105,7 @@ class Personalized:
     torque_errors: Array
     frames: tuple[float, int]
     estimate: Estimate | None = None
-    notes: tuple[str, ...] = field(default_factory=tuple)
+    notes: tuple[Message, ...] = field(default_factory=tuple)
     strength_groups: tuple[str, ...] = ()
 
 
@@ -268,11 +271,11 @@ def _frames(result: _Result) -> tuple[float, int]:
 
 
 def _all_notes(
-    reach: Sequence[str],
+    reach: Sequence[Message],
     result: _Result,
     options: PersonalizeOptions,
     mapped: GenericMap | None,
-) -> tuple[str, ...]:
+) -> tuple[Message, ...]:
     """Report what may not be believed, worst first.
 
     Parameters
@@ -284,12 +287,12 @@ def _all_notes(
     """
     worst = list(reach[:1])
     if len(reach) > 1:
-        worst = [f"{len(reach)} muscles cannot reach; {reach[0]}"]
+        worst = [MUSCLES.message(f"{len(reach)} muscles cannot reach; {reach[0]}")]
     of_map = () if mapped is None else mapped.notes
     return (*worst, *_notes(result, options), *of_map, *reach[1:])
 
 
-def _notes(result: _Result, options: PersonalizeOptions) -> list[str]:
+def _notes(result: _Result, options: PersonalizeOptions) -> list[Message]:
     """Report what may not be believed of the fit."""
     checked = result.checked
     notes = [known_by_prior(result.estimates), *_kept_note(checked, options)]
@@ -301,26 +304,34 @@ def _notes(result: _Result, options: PersonalizeOptions) -> list[str]:
     if bounds:
         more = " ..." if len(bounds) > MAX_SHOWN else ""
         shown = ", ".join(bounds[:MAX_SHOWN])
-        notes.append(f"{len(bounds)} parameters stand at a bound: {shown}{more}")
+        notes.append(
+            PERSONAL_MUSCLES.message(f"{len(bounds)} parameters stand at a bound: {shown}{more}")
+        )
     search = result.fitted.solution.search
     if search.change > STILL_MOVING:
         notes.append(
-            f"the fit was still moving after {search.steps + 1} steps, by {search.change:.2f}"
-            " standard deviations"
+            SEARCH.message(
+                f"the fit was still moving after {search.steps + 1} steps, by {search.change:.2f}"
+                " standard deviations"
+            )
         )
     if not any(np.isfinite(window.emg).any() for window in result.seen):
         notes.append(
-            "no EMG: torques alone tell little of single muscles, see the column 'identifiable'"
+            PERSONAL_MUSCLES.message(
+                "no EMG: torques alone tell little of single muscles, see the column 'identifiable'"
+            )
         )
     if checked is None and options.hold_out:
         notes.append(
-            "the recordings are too short to hold out a part: nothing shows that the muscles fit"
-            " another motion"
+            HELD_OUT.message(
+                "the recordings are too short to hold out a part: nothing shows that the muscles"
+                " fit another motion"
+            )
         )
     return notes
 
 
-def _kept_note(checked: HeldOut | None, options: PersonalizeOptions) -> list[str]:
+def _kept_note(checked: HeldOut | None, options: PersonalizeOptions) -> list[Message]:
     """Name the groups whose generic values explain what was held out better."""
     if checked is None or not checked.kept:
         return []
@@ -328,5 +339,5 @@ def _kept_note(checked: HeldOut | None, options: PersonalizeOptions) -> list[str
     explained = f"generic muscles explain {', '.join(checked.recordings)} better than"
     if options.keep_generic:
         groups = f"{len(checked.kept)} groups, which keep their generic values"
-        return [f"{explained} fitted ones in {groups}: {kept}"]
-    return [f"{explained} the fitted ones: {kept}"]
+        return [HELD_OUT.message(f"{explained} fitted ones in {groups}: {kept}")]
+    return [HELD_OUT.message(f"{explained} the fitted ones: {kept}")]

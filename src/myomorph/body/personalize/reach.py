@@ -8,13 +8,15 @@ import numpy as np
 
 from myomorph.body.personalize.recordings import Windows
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import MUSCLES
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle
 
 OVERSTRETCHED = 1.8  # Normalized fiber length beyond which no muscle works
 
 
-def cannot_reach(model: Model, windows: Sequence[Windows]) -> list[str]:
+def cannot_reach(model: Model, windows: Sequence[Windows]) -> list[Message]:
     """Report muscles whose path is shorter than their slack tendon, or stretches them too far.
 
     Parameters
@@ -39,8 +41,10 @@ def cannot_reach(model: Model, windows: Sequence[Windows]) -> list[str]:
             frame, too_long = divmod(int(np.argmax(excess)), 2)
             reason = _reason(muscle, float(excess[frame, too_long]), bool(too_long))
             notes.append(
-                f"muscle '{muscle.name}' cannot reach in {frames} of {len(time)} frames of the"
-                f" model given: its path {reason} at {time[frame]:.2f} s of '{where[frame]}'"
+                MUSCLES.message(
+                    f"muscle '{muscle.name}' cannot reach in {frames} of {len(time)} frames of the"
+                    f" model given: its path {reason} at {time[frame]:.2f} s of '{where[frame]}'"
+                )
             )
     return notes
 

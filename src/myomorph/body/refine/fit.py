@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from myomorph.body.causes import SEARCH
 from myomorph.body.identify.soft_tissue import Use, predicts_better
 from myomorph.body.refine.alignment import aligned
 from myomorph.body.refine.kinds import check_fit
@@ -38,6 +39,7 @@ from myomorph.body.refine.trial_data import opened, problem_of, thinned
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadModel
 from myomorph.core.model.inertia import with_inertial_parameters
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.motion.turns import floating_coordinates
 
@@ -267,7 +269,7 @@ def _refined_trials(
 
 def _notes(
     refinement: Refinement, problem: Problem, solution: Solution, choice: _Choice
-) -> Iterator[str]:
+) -> Iterator[Message]:
     """Report what may not be believed of the result."""
     yield from kept_note(choice.tried, choice.options)
     if not choice.tried or choice.predictions is not choice.tried[-1][1]:
@@ -275,4 +277,6 @@ def _notes(
     yield from far_from_given(problem, solution.at)
     yield from clock_notes(refinement.clocks)
     if not solution.converged:
-        yield f"not converged after {problem.options.iterations} steps: allow more iterations"
+        yield SEARCH.message(
+            f"not converged after {problem.options.iterations} steps: allow more iterations"
+        )

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from myomorph.body import causes
+from myomorph.body.causes import HELD_OUT
 from myomorph.body.refine.options import (
     CLOCK,
     LENGTHS,
@@ -19,7 +21,9 @@ from myomorph.body.refine.predictions import LEAVES_MARKERS
 from myomorph.body.refine.problem import Problem
 from myomorph.body.refine.refinement import ClockOffset, Prediction, RefinedTrial
 from myomorph.core.fit.verdict import WORSE
+from myomorph.core.model.causes import CLOCKS
 from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
 
 PARTS = {LENGTHS: "lengths", MARKERS: "marker positions", MASSES: "masses", CLOCK: "clocks"}
@@ -33,7 +37,7 @@ link does not count.
 
 def kept_note(
     tried: Sequence[tuple[str, Sequence[Prediction]]], options: RefineOptions
-) -> Iterator[str]:
+) -> Iterator[Message]:
     """Report that parts of the given model were kept, and how much worse refined ones predict.
 
     Parameters
@@ -56,12 +60,14 @@ def kept_note(
         )
         texts.append(f"refined {what} predict {_numbers(worst)}")
     yield (
-        f"{kept} are those of the given model, only {refined_parts(options.fit)} were refined:"
-        f" {'; '.join(texts)}"
+        HELD_OUT.message(
+            f"{kept} are those of the given model, only {refined_parts(options.fit)} were refined:"
+            f" {'; '.join(texts)}"
+        )
     )
 
 
-def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[str]:
+def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[Message]:
     """Report refined motions that lie farther from their markers than inverse kinematics does.
 
     Inverse kinematics is that on the given model, and farther is `LEAVES_MARKERS` times.
@@ -76,9 +82,11 @@ def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[str]:
             for trial in left[:4]
         )
         yield (
-            f"forces pull {len(left)} of {len(trials)} refined motions away from their markers:"
-            f" {listed}; see whether the subject's mass, the plates' zeros and clock are right, and"
-            " what else touched the body"
+            causes.MASSES.message(
+                f"forces pull {len(left)} of {len(trials)} refined motions away from their markers:"
+                f" {listed}; see whether the subject's mass, the plates' zeros and clock are right,"
+                " and what else touched the body"
+            )
         )
 
 
@@ -101,7 +109,7 @@ def refined_parts(fit: Sequence[str]) -> str:
     return f"{first} and {parts[-1]}" if first else parts[-1]
 
 
-def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
+def worse_note(predictions: Sequence[Prediction]) -> Iterator[Message]:
     """Report recordings that are predicted worse than by the given model.
 
     All together they are not.
@@ -120,16 +128,20 @@ def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
     if worse:
         listed = "; ".join(_numbers(prediction) for prediction in worse[:4])
         yield (
-            f"{len(worse)} of {len(predictions)} predictions of what was not used are more than "
-            f"{100.0 * (WORSE - 1.0):.0f} % worse than the given model's: {listed}"
+            HELD_OUT.message(
+                f"{len(worse)} of {len(predictions)} predictions of what was not used are more than"
+                f" {100.0 * (WORSE - 1.0):.0f} % worse than the given model's: {listed}"
+            )
         )
     if left:
         listed = "; ".join(_numbers(prediction) for prediction in left[:4])
         yield (
-            f"bodies that were refined without them lie farther from the markers of {len(left)} of"
-            f" {len(predictions)} predictions than the given model, which may have been calibrated"
-            f" with them: {listed}; add recordings, or keep lengths and marker positions"
-            " (--fit masses)"
+            HELD_OUT.message(
+                f"bodies that were refined without them lie farther from the markers of {len(left)}"
+                f" of {len(predictions)} predictions than the given model, which may have been"
+                f" calibrated with them: {listed}; add recordings, or keep lengths and marker"
+                " positions (--fit masses)"
+            )
         )
 
 
@@ -143,7 +155,7 @@ def _numbers(prediction: Prediction) -> str:
     )
 
 
-def far_from_given(problem: Problem, at: Point) -> Iterator[str]:
+def far_from_given(problem: Problem, at: Point) -> Iterator[Message]:
     """Report links that got a mass that is hard to believe, as one line.
 
     Parameters
@@ -166,9 +178,11 @@ def far_from_given(problem: Problem, at: Point) -> Iterator[str]:
     swung = dict.fromkeys(name for i in far[:4] for name in _joint_above(problem.model, names[i]))
     how = f" that swings {', '.join(map(repr, swung))} fast and far" if swung else ""
     yield (
-        f"{len(far)} of {len(names)} links have a mass that is hard to believe: {listed}; add a"
-        f" recording{how} with nothing but plates to touch (a chair, a rail or a hand carries a"
-        " part of the body), or keep the given masses (--fit lengths markers)"
+        causes.MASSES.message(
+            f"{len(far)} of {len(names)} links have a mass that is hard to believe: {listed}; add a"
+            f" recording{how} with nothing but plates to touch (a chair, a rail or a hand carries a"
+            " part of the body), or keep the given masses (--fit lengths markers)"
+        )
     )
 
 
@@ -184,7 +198,7 @@ def _joint_above(model: Model, body: str) -> tuple[str, ...]:
     return () if joint is None or joint.parent == GROUND else joint.coordinates
 
 
-def clock_notes(clocks: Sequence[ClockOffset]) -> Iterator[str]:
+def clock_notes(clocks: Sequence[ClockOffset]) -> Iterator[Message]:
     """Report clocks that the recordings do not show, or that are farther off than is looked for.
 
     Parameters
@@ -198,13 +212,18 @@ def clock_notes(clocks: Sequence[ClockOffset]) -> Iterator[str]:
     for clock in clocks:
         if clock.at_bound:
             yield (
-                f"{clock.recording}: its forces are {1e3 * clock.offset.value:.0f} ms off or more,"
-                " the most that is looked for: move them by --force-shift first"
+                CLOCKS.message(
+                    f"{clock.recording}: its forces are {1e3 * clock.offset.value:.0f} ms off or"
+                    " more, the most that is looked for: move them by --force-shift first"
+                )
             )
         elif not clock.shown:
             low = 1e3 * clock.offset.low
             high = 1e3 * clock.offset.high
             yield (
-                f"{clock.recording}: the clock of its forces is not shown, it may be {low:.0f} to"
-                f" {high:.0f} ms off; record a jump or a fast step, whose forces change quickly"
+                CLOCKS.message(
+                    f"{clock.recording}: the clock of its forces is not shown, it may be {low:.0f}"
+                    f" to {high:.0f} ms off; record a jump or a fast step, whose forces change"
+                    " quickly"
+                )
             )

@@ -15,6 +15,7 @@ from myomorph.body.refine.options import CLOCK, LENGTHS, MASSES
 from myomorph.core.fit.estimation import Estimate
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.interval import Interval
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion
 from myomorph.core.model.shown import shown
@@ -149,7 +150,7 @@ class Refinement:
     soft_tissue: SoftTissue | None
     kept: bool
     estimate: Estimate
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     @property
     def converged(self) -> bool:

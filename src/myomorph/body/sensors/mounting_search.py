@@ -13,8 +13,10 @@ from myomorph.body.sensors.first_guess import CalibrationPose, Guess
 from myomorph.body.sensors.fit_mounting import Chosen, MountingFit
 from myomorph.body.sensors.sensor_recording import SensorRecording, TrackedMarkers
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import CLOCKS, SENSORS
 from myomorph.core.model.errors import BadData, UnknownName, few
 from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.segments import segments_if_human
 from myomorph.core.model.spatial import vector_from_rotation
@@ -60,7 +62,7 @@ class _Begin(NamedTuple):
     guess: Guess
     azimuth: bool
     anywhere: bool
-    notes: tuple[str, ...]
+    notes: tuple[Message, ...]
 
 
 class _Delay(NamedTuple):
@@ -73,7 +75,7 @@ class _Delay(NamedTuple):
     """
 
     seconds: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,12 +162,15 @@ class MountingSearch:
         bodies = self._bodies(marked)[looked]
         up = np.asarray(self.model.up)
         guess, own = first_guess.from_motion(bodies, earth, up, anywhere)
-        notes: tuple[str, ...] = ()
+        notes: tuple[Message, ...] = ()
         if own and not anywhere:
             spread = np.degrees(np.ptp(guess.headings))
             notes = (
-                f"headings of the sensors are up to {spread:.0f}° apart, as without"
-                " magnetometer: each sensor's is found by the markers",
+                SENSORS.message(
+                    f"headings of the sensors are up to {spread:.0f}° apart, as without"
+                    " magnetometer: each sensor's is found by the markers",
+                    gravity="good to know",
+                ),
             )
         return _Begin(guess=guess, azimuth=True, anywhere=anywhere or own, notes=notes)
 
@@ -201,7 +206,7 @@ class MountingSearch:
         )
         return _Begin(guess=guess, azimuth=True, anywhere=False, notes=self._apart())
 
-    def _apart(self) -> tuple[str, ...]:
+    def _apart(self) -> tuple[Message, ...]:
         """Warn of sensors of legs that rotate about another axis than the others.
 
         None without human legs.
@@ -222,11 +227,12 @@ class MountingSearch:
         ]
         if not apart:
             return ()
-        text = (
+        text = SENSORS.message(
             f"sensors {few(apart)} rotate about another axis than the other sensors of the"
             " legs: either legs moved sideways, or headings differ, as without magnetometer,"
             " and joint angles are wrong there: name the axis of each that points forward"
-            " (--imu-heading SENSOR=AXIS ...), or record markers"
+            " (--imu-heading SENSOR=AXIS ...), or record markers",
+            gravity="changes results",
         )
         return (text,)
 
@@ -298,7 +304,7 @@ class MountingSearch:
 
         delay, likeness = first_guess.clock_delay(by_markers, by_sensors, at, MAX_DELAY)
         if not likeness > first_guess.MIN_LIKENESS:
-            text = (
+            text = CLOCKS.message(
                 f"sensors and markers do not turn alike at any delay within {MAX_DELAY:g} s"
                 f" (correlation {likeness:.2f}): are they of one trial, and on the bodies that"
                 " they name? Clocks are taken as one"
@@ -306,9 +312,11 @@ class MountingSearch:
             return _Delay(0.0, (text,))
         if abs(delay) <= 1.0 / first_guess.RATE:
             return _Delay(delay)
-        text = (
+        text = CLOCKS.message(
             f"the sensors' clock is {1e3 * delay:.0f} ms behind the markers' (correlation"
-            f" {likeness:.2f})"
+            f" {likeness:.2f})",
+            size=1e3 * abs(delay),
+            gravity="good to know",
         )
         return _Delay(delay, (text,))
 
@@ -384,19 +392,20 @@ class MountingSearch:
         return float(np.mean(cost[np.isfinite(cost)])) / self.sizes.imu_marker_noise**2
 
 
-def _of_heading(guess: Guess) -> tuple[str, ...]:
+def _of_heading(guess: Guess) -> tuple[Message, ...]:
     """Question a heading that fits hardly better than another one."""
     if not guess.ambiguity < AMBIGUOUS:
         return ()
-    text = (
+    text = SENSORS.message(
         "the recording hardly tells which way the body faces in the calibration pose (another"
         f" heading fits {guess.ambiguity:.2f} times as badly): name a sensor's axis that points"
-        " forward (--imu-heading SENSOR=AXIS)"
+        " forward (--imu-heading SENSOR=AXIS)",
+        gravity="changes results",
     )
     return (text,)
 
 
-def _of_mounting(found: SensorMounting, by_pose: Guess | None) -> Iterator[str]:
+def _of_mounting(found: SensorMounting, by_pose: Guess | None) -> Iterator[Message]:
     """Report sensors that are not mounted as the calibration pose says, and drifting headings."""
     if by_pose is not None:
         turned = found.rotations @ np.swapaxes(by_pose.rotations, 1, 2)
@@ -404,10 +413,15 @@ def _of_mounting(found: SensorMounting, by_pose: Guess | None) -> Iterator[str]:
         for name, angle in zip(found.sensors, angles, strict=True):
             if angle > SLIPPED:
                 yield (
-                    f"sensor '{name}' is turned by {np.degrees(angle):.0f}° on its body against the"
-                    " calibration pose: the recording's own mounting is used"
+                    SENSORS.message(
+                        f"sensor '{name}' is turned by {np.degrees(angle):.0f}° on its body against"
+                        " the calibration pose: the recording's own mounting is used"
+                    )
                 )
     drifts = np.ptp(found.headings, axis=0)
     for name, angle in zip(found.sensors, drifts, strict=True):
         if angle > DRIFTED:
-            yield f"the heading of sensor '{name}' drifts by {np.degrees(angle):.0f}°: corrected"
+            yield SENSORS.message(
+                f"the heading of sensor '{name}' drifts by {np.degrees(angle):.0f}°: corrected",
+                gravity="good to know",
+            )

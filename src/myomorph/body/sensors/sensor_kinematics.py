@@ -18,9 +18,11 @@ from myomorph.body.sensors.undetermined import (
     undetermined,
 )
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import SENSORS, UNSEEN
 from myomorph.core.model.errors import few
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion
 from myomorph.core.motion.ik import (
@@ -156,7 +158,7 @@ class _Lost(NamedTuple):
     """
 
     likely: LikelyAngles | None
-    notes: tuple[str, ...]
+    notes: tuple[Message, ...]
 
 
 def _lost(
@@ -182,13 +184,15 @@ def _lost(
         joints=joint_angles(tree, problem.free),
     )
     likely = likely_angles(tree, problem, seen, fit.motion.time)
-    notes = list[str]()
+    notes = list[Message]()
     ever = np.asarray(known.any(axis=0))
     fullest = int(np.argmax(known.sum(axis=1)))
     blind = undetermined(tree, problem, seen, ever, fullest) & seen.joints
     if blind.any():
         names = [model.coordinate_names[j] for j in problem.free[blind]]
-        notes.append(f"no sensor determines {few(names)}: they stay near their defaults")
+        notes.append(
+            UNSEEN.message(f"no sensor determines {few(names)}: they stay near their defaults")
+        )
     how = "filled by how they went with the others before"
     if likely is None:
         how = "not determined there"
@@ -196,8 +200,11 @@ def _lost(
         lost = float(np.mean(~known[:, index]))
         if lost > MAX_LOST and ever[index]:
             notes.append(
-                f"sensor '{name}' is missing in {100 * lost:.0f} % of the frames: angles beside it"
-                f" are {how}"
+                SENSORS.message(
+                    f"sensor '{name}' is missing in {100 * lost:.0f} % of the frames: angles beside"
+                    f" it are {how}",
+                    share=lost,
+                )
             )
     return _Lost(likely=likely, notes=tuple(notes))
 

@@ -9,12 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.body.causes import SKIN
 from myomorph.body.shape.points import links_of
 from myomorph.body.shape.regions import Center, centers_of, regions_of
 from myomorph.body.shape.shape import Shape
 from myomorph.body.shape.skin import Skin, inside
 from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Marker, Model
 from myomorph.core.model.series import DEFAULT_POSE, Markers, Motion
 from myomorph.core.motion.ik import (
@@ -89,7 +91,7 @@ class PoseFit:
     translation: Array
     names: tuple[str, ...]
     errors: Array
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     @property
     def rms(self) -> float:
@@ -168,23 +170,27 @@ def pose_model_to_skin(
 
 def _notes(
     fit: KinematicsFit, weights: Mapping[str, float], missed: tuple[str, ...]
-) -> Iterator[str]:
+) -> Iterator[Message]:
     """Report joint centers that the model lacks, another body's size, and a pose that moves on."""
     if missed:
         names = ", ".join(missed)
-        yield f"the model has no {names}: what lies beyond belongs to the segment before"
+        yield SKIN.message(
+            f"the model has no {names}: what lies beyond belongs to the segment before"
+        )
     errors = fit.marker_error[0]
     counted = np.array([weights[name] == 1.0 for name in fit.marker_names])
     rms = float(np.sqrt(np.mean(np.square(errors[counted])))) if counted.any() else 0.0
     if rms > FAR:
         worst = int(np.argmax(np.where(counted, errors, 0.0)))
         yield (
-            f"the model fits the skin within {1000 * rms:.0f} mm (root mean square;"
-            f" '{fit.marker_names[worst]}' {1000 * errors[worst]:.0f} mm): it is not of this body's"
-            " size; calibrate or scale it first"
+            SKIN.message(
+                f"the model fits the skin within {1000 * rms:.0f} mm (root mean square;"
+                f" '{fit.marker_names[worst]}' {1000 * errors[worst]:.0f} mm): it is not of this"
+                " body's size; calibrate or scale it first"
+            )
         )
     if not fit.converged[0]:
-        yield "the pose did not converge"
+        yield SKIN.message("the pose did not converge")
 
 
 class _Pair(NamedTuple):
@@ -358,9 +364,14 @@ def _default_pose(model: Model, skin: Skin) -> PoseFit:
             f" of {len(heavy)} mass centers are outside of it, as that of '{outside[0]}'{axes};"
             " give landmarks on the skin, or move it into the model's ground and default pose"
         )
-    notes = ["the skin was taken to be in the model's default pose and ground"]
+    notes = [
+        SKIN.message(
+            "the skin was taken to be in the model's default pose and ground",
+            gravity="good to know",
+        )
+    ]
     if outside:
-        notes.append(f"mass centers outside of the skin: {', '.join(outside[:6])}")
+        notes.append(SKIN.message(f"mass centers outside of the skin: {', '.join(outside[:6])}"))
     return PoseFit(
         motion=pose,
         skin=skin,

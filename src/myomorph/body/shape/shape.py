@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy
 
+from myomorph.body.causes import SKIN
 from myomorph.body.shape.skin import Skin, check_height, check_skin
 from myomorph.body.shape.statistical_body import (
     FREE,
@@ -22,6 +23,7 @@ from myomorph.body.shape.statistical_body import (
 from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadData, from_extra
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.segments import Segment
 from myomorph.core.model.surface import Surface, edges_of, signed_volume
 
@@ -78,7 +80,7 @@ class Shape:
     skinning: scipy.sparse.csr_array
     measured: Mapping[str, float]
     reached: Mapping[str, float]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 def body_shape(
@@ -140,9 +142,10 @@ def body_shape(
         measured=FrozenMap(measured),
         reached=FrozenMap(reached),
         notes=(
-            (
+            SKIN.message(
                 f"statistical shape (anny), {sex or 'half female, half male (no sex given)'},"
-                f" {age:g} years, volume times {DENSITY:g} kg/m^3 is its mass"
+                f" {age:g} years, volume times {DENSITY:g} kg/m^3 is its mass",
+                gravity="good to know",
             ),
             *_out_of_reach(measured, reached),
             *skin.notes,
@@ -220,15 +223,17 @@ SEEN_MASS = Seen(unit="kg", factor=1.0, difference=0.5)
 SEEN_LENGTH = Seen(unit="mm", factor=1e3, difference=2.0)
 
 
-def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -> list[str]:
+def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -> list[Message]:
     """Write a line for each measurement that the shape misses by more than one would see."""
     lines = []
     for name, value in measured.items():
         seen = SEEN_MASS if name == "mass" else SEEN_LENGTH
         if seen.factor * abs(reached[name] - value) > seen.difference:
             lines.append(
-                f"{name} {seen.text(value)} is out of reach of the statistical shape with"
-                f" the other measurements: it has {seen.text(reached[name])}"
+                SKIN.message(
+                    f"{name} {seen.text(value)} is out of reach of the statistical shape with"
+                    f" the other measurements: it has {seen.text(reached[name])}"
+                )
             )
     return lines
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from myomorph.body.causes import SKIN
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, from_extra
 from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.messages import Message
 from myomorph.core.model.surface import (
     Surface,
     area_of,
@@ -46,7 +48,7 @@ class Skin:
     watertight: bool
     crossing: bool = False
     up: str = ""
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     @property
     def volume(self) -> float:
@@ -95,10 +97,15 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
     vertices = np.array(surface.vertices)
     faces = np.array(surface.faces)
     _check_units(vertices, faces, height)
-    notes: list[str] = []
+    notes: list[Message] = []
     kept = distinct_faces(faces)
     if len(kept) < len(faces):
-        notes.append(f"{len(faces) - len(kept)} faces without area or given twice are left out")
+        notes.append(
+            SKIN.message(
+                f"{len(faces) - len(kept)} faces without area or given twice are left out",
+                gravity="good to know",
+            )
+        )
     faces = _one_body(vertices, kept, notes)
     vertices, faces = _closed(vertices, faces, notes)
     used, compact = np.unique(faces, return_inverse=True)
@@ -109,20 +116,26 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
     watertight = not len(border_of(faces))
     if not watertight:
         notes.append(
-            "the skin is still open: points with winding numbers above one half count as inside"
+            SKIN.message(
+                "the skin is still open: points with winding numbers above one half count as inside"
+            )
         )
     up = _up(vertices)
     if up and up != "y":
         notes.append(
-            f"the body stands along {up}, not y: give landmarks, or turn the skin as the model's"
-            " ground is"
+            SKIN.message(
+                f"the body stands along {up}, not y: give landmarks, or turn the skin as the"
+                " model's ground is"
+            )
         )
     skin = Skin(Surface(vertices, faces), watertight, up=up)
     doubled = _doubled(skin)
     if doubled > 0.0:
         notes.append(
-            f"the skin passes through itself: {100 * doubled:.1f} % of what it encloses is enclosed"
-            " more than once, which counts once"
+            SKIN.message(
+                f"the skin passes through itself: {100 * doubled:.1f} % of what it encloses is"
+                " enclosed more than once, which counts once"
+            )
         )
     return replace(skin, crossing=doubled > 0.0, notes=tuple(notes))
 
@@ -243,7 +256,7 @@ def _check_units(vertices: Array, faces: np.ndarray, height: float | None) -> No
         )
 
 
-def _one_body(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarray:
+def _one_body(vertices: Array, faces: np.ndarray, notes: list[Message]) -> np.ndarray:
     """Choose the faces of the body alone, every piece of it oriented outward.
 
     Parameters
@@ -273,20 +286,28 @@ def _one_body(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarra
             kept.append(piece)
     if turned:
         notes.append(
-            f"faces that looked inward were turned outward in {turned} of {len(pieces)} pieces"
+            SKIN.message(
+                f"faces that looked inward were turned outward in {turned} of {len(pieces)} pieces",
+                gravity="good to know",
+            )
         )
     if opened or within or specks:
         notes.append(
-            f"the body is the piece with the largest surface, {len(body)} faces; left out: {opened}"
-            f" open pieces beside it (clothes, helper geometry), {within} inside it, {specks}"
-            " specks"
+            SKIN.message(
+                f"the body is the piece with the largest surface, {len(body)} faces; left out:"
+                f" {opened} open pieces beside it (clothes, helper geometry), {within} inside it,"
+                f" {specks} specks",
+                gravity="good to know",
+            )
         )
     if len(kept) > 1:
-        notes.append(f"{len(kept)} closed pieces together are the body")
+        notes.append(
+            SKIN.message(f"{len(kept)} closed pieces together are the body", gravity="good to know")
+        )
     return np.concatenate(kept)
 
 
-def _closed(vertices: Array, faces: np.ndarray, notes: list[str]) -> tuple[Array, np.ndarray]:
+def _closed(vertices: Array, faces: np.ndarray, notes: list[Message]) -> tuple[Array, np.ndarray]:
     """Close every loop of the border by a fan around its middle.
 
     Returns
@@ -323,7 +344,10 @@ def _closed(vertices: Array, faces: np.ndarray, notes: list[str]) -> tuple[Array
             loop.append(end)
     if around:
         notes.append(
-            f"{len(around)} holes were filled, the largest {1000 * max(around):.0f} mm around"
+            SKIN.message(
+                f"{len(around)} holes were filled, the largest {1000 * max(around):.0f} mm around",
+                gravity="good to know",
+            )
         )
     return np.concatenate(added_vertices), np.concatenate(added_faces)
 

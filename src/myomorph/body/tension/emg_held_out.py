@@ -24,6 +24,8 @@ from myomorph.body.tension.emg_groups import (
 )
 from myomorph.core.fit.verdict import Verdict
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import EMG
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.series import Emg, Motion, Series
 from myomorph.core.motion.emg_activation import ChannelMap, EmgCalibration, channel_means, shifted
@@ -101,12 +103,14 @@ def swapped_channels(envelopes: Array, activations: Array) -> tuple[Swap, ...]:
     return tuple(chosen)
 
 
-def swap_lines(names: tuple[str, ...], swaps: tuple[Swap, ...]) -> tuple[str, ...]:
+def swap_lines(names: tuple[str, ...], swaps: tuple[Swap, ...]) -> tuple[Message, ...]:
     """Write one line for each pair."""
     return tuple(
-        f"EMG channels '{names[swap.first]}' and '{names[swap.second]}' look exchanged: each"
-        " follows the other's muscles (correlation with what joint torques ask of them"
-        f" {swap.other:.2f}, with their own {swap.own:.2f}); they take part under their names"
+        EMG.message(
+            f"EMG channels '{names[swap.first]}' and '{names[swap.second]}' look exchanged: each"
+            " follows the other's muscles (correlation with what joint torques ask of them"
+            f" {swap.other:.2f}, with their own {swap.own:.2f}); they take part under their names"
+        )
         for swap in swaps
     )
 
@@ -321,7 +325,7 @@ class HeldOut:
             settled = settled_gains(tracking, prior, delays, shapes)
         return calibration_of(tracking, settled, names, self.model.muscle_names)
 
-    def _warnings(self, held: Array) -> tuple[str, ...]:
+    def _warnings(self, held: Array) -> tuple[Message, ...]:
         """Warn of channels whose muscles the others mislead.
 
         Parameters
@@ -337,7 +341,7 @@ class HeldOut:
             f"EMG of the other channels misleads the muscles of {some_names(fallen)}: correlation"
             " with their own "
         )
-        return (f"{text}EMG when left out, without EMG to with it",) if fallen else ()
+        return (EMG.message(f"{text}EMG when left out, without EMG to with it"),) if fallen else ()
 
 
 def held_out_verdict(names: Sequence[str], held: Array) -> Verdict:
@@ -375,7 +379,7 @@ def held_out_verdict(names: Sequence[str], held: Array) -> Verdict:
     )
 
 
-def held_out_line(emg_calibration: EmgCalibration) -> tuple[str, ...]:
+def held_out_line(emg_calibration: EmgCalibration) -> tuple[Message, ...]:
     """Report what EMG gains in channels that were left out, as one line; () where none was."""
     held = emg_calibration.held_out[np.isfinite(emg_calibration.held_out).all(axis=1)]
     if not len(held):
@@ -389,7 +393,11 @@ def held_out_line(emg_calibration: EmgCalibration) -> tuple[str, ...]:
     )
     way = "of channels that are left out, mean correlation with the activation of their muscles"
     return (
-        f"EMG takes {part}: {way} {before:.2f} without EMG, {after:.2f} with the other channels",
+        EMG.message(
+            f"EMG takes {part}: {way} {before:.2f} without EMG, {after:.2f} with the other"
+            " channels",
+            gravity="good to know",
+        ),
     )
 
 

@@ -18,6 +18,7 @@ from myomorph.body.tension.emg_groups import (
     some_names,
 )
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import EMG
 from myomorph.core.motion.emg_activation import LIKELIHOOD_95, USUAL, EmgCalibration
 from myomorph.core.tension.emg_gains import Prior
 from myomorph.core.tension.emg_targets import EmgOptions
@@ -108,10 +109,12 @@ class Profile:
             tracking.learn_errors(*self._each(at), self.prior)
         settled = settled_gains(tracking, self.prior, *self._each(at))
         result = calibration_of(tracking, settled, self.names, muscles)
-        warnings = [warning] if warning else []
+        warnings = [EMG.message(warning)] if warning else []
         silent = [name for name, told in zip(self.names, result.by_torque, strict=True) if not told]
         if silent:
-            warnings.append(SILENT.format(channels=some_names(silent)))
+            warnings.append(
+                EMG.message(SILENT.format(channels=some_names(silent)), gravity="good to know")
+            )
         return replace(result, warnings=tuple(warnings))
 
     def _each(self, at: Course) -> tuple[Array, Array]:

@@ -10,7 +10,9 @@ import numpy as np
 
 from myomorph.body.tension.emg_calibration import calibrate_emg
 from myomorph.body.tension.emg_held_out import EmgTrial, held_out_line
+from myomorph.core.model.causes import EMG, SETTINGS
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.segments import joint_labels
 from myomorph.core.model.series import Emg, Motion, Series, Table, Wrenches
@@ -99,7 +101,7 @@ class EmgTargets:
 
     target: EmgTarget | None
     calibration: EmgCalibration | None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     def conflicts(self, model: Model, tension: Tension) -> tuple[EmgConflict, ...]:
         """Find stretches in which EMG and torques contradict each other."""
@@ -233,12 +235,12 @@ class TensionTask:
             return False
         return self.options.tendons == "rigid" and self.options.recruitment != "minmax"
 
-    def notes(self, tension: Tension) -> tuple[str, ...]:
+    def notes(self, tension: Tension) -> tuple[Message, ...]:
         """Say what a reader of the solution has to know, one line each."""
         notes = passive_notes(tension)
         if self.setting is not None and self.options.recruitment == "minmax":
             notes += (
-                (
+                SETTINGS.message(
                     "recruitment minmax: no intervals of the contact forces, and no list of"
                     " contacts that cannot carry"
                 ),
@@ -399,7 +401,7 @@ def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
     options = recorded.options
     if not muscles:
         names = ", ".join(recorded.emg.names)
-        note = (
+        note = EMG.message(
             "EMG takes no part: no channel's name contains a muscle; name them in emg_muscles"
             f" ({names})"
         )
@@ -409,9 +411,11 @@ def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
         calibration = _calibrated(recorded, inputs)
     # Gains of all trials may lack a channel that is noise, or absent, in another trial.
     missing = [name for name in muscles if name not in calibration.channels]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     if missing:
-        notes = (f"EMG of {', '.join(missing)} takes no part: its gains were not found",)
+        notes = (
+            EMG.message(f"EMG of {', '.join(missing)} takes no part: its gains were not found"),
+        )
     known = {name: muscle for name, muscle in muscles.items() if name in calibration.channels}
     target = emg_targets(
         recorded.emg, known or muscles, inputs.model, inputs.motion.time, options, calibration

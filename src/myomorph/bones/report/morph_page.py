@@ -14,6 +14,7 @@ from myomorph.bones.morph.morphed import Morph
 from myomorph.bones.report import tables
 from myomorph.bones.report.figures import arm_figure, body_figure, bone_figures, name_of
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import unique
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.report.charts.axis import number
@@ -62,7 +63,7 @@ def morph_page(
     step = Step(
         "morph", FrozenMap({name: option_text(value) for name, value in made.options.items()})
     )
-    told = dict.fromkeys([*warnings, *morph.notes, *checks.notes])
+    told = unique([*warnings, *morph.notes, *checks.notes])
     page = replace(PageHead.of(title, made, (*notes, *_assumed(morph)), told), steps=(step,))
     first, *others = morphing_sections(morph, checks)
     sections = [first, *further, *others]

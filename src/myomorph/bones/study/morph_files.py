@@ -13,8 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from myomorph.core.io.mesh import ENDINGS, read_mesh, read_surfaces
+from myomorph.core.model.causes import BONES
 from myomorph.core.model.errors import BadData, BadFile, listing
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source
 from myomorph.core.model.surface import Surface
@@ -137,7 +139,7 @@ def bone_files(folder: Path) -> dict[str, Path]:
 
 
 def read_bones(
-    folder: Path, bodies: Sequence[str], unit: Unit, notes: list[str]
+    folder: Path, bodies: Sequence[str], unit: Unit, notes: list[Message]
 ) -> dict[str, Surface]:
     """The target's bones [m] by the body of the model that each file is named after; notes take up
     files of no body.
@@ -153,7 +155,10 @@ def read_bones(
         )
     if unknown:
         notes.append(
-            f"{folder.name}: not used, named after no body of the model: {', '.join(unknown)}"
+            BONES.message(
+                f"{folder.name}: not used, named after no body of the model: {', '.join(unknown)}",
+                gravity="good to know",
+            )
         )
     result: dict[str, Surface] = {}
     for stem, path in files.items():
@@ -169,7 +174,7 @@ def resized(surface: Surface, unit: Unit) -> Surface:
 
 
 def source_bones(
-    model: Model, geometry: Path | None = None, notes: list[str] | None = None
+    model: Model, geometry: Path | None = None, notes: list[Message] | None = None
 ) -> dict[str, Surface]:
     """The bones of a model in their bodies' frames, by body, as far as their meshes are found.
 

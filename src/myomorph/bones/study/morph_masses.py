@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from myomorph.body.causes import SKIN
 from myomorph.body.shape.fit_pose import pose_model_to_skin
 from myomorph.body.shape.points import MassPoints, fill, links_of
 from myomorph.body.shape.skin import check_skin
@@ -74,9 +75,12 @@ def with_skin_masses(
         spacing=spacing,
         source="the skin",
     )
+    unsaid = "" if mass is not None else f" ({DENSITY:g} kg/m^3, no mass was given)"
     notes.append(
-        f"masses from {len(points)} mass points inside the skin, {weight:.4g} kg"
-        + ("" if mass is not None else f" ({DENSITY:g} kg/m^3, no mass was given)")
+        SKIN.message(
+            f"masses from {len(points)} mass points inside the skin, {weight:.4g} kg{unsaid}",
+            gravity="good to know",
+        )
     )
     empty = [
         name
@@ -84,7 +88,7 @@ def with_skin_masses(
         if share <= 0.0
     ]
     if empty:
-        notes.append(f"no mass point belongs to {few(empty)}")
+        notes.append(SKIN.message(f"no mass point belongs to {few(empty)}"))
     parameters = mass_points.parameters(mass_points.reference)
     # A cube has an inertia of its own, which matters where a body is few cubes large.
     parameters[:, 4:7] += parameters[:, :1] * spacing**2 / 6.0

@@ -43,6 +43,7 @@ from myomorph.bones.study.morph_masses import with_skin_masses
 from myomorph.bones.study.morphing import Morphed, MorphSettings
 from myomorph.core.io.mesh import read_mesh
 from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.messages import Message
 from myomorph.core.model.provenance import Source
 from myomorph.core.model.surface import Surface
 from myomorph.lab.store.progress import progress
@@ -273,7 +274,7 @@ def species_files(
             files.target, "is no model", "give the skeleton of the other species as .osim or .xml"
         )
     table = read_species(files.species)
-    warnings: list[str] = []
+    warnings: list[Message] = []
     models = []
     bones = []
     for path, folder in ((files.source, files.geometry), (files.target, files.target_geometry)):

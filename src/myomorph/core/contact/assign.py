@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.causes import PLATES
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.segments import feet_of
 from myomorph.core.model.series import Wrenches
@@ -81,7 +83,7 @@ class Assignment:
 
     wrenches: Wrenches
     contacts: tuple[Contact, ...]
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
 
 def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignment:
@@ -117,7 +119,7 @@ def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignm
     step = float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1.0
     min_frames = max(1, round(SHORTEST / step))
     contacts: list[Contact] = []
-    warnings: list[str] = []
+    warnings: list[Message] = []
     carried = np.full((len(wrenches), len(wrenches.names)), -1, dtype=np.int64)
     for plate, plate_name in enumerate(wrenches.names):
         size = np.linalg.norm(wrenches.forces[:, plate], axis=1)
@@ -125,8 +127,11 @@ def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignm
             owners = _owners(distances[start:stop, plate], size[start:stop], min_frames, CLEAR)
             if owners is None:
                 warnings.append(
-                    f"no candidate body is seen while {plate_name} is loaded at"
-                    f" {wrenches.time[start]:.2f} s"
+                    PLATES.message(
+                        f"no candidate body is seen while {plate_name} is loaded at"
+                        f" {wrenches.time[start]:.2f} s",
+                        place=plate_name,
+                    )
                 )
                 continue
             carried[start:stop, plate] = owners
@@ -138,14 +143,18 @@ def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignm
     return Assignment(_split(wrenches, carried, names), tuple(contacts), tuple(warnings))
 
 
-def _doubts(contact: Contact) -> list[str]:
+def _doubts(contact: Contact) -> list[Message]:
     """Warn of a contact in which the plate may carry two bodies."""
     if contact.distance <= DOUBTFUL * contact.other_distance:
         return []
     return [
-        f"{contact.plate} may carry two bodies from {contact.start:.2f} to"
-        f" {contact.stop:.2f} s: its force went to '{contact.body}',"
-        f" {contact.distance:.2f} m away (another: {contact.other_distance:.2f} m)"
+        PLATES.message(
+            f"{contact.plate} may carry two bodies from {contact.start:.2f} to"
+            f" {contact.stop:.2f} s: its force went to '{contact.body}',"
+            f" {contact.distance:.2f} m away (another: {contact.other_distance:.2f} m)",
+            place=contact.plate,
+            times=((contact.start, contact.stop),),
+        )
     ]
 
 

@@ -13,9 +13,11 @@ import numpy as np
 from myomorph.core.contact.site_motion import site_motion
 from myomorph.core.contact.stairs import StairOptions, Step, StepLoads
 from myomorph.core.model.arrays import Array, read_only, runs
+from myomorph.core.model.causes import FEET_BESIDE, PLATES
 from myomorph.core.model.contacts import Contacts, SharedWrench, Site, Touch
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
 
@@ -52,7 +54,7 @@ class FeetOnSteps:
     noise: Array
     weight: float
     height: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 class BodyForce(NamedTuple):
@@ -203,7 +205,7 @@ def _warnings(
     sites: Sequence[Site],
     loaded: np.ndarray,
     standing: np.ndarray,
-) -> list[str]:
+) -> list[Message]:
     """Say where nobody stands on a loaded step, and where several bodies do.
 
     Parameters
@@ -219,15 +221,22 @@ def _warnings(
         alone = loaded[:, number] & ~bodies.any(axis=1)
         if alone.any():
             result.append(
-                f"step '{step.name}' is loaded for {alone.sum() * step_time:.3g} s, first at"
-                f" {time[alone][0]:.3f} s, with no foot near it: its force is on nobody"
+                FEET_BESIDE.message(
+                    f"step '{step.name}' is loaded for {alone.sum() * step_time:.3g} s, first at"
+                    f" {time[alone][0]:.3f} s, with no foot near it: its force is on nobody",
+                    place=step.name,
+                )
             )
         several = bodies.sum(axis=1) > 1
         if several.any():
             who = [body for body, stood in stands.items() if stood[several].any()]
             result.append(
-                f"step '{step.name}' carries {' and '.join(who)} together for"
-                f" {several.sum() * step_time:.3g} s: its force is shared"
+                FEET_BESIDE.message(
+                    f"step '{step.name}' carries {' and '.join(who)} together for"
+                    f" {several.sum() * step_time:.3g} s: its force is shared",
+                    place=step.name,
+                    gravity="may change results",
+                )
             )
     return result
 
@@ -248,7 +257,7 @@ def _bodies_on(standing: np.ndarray, sites: Sequence[Site]) -> dict[str, np.ndar
 
 def stair_wrenches(
     feet: FeetOnSteps, unmeasured: Unmeasured = "unknown"
-) -> tuple[Wrenches, tuple[str, ...]]:
+) -> tuple[Wrenches, tuple[Message, ...]]:
     """External forces on bodies, for inverse dynamics, and what they leave open.
 
     A force acts at the center of pressure where the cell measures moments, else where the foot is.
@@ -273,14 +282,21 @@ def stair_wrenches(
         ]
         if missing and unmeasured == "unknown":
             notes.append(
-                f"step '{step.name}' does not measure force along {', '.join(missing)}: inverse"
-                " dynamics goes without it; tensions with shared contacts take the rest"
+                FEET_BESIDE.message(
+                    f"step '{step.name}' does not measure force along {', '.join(missing)}: inverse"
+                    " dynamics goes without it; tensions with shared contacts take the rest",
+                    place=step.name,
+                    gravity="may change results",
+                )
             )
             continue
         if missing:
             notes.append(
-                f"step '{step.name}' does not measure force along {', '.join(missing)}: taken for"
-                " zero"
+                PLATES.message(
+                    f"step '{step.name}' does not measure force along {', '.join(missing)}: taken"
+                    " for zero",
+                    place=step.name,
+                )
             )
         columns |= {(step.name, body): part for body, part in _parts(feet, number).items()}
     parts = list(columns.values())

@@ -23,7 +23,9 @@ from myomorph.core.contact.force_inspection import (
 )
 from myomorph.core.contact.force_placement import FITS, MARKED, NEAR
 from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.causes import CLOCKS, PLATES, WEIGHT
 from myomorph.core.model.findings import Finding, Repair
+from myomorph.core.model.gravity import FORCE_ERROR, gravity_of
 from myomorph.core.motion.filters import lowpass
 
 CUTOFF = 6.0
@@ -194,7 +196,10 @@ def check_directions(inspection: Inspection) -> Iterator[Finding]:
     )
     names = ", ".join(map(inspection.name, numbers))
     yield Finding(
-        turn.kind, names, f"{what} of the plates are {turn.text} against the motion", repair=repair
+        turn.kind,
+        names,
+        PLATES.message(f"{what} of the plates are {turn.text} against the motion"),
+        repair=repair,
     )
 
 
@@ -333,10 +338,13 @@ def check_mass(inspection: Inspection) -> Iterator[Finding]:
         or abs(ratio - 1.0) < MASS
     ):
         return
-    text = (
+    difference = 100.0 * (1.0 / ratio - 1.0)
+    text = WEIGHT.message(
         f"the plates carry {ratio * model.mass:.1f} kg where all standing feet are on them, the"
-        f" model weighs {model.mass:.1f} kg ({100.0 * (1.0 / ratio - 1.0):+.0f} %): scale the model"
-        " to the subject's mass, or check the calibration of the plates"
+        f" model weighs {model.mass:.1f} kg ({difference:+.0f} %): scale the model"
+        " to the subject's mass, or check the calibration of the plates",
+        size=difference,
+        gravity=gravity_of(difference, 100.0 * FORCE_ERROR),
     )
     yield Finding("mass", model.name, text)
 
@@ -375,10 +383,11 @@ def check_clock(inspection: Inspection) -> Iterator[Finding]:
 def _late(inspection: Inspection, lag: float, sure: str, how: str) -> Finding:
     """Name forces that are late (early where the lag is negative) [s]."""
     word = "late" if lag > 0 else "early"
-    text = (
+    text = CLOCKS.message(
         f"the forces seem {1000.0 * abs(lag):.0f} ms {word}{sure} against the motion, by {how}:"
         f" shift them by {-1000.0 * lag:.0f} ms (--force-shift {-lag:.3f}), or synchronize the"
-        " recordings"
+        " recordings",
+        size=1000.0 * abs(lag),
     )
     return Finding("clock", ", ".join(map(inspection.name, inspection.numbers)), text)
 

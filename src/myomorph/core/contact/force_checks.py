@@ -42,6 +42,7 @@ from myomorph.core.contact.force_placement import (
     check_shared_plates,
 )
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import PLATES, UNITS
 from myomorph.core.model.findings import Finding, repaired
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
@@ -130,19 +131,21 @@ def _mirrored(name: str, before: float, exchanged: float, mirror: Mirror) -> Ite
     axes = " and ".join("xyz"[int(np.argmax(np.abs(axis)))] for axis in mirror.axes)
     if mirror.distance < CLEARER * exchanged:
         middle = ", ".join(f"{item:.2f}" for item in mirror.middle)
-        text = (
+        text = PLATES.message(
             f"the center of pressure of force '{name}' lies {100.0 * before:.0f} cm from the"
             f" foot that the belt carries, {near} when mirrored along {axes} (about {middle}"
             " m): its plate seems mirrored about its own middle, and torques there are wrong:"
-            " check the plate's corners or the sign of its moments"
+            " check the plate's corners or the sign of its moments",
+            gravity="changes results",
         )
         yield Finding(MIRRORED_PLATE, name, text)
     elif exchanged > CLEARER * mirror.distance:
-        text = (
+        text = PLATES.message(
             f"force '{name}' is put on the wrong foot ({100.0 * exchanged:.0f} cm from the"
             f" other one), or its plate is mirrored along {axes} ({near} from its own then):"
             " the recording does not say which: nothing was changed; check the plate's"
-            " corners, or name its body (--bodies, --plates)"
+            " corners, or name its body (--bodies, --plates)",
+            gravity="changes results",
         )
         yield Finding(UNSURE, name, text)
 
@@ -234,12 +237,13 @@ def check_progress(inspection: Inspection) -> Iterator[Finding]:
             name = inspection.name(number)
             times = inspection.times(step.span for step in against)
             mean = -float(np.mean([step.moved for step in against]))
-            text = (
+            text = PLATES.message(
                 f"the center of pressure of force '{name}' moves {100.0 * mean:.0f} cm along the"
                 f" foot against the body in {len(against)} of {len(steps)} steps, first at"
                 f" {times[0][0]:.2f} s: its plate seems mirrored about its own middle along the"
                 " foot, and torques there are wrong: check the plate's corners or the sign of its"
-                " moments"
+                " moments",
+                gravity="changes results",
             )
             yield Finding(kind=MIRRORED_PLATE, place=name, text=text, times=times)
 
@@ -395,8 +399,11 @@ def check_units(inspection: Inspection) -> Iterator[Finding]:
         yield Finding(
             "unit of force",
             inspection.name(inspection.numbers[0]),
-            f"the largest external force is {largest:.3g} N, the model weighs {weight:.0f} N: are"
-            " the forces in kilonewtons or body weights? Give them in newtons",
+            UNITS.message(
+                f"the largest external force is {largest:.3g} N, the model weighs {weight:.0f} N:"
+                " are the forces in kilonewtons or body weights? Give them in newtons",
+                gravity="changes results",
+            ),
         )
 
 
@@ -421,7 +428,7 @@ def check_signs(inspection: Inspection) -> Iterator[Finding]:
             " while loaded"
         )
         if not all_of_it and away > FAR * inspection.feet.unit:
-            text = (
+            text = PLATES.message(
                 f"force '{name}' pulls down ({mean}) and lies {away:.2f} m from the nearest foot:"
                 " it seems a load in the hands: no foot gets it; name the body that carries it"
                 " (--bodies, --plates)"
@@ -434,7 +441,10 @@ def check_signs(inspection: Inspection) -> Iterator[Finding]:
             number, lambda force, point, torque: (-force, point, -torque), done, advice
         )
         yield Finding(
-            "swapped sign", name, f"force '{name}' pulls the foot down ({mean})", repair=repair
+            "swapped sign",
+            name,
+            PLATES.message(f"force '{name}' pulls the foot down ({mean})"),
+            repair=repair,
         )
 
 

@@ -19,7 +19,9 @@ from myomorph.core.contact.force_inspection import (
     standing,
 )
 from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.causes import FEET_BESIDE, PLATES
 from myomorph.core.model.findings import Finding, Repair
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Wrenches
 
 NEAR = 0.09
@@ -50,7 +52,7 @@ class Remedy(NamedTuple):
     """A fault that forces may have, and the change that corrects it."""
 
     kind: str
-    text: str
+    text: Message
     done: str
     advice: str
     change: Change
@@ -100,7 +102,10 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
     if arm < 0.05 * unit:
         return remedies
     worst = float(np.linalg.norm(torque, axis=1).max())
-    text = f"the moment of force '{name}' about its center of pressure is up to {worst:.4g} N m"
+    text = PLATES.message(
+        f"the moment of force '{name}' about its center of pressure is up to {worst:.4g} N m",
+        place=name,
+    )
     remedies += _other_origins(text, _origin(force, point, torque))
     if arm > MILLI * unit:
         remedies.append(
@@ -115,7 +120,7 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
     return remedies
 
 
-def _other_origins(text: str, origin: Array) -> list[Remedy]:
+def _other_origins(text: Message, origin: Array) -> list[Remedy]:
     """Moments about the ground's origin, or about the point (3,) [m] that explains them best."""
     where = ", ".join(f"{item:.3f}" for item in origin)
     return [
@@ -139,7 +144,9 @@ def _other_units(name: str, away: float, moments_too: bool) -> list[Remedy]:
     return [
         Remedy(
             kind=f"{word} for m",
-            text=f"points of force '{name}' lie {away:.3g} m from the origin, the feet do not",
+            text=PLATES.message(
+                f"points of force '{name}' lie {away:.3g} m from the origin, the feet do not"
+            ),
             done=f"its points{also} were taken as {word}",
             advice=f"are its points{also} in {word}?",
             change=_scaled(factor, factor if moments_too else 1.0),
@@ -271,7 +278,7 @@ def _wrong_foot(
     owner = feet.owners[body]
     foot = wrong[0][1]
     other = feet.feet[foot]
-    text = (
+    text = PLATES.message(
         f"force '{name}' is put on '{body}', but in {len(wrong)} of {len(steps)} steps its center"
         f" of pressure lies {np.nanmean(distances[here, foot]):.2f} m from '{other.name}' and"
         f" {np.nanmean(distances[here, owner]):.2f} m from '{feet.feet[owner].name}'"
@@ -299,10 +306,11 @@ def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Ar
     near = float(np.nanmean(np.nanmin(distances[here], axis=1)))
     name = inspection.name(number)
     times = inspection.times(spans)
-    text = (
+    text = PLATES.message(
         f"the center of pressure of force '{name}' lies {near:.2f} m from the nearest foot that"
         f" stands in {len(spans)} steps, first at {times[0][0]:.2f} s: are its axes those of the"
-        " motion, and does it act on a foot? Name its body (--bodies, --plates) if not"
+        " motion, and does it act on a foot? Name its body (--bodies, --plates) if not",
+        gravity="changes results",
     )
     return Finding(kind=NO_FOOT, place=name, text=text, times=times)
 
@@ -382,7 +390,7 @@ def check_shared_plates(inspection: Inspection) -> Iterator[Finding]:
         if total < SHARED or name in lost:
             continue
         near = float(np.median(np.concatenate([distances[span].min(axis=1) for span in spans])))
-        text = (
+        text = FEET_BESIDE.message(
             f"two feet seem to stand on '{name}' for {total:.2f} s, first at {times[0][0]:.2f} s:"
             f" its center of pressure lies between the soles, {near:.2f} m from the nearer: its"
             " force goes to one of them; `tension --contacts auto --measured shared` shares it"

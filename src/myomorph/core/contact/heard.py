@@ -20,7 +20,9 @@ from myomorph.core.contact.impacts import (
 )
 from myomorph.core.contact.sound import HeardImpacts, Instrument, contacts_heard, hear_impacts
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import SOUND
 from myomorph.core.model.contacts import Contacts, Site
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Sound, Wrenches
 
@@ -88,14 +90,17 @@ def heard_contacts(  # page: a recording of sound and of motion, with its filter
     cutoff : of that filter, which the forces go through too [Hz]
     """
     sound = plan.sound
-    notes: list[str] = []
+    notes: list[Message] = []
     if plan.find_clock:
         impacts_heard = hear_impacts(sound, plan.instruments, plan.speed)
         clock = sound_clock(impacts_heard, model, recorded, sites)
         sound = replace(sound, start=sound.start + clock.shift)
         notes.append(
-            f"the sound begins at {sound.start:.3f} s of the motion, as {clock.impacts} impacts"
-            f" show ({clock.ratio:.1f} times better than the next best time)"
+            SOUND.message(
+                f"the sound begins at {sound.start:.3f} s of the motion, as {clock.impacts} impacts"
+                f" show ({clock.ratio:.1f} times better than the next best time)",
+                gravity="good to know",
+            )
         )
     heard = hear_impacts(sound, plan.instruments, plan.speed, np.asarray(recorded.time))
     struck = striking_sites(heard, model, recorded, sites)

@@ -21,8 +21,10 @@ from numpy.typing import ArrayLike
 
 from myomorph.core.contact.sound import HeardImpacts
 from myomorph.core.model.arrays import Array, read_only, unit_vector
+from myomorph.core.model.causes import SOUND
 from myomorph.core.model.contacts import Site
 from myomorph.core.model.errors import BadData, BadModel, check_name
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.motion.filters import lowpass
@@ -304,7 +306,7 @@ def impacts_from_sound(
     laws: Mapping[str, ImpulseLaw],
     sites: Mapping[int, str],
     normals: Mapping[str, ArrayLike],
-) -> tuple[tuple[Impact, ...], tuple[str, ...]]:
+) -> tuple[tuple[Impact, ...], tuple[Message, ...]]:
     """Impacts that were heard and whose site is known, with warnings.
 
     Parameters
@@ -344,8 +346,11 @@ def impacts_from_sound(
     if beyond:
         first = beyond[0]
         warnings.append(
-            f"{len(beyond)} of {len(result)} impacts are louder or softer than those calibrated on,"
-            f" first on '{first.instrument}' at {first.time:.3f} s: their impulses are extrapolated"
+            SOUND.message(
+                f"{len(beyond)} of {len(result)} impacts are louder or softer than those calibrated"
+                f" on, first on '{first.instrument}' at {first.time:.3f} s: their impulses are"
+                " extrapolated"
+            )
         )
     return tuple(result), tuple(warnings)
 

@@ -24,7 +24,10 @@ from numpy.typing import NDArray
 
 from myomorph.core.contact.states import steady
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import PLATE_ZERO, PLATES
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.gravity import FORCE_ERROR, gravity_of
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import ForcePlate, Markers, PlateRecording, Trial, Wrenches
 
 CLEARLY = 0.25
@@ -320,14 +323,14 @@ def force_plates(trial: Trial) -> Trial:
     -------
     the trial with `plates` and its warnings
     """
-    warnings: list[str] = []
+    warnings: list[Message] = []
     recordings: list[PlateRecording] = []
     for recording in trial.plate_recordings:
         try:
             plate_wrench(replace(recording, channels=recording.channels[:1]))
             recordings.append(recording)
         except BadData as error:
-            warnings.append(f"{error}; it was left out")
+            warnings.append(PLATES.message(f"{error}; it was left out"))
     rate = (
         1.0 / float(np.median(np.diff(trial.plate_time))) if len(trial.plate_time) > 1 else 1000.0
     )
@@ -336,8 +339,10 @@ def force_plates(trial: Trial) -> Trial:
     if _pulls_down(plates, states, trial):
         plates = [replace(plate, forces=-plate.forces, torques=-plate.torques) for plate in plates]
         warnings.append(
-            "the force plates pull the subject down as the file has it: force and moment were"
-            " reversed"
+            PLATES.message(
+                "the force plates pull the subject down as the file has it: force and moment were"
+                " reversed"
+            )
         )
     final = []
     for recording, plate, state in zip(recordings, plates, states, strict=True):
@@ -357,7 +362,7 @@ def _while_loaded(plate: ForcePlate, state: NDArray[np.bool_]) -> ForcePlate:
 
 
 def _turned(
-    plate: ForcePlate, state: NDArray[np.bool_], trial: Trial, warnings: list[str]
+    plate: ForcePlate, state: NDArray[np.bool_], trial: Trial, warnings: list[Message]
 ) -> ForcePlate:
     """Turn a plate under the body where its corners are clearly counted from the wrong one."""
     if trial.markers is None:
@@ -366,9 +371,12 @@ def _turned(
     if corner is None or not corner.clear:
         return plate
     warnings.append(
-        f"the corners of {plate.name} were counted from its corner {corner.best + 1}: so the center"
-        f" of pressure lies {corner.distances[corner.best]:.2g} m from the markers' middle, as the"
-        f" file has them {corner.distances[0]:.2g} m"
+        PLATES.message(
+            f"the corners of {plate.name} were counted from its corner {corner.best + 1}: so the"
+            f" center of pressure lies {corner.distances[corner.best]:.2g} m from the markers'"
+            f" middle, as the file has them {corner.distances[0]:.2g} m",
+            place=plate.name,
+        )
     )
     return counted_from(plate, corner.best)
 
@@ -444,12 +452,18 @@ def _idle(pressing: Array, largest: float) -> float:
     return float(np.median(small)) if alone and size.max() > 2.0 * cut else 0.0
 
 
-def _warnings(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_]) -> list[str]:
+def _warnings(
+    recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_]
+) -> list[Message]:
     """Say what looks wrong with one plate; `state` (samples,) when it is loaded."""
     result = []
     if recording.kind == 3 and not recording.origin[:2].any():
         result.append(
-            f"{plate.name} is of type 3, but its sensor distances are zero: no center of pressure"
+            PLATES.message(
+                f"{plate.name} is of type 3, but its sensor distances are zero: no center of"
+                " pressure",
+                place=plate.name,
+            )
         )
     if not state.any():
         return result
@@ -464,15 +478,27 @@ def _warnings(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bo
     share = float(np.mean(np.any(np.abs(local[:, :2]) > 1.1 * half, axis=1))) if len(local) else 0.0
     if share > MAX_OUTSIDE:
         result.append(
-            f"the center of pressure of {plate.name} lies outside the plate in {100 * share:.0f} %"
-            " of loaded samples: its origin, corners or channels may be wrong"
+            PLATES.message(
+                f"the center of pressure of {plate.name} lies outside the plate in"
+                f" {100 * share:.0f} % of loaded samples: its origin, corners or channels may be"
+                " wrong",
+                place=plate.name,
+                share=share,
+            )
         )
     idle = plate.forces[~state & np.isfinite(plate.forces).all(axis=1)] @ axes[:, 2]
     if len(idle) > 10:
         rest = abs(float(np.median(idle)))
         peak = float(np.nanmax(np.abs(plate.forces[state] @ axes[:, 2])))
         if rest > MAX_IDLE * peak:
-            result.append(f"{plate.name} reads {rest:.3g} N with nobody on it: was it set to zero?")
+            result.append(
+                PLATE_ZERO.message(
+                    f"{plate.name} reads {rest:.3g} N with nobody on it: was it set to zero?",
+                    place=plate.name,
+                    size=rest,
+                    gravity=gravity_of(rest, FORCE_ERROR * peak),
+                )
+            )
     return result
 
 

@@ -12,9 +12,11 @@ from myomorph.core.contact.plates import wrenches_from_plates
 from myomorph.core.contact.site_motion import SiteMotion, site_motion
 from myomorph.core.contact.states import hysteresis, steady
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import PLATES
 from myomorph.core.model.contacts import Contacts, SharedWrench, Site
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.core.motion.sync import refuse_other_times
@@ -283,7 +285,7 @@ def _wrenches(
 
 def misplaced_forces(
     model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches
-) -> tuple[str, ...]:
+) -> tuple[Message, ...]:
     """Warn of forces that a file puts on one foot while their center of pressure is under another.
 
     A force counts as misplaced where the mean distance of its center of pressure to the soles of
@@ -318,8 +320,11 @@ def misplaced_forces(
         own_distance = min(mean[group] for group in own_groups)
         if nearest not in own_groups and 2.0 * mean[nearest] < own_distance:
             notes.append(
-                f"force '{name}' is put on '{body}', but its center of pressure lies"
-                f" {mean[nearest]:.2f} m from '{nearest}' and {mean[own]:.2f} m from '{own}':"
-                " does it act on another foot?"
+                PLATES.message(
+                    f"force '{name}' is put on '{body}', but its center of pressure lies"
+                    f" {mean[nearest]:.2f} m from '{nearest}' and {mean[own]:.2f} m from '{own}':"
+                    " does it act on another foot?",
+                    place=name,
+                )
             )
     return tuple(notes)

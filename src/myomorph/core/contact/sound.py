@@ -14,9 +14,11 @@ import scipy
 
 from myomorph.core.contact.onsets import REST, Heard, Onset, energy_after, listen, onsets
 from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.causes import SOUND
 from myomorph.core.model.contacts import Contacts, Touch
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import index_of
 from myomorph.core.model.series import Sound
 
@@ -93,7 +95,7 @@ class HeardImpacts:
 
     instruments: tuple[Instrument, ...]
     impacts: tuple[HeardImpact, ...]
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
     def of(self, instrument: str) -> tuple[HeardImpact, ...]:
         """Impacts on one instrument; raises `UnknownName`."""
@@ -146,12 +148,12 @@ def hear_impacts(
         on_it = _without_echoes([impact for impact in separated if impact.instrument == name])
         impacts += on_it
         if not on_it:
-            warnings.append(f"no impact on '{name}' was heard")
+            warnings.append(SOUND.message(f"no impact on '{name}' was heard", place=name))
     in_order = sorted(impacts, key=lambda impact: impact.time)
     return HeardImpacts(tuple(instruments), tuple(in_order), tuple(warnings))
 
 
-def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
+def sound_faults(sound: Sound, time: Array | None = None) -> tuple[Message, ...]:
     """Find silent and clipped channels, and another length than the motion's.
 
     Parameters
@@ -180,26 +182,31 @@ def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
         )
     if abs(sound.start - first) > 0.1 or abs(stop - last) > 0.1:
         faults.append(
-            f"the sound runs from {sound.start:.3f} to {stop:.3f} s, the motion from"
-            f" {first:.3f} to {last:.3f} s: impacts are known where both run; check the sound's"
-            " start"
+            SOUND.message(
+                f"the sound runs from {sound.start:.3f} to {stop:.3f} s, the motion from"
+                f" {first:.3f} to {last:.3f} s: impacts are known where both run; check the sound's"
+                " start"
+            )
         )
     return tuple(faults)
 
 
-def _channel_faults(sound: Sound, name: str) -> list[str]:
+def _channel_faults(sound: Sound, name: str) -> list[Message]:
     """Say whether a channel is silent or clipped."""
     channel = sound[name]
     peak = float(np.abs(channel).max(initial=0.0))
     if peak < 1e-5:
-        return [f"sound channel '{name}' is silent"]
+        return [SOUND.message(f"sound channel '{name}' is silent", place=name)]
     for edge in (channel.max(), channel.min()):
         flat = max((stop - start for start, stop in runs(channel == edge)), default=0)
         if flat >= 3 and abs(edge) > 0.5 * peak:
             at = sound.start + int(np.argmax(channel == edge)) / sound.rate
             return [
-                f"sound channel '{name}' is clipped at {abs(edge):.2g} of full scale, first at"
-                f" {at:.3f} s: energies of loud impacts are too small"
+                SOUND.message(
+                    f"sound channel '{name}' is clipped at {abs(edge):.2g} of full scale, first at"
+                    f" {at:.3f} s: energies of loud impacts are too small",
+                    place=name,
+                )
             ]
     return []
 

@@ -20,7 +20,9 @@ import numpy as np
 
 from myomorph.core.contact.states import hysteresis, steady
 from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only
+from myomorph.core.model.causes import PLATES
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Series
 from myomorph.core.model.spatial import Transform
 
@@ -150,7 +152,7 @@ class StepLoads:
     pressing: Array
     loaded: np.ndarray
     noise: Array
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 def step_loads(
@@ -171,7 +173,7 @@ def step_loads(
     """
     options = options or StairOptions()
     _check(steps, channels, weight)
-    notes: list[str] = []
+    notes: list[Message] = []
     shape = (len(channels), len(steps))
     forces = np.full((*shape, 3), np.nan)
     moments = np.full((*shape, 3), np.nan)
@@ -186,8 +188,11 @@ def step_loads(
         level = max(options.loaded * weight, options.noise * noise[index])
         if options.noise * noise[index] > options.loaded * weight:
             notes.append(
-                f"step '{step.name}': its noise of {1e3 * noise[index]:.3g} mN hides loads below "
-                f"{100 * level / weight:.0f} % of body weight"
+                PLATES.message(
+                    f"step '{step.name}': its noise of {1e3 * noise[index]:.3g} mN hides loads"
+                    f" below {100 * level / weight:.0f} % of body weight",
+                    place=step.name,
+                )
             )
         lower = level * options.unloaded / options.loaded
         smooth = _averaged(normal, channels.time, options.shortest)

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from myomorph.core.contact.site_motion import Floor, SiteMotion, center_of, floor_under, site_motion
 from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.causes import CONTACTS
 from myomorph.core.model.contacts import Contacts, Site, Touch
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.motion.sync import refuse_other_times
@@ -210,19 +212,23 @@ def touches_of(
     return tuple(touches)
 
 
-def _unsupported(moving: SiteMotion, missing: Bools) -> tuple[str, ...]:
+def _unsupported(moving: SiteMotion, missing: Bools) -> tuple[Message, ...]:
     """Warn of frames (frames,) in which no site can carry what the motion needs."""
     spans = [
-        f"{moving.time[start]:.2f} to {moving.time[stop - 1]:.2f} s"
+        (float(moving.time[start]), float(moving.time[stop - 1]))
         for start, stop in runs(missing)
         if moving.time[stop - 1] - moving.time[start] > MIN_UNSUPPORTED
     ]
     if not spans:
         return ()
-    few = ", ".join(spans[:4]) + (", ..." if len(spans) > 4 else "")
+    first = ", ".join(f"{start:.2f} to {stop:.2f} s" for start, stop in spans[:4])
+    few = first + (", ..." if len(spans) > 4 else "")
     return (
-        f"something carries the body at {few}, but no contact site is near the floor: is a site"
-        " missing?",
+        CONTACTS.message(
+            f"something carries the body at {few}, but no contact site is near the floor: is a site"
+            " missing?",
+            times=spans,
+        ),
     )
 
 

@@ -20,6 +20,7 @@ from myomorph.core.contact.force_inspection import (
 )
 from myomorph.core.contact.states import steady
 from myomorph.core.model.arrays import Array, read_only, runs
+from myomorph.core.model.causes import FEET_BESIDE
 from myomorph.core.model.findings import Finding, spans_of, times_text
 from myomorph.core.model.series import Wrenches
 
@@ -144,9 +145,12 @@ def undetermined_loads(
         if (off_plates & unknown).any():
             reasons.append("it stands where no plate carries it")
         percentage = 100.0 * unknown.sum() / np.isfinite(feet.heights[:, number]).sum()
-        text = (
-            f"the load on '{foot}' is not determined in {percentage:.0f} % of the time "
-            f"({times_text(spans)}): {', or '.join(reasons)}: torques of its joints are wrong there"
+        text = FEET_BESIDE.message(
+            f"the load on '{foot}' is not determined in {percentage:.0f} % of the time"
+            f" ({times_text(spans)}): {', or '.join(reasons)}: torques of its joints are wrong"
+            " there",
+            size=percentage,
+            share=0.01 * percentage,
         )
         findings.append(Finding(kind=UNDETERMINED, place=foot, text=text, times=tuple(spans)))
     return tuple(findings)

@@ -12,6 +12,7 @@ from myomorph.core.io.parsing.text import file_text, quick_numbers, rising, uniq
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Series, Table
 
 HINT = (
@@ -96,7 +97,7 @@ def read_csv_table(path: Path) -> Table:
             "its times do not rise from row to row",
             "sort the rows, and fill gaps in their column",
         )
-    notes: list[str] = []
+    notes: list[Message] = []
     kept = [index for index, name in enumerate(names) if name and index != clock]
     titles = unique_names([names[index] for index in kept], "column", notes)
     return Table(

@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.core.io.parsing.text import file_text, write_csv
+from myomorph.core.model.causes import CONTACT_TIMES
 from myomorph.core.model.contacts import Contacts, Touch
 from myomorph.core.model.errors import BadFile
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND
 
 CAMERA = "camera"  # Source of touches that were marked on video.
@@ -337,7 +339,7 @@ def _mark(row: _Row) -> _Mark:
     )
 
 
-def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[str]]:
+def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[Message]]:
     """Pair each touch with the leave that follows it at the same site.
 
     Parameters
@@ -367,8 +369,10 @@ def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[str]]
             continue
         intervals.append(begun.until(last))
         warnings.append(
-            f"{path.name}: '{site}' touches at {begun.time:g} s and never leaves: taken until"
-            f" {last:g} s"
+            CONTACT_TIMES.message(
+                f"{path.name}: '{site}' touches at {begun.time:g} s and never leaves: taken until"
+                f" {last:g} s"
+            )
         )
     return intervals, warnings
 
@@ -390,12 +394,14 @@ def _check_alternation(path: Path, begun: _Mark | None, mark: _Mark) -> None:
         raise BadFile(path, f"line {mark.row}: '{mark.site}' leaves, but did not touch before")
 
 
-def _overlaps(path: Path, touches: Iterable[Touch]) -> list[str]:
+def _overlaps(path: Path, touches: Iterable[Touch]) -> list[Message]:
     """List a warning for each interval that begins before the last one of its site ends."""
     ordered = sorted(touches, key=lambda touch: (touch.site, touch.start))
     return [
-        f"{path.name}: '{touch.site}' touches from {touch.start:g} to {touch.stop:g} s and again"
-        f" from {other.start:g} s"
+        CONTACT_TIMES.message(
+            f"{path.name}: '{touch.site}' touches from {touch.start:g} to {touch.stop:g} s and"
+            f" again from {other.start:g} s"
+        )
         for touch, other in pairwise(ordered)
         if touch.site == other.site and other.start < touch.stop
     ]

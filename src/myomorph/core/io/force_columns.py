@@ -9,7 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import FORCE_FILES
 from myomorph.core.model.errors import BadData, UnknownName, quoted
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Table, Wrenches
 
 OPENSIM = re.compile(
@@ -197,19 +199,25 @@ def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wre
     )
 
 
-def _notes(names: Sequence[str], forces: Sequence[ForceColumns]) -> tuple[str, ...]:
+def _notes(names: Sequence[str], forces: Sequence[ForceColumns]) -> tuple[Message, ...]:
     """List the forces that have no center of pressure, and those that have it in part."""
     without = []
     in_part = []
     for name, columns in zip(names, forces, strict=True):
         if not columns.point:
             without.append(
-                f"force '{name}' has no center of pressure: its moment was taken to be about the"
-                " ground's origin"
+                FORCE_FILES.message(
+                    f"force '{name}' has no center of pressure: its moment was taken to be about"
+                    " the ground's origin"
+                )
             )
         elif "" in columns.point:
             axis = "xyz"[columns.point.index("")]
-            in_part.append(f"force '{name}' has a center of pressure without {axis}: taken as 0")
+            in_part.append(
+                FORCE_FILES.message(
+                    f"force '{name}' has a center of pressure without {axis}: taken as 0"
+                )
+            )
     return (*without, *in_part)
 
 

@@ -19,7 +19,9 @@ from myomorph.core.io.guessed_force_columns import guessed_names
 from myomorph.core.io.parsing.text import file_text, number, number_or_nan, unique_names
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import FORCE_FILES, READING
 from myomorph.core.model.errors import BadData, BadFile, MyomorphError, quoted
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Table, Wrenches
 
 HINT = (
@@ -202,9 +204,11 @@ def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
     delimiter = _delimiter(lines[-1]) if lines else None
     start, values = _numbers(lines, delimiter, path)
     heading = [_cells(line, delimiter) for line in lines[:start]]
-    notes: list[str] = []
+    notes: list[Message] = []
     if len(lines) > start + len(values):
-        notes.append(f"lines below row {len(values)} are not of the same table: left out")
+        notes.append(
+            READING.message(f"lines below row {len(values)} are not of the same table: left out")
+        )
     names = _column_names(layout, heading, values, notes, path)
     time = _times(names, values, layout.rate or _rate(heading), notes, path)
     columns = [index for index, name in enumerate(names) if _is_quantity(name)]
@@ -229,7 +233,7 @@ def _column_names(
     layout: ForceLayout,
     heading: Sequence[Sequence[str]],
     values: Array,
-    notes: list[str],
+    notes: list[Message],
     path: Path,
 ) -> list[str]:
     """Find the names of all columns: those of the layout, of the heading, or guessed.
@@ -255,14 +259,18 @@ def _column_names(
         return list(layout.names)
     names = _names(heading, width)
     if names:
-        notes.append(f"columns by its heading: {quoted(names)}")
+        notes.append(
+            FORCE_FILES.message(f"columns by its heading: {quoted(names)}", gravity="good to know")
+        )
         return names
     names = guessed_names(values) or []
     if not names:
         raise BadFile(path, f"has no line of names over its {width} columns", HINT)
     notes.append(
-        f"no names: {len(names)} columns were taken as {', '.join(names)} (--force-columns"
-        " states them)"
+        FORCE_FILES.message(
+            f"no names: {len(names)} columns were taken as {', '.join(names)} (--force-columns"
+            " states them)"
+        )
     )
     return names
 
@@ -461,7 +469,9 @@ def _plain(name: str) -> str:
     return without_unit.strip("_ #.").lower().removesuffix("_s").removesuffix("_ms")
 
 
-def _times(names: Sequence[str], values: Array, rate: float, notes: list[str], path: Path) -> Array:
+def _times(
+    names: Sequence[str], values: Array, rate: float, notes: list[Message], path: Path
+) -> Array:
     """Find the times of the rows, by a column of times or by frames or rows at the rate.
 
     Parameters
@@ -487,7 +497,11 @@ def _times(names: Sequence[str], values: Array, rate: float, notes: list[str], p
     elif rate > 0.0:
         first = _first_sample(plain, values)
         time = np.array([(first + index) / rate for index in range(len(values))])
-        notes.append(f"no column of times: rows at {rate:g} Hz, the first at {time[0]:g} s")
+        notes.append(
+            FORCE_FILES.message(
+                f"no column of times: rows at {rate:g} Hz, the first at {time[0]:g} s"
+            )
+        )
     else:
         raise BadFile(
             path, "has neither a column of times nor a rate", "state its rate (--force-rate HZ)"
@@ -555,11 +569,15 @@ def _in_meters(wrenches: Wrenches, table: Table) -> Wrenches:
         distances = np.linalg.norm(points[loaded, index], axis=1)
         if _in_millimeters(distances, columns[name].point):
             points[:, index] *= 1e-3
-            notes.append(f"force '{name}': no unit, points taken as mm by their size")
+            notes.append(
+                FORCE_FILES.message(f"force '{name}': no unit, points taken as mm by their size")
+            )
         levers = np.linalg.norm(torques[loaded, index], axis=1) / norms[loaded]
         if _in_millimeters(levers, columns[name].torque):
             torques[:, index] *= 1e-3
-            notes.append(f"force '{name}': no unit, moments taken as N mm by their size")
+            notes.append(
+                FORCE_FILES.message(f"force '{name}': no unit, moments taken as N mm by their size")
+            )
     return replace(wrenches, points=points, torques=torques, notes=tuple(notes))
 
 

@@ -17,9 +17,11 @@ import numpy as np
 
 from myomorph.core.io.parsing.guard import run_guarded, seconds_for
 from myomorph.core.io.parsing.text import readable, unique_names, without_far_away
+from myomorph.core.model import causes
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadFile, from_extra, quoted
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Markers, Trial
 
 UNITS = FrozenMap({"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254})
@@ -112,7 +114,7 @@ def read_keypoints(
     path = Path(path)
     if units and units not in UNITS:
         raise BadFile(path, f"unknown unit '{units}'", f"expected one of {', '.join(UNITS)}")
-    notes: list[str] = []
+    notes: list[Message] = []
     tracks, stored = _tracks(path, animal, notes)
     points = tracks.shape[1]
     requested = KeypointNames(names=tuple(names), unit=UNITS.get(units), rate=rate)
@@ -122,8 +124,10 @@ def read_keypoints(
     unit = _checked_unit(header, points, path)
     if header.rate is None:
         notes.append(
-            "no frame rate is specified: times are frame numbers; put 'rate: HZ' into"
-            f" {path.stem}.yaml"
+            causes.UNITS.message(
+                "no frame rate is specified: times are frame numbers; put 'rate: HZ' into"
+                f" {path.stem}.yaml"
+            )
         )
     values = without_far_away(unit * tracks, notes)
     markers = Markers(
@@ -170,7 +174,7 @@ def _checked_unit(header: KeypointNames, points: int, path: Path) -> float:
     return header.unit
 
 
-def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointNames]:
+def _tracks(path: Path, animal: int, notes: list[Message]) -> tuple[Array, KeypointNames]:
     """Read the positions of one animal.
 
     Parameters
@@ -202,7 +206,7 @@ def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointN
 
 
 def _stored_tracks(
-    file: Any, path: Path, animal: int, notes: list[str]
+    file: Any, path: Path, animal: int, notes: list[Message]
 ) -> tuple[Array, KeypointNames]:
     """Read positions as stored (frames, points, 3), and what an open file states of the points."""
     import h5py
@@ -216,7 +220,11 @@ def _stored_tracks(
     if not 0 <= animal < animals:
         raise BadFile(path, f"has no animal {animal}", f"it holds {animals}, counted from 0")
     if animals > 1:
-        notes.append(f"holds {animals} animals: this is number {animal}, counted from 0")
+        notes.append(
+            causes.READING.message(
+                f"holds {animals} animals: this is number {animal}, counted from 0"
+            )
+        )
     values = np.asarray(tracks, dtype=np.float64).reshape(shape)[:, animal]
     return values, _stored_facts(file, tracks)
 
@@ -304,7 +312,7 @@ def _decoded(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
+def _beside(path: Path, points: int, notes: list[Message]) -> KeypointNames:
     """Read the file of names in the recording's folder.
 
     Parameters
@@ -330,7 +338,7 @@ def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
         return KeypointNames()
     file, header = fitting[0]
     unit = "" if header.unit is None else f", in units of {header.unit:g} m"
-    notes.append(f"names of the points are those of {file.name}{unit}")
+    notes.append(causes.READING.message(f"names of the points are those of {file.name}{unit}"))
     return header
 
 

@@ -18,7 +18,9 @@ from lxml import etree
 from myomorph.core.io.parsing.text import check_size
 from myomorph.core.io.parsing.xml import ENTITIES, read_xml
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadFile, MyomorphError, quoted
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.surface import Surface
 
@@ -77,7 +79,7 @@ def mesh_folders(model: Model) -> list[Path]:
 
 def read_surfaces(
     model: Model, folders: Sequence[str | Path], root: str | Path | None = None
-) -> tuple[dict[str, Surface], tuple[str, ...]]:
+) -> tuple[dict[str, Surface], tuple[Message, ...]]:
     """Read the meshes that a model draws its bodies with.
 
     What cannot be drawn is left out and named in a warning: a picture is not worth a stop.
@@ -97,7 +99,7 @@ def read_surfaces(
     surfaces: dict[str, Surface] = {}
     refused = []
     missing = []
-    warnings = []
+    warnings: list[Message] = []
     for name in names:
         if not _allowed(name, root is not None):
             refused.append(name)
@@ -109,15 +111,20 @@ def read_surfaces(
         try:
             surfaces[name] = read_mesh(path)
         except MyomorphError as error:
-            warnings.append(str(error))
+            warnings.append(MODEL.message(str(error)))
     if refused:
         warnings.append(
-            f"mesh files outside the model's folder are not opened: {quoted(refused, 4)}"
+            MODEL.message(
+                f"mesh files outside the model's folder are not opened: {quoted(refused, 4)}"
+            )
         )
     if missing:
         where = ", ".join(str(folder) for folder in folders) or "no folder"
         warnings.append(
-            f"{len(missing)} of {len(names)} mesh files are not in {where}: {quoted(missing, 4)}"
+            MODEL.message(
+                f"{len(missing)} of {len(names)} mesh files are not in {where}:"
+                f" {quoted(missing, 4)}"
+            )
         )
     return surfaces, tuple(warnings)
 

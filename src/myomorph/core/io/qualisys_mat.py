@@ -17,8 +17,10 @@ import scipy
 
 from myomorph.core.io.parsing.text import mapped_bytes, unique_names, without_far_away
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import READING
 from myomorph.core.model.errors import BadFile, quoted
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Markers, Trial
 
 HINT = "export the recording from QTM as MAT, or as C3D"
@@ -138,15 +140,17 @@ def _labels(group: Any) -> list[str]:
     return [str(text).strip() for text in np.atleast_1d(np.asarray(value, dtype=object))]
 
 
-def _notes(recording: Any, frames: int) -> list[str]:
+def _notes(recording: Any, frames: int) -> list[Message]:
     """List warnings of a recording: another count of frames than stated, and parts not read."""
     notes = []
     stated = _number(recording, "Frames")
     if np.isfinite(stated) and stated != frames:
-        notes.append(f"the file announces {stated:.0f} frames, but holds {frames}")
+        notes.append(READING.message(f"the file announces {stated:.0f} frames, but holds {frames}"))
     unread = [part for part in UNREAD if _field(recording, part) is not None]
     if unread:
-        notes.append(f"not read: {', '.join(unread)}; export the recording as C3D for these")
+        notes.append(
+            READING.message(f"not read: {', '.join(unread)}; export the recording as C3D for these")
+        )
     return notes
 
 

@@ -23,8 +23,10 @@ from myomorph.core.io.parsing.text import (
     written,
 )
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import READING
 from myomorph.core.model.errors import BadData, BadFile, quoted
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Table
 
@@ -71,7 +73,7 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     """
     path = Path(path)
     text = file_text(path, HINT)
-    notes: list[str] = []
+    notes: list[Message] = []
     header = _header(text, path, notes)
     names_line, start = line_from(text, header.end)
     delimiter = find_delimiter(names_line)
@@ -111,7 +113,7 @@ class _Header:
     end: int
 
 
-def _header(text: str, path: Path, notes: list[str]) -> _Header:
+def _header(text: str, path: Path, notes: list[Message]) -> _Header:
     """Read the header of a table.
 
     Parameters
@@ -135,8 +137,10 @@ def _header(text: str, path: Path, notes: list[str]) -> _Header:
         end = match.start()
         header = text[:end]
         notes.append(
-            "the header has no line 'endheader': the line that begins with 'time' was taken for the"
-            " columns"
+            READING.message(
+                "the header has no line 'endheader': the line that begins with 'time' was taken"
+                " for the columns"
+            )
         )
     lines = [line.strip(' \t",\r') for line in header.splitlines()[:HEADER_LINES]]
     facts = _facts(lines)
@@ -199,7 +203,7 @@ class _Numbers:
     values: Array
 
 
-def _numbers(body: TableBody, labels: list[str], kind: str, notes: list[str]) -> _Numbers:
+def _numbers(body: TableBody, labels: list[str], kind: str, notes: list[Message]) -> _Numbers:
     """Read the rows of numbers below the line of column names.
 
     Parameters
@@ -233,7 +237,7 @@ def _numbers(body: TableBody, labels: list[str], kind: str, notes: list[str]) ->
 
 
 def _fitted(
-    body: TableBody, labels: list[str], first: str, notes: list[str]
+    body: TableBody, labels: list[str], first: str, notes: list[Message]
 ) -> tuple[TableBody, list[str]]:
     """Make names and cells fit each other, where one line has more delimiters than the other.
 
@@ -269,11 +273,11 @@ def _fitted(
             f"has {len(labels)} column names, but {len(cells)} numbers in its first row",
             HINT,
         )
-    notes.append(f"{extra} columns without a name were left out")
+    notes.append(READING.message(f"{extra} columns without a name were left out"))
     return body, labels
 
 
-def _rows(numbers: _Numbers, notes: list[str], path: Path) -> tuple[Array, Array]:
+def _rows(numbers: _Numbers, notes: list[Message], path: Path) -> tuple[Array, Array]:
     """Take the time off a table and leave out rows whose time does not increase.
 
     Parameters
@@ -292,7 +296,7 @@ def _rows(numbers: _Numbers, notes: list[str], path: Path) -> tuple[Array, Array
     """
     time_name, *names = numbers.names
     if time_name.lower() not in ("time", "t", "times"):
-        notes.append(f"the first column '{time_name}' was taken for the time")
+        notes.append(READING.message(f"the first column '{time_name}' was taken for the time"))
     if not len(numbers.values):
         raise BadFile(
             path,
@@ -304,20 +308,24 @@ def _rows(numbers: _Numbers, notes: list[str], path: Path) -> tuple[Array, Array
         raise BadFile(path, "its first column holds no time that is a number", HINT)
     left_out = np.count_nonzero(~keep)
     if left_out:
-        notes.append(f"{left_out} rows were left out because their time does not increase")
+        notes.append(
+            READING.message(f"{left_out} rows were left out because their time does not increase")
+        )
     table = numbers.values[keep]
     values = table[:, 1:]
     infinite = np.isinf(values)
     if infinite.any():
         worst = names[int(np.argmax(infinite.sum(axis=0)))]
         notes.append(
-            f"{np.count_nonzero(infinite)} infinite values were made NaN (most in '{worst}')"
+            READING.message(
+                f"{np.count_nonzero(infinite)} infinite values were made NaN (most in '{worst}')"
+            )
         )
         values = np.where(infinite, np.nan, values)
     return table[:, 0], values
 
 
-def _check_counts(facts: Mapping[str, str], shape: tuple[int, ...], notes: list[str]) -> None:
+def _check_counts(facts: Mapping[str, str], shape: tuple[int, ...], notes: list[Message]) -> None:
     """Warn where the header states other numbers of rows or columns than the file has.
 
     Parameters
@@ -335,7 +343,9 @@ def _check_counts(facts: Mapping[str, str], shape: tuple[int, ...], notes: list[
         for key in keys:
             stated = facts.get(key, "").split()
             if stated and stated[0].isdigit() and int(stated[0]) != count:
-                notes.append(f"the header says {stated[0]} {what}, the file has {count}")
+                notes.append(
+                    READING.message(f"the header says {stated[0]} {what}, the file has {count}")
+                )
                 break
 
 

@@ -26,8 +26,10 @@ from myomorph.core.io.parsing.text import (
 )
 from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import HIDDEN, READING, UNITS
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Markers, Trial
 
 HINT = (
@@ -80,7 +82,7 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     """
     path = Path(path)
     text = file_text(path, HINT)
-    notes: list[str] = []
+    notes: list[Message] = []
     header = _header(text, path, notes)
     facts = header.facts
     labels = _labels(header.cells, facts)
@@ -95,7 +97,7 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     for key, (count, what) in counts.items():
         stated = facts.get(key, "")
         if stated.isdigit() and int(stated) != count:
-            notes.append(f"the header says {stated} {what}, the file has {count}")
+            notes.append(READING.message(f"the header says {stated} {what}, the file has {count}"))
     markers = Markers(time, unique_names(names, "marker", notes), positions)
     return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
 
@@ -138,7 +140,7 @@ class _Header:
     end: int
 
 
-def _header(text: str, path: Path, notes: list[str]) -> _Header:
+def _header(text: str, path: Path, notes: list[Message]) -> _Header:
     """Read the lines above the numbers.
 
     Parameters
@@ -164,7 +166,11 @@ def _header(text: str, path: Path, notes: list[str]) -> _Header:
     else:
         raise BadFile(path, "has no line 'Frame#  Time  marker names'", HINT)
     if not facts:
-        notes.append("the header has no line 'DataRate ...': units were guessed from the values")
+        notes.append(
+            UNITS.message(
+                "the header has no line 'DataRate ...': units were guessed from the values"
+            )
+        )
     if word == "time":
         raise BadFile(path, "has no column 'Frame#'", HINT)
     delimiter = find_delimiter(line)
@@ -193,7 +199,7 @@ def _header_values(keys: str, values: str) -> dict[str, str]:
     return facts
 
 
-def _table(body: TableBody, named: int, notes: list[str]) -> Array:
+def _table(body: TableBody, named: int, notes: list[Message]) -> Array:
     """Read the rows of numbers.
 
     Parameters
@@ -229,11 +235,17 @@ def _table(body: TableBody, named: int, notes: list[str]) -> Array:
     width = max(len(row) for row in rows)
     if _is_cut_off(body, lines, rows):
         rows.pop()
-        notes.append("the last row ends too early and was left out: the file may have been cut off")
+        notes.append(
+            READING.message(
+                "the last row ends too early and was left out: the file may have been cut off"
+            )
+        )
     if not named:
         columns = 2 + 3 * ((max(columns, width) - 2) // 3)
     elif width > columns:
-        notes.append(f"{width - columns} columns behind the last marker were left out")
+        notes.append(
+            READING.message(f"{width - columns} columns behind the last marker were left out")
+        )
     return _values(rows, columns, body.path, notes)
 
 
@@ -251,7 +263,7 @@ def _is_cut_off(body: TableBody, lines: Sequence[str], rows: Sequence[Sequence[s
     return len(rows[-1]) < len(split_cells(lines[-2], body.delimiter))
 
 
-def _values(rows: Sequence[Sequence[str]], columns: int, path: Path, notes: list[str]) -> Array:
+def _values(rows: Sequence[Sequence[str]], columns: int, path: Path, notes: list[Message]) -> Array:
     """Convert cells to numbers; rows with texts are left out.
 
     Parameters
@@ -279,8 +291,10 @@ def _values(rows: Sequence[Sequence[str]], columns: int, path: Path, notes: list
             is_text[index] = True
     if is_text.any():
         notes.append(
-            f"{np.count_nonzero(is_text)} rows were left out because they hold text instead of"
-            " numbers"
+            READING.message(
+                f"{np.count_nonzero(is_text)} rows were left out because they hold text instead of"
+                " numbers"
+            )
         )
     if is_text.all():
         raise BadFile(path, "has marker names, but no frame of numbers", HINT)
@@ -310,7 +324,7 @@ def _labels(cells: list[str], facts: Mapping[str, str]) -> list[str]:
     return cells[: columns[-1] + 1 : 3]
 
 
-def _names(labels: Sequence[str], count: int, notes: list[str]) -> list[str]:
+def _names(labels: Sequence[str], count: int, notes: list[Message]) -> list[str]:
     """Name as many markers as there are columns for.
 
     Parameters
@@ -322,12 +336,12 @@ def _names(labels: Sequence[str], count: int, notes: list[str]) -> list[str]:
     padded = [*labels, *[""] * (count - len(labels))]
     nameless = padded.count("")
     if nameless:
-        notes.append(f"{nameless} markers have no name")
+        notes.append(READING.message(f"{nameless} markers have no name"))
     return [label or f"unnamed_{index + 1}" for index, label in enumerate(padded[:count])]
 
 
 def _clock(
-    table: Array, facts: Mapping[str, str], path: Path, notes: list[str]
+    table: Array, facts: Mapping[str, str], path: Path, notes: list[Message]
 ) -> tuple[Array, Array]:
     """Find the times of the frames, by frame numbers and rate where the time column repeats.
 
@@ -353,13 +367,18 @@ def _clock(
     counted = _counted_time(table[:, 0], time, number_or_nan(facts.get("DataRate", "")))
     if counted is not None:
         notes.append(
-            "the time column repeats or is blank: time was counted from frame numbers and DataRate"
+            READING.message(
+                "the time column repeats or is blank: time was counted from frame numbers and"
+                " DataRate"
+            )
         )
         return counted, table
     if not keep.any():
         raise BadFile(path, "its time column holds no number", HINT)
     notes.append(
-        f"{np.count_nonzero(~keep)} frames were left out because their time does not increase"
+        READING.message(
+            f"{np.count_nonzero(~keep)} frames were left out because their time does not increase"
+        )
     )
     return time[keep], table[keep]
 
@@ -389,7 +408,7 @@ def _counted_time(frame: Array, time: Array, rate: float) -> Array | None:
     return counted if agree else None
 
 
-def _hidden(values: Array, names: list[str], notes: list[str]) -> Array:
+def _hidden(values: Array, names: list[str], notes: list[Message]) -> Array:
     """Mark hidden markers: NaN for infinite, partly blank and exactly zero positions.
 
     Parameters
@@ -407,14 +426,17 @@ def _hidden(values: Array, names: list[str], notes: list[str]) -> Array:
     if zero.any():
         worst = names[int(np.argmax(zero.sum(axis=0)))]
         notes.append(
-            f"{np.count_nonzero(zero)} positions are exactly (0, 0, 0): taken as hidden (most of"
-            f" '{worst}')"
+            HIDDEN.message(
+                f"{np.count_nonzero(zero)} positions are exactly (0, 0, 0): taken as hidden (most"
+                f" of '{worst}')",
+                gravity="good to know",
+            )
         )
     hidden = zero | np.isnan(values).any(axis=2)
     return np.where(hidden[:, :, None], np.nan, values)
 
 
-def _unit(facts: dict[str, str], values: Array, notes: list[str]) -> float:
+def _unit(facts: dict[str, str], values: Array, notes: list[Message]) -> float:
     """Find the length of the file's unit, by its header or by the median of the positions.
 
     Parameters
@@ -433,7 +455,9 @@ def _unit(facts: dict[str, str], values: Array, notes: list[str]) -> float:
     median = float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
     guess = "mm" if median > MAX_METERS else "m"
     notes.append(
-        f"the header names no unit that is known ('{facts.get('Units', '')}'): taken as {guess}"
+        UNITS.message(
+            f"the header names no unit that is known ('{facts.get('Units', '')}'): taken as {guess}"
+        )
     )
     return METERS[guess]
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.core.io.parsing.text import mapped_bytes
+from myomorph.core.model.causes import READING
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.series import Sound
 
@@ -75,13 +76,19 @@ def read_wav(path: str | os.PathLike[str], start: float = 0.0) -> Sound:
     warnings = []
     if promised in UNFINISHED:
         promised = len(data) - first
-        warnings.append("the recorder never wrote how long the sound is; taken to the file's end")
+        warnings.append(
+            READING.message(
+                "the recorder never wrote how long the sound is; taken to the file's end"
+            )
+        )
     there = min(promised, len(data) - first)
     count = there // facts.frame
     if there < promised:
         warnings.append(
-            f"the file ends after {count / facts.rate:.3f} of"
-            f" {promised / facts.frame / facts.rate:.3f} s"
+            READING.message(
+                f"the file ends after {count / facts.rate:.3f} of"
+                f" {promised / facts.frame / facts.rate:.3f} s"
+            )
         )
     if count == 0:
         raise BadFile(path, "holds no samples", HINT)
@@ -93,7 +100,7 @@ def read_wav(path: str | os.PathLike[str], start: float = 0.0) -> Sound:
         )
     samples = _decoded(data[first : first + count * facts.frame], facts)
     if not np.isfinite(samples).all():
-        warnings.append("some samples are not finite; taken as silence")
+        warnings.append(READING.message("some samples are not finite; taken as silence"))
         samples = np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0)
     names = tuple(str(index + 1) for index in range(facts.channels))
     return Sound(

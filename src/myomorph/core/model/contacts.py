@@ -13,6 +13,7 @@ from myomorph.core.model.contact_quantities import FORCES
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.extension import load
 from myomorph.core.model.labelled import AXES, Labelled
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, index_of
 from myomorph.core.model.registry import with_extensions
 from myomorph.core.model.series import Series, Wrenches
@@ -290,7 +291,7 @@ class Contacts:
 
     sites: tuple[str, ...]
     intervals: tuple[Touch, ...]
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
     def __post_init__(self) -> None:
         ordered = sorted(self.intervals, key=lambda interval: (interval.start, interval.site))

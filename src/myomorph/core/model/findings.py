@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.messages import Gravity, Message, as_message
+from myomorph.core.model.messages import Span as Span
 
-Span: TypeAlias = tuple[float, float]  # First and last time of a stretch of frames [s]
 INSTANT = 0.005  # Longest stretch that is written as one time [s]
 
 Checked = TypeVar("Checked")
@@ -29,11 +30,13 @@ class Repair:
     apply : from what was checked to the same corrected
     done : what was done, for the finding's text
     advice : what helps instead where it is only reported
+    cures : whether what was found changes no number once it is done
     """
 
     apply: Callable[[Any], Any]
     done: str
     advice: str = ""
+    cures: bool = True
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,8 @@ class Finding:
     ----------
     kind : short name of what is wrong, such as "wrong foot", for tables and tests
     place : what it was found in: a plate, force, marker, coordinate or file
-    text : one line for people: what, where, how much, and what was done or which option helps
+    text : one line for people: what, where, how much, and what was done or which option helps, with
+        its cause
     times : (start, stop) of each stretch of time concerned [s]; empty where all of it is
     mended : whether what follows was computed with it put right
     size : how bad, to sort by within a kind; not stored
@@ -53,19 +57,26 @@ class Finding:
 
     kind: str
     place: str
-    text: str
+    text: Message
     times: tuple[Span, ...] = ()
     mended: bool = False
     size: float = field(default=0.0, compare=False)
     repair: Repair | None = field(default=None, compare=False, repr=False)
 
     def __str__(self) -> str:
-        return self.text
+        return str(self.text)
+
+    @property
+    def message(self) -> Message:
+        """Its text with its cause, place and times."""
+        return as_message(self.text).changed(place=self.place, times=self.times)
 
     @property
     def record(self) -> dict[str, object]:
         """Fields as plain values, for files."""
-        return {name: getattr(self, name) for name in ("kind", "place", "text", "times", "mended")}
+        names = ("kind", "place", "text", "times", "mended")
+        values = {name: getattr(self, name) for name in names}
+        return values | {"message": self.message.record}
 
 
 def repaired(
@@ -89,11 +100,22 @@ def repaired(
         repair = finding.repair
         if repair is not None:
             checked = repair.apply(checked) if mend else checked
-            helps = repair.done if mend else repair.advice
-            text = f"{finding.text}: {helps}" if helps else finding.text
-            finding = replace(finding, text=text, mended=mend)
+            finding = replace(finding, text=_repaired_text(finding, repair, mend), mended=mend)
         reported.append(replace(finding, repair=None))
     return checked, tuple(reported)
+
+
+def _repaired_text(finding: Finding, repair: Repair, mend: bool) -> Message:
+    """Say what was done or what helps; what is cured changes no number, and is good to know."""
+    text = as_message(finding.text)
+    helps = repair.done if mend else repair.advice
+    gravity: Gravity = "good to know" if mend and repair.cures else text.gravity
+    return text.changed(f"{text}: {helps}" if helps else None, gravity=gravity)
+
+
+def messages_of_findings(findings: Iterable[Finding]) -> tuple[Message, ...]:
+    """Messages of findings, in their order."""
+    return tuple(finding.message for finding in findings)
 
 
 def spans_of(time: Array, flags: np.ndarray) -> tuple[Span, ...]:

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadData, quoted
 from myomorph.core.model.functions import linear
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Mesh, Model
 from myomorph.core.model.spatial import Transform, least_rotation
 
@@ -96,7 +98,7 @@ def pseudo_inertias(parameters: ArrayLike) -> Array:
     return result
 
 
-def made_up_inertias(bodies: Sequence[Body]) -> tuple[str, ...]:
+def made_up_inertias(bodies: Sequence[Body]) -> tuple[Message, ...]:
     """Warn of bodies whose inertia is that of mass farther away than a body is wide.
 
     Inertia that is too small to change torques does not count.
@@ -114,9 +116,12 @@ def made_up_inertias(bodies: Sequence[Body]) -> tuple[str, ...]:
     away = np.sqrt(moments[worst] / worst.mass)
     return (
         (
-            f"inertia of {names}: up to {moments[worst]:.3g} kg m^2 at {worst.mass:.3g} kg"
-            f" ('{worst.name}'), as of mass {away:.3g} m away: torques about them are of it;"
-            " correct it in the file"
+            MODEL.message(
+                f"inertia of {names}: up to {moments[worst]:.3g} kg m^2 at {worst.mass:.3g} kg"
+                f" ('{worst.name}'), as of mass {away:.3g} m away: torques about them are of it;"
+                " correct it in the file",
+                gravity="may change results",
+            )
         ),
     )
 

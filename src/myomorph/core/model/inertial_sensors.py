@@ -12,6 +12,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.labelled import AXES, Variable
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import index_of
 from myomorph.core.model.series import OverTime
 
@@ -47,7 +48,7 @@ class InertialSensors(OverTime):
     angular_velocities: Array | None = None
     accelerations: Array | None = None
     magnetic_fields: Array | None = None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
     source: str = ""
 
     def __post_init__(self) -> None:

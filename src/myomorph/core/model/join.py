@@ -11,6 +11,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadModel, UnknownName
+from myomorph.core.model.messages import located
 from myomorph.core.model.model import GROUND, Kept, Model
 from myomorph.core.model.series import Motion, Series, Wrenches
 
@@ -276,7 +277,7 @@ def _prefixed(part: str, name: str) -> str:
 
 def _renamed(model: Model, part: str) -> Model:
     """Put a part's name before every name of a model."""
-    warnings = tuple(f"{part}: {warning}" for warning in model.warnings)
+    warnings = located(part, model.warnings)
     return replace(renamed_model(model, lambda name: _prefixed(part, name)), warnings=warnings)
 
 

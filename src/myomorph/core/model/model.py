@@ -14,6 +14,7 @@ from myomorph.core.model.drawings import lines_drawing
 from myomorph.core.model.errors import BadData, BadModel, UnknownName, counted
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.functions import Function, value_at
+from myomorph.core.model.messages import Message
 from myomorph.core.model.paths import Bushing, Ligament, Muscle, PassiveTorque, WrapObject
 from myomorph.core.model.shown import shown
 from myomorph.core.model.spatial import Transform, axis_rotation
@@ -325,7 +326,7 @@ class Model:
     ground_meshes: tuple[Mesh, ...] = ()
     kept: tuple[Kept, ...] = ()
     source: str = ""
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
     passive_torques: tuple[PassiveTorque, ...] = ()
     bushings: tuple[Bushing, ...] = ()
     ligaments: tuple[Ligament, ...] = ()

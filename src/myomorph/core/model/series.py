@@ -14,6 +14,7 @@ from myomorph.core.model.errors import BadData, counted
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.labelled import AXES, Labelled, Variable
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import index_of
 from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series_quantities import (
@@ -203,7 +204,7 @@ class Table(Series):
 
     in_degrees: bool = False
     facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
     source: str = ""
 
 
@@ -278,7 +279,7 @@ class Wrenches(OverTime):
     forces: Array
     points: Array
     torques: Array
-    notes: tuple[str, ...] = field(default=(), kw_only=True)
+    notes: tuple[Message, ...] = field(default=(), kw_only=True)
     findings: tuple[Finding, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
@@ -468,7 +469,7 @@ class Trial:
     events: tuple[Event, ...] = ()
     other_points: Series | None = None
     facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
     source: str = ""
 
     def rotated(self, rotation: Array) -> Trial:
@@ -528,7 +529,7 @@ class Sound:
     names: tuple[str, ...]
     samples: np.ndarray
     start: float = 0.0
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
     source: str = ""
 
     def __post_init__(self) -> None:

@@ -19,8 +19,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from myomorph.core.model.arrays import Array, freeze, read_only
+from myomorph.core.model.causes import CLOCKS
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.join import clock_difference
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.motion.clock_lags import (
     Recorded,
@@ -101,7 +103,7 @@ class Clock:
     length: float = 0.0
     explained: float = float("nan")
     cutoff: float = float("nan")
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, covariance=(2, 2))
@@ -227,7 +229,7 @@ def fit_clock(  # page: two recordings, with what is used of them
         fits.append(refine(compared, start, options.drift, options.block))
     fits.sort(key=lambda fit: fit.misfit)
     best = fits[0]
-    warning = _warning(fits)
+    notes = _warnings(fits)
     # The way there is s = t + a + b (t - middle); a clock is the way back.
     a, b = best.lag
     turn = np.diag([-1.0 / (1.0 + b), -1.0 / (1.0 + b) ** 2])
@@ -240,32 +242,39 @@ def fit_clock(  # page: two recordings, with what is used of them
         explained=best.explained,
         cutoff=cutoff,
     )
-    notes = [warning] if warning else []
     if abs(clock.drift) > max(SIGNIFICANT * clock.drift_sd, 1e-6):
         notes.append(
-            f"the clocks drift: {1e6 * clock.drift:.1f} ± {1e6 * clock.drift_sd:.1f} ppm, "
-            f"{1e3 * abs(clock.drift) * clock.length:.2f} ms over {clock.length:.0f} s; corrected"
+            CLOCKS.message(
+                f"the clocks drift: {1e6 * clock.drift:.1f} ± {1e6 * clock.drift_sd:.1f} ppm,"
+                f" {1e3 * abs(clock.drift) * clock.length:.2f} ms over {clock.length:.0f} s;"
+                " corrected",
+                gravity="good to know",
+            )
         )
     return replace(clock, notes=tuple(notes))
 
 
-def _warning(refineds: list[Refined]) -> str:
-    """Describe another offset that leaves hardly more than the best, "" where there is none."""
+def _warnings(refineds: list[Refined]) -> list[Message]:
+    """Describe another offset that leaves hardly more than the best, if there is one."""
     best = refineds[0]
     for other in refineds[1:]:
         if (
             other.misfit < AMBIGUOUS * best.misfit
             and abs(other.lag[0] - best.lag[0]) > 10 * best.timing_sd
         ):
-            return (
-                f"an offset of {-other.lag[0]:.3f} s leaves only {other.misfit / best.misfit:.3f}"
-                f" times what {-best.lag[0]:.3f} s leaves (a swing repeats itself): narrow the"
-                " search if the second is wrong"
-            )
-    return ""
+            return [
+                CLOCKS.message(
+                    f"an offset of {-other.lag[0]:.3f} s leaves only"
+                    f" {other.misfit / best.misfit:.3f} times what {-best.lag[0]:.3f} s leaves (a"
+                    " swing repeats itself): narrow the search if the second is wrong"
+                )
+            ]
+    return []
 
 
-def on_one_clock(parts: Mapping[str, SeriesKind]) -> tuple[dict[str, SeriesKind], tuple[str, ...]]:
+def on_one_clock(
+    parts: Mapping[str, SeriesKind],
+) -> tuple[dict[str, SeriesKind], tuple[Message, ...]]:
     """Resample several parts to the times of that with the highest rate, over what all cover.
 
     Times are taken as they are: clocks that count from different instants have to be brought
@@ -305,16 +314,22 @@ def on_one_clock(parts: Mapping[str, SeriesKind]) -> tuple[dict[str, SeriesKind]
         shifted[name] = _at(part, times)
         if name != fastest:
             notes.append(
-                f"'{name}' ({part.rate:.4g} Hz) is resampled to the times of '{fastest}'"
-                f" ({parts[fastest].rate:.4g} Hz)"
+                CLOCKS.message(
+                    f"'{name}' ({part.rate:.4g} Hz) is resampled to the times of '{fastest}'"
+                    f" ({parts[fastest].rate:.4g} Hz)",
+                    gravity="good to know",
+                )
             )
         lost = len(part) - int(
             ((part.time >= times[0] - slack) & (part.time <= times[-1] + slack)).sum()
         )
         if lost:
             notes.append(
-                f"'{name}' loses {lost} of {len(part)} frames, from before {begin:g} or after"
-                f" {stop:g} s"
+                CLOCKS.message(
+                    f"'{name}' loses {lost} of {len(part)} frames, from before {begin:g} or after"
+                    f" {stop:g} s",
+                    gravity="good to know",
+                )
             )
     return shifted, tuple(notes)
 

@@ -11,6 +11,7 @@ import scipy
 from myomorph.core.fit.estimation import Estimate
 from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import index_of
 from myomorph.core.model.series import Emg, Series
 
@@ -147,7 +148,7 @@ class EmgCalibration:
     delays: Array
     gains: Array
     offsets: Array
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
     shapes: Array = field(default_factory=lambda: np.zeros(1))
     intervals: Array = field(default_factory=lambda: np.full((1, 2), np.nan))
     by_torque: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))

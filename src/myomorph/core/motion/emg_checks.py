@@ -9,7 +9,9 @@ import numpy as np
 import scipy
 
 from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.causes import EMG
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Emg, Series
 
 # Time without any change after which a raw channel is dead [s]: muscle and amplifier are never that
@@ -61,6 +63,11 @@ class EmgFault:
     start: float
     stop: float
     text: str
+
+    @property
+    def message(self) -> Message:
+        """Its text with its cause."""
+        return EMG.message(self.text, place=self.channel, times=((self.start, self.stop),))
 
 
 def raw_faults(raw: Series) -> tuple[EmgFault, ...]:

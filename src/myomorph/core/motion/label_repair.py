@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only, runs
+from myomorph.core.model.causes import MARKERS
 from myomorph.core.model.findings import Finding, Repair, pairs_text, repaired, spans_of, times_text
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.scale import scale
@@ -568,7 +569,9 @@ def _swap_finding(
         sides = "the labels of the two sides are swapped (give a map with --labels)"
         mirrored = "one axis of the recording is mirrored (turn its sign, in the forces too)"
         why = mirrored if swap.certain else f"either {sides}, or {mirrored}"
-        text = f"left and right are exchanged {when}: {fits}; {why}"
+        text = MARKERS.message(
+            f"left and right are exchanged {when}: {fits}; {why}", gravity="changes results"
+        )
         return Finding(
             kind="mirrored axis" if swap.certain else "left and right",
             place="all markers",
@@ -579,7 +582,7 @@ def _swap_finding(
     what = f"labels {labels}" if len(swap.pairs) == 1 else f"labels of {swap.name} ({labels})"
     put_back = partial(_put_back, swap=swap, names=fit.marker_names, wrong=wrong if spans else None)
     repair = Repair(put_back, "exchanged back there") if sure else None
-    text = f"{what} are exchanged {when}, with a {fits}"
+    text = MARKERS.message(f"{what} are exchanged {when}, with a {fits}")
     return Finding(
         kind="swapped labels", place=labels.replace("'", ""), text=text, times=spans, repair=repair
     )

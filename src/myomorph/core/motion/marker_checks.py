@@ -18,6 +18,7 @@ import scipy
 from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import LABELS, MARKERS
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.findings import Finding, Repair, Span, pairs_text, repaired, times_text
 from myomorph.core.model.frozen_map import grouped
@@ -149,7 +150,7 @@ def _exchange_findings(markers: Markers, names: Sequence[str], unit: float) -> I
     )
     for (start, stop), pairs in parts.items():
         span = float(markers.time[start]), float(markers.time[stop - 1])
-        text = (
+        text = MARKERS.message(
             f"labels {pairs_text(pairs)} are exchanged {times_text([span])}"
             f" ({_frames_text(stop - start)}), as their paths go on in each other"
         )
@@ -205,9 +206,10 @@ def _jump_findings(markers: Markers, names: Sequence[str], unit: float) -> Itera
         ]
         worst = max(size for _, _, size in parts)
         count = sum(stop - start for start, stop, _ in parts)
-        text = (
+        text = MARKERS.message(
             f"marker '{name}' jumps by up to {100 * worst:.1f} cm and back {times_text(spans)}"
-            f" ({_frames_text(count)})"
+            f" ({_frames_text(count)})",
+            size=100.0 * worst,
         )
         bridged = partial(_bridged, name=name, parts=[part[:2] for part in parts])
         path = bridged(markers).values[[start for start, _, _ in parts], markers.names.index(name)]
@@ -331,14 +333,15 @@ def name_findings(
     hints = [f"'{other}' for '{name}'" for name, other in list(near.items())[:4]]
     hint = f"is {', '.join(hints)}{', ...' if len(near) > 4 else ''} meant?" if near else ""
     if matched < FEW * model and matched < FEW * recorded:
-        text = (
+        text = LABELS.message(
             f"only {matched} of the model's {model} markers are among the {recorded} recorded: not"
             f" in the model are {quoted(unused)}; {hint + ' ' if hint else ''}map the names with"
-            " --labels (labels in a study)"
+            " --labels (labels in a study)",
+            gravity="changes results",
         )
         return (Finding("unmatched markers", "markers", text),)
     if near:
-        text = (
+        text = LABELS.message(
             f"{len(missing)} of the model's {model} markers were not recorded, and {len(unused)}"
             f" recorded ones are not in the model: {hint} Map the names with --labels (labels in a"
             " study)"

@@ -9,8 +9,10 @@ from functools import partial
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import HIDDEN, MARKERS
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.findings import Finding, Repair, spans_of
+from myomorph.core.model.gravity import gravity_of_share
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers
 from myomorph.core.model.sides import mirror_names
@@ -241,11 +243,12 @@ def place_findings(
         beside = ""
         if other >= 0:
             beside = f", '{partner[name]}' {100 * displaced.distances[other]:.1f} cm"
-        text = (
+        text = MARKERS.message(
             f"marker '{name}' lies {100 * displaced.distance:.1f} cm from where all others put it"
             f" on '{model.marker(name).body}' (median of all {100 * displaced.median:.1f}"
             f" cm{beside}): was it moved, or placed elsewhere than on the model? Leave it out"
-            " (weight 0 in --tasks, or an empty name in --labels) or calibrate the model"
+            " (weight 0 in --tasks, or an empty name in --labels) or calibrate the model",
+            size=100.0 * displaced.distance,
         )
         yield Finding("displaced marker", name, text)
 
@@ -464,12 +467,18 @@ def _lost(fit: KinematicsFit, lost: np.ndarray) -> Iterator[Finding]:
     if not lost.any():
         return
     spans = spans_of(fit.motion.time, lost)
+    share = float(lost.mean())
     fewest = int(np.isfinite(fit.marker_error[lost]).sum(axis=1).min())
-    text = (
+    text = HIDDEN.message(
         f"{int(lost.sum())} of {len(lost)} frames show too few markers to determine where the body"
-        f" is (as few as {fewest} of {len(fit.marker_names)}, first at {spans[0][0]:.2f} s)"
+        f" is (as few as {fewest} of {len(fit.marker_names)}, first at {spans[0][0]:.2f} s)",
+        size=100.0 * share,
+        share=share,
+        gravity=gravity_of_share(share, HIDDEN.gravity),
     )
-    repair = Repair(partial(_without, lost=lost), "left empty", "poses there are guesses")
+    repair = Repair(
+        partial(_without, lost=lost), "left empty", "poses there are guesses", cures=False
+    )
     yield Finding(kind="hidden frames", place="frames", text=text, times=spans, repair=repair)
 
 
@@ -501,9 +510,13 @@ def _partly(
         when = np.asarray(hidden[:, members].any(axis=1))
         spans = spans_of(fit.motion.time, when)
         which = [names[i] for i in members]
-        text = (
+        share = float(when.sum()) / frames
+        text = HIDDEN.message(
             f"in {int(when.sum())} of {frames} frames no marker shows {quoted(which)}, first from"
-            f" {spans[0][0]:.2f} to {spans[0][1]:.2f} s: values there are guesses near the default"
+            f" {spans[0][0]:.2f} to {spans[0][1]:.2f} s: values there are guesses near the default",
+            size=100.0 * share,
+            share=share,
+            gravity=gravity_of_share(share, HIDDEN.gravity),
         )
         yield Finding(kind="hidden in part", place=", ".join(which), text=text, times=spans)
 

@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import MARKERS
 from myomorph.core.model.findings import Finding
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Markers
 from myomorph.core.model.sides import mirror_names
 from myomorph.core.motion.protocols import Site, recognize
@@ -188,7 +190,7 @@ def _has(link: _Link, names: tuple[str, ...]) -> bool:
     return bool({*link.markers, *link.others} & {*names})
 
 
-def _text(worst: _Link, suspects: Sequence[tuple[str, ...]], usual: float) -> str:
+def _text(worst: _Link, suspects: Sequence[tuple[str, ...]], usual: float) -> Message:
     """Describe an asymmetry for the user.
 
     Parameters
@@ -203,9 +205,10 @@ def _text(worst: _Link, suspects: Sequence[tuple[str, ...]], usual: float) -> st
     lies = f"marker {named} lies elsewhere than on the other side"
     if len(suspects) == 1 and len(suspects[0]) == 1:
         lies = f"marker {named} lies off the middle"
-    return (
+    return MARKERS.message(
         f"{lies}: '{first}' and '{other}' are {100 * worst.length:.1f} cm apart, '{a}' and '{b}'"
         f" {100 * (worst.length - worst.difference):.1f} cm (the median of such differences is"
         f" {100 * usual:.1f} cm): was it misplaced? A calibration moves the model's marker after"
-        " it, and angles with it; leave it out (an empty name in --labels) where it was"
+        " it, and angles with it; leave it out (an empty name in --labels) where it was",
+        size=100.0 * abs(worst.difference),
     )

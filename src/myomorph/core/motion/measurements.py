@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import HIDDEN, MARKERS, SIZES
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.landmarks import Measurement
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Marker, Model, index_of
 from myomorph.core.model.series import DEFAULT_POSE, Markers, Motion
 from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
@@ -39,7 +41,7 @@ class Measured:
     factor: float
     recorded: tuple[float, ...] = ()
     model: tuple[float, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 def with_measured(
@@ -98,16 +100,21 @@ def measure(model: Model, markers: Markers, measurement: Measurement) -> Measure
         seen = np.isfinite(lengths)
         recorded.append(float(lengths[seen].mean()) if seen.any() else float("nan"))
         if not seen.all():
-            hidden = (
-                f"{int((~seen).sum())} of {len(seen)} frames do not show both '{first}' and"
-                f" '{second}'"
+            hidden = int((~seen).sum())
+            notes.append(
+                HIDDEN.message(
+                    f"measurement '{measurement.name}': {hidden} of {len(seen)} frames do not show"
+                    f" both '{first}' and '{second}'",
+                    gravity="good to know",
+                )
             )
-            notes.append(f"measurement '{measurement.name}': {hidden}")
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = float(np.mean(np.array(recorded) / modelled))
     if not np.isfinite(factor) or factor <= 0.0:
         notes.append(
-            f"measurement '{measurement.name}' is not used: its factor would be {factor:g}"
+            SIZES.message(
+                f"measurement '{measurement.name}' is not used: its factor would be {factor:g}"
+            )
         )
         factor = float("nan")
     return Measured(
@@ -119,19 +126,21 @@ def measure(model: Model, markers: Markers, measurement: Measurement) -> Measure
     )
 
 
-def _missing(model: Model, markers: Markers, measurement: Measurement) -> list[str]:
+def _missing(model: Model, markers: Markers, measurement: Measurement) -> list[Message]:
     """Say why a measurement cannot be used: without pairs, or with markers that one side lacks."""
     unused = f"measurement '{measurement.name}' is not used"
     if not measurement.pairs:
-        return [f"{unused}: it has no marker pairs"]
+        return [SIZES.message(f"{unused}: it has no marker pairs")]
     named = dict.fromkeys(name for pair in measurement.pairs for name in pair)
     problems = [
-        f"{unused}: the model has no marker '{name}'"
+        SIZES.message(f"{unused}: the model has no marker '{name}'")
         for name in named
         if name not in model.marker_names
     ]
     return problems + [
-        f"{unused}: marker '{name}' was not recorded" for name in named if name not in markers.names
+        SIZES.message(f"{unused}: marker '{name}' was not recorded")
+        for name in named
+        if name not in markers.names
     ]
 
 
@@ -200,7 +209,7 @@ class Placement:
     fit: KinematicsFit
     moved: dict[str, float]
     removed: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 def place_on_pose(  # page: what OpenSim's tool has as settings
@@ -281,10 +290,12 @@ def _mean(markers: Markers) -> Markers:
     return replace(markers, time=markers.time[:1], values=mean[None])
 
 
-def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) -> list[str]:
+def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) -> list[Message]:
     """Name markers that are hidden, or move more than `most_movement` [m], in the static frames."""
     notes = [
-        f"marker '{name}' is not seen in the static frames: it stays"
+        MARKERS.message(
+            f"marker '{name}' is not seen in the static frames: it stays", gravity="good to know"
+        )
         for name in model.marker_names
         if name not in seen
     ]
@@ -292,10 +303,20 @@ def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) ->
         values = used[name]
         gaps = int((~np.isfinite(values)).any(axis=1).sum())
         if gaps:
-            notes.append(f"marker '{name}' is not seen in {gaps} of {len(values)} static frames")
+            notes.append(
+                HIDDEN.message(
+                    f"marker '{name}' is not seen in {gaps} of {len(values)} static frames",
+                    gravity="good to know",
+                )
+            )
         spread = float(np.max(np.nanmax(values, axis=0) - np.nanmin(values, axis=0)))
         if spread > most_movement:
-            notes.append(f"marker '{name}' moves {1000 * spread:.1f} mm in the static frames")
+            notes.append(
+                MARKERS.message(
+                    f"marker '{name}' moves {1000 * spread:.1f} mm in the static frames",
+                    gravity="good to know",
+                )
+            )
     return notes
 
 

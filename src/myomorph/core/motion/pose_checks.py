@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import POSES, UNSEEN
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.findings import Finding, spans_of
+from myomorph.core.model.gravity import gravity_of_share
 from myomorph.core.model.model import GROUND, Coordinate, Model
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
@@ -98,7 +100,7 @@ def _bound_findings(
         if len(spans) == 1:
             first = f"from {spans[0][0]:.2f} to {spans[0][1]:.2f} s"
         further = f"{np.degrees(beyond):.0f} degrees" if bound.turns else f"{100 * beyond:.1f} cm"
-        text = (
+        text = POSES.message(
             f"coordinate '{name}' is held at its bound of {bound} in {int(at[:, i].sum())} of"
             f" {len(fit.motion)} frames ({first}); the markers ask for about {further} more: check"
             " the bound, the markers there and the model's size"
@@ -170,7 +172,7 @@ def _blind_findings(
             if len(names) == 1
             else (f"{len(names)} coordinates", "They stay")
         )
-        text = (
+        text = UNSEEN.message(
             f"no marker determines {count}: {quoted(names)}. {stay} near the default; lock what is "
             "not measured, or add markers"
         )
@@ -207,11 +209,12 @@ def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
             continue
         spans = spans_of(fit.motion.time, over)
         far = float(np.nanmax(np.abs(angles[over] - 0.5 * (low + high))))
-        text = (
+        text = POSES.message(
             f"coordinate '{coordinate.name}' is up to {np.degrees(far):.0f} degrees from the middle"
             f" of its range ({np.degrees(low):.0f} to {np.degrees(high):.0f} degrees), in"
             f" {int(over.sum())} of {len(angles)} frames from {spans[0][0]:.2f} s on: the joint"
-            " turned over, and torques there are wrong: clamp it, or check the markers"
+            " turned over, and torques there are wrong: clamp it, or check the markers",
+            gravity="changes results",
         )
         yield Finding(kind="joint turned over", place=coordinate.name, text=text, times=spans)
 
@@ -249,9 +252,10 @@ def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
     usual = float(np.median(tilt))
     what = "stands on its head" if usual > 150.0 else "lies"
     count = f"{int((tilt > LIES).sum())} of {len(tilt)} frames"
-    text = (
+    text = POSES.message(
         f"the body {what}: it is tilted by {usual:.0f} degrees in {count}, along the recording's"
-        f" {axis} axis. If it stood, the recording's vertical is not the model's: turn its axes"
+        f" {axis} axis. If it stood, the recording's vertical is not the model's: turn its axes",
+        gravity="changes results",
     )
     yield Finding("vertical axis", joint.child, text)
 
@@ -261,8 +265,11 @@ def _convergence_findings(fit: KinematicsFit) -> Iterator[Finding]:
     lost = fit.seen & ~np.asarray(fit.converged, bool)
     if lost.any():
         spans = spans_of(fit.motion.time, lost)
-        text = (
+        share = float(lost.mean())
+        text = POSES.message(
             f"{int(lost.sum())} of {len(lost)} frames did not converge, the first at"
-            f" {spans[0][0]:.2f} s"
+            f" {spans[0][0]:.2f} s",
+            share=share,
+            gravity=gravity_of_share(share, POSES.gravity),
         )
         yield Finding(kind="not converged", place="frames", text=text, times=spans)

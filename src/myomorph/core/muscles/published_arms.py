@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import MUSCLES
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Joint, Model
 from myomorph.core.model.series import Motion
 from myomorph.core.muscles.model_paths import Paths, compile_paths
@@ -294,7 +296,7 @@ def _of_tendon(paths: Paths, flexed: FlexedKnee, size: float) -> Iterator[KneeAr
         )
 
 
-def arm_warnings(model: Model) -> tuple[str, ...]:
+def arm_warnings(model: Model) -> tuple[Message, ...]:
     """Write one line for every band that muscles of a model leave.
 
     Each names the muscles, how far and at what angle they leave it, and who measured it.
@@ -305,7 +307,9 @@ def arm_warnings(model: Model) -> tuple[str, ...]:
         texts = [arms.text for arms in all_arms if arms.band is band and arms.text]
         if texts:
             lines.append(
-                f"moment arms at the knee, {band.name}: {', '.join(texts)}; "
-                f"in brackets what {band.source} measured"
+                MUSCLES.message(
+                    f"moment arms at the knee, {band.name}: {', '.join(texts)}; "
+                    f"in brackets what {band.source} measured"
+                )
             )
     return tuple(lines)

@@ -13,7 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import LOOPS
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Loop, Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.core.model.shapes import Coordinates, LoopJacobian, LoopRows
@@ -333,7 +335,7 @@ def refuse_open(tree: Tree, coordinates: Coordinates) -> float:
     return worst
 
 
-def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[str, ...]]:
+def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[Message, ...]]:
     """Find the nearest motion that keeps every loop closed.
 
     Coordinates, velocities and accelerations move as little as possible in the plain norm over
@@ -374,7 +376,7 @@ def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[str, ...]
     moved = float(np.nanmax(np.abs(coordinates - values), initial=0.0))
     loop_names = ", ".join(f"'{loop.name}'" for loop in model.loops)
     note = f"loops ({loop_names}) stood open by up to {worst:.2g} m or rad"
-    return closed, (f"{note}: coordinates moved by up to {moved:.2g} to close them",)
+    return closed, (LOOPS.message(f"{note}: coordinates moved by up to {moved:.2g} to close them"),)
 
 
 def loop_torques(model: Model, motion: Motion, torques: Series) -> LoopTorques:

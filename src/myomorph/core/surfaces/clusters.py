@@ -13,7 +13,9 @@ import numpy as np
 import scipy
 
 from myomorph.core.model.arrays import Array, frozen_array, read_only
+from myomorph.core.model.causes import BONES
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.model import Body, Marker, Model
 from myomorph.core.model.scale import scale
 from myomorph.core.model.spatial import spread_directions
@@ -347,7 +349,7 @@ class NamedCluster:
 
     centers: Mapping[str, Array]
     misfit: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 def name_cluster(
@@ -408,13 +410,15 @@ def name_cluster(
     )
 
 
-def _large_misfit(names: Sequence[str], misfit: float) -> list[str]:
+def _large_misfit(names: Sequence[str], misfit: float) -> list[Message]:
     """Warn of a misfit [m] by which a cluster is not the recording's."""
     if misfit <= MAX_MISFIT:
         return []
     return [
-        f"the distances between {', '.join(names)} differ by {1e3 * misfit:.1f} mm (root mean"
-        " square) between CT and recording: another cluster, a bent one, or a wrong unit?"
+        BONES.message(
+            f"the distances between {', '.join(names)} differ by {1e3 * misfit:.1f} mm (root mean"
+            " square) between CT and recording: another cluster, a bent one, or a wrong unit?"
+        )
     ]
 
 
@@ -438,7 +442,7 @@ def _pick_cost(centers: Array, picked: Mapping[int, Array]) -> float:
 
 def _swapped_picks(
     names: Sequence[str], orders: Sequence[tuple[int, ...]], misfits: Array, picked: int
-) -> list[str]:
+) -> list[Message]:
     """Warn of picked points that look swapped, by the distances between markers.
 
     Parameters
@@ -453,9 +457,11 @@ def _swapped_picks(
     balls = zip(names, orders[picked], orders[int(np.argmin(misfits))], strict=True)
     swapped = [name for name, ball, other in balls if ball != other]
     return [
-        f"markers {', '.join(swapped)} look swapped: as picked their distances differ by"
-        f" {1e3 * misfits[picked]:.1f} mm from the recording's, in another order by"
-        f" {1e3 * misfits.min():.1f} mm"
+        BONES.message(
+            f"markers {', '.join(swapped)} look swapped: as picked their distances differ by"
+            f" {1e3 * misfits[picked]:.1f} mm from the recording's, in another order by"
+            f" {1e3 * misfits.min():.1f} mm"
+        )
     ]
 
 
@@ -534,7 +540,7 @@ class ScannedBone:
     body: str
     fit: SurfaceFit
     markers: Mapping[str, Array]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     @property
     def scale(self) -> float:
@@ -615,7 +621,7 @@ def place_scanned_bone(
     if picks is not None:
         with_scale = options.scale and len(picks.names) > 3
         fitted = fit_points(picks.names, picks.scanned, picks.modelled, with_scale)
-        notes = [f"{body}: {line}" for line in fitted.notes]
+        notes = [*located(body, fitted.notes)]
         # A wrong pick would only lead the surfaces astray; without picks they find each other from
         # many starts.
         start = None if fitted.notes else fitted.similarity
@@ -624,37 +630,45 @@ def place_scanned_bone(
         other = register_surface(scan.surface, modelled, None, options)
         if other.rms < 0.7 * fit.rms:
             notes.append(
-                f"{body}: from the picked points the surfaces come to {1e3 * fit.rms:.1f} mm, from"
-                f" other starts to {1e3 * other.rms:.1f} mm, which was taken: were the points"
-                " picked on this bone?"
+                BONES.message(
+                    f"{body}: from the picked points the surfaces come to {1e3 * fit.rms:.1f} mm,"
+                    f" from other starts to {1e3 * other.rms:.1f} mm, which was taken: were the"
+                    " points picked on this bone?"
+                )
             )
             fit = other
-    notes += [f"{body}: {line}" for line in fit.notes]
+    notes += located(body, fit.notes)
     notes += _warnings(body, fit, scan)
     markers = {name: frozen_array(position, (3,)) for name, position in scan.markers.items()}
     return ScannedBone(body=body, fit=fit, markers=markers, notes=tuple(notes))
 
 
-def _warnings(body: str, fit: SurfaceFit, scan: BoneScan) -> list[str]:
+def _warnings(body: str, fit: SurfaceFit, scan: BoneScan) -> list[Message]:
     """Name a size, a misfit or a marker's distance from its bone that looks wrong."""
     notes = []
     size = fit.similarity.scale
     if not 0.8 < size < 1.25:
         notes.append(
-            f"{body}: the model's bone is {size:.2f} times the scanned one: another bone, or a"
-            " wrong unit?"
+            BONES.message(
+                f"{body}: the model's bone is {size:.2f} times the scanned one: another bone, or a"
+                " wrong unit?"
+            )
         )
     if fit.rms > 0.005:
         notes.append(
-            f"{body}: the surfaces differ by {1e3 * fit.rms:.1f} mm (root mean square): is it this"
-            " bone?"
+            BONES.message(
+                f"{body}: the surfaces differ by {1e3 * fit.rms:.1f} mm (root mean square): is it"
+                " this bone?"
+            )
         )
     for name, position in scan.markers.items():
         distance = float(np.min(np.linalg.norm(scan.surface.vertices - position, axis=1)))
         if distance > MAX_MARKER_DISTANCE:
             notes.append(
-                f"{body}: marker '{name}' lies {1e3 * distance:.0f} mm from the bone: another scan,"
-                " or unit?"
+                BONES.message(
+                    f"{body}: marker '{name}' lies {1e3 * distance:.0f} mm from the bone: another"
+                    " scan, or unit?"
+                )
             )
     return notes
 

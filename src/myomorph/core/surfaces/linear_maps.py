@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only
+from myomorph.core.model.causes import BONES
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.spatial import Transform
 
 # A pick this many times further from where the others put it than they are from each other is
@@ -78,7 +80,7 @@ class PointFit:
     similarity: Similarity
     residuals: Array
     left_out: Array
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     @property
     def rms(self) -> float:
@@ -166,7 +168,7 @@ def fit_points(names: Sequence[str], source: Array, target: Array, scale: bool =
     residuals = np.linalg.norm(fit.apply(source) - target, axis=1)
     left_out = np.full(len(names), np.nan)
     of_others = np.full(len(names), np.nan)
-    notes: list[str] = []
+    notes: list[Message] = []
     if len(names) > 3:
         for index in range(len(names)):
             rest = np.delete(np.arange(len(names)), index)
@@ -191,7 +193,7 @@ def _warnings(
     residuals: Array,
     left_out: Array,
     of_others: Array,
-) -> list[str]:
+) -> list[Message]:
     """Name a mirrored side or the wrong pick.
 
     Parameters
@@ -208,8 +210,10 @@ def _warnings(
     beside = np.linalg.norm(mirrored.apply(source * [-1.0, 1.0, 1.0]) - target, axis=1)
     if rms > LEAST_WRONG and float(np.sqrt(np.mean(beside**2))) < MIRRORED * rms:
         return [
-            f"the picked points fit {rms / np.sqrt(np.mean(beside**2)):.0f} times better mirrored:"
-            " is it a bone of the other side?"
+            BONES.message(
+                f"the picked points fit {rms / np.sqrt(np.mean(beside**2)):.0f} times better"
+                " mirrored: is it a bone of the other side?"
+            )
         ]
     worst = int(np.argmin(of_others))
     if (
@@ -217,9 +221,11 @@ def _warnings(
         and of_others[worst] < 0.5 * rms
     ):
         return [
-            f"picked point '{names[worst]}' lies {1e3 * left_out[worst]:.1f} mm from where the"
-            f" others put it (they agree within {1e3 * of_others[worst]:.1f} mm): wrongly picked,"
-            " or named after another"
+            BONES.message(
+                f"picked point '{names[worst]}' lies {1e3 * left_out[worst]:.1f} mm from where the"
+                f" others put it (they agree within {1e3 * of_others[worst]:.1f} mm): wrongly"
+                " picked, or named after another"
+            )
         ]
     return []
 

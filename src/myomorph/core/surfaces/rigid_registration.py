@@ -12,7 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array, frozen_array, read_only
+from myomorph.core.model.causes import BONES
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.spatial import axis_rotation
 from myomorph.core.model.surface import Surface
 from myomorph.core.surfaces.linear_maps import Similarity
@@ -91,7 +93,7 @@ class SurfaceFit:
     distances: Array
     kept: np.ndarray
     converged: bool
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     @property
     def rms(self) -> float:
@@ -149,17 +151,21 @@ def register_surface(
         begun = begun or _few_fits(shape, goal, options)[0].similarity
         return _Fitting(shape, goal, options, options.points).iterated(begun, options.iterations)
 
-    notes: list[str] = []
+    notes: list[Message] = []
     fit = fitted(ours, start)
     if start is None and options.mirror:
         other = fitted(Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1])))
         if other.rms < MIRRORED * fit.rms:
             notes.append(
-                f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against"
-                f" {1e3 * fit.rms:.2f} mm): is it a bone of the other side?"
+                BONES.message(
+                    f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against"
+                    f" {1e3 * fit.rms:.2f} mm): is it a bone of the other side?"
+                )
             )
     if not fit.converged:
-        notes.append(f"the fit had not settled after {options.iterations} iterations")
+        notes.append(
+            BONES.message(f"the fit had not settled after {options.iterations} iterations")
+        )
     apart = goal.signed(fit.similarity.apply(source.vertices)) / fit.similarity.scale
     kept = np.abs(apart) <= np.quantile(np.abs(apart), options.kept)
     return SurfaceFit(

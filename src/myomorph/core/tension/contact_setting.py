@@ -23,8 +23,10 @@ from myomorph.core.contact.states import (
     preferred_directions,
 )
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import CONTACT_TIMES
 from myomorph.core.model.contacts import ContactForces, Contacts, SharedWrench, Site
 from myomorph.core.model.errors import BadData, MyomorphError
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
@@ -44,7 +46,7 @@ class ContactSetting:
     task: ContactTask
     contacts: Contacts
     exact: Wrenches | None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 @read_only
@@ -163,9 +165,9 @@ def _shared(
 
 def _notes(
     plan: ContactPlan, model: Model, motion: Motion, known: Measurements, feet: tuple[Site, ...]
-) -> tuple[str, ...]:
+) -> tuple[Message, ...]:
     """Say which reported contacts lie elsewhere, and which measured forces are misplaced."""
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     if plan.reported is not None:
         notes += never_during(plan.reported, known.recorded.time)
         notes += unreported_feet(plan.reported, feet)
@@ -222,7 +224,7 @@ def during(contacts: Contacts, start: float, stop: float) -> Contacts:
     return replace(contacts, intervals=tuple(intervals))
 
 
-def unreported_feet(reported: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
+def unreported_feet(reported: Contacts, feet: Sequence[Site]) -> tuple[Message, ...]:
     """Note the soles that a file leaves out while it has others.
 
     Who took their lines away meant that they never touch.
@@ -231,10 +233,15 @@ def unreported_feet(reported: Contacts, feet: Sequence[Site]) -> tuple[str, ...]
     missing = [name for name in names if name not in reported.sites]
     if not missing or len(missing) == len(names):
         return ()
-    return (f"no contact interval is specified for {', '.join(missing)}: found from the motion",)
+    return (
+        CONTACT_TIMES.message(
+            f"no contact interval is specified for {', '.join(missing)}: found from the motion",
+            gravity="good to know",
+        ),
+    )
 
 
-def never_during(reported: Contacts, time: Array) -> tuple[str, ...]:
+def never_during(reported: Contacts, time: Array) -> tuple[Message, ...]:
     """Note the sites whose contacts all lie before or after a motion.
 
     Parameters
@@ -257,8 +264,10 @@ def never_during(reported: Contacts, time: Array) -> tuple[str, ...]:
         first = min(contact.start for contact in contacts)
         last = max(contact.stop for contact in contacts)
         notes.append(
-            f"'{name}' is specified to touch at {first:g} to {last:g} s, the motion is {start:g}"
-            f" to {stop:g} s: it never touches"
+            CONTACT_TIMES.message(
+                f"'{name}' is specified to touch at {first:g} to {last:g} s, the motion is"
+                f" {start:g} to {stop:g} s: it never touches"
+            )
         )
     return tuple(notes)
 
@@ -323,7 +332,7 @@ def _joined(parts: Sequence[Contacts], sites: Sequence[Site]) -> Contacts:
     """
     against = {site.name: site.against for site in sites}
     intervals = []
-    warnings: list[str] = []
+    warnings: list[Message] = []
     for part in parts:
         warnings += part.warnings
         for contact in part.intervals:

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.causes import EMG_CONFLICTS
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.tension.tension import RESERVE, Tension
@@ -131,7 +133,7 @@ def _stretches(time: Array, distance: Array, limit: float) -> Iterator[Stretch]:
             )
 
 
-def conflict_line(conflicts: Sequence[EmgConflict], table: str) -> tuple[str, ...]:
+def conflict_line(conflicts: Sequence[EmgConflict], table: str) -> tuple[Message, ...]:
     """Say all conflicts in one line, the largest first; () for none.
 
     Parameters
@@ -148,7 +150,11 @@ def conflict_line(conflicts: Sequence[EmgConflict], table: str) -> tuple[str, ..
         parts.append(_of_reserves(reserves))
     if not parts:
         return ()
-    return (f"EMG and torques contradict each other: {'; '.join(parts)}; see {table}",)
+    return (
+        EMG_CONFLICTS.message(
+            f"EMG and torques contradict each other: {'; '.join(parts)}; see {table}"
+        ),
+    )
 
 
 def _of_muscles(conflicts: Sequence[EmgConflict]) -> str:

@@ -18,6 +18,7 @@ import scipy
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.errors import BadData, UnknownName, check_name
 from myomorph.core.model.labelled import Labelled
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Actuator, Joint, Model
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
 from myomorph.core.rigid.kinematics import Poses, forward_kinematics
@@ -73,7 +74,7 @@ class JointPoints:
     """
 
     points: tuple[ContactPoint, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 @read_only

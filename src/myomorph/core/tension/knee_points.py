@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import JOINT_POINTS
 from myomorph.core.model.errors import BadModel
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Body, Joint, Model
 from myomorph.core.model.segments import feet_of
 from myomorph.core.model.sides import other_side, split_side
@@ -78,30 +80,32 @@ def knee_points(model: Model, surfaces: Mapping[str, Surface]) -> JointPoints:
             f" and one called {' or '.join(SHANK)}; give the contact points in a file"
         )
     points: list[ContactPoint] = []
-    notes: list[str] = []
+    notes: list[Message] = []
     for knee in knees:
-        of_knee, note = _of_knee(model, knee, surfaces)
+        of_knee, of_bone = _of_knee(model, knee, surfaces)
         points += of_knee
-        notes += [note] if note else []
+        notes += of_bone
     return JointPoints(tuple(points), tuple(notes))
 
 
 def _of_knee(
     model: Model, knee: Joint, surfaces: Mapping[str, Surface]
-) -> tuple[list[ContactPoint], str]:
-    """Both points of a knee and a note, "" where its own bone told them."""
+) -> tuple[list[ContactPoint], list[Message]]:
+    """Both points of a knee, with notes where its own bone did not tell them."""
     axes = _axes(model, knee)
     center = knee.child_frame.translation
-    bone, note = _bone(model, knee, surfaces)
+    bone, notes = _bone(model, knee, surfaces)
     if bone is None:
         offset = HALF_SPACING * axes.length
         places = [center + sign * offset * axes.lateral for sign in (-1.0, 1.0)]
-        note = (
-            f"{knee.name}: no mesh of '{knee.parent}' lies beside the model: its contact points are"
-            f" taken {2000 * offset:.0f} mm apart around the joint's center,"
-            f" {2 * HALF_SPACING:.3f} of the distance from hip to knee; medial and lateral force"
-            " are worth no more than that"
-        )
+        notes = [
+            JOINT_POINTS.message(
+                f"{knee.name}: no mesh of '{knee.parent}' lies beside the model: its contact points"
+                f" are taken {2000 * offset:.0f} mm apart around the joint's center,"
+                f" {2 * HALF_SPACING:.3f} of the distance from hip to knee; medial and lateral"
+                " force are worth no more than that"
+            )
+        ]
     else:
         places = _lowest(model, knee, axes, bone)
     points = [
@@ -114,7 +118,7 @@ def _of_knee(
         )
         for name, place in zip(("medial", "lateral"), places, strict=True)
     ]
-    return points, note
+    return points, notes
 
 
 def _triple(vector: Array) -> tuple[float, float, float]:
@@ -204,7 +208,9 @@ def _lateral(model: Model, knee: Joint, poses: Poses, down: Array, side: str) ->
     return np.asarray(axis if axis @ away > 0.0 else -axis)
 
 
-def _bone(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[Array | None, str]:
+def _bone(
+    model: Model, knee: Joint, surfaces: Mapping[str, Surface]
+) -> tuple[Array | None, list[Message]]:
     """Vertices of the femur in its own frame, with a note where they are the other side's.
 
     Returns
@@ -213,20 +219,23 @@ def _bone(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[A
     """
     vertices = _vertices(model.body(knee.parent), surfaces)
     if vertices is not None:
-        return vertices, ""
+        return vertices, []
     other = other_side(knee.parent)
     mirrored = _vertices(model.body(other), surfaces) if other in model.body_names else None
     if mirrored is None:
-        return None, ""
+        return None, []
     # Both femurs have their axes the same way; the plane of symmetry is across the axis along which
     # hips are apart.
     hips = {joint.child: joint.parent_frame.translation for joint in model.joints}
     across = int(np.argmax(np.abs(hips[knee.parent] - hips[other])))
-    note = (
-        f"{knee.name}: no mesh of '{knee.parent}' lies beside the model: that of '{other}' is"
-        " taken, mirrored"
-    )
-    return mirrored * np.where(np.arange(3) == across, -1.0, 1.0), note
+    notes = [
+        JOINT_POINTS.message(
+            f"{knee.name}: no mesh of '{knee.parent}' lies beside the model: that of '{other}' is"
+            " taken, mirrored",
+            gravity="good to know",
+        )
+    ]
+    return mirrored * np.where(np.arange(3) == across, -1.0, 1.0), notes
 
 
 def _vertices(body: Body, surfaces: Mapping[str, Surface]) -> Array | None:

@@ -21,8 +21,11 @@ from typing import Literal
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import CONTACTS
 from myomorph.core.model.contacts import Cone, Site
-from myomorph.core.model.errors import BadData
+from myomorph.core.model.errors import BadData, counted
+from myomorph.core.model.gravity import FORCE_ERROR, gravity_of, gravity_of_share
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND
 from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.core.tension.dual import MISSING
@@ -672,30 +675,50 @@ def _relaxation(roots: Roots, tension: Tension, frame: int, limits: Array) -> Re
     )
 
 
-def relaxation_lines(relaxations: Sequence[Relaxation]) -> tuple[str, ...]:
-    """One line for each run of neighbouring frames that the same would help.
+def relaxation_messages(
+    relaxations: Sequence[Relaxation], frames: int, weight: float
+) -> tuple[Message, ...]:
+    """Say in one message in which frames contacts cannot carry the motion, and what would help.
 
-    It is that of the frame that needs most.
+    It has the sentence of the frame that needs most. What needs no more in any frame than plates
+    are off anyway, or concerns few frames, changes no number of a page.
+
+    Parameters
+    ----------
+    relaxations : of single frames, in their order
+    frames : of the motion
+    weight : of the body [N]
+
+    Returns
+    -------
+    one message, or none
     """
+    if not relaxations:
+        return ()
+    worst = max(relaxations, key=lambda each: each.size)
+    spans = [(run[0].time, run[-1].time) for run in _neighbors(relaxations)]
+    share = len(relaxations) / max(frames, 1)
+    size = max(float(np.linalg.norm(each.force)) for each in relaxations)
+    grave = gravity_of(size, FORCE_ERROR * weight)
+    parts = counted(len(spans), "stretch")
+    return (
+        CONTACTS.message(
+            f"contacts cannot carry the motion in {len(relaxations)} of {frames} frames ({parts}),"
+            f" worst at {worst.sentence}",
+            times=spans,
+            size=size,
+            share=share,
+            gravity=gravity_of_share(share, grave),
+        ),
+    )
+
+
+def _neighbors(relaxations: Sequence[Relaxation]) -> list[list[Relaxation]]:
+    """Runs of neighboring frames."""
     runs: list[list[Relaxation]] = []
     for relaxation in relaxations:
-        if runs and _continues(runs[-1][-1], relaxation):
+        if runs and relaxation.frame == runs[-1][-1].frame + 1:
             runs[-1].append(relaxation)
         else:
             runs.append([relaxation])
-    lines = []
-    for run in runs:
-        worst = max(run, key=lambda frame: frame.size)
-        span = f"{run[0].time:.2f} to {run[-1].time:.2f} s, worst at " if len(run) > 1 else ""
-        lines.append(span + worst.sentence)
-    return tuple(lines)
-
-
-def _continues(last: Relaxation, relaxation: Relaxation) -> bool:
-    """Tell whether a relaxation is that of the next frame, and the same would help."""
-    return relaxation.frame == last.frame + 1 and _names(relaxation) == _names(last)
-
-
-def _names(relaxation: Relaxation) -> tuple[tuple[str, str], ...]:
-    """Kinds and places of what would have to be allowed."""
-    return tuple(sorted((part.kind, part.where) for part in relaxation.allowances))
+    return runs

@@ -8,11 +8,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import CONTACTS, PASSIVE
 from myomorph.core.model.contacts import ContactForces
 from myomorph.core.model.errors import BadData, check_choices
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.labelled import Labelled
+from myomorph.core.model.messages import Message
 from myomorph.core.model.quantity import Quantity
 from myomorph.core.muscles.hill import Convention
 from myomorph.core.tension.dual import MISSING, NOT_DETERMINED, OPTIMAL, STATUS_NAMES
@@ -356,15 +358,18 @@ def passive_peaks(passive: Array, strength: Array, time: Array) -> PassivePeaks:
     return PassivePeaks(share[frame, np.arange(len(strength))], time[frame])
 
 
-def passive_notes(tension: Tension) -> tuple[str, ...]:
+def passive_notes(tension: Tension) -> tuple[Message, ...]:
     """Say what passive force does in a result; nothing where it takes no part."""
     if not tension.options.passive:
         return ()
     notes = []
     if tension.options.tendons == "rigid":
         notes.append(
-            "passive force on rigid tendons: fibers take up all that a path lengthens, so it comes"
-            " out larger than with tendons that stretch"
+            PASSIVE.message(
+                "passive force on rigid tendons: fibers take up all that a path lengthens, so it"
+                " comes out larger than with tendons that stretch",
+                gravity="good to know",
+            )
         )
     large = tension.large_passive
     if large:
@@ -373,13 +378,15 @@ def passive_notes(tension: Tension) -> tuple[str, ...]:
         )
         more = " ..." if len(large) > 3 else ""
         notes.append(
-            f"passive force above {100.0 * LARGE:.0f} % of the maximum isometric force in"
-            f" {len(large)} of {len(tension.muscles)} muscles: {worst}{more}"
+            PASSIVE.message(
+                f"passive force above {100.0 * LARGE:.0f} % of the maximum isometric force in"
+                f" {len(large)} of {len(tension.muscles)} muscles: {worst}{more}"
+            )
         )
     return tuple(notes)
 
 
-def contact_notes(tension: Tension) -> tuple[str, ...]:
+def contact_notes(tension: Tension) -> tuple[Message, ...]:
     """Say where passive forces are above what a muscle can pull with, for contact forces."""
     if not tension.overstretched:
         return ()
@@ -388,9 +395,11 @@ def contact_notes(tension: Tension) -> tuple[str, ...]:
     worst = ", ".join(f"{name} {share:.1f} times at {time:.2f} s" for name, share, time in largest)
     more = " ..." if count > 3 else ""
     return (
-        f"contact forces: passive force above the maximum isometric force in {count} of"
-        f" {len(tension.muscles)} muscles ({worst}{more}): fibers of the"
-        " model do not fit the motion; compare with --no-contact-passive",
+        PASSIVE.message(
+            f"contact forces: passive force above the maximum isometric force in {count} of"
+            f" {len(tension.muscles)} muscles ({worst}{more}): fibers of the"
+            " model do not fit the motion; compare with --no-contact-passive"
+        ),
     )
 
 
@@ -411,10 +420,11 @@ def missing_support(tension: Tension, weight: float) -> tuple[Finding, ...]:
     if size <= MAX_MISSING * weight:
         return ()
     worst = int(np.nanargmax(residuals))
-    text = (
+    text = CONTACTS.message(
         f"contacts cannot carry the motion: forces of {size:.0f} N (root mean square;"
         f" {residuals[worst]:.0f} N at {tension.time[worst]:.2f} s) come from nowhere, beside a"
         f" weight of {weight:.0f} N: believe neither contact forces nor torques and tensions (is a"
-        " support missing, --contacts, or the motion too noisy, --cutoff?)"
+        " support missing, --contacts, or the motion too noisy, --cutoff?)",
+        size=float(residuals[worst]),
     )
     return (Finding("missing support", "contacts", text, size=size),)

@@ -24,6 +24,7 @@ from myomorph.core.io.formats import trial_format
 from myomorph.core.io.loads import read_external_loads
 from myomorph.core.model.errors import BadFile, MissingPackage, MyomorphError
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.series import Series, Trial, Wrenches
 from myomorph.exchange.bids.recording import (
     ENDINGS,
@@ -47,6 +48,7 @@ from myomorph.exchange.bids.signals import (
     write_tsv,
 )
 from myomorph.exchange.bids.tables import LOADS, label_of, name_of, result_tables
+from myomorph.exchange.causes import DATASETS
 from myomorph.lab.convert.axes import turned, vertical
 from myomorph.lab.convert.recording import Recording, read_parts
 from myomorph.lab.store import stored as store
@@ -134,7 +136,7 @@ class _Dataset:
         self.name = name
         self.conditions = conditions
         self.subjects: dict[str, dict[str, str]] = {}  # by label what participants.tsv states
-        self.notes: list[str] = []
+        self.notes: list[Message] = []
         self._labels: dict[tuple[str, str], str] = {}
 
     def add(self, stored: Stored, place: tuple[str, ...]) -> None:
@@ -183,7 +185,7 @@ class _Dataset:
     ) -> None:
         """Raw files of a trial, as far as the files it was made from are still there."""
         recording, emg, notes = _recorded(stored)
-        self.notes += [f"{told['TaskName']}: {note}" for note in notes]
+        self.notes += located(str(told["TaskName"]), notes)
         motion = self.folder / place / "motion"
         start = None
         if recording.markers is not None:
@@ -243,7 +245,7 @@ class _Dataset:
         )
 
 
-def _recorded(stored: Stored) -> tuple[Recording, Series | None, list[str]]:
+def _recorded(stored: Stored) -> tuple[Recording, Series | None, list[Message]]:
     """What was recorded, of the files that results were made from, y upwards where the vertical is
     known; of files that are gone or have changed, what the results hold of them instead.
     """
@@ -253,7 +255,7 @@ def _recorded(stored: Stored) -> tuple[Recording, Series | None, list[str]]:
         for source in made.sources
         if Path(source.name).suffix
     }
-    notes: list[str] = []
+    notes: list[Message] = []
 
     def of(role: str, read: Callable[[Path], Any]) -> Any:
         """What a reader makes of a source, None where there is none, or no longer."""
@@ -264,7 +266,7 @@ def _recorded(stored: Stored) -> tuple[Recording, Series | None, list[str]]:
         except MissingPackage:
             raise
         except MyomorphError as error:
-            notes.append(f"{error}: the dataset has what the results hold")
+            notes.append(DATASETS.message(f"{error}: the dataset has what the results hold"))
             return None
 
     recording = of("markers", lambda path: read_parts([path])) or Recording("")

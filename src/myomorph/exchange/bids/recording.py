@@ -12,6 +12,7 @@ import numpy as np
 from myomorph.core.io.parsing.text import number, without_far_away
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadFile, from_extra
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Analog, Event, ForcePlate, Markers, Series, Trial, Wrenches
 from myomorph.exchange.bids.signals import (
     AXES,
@@ -140,7 +141,7 @@ def read_motion_trial(path: Path) -> Trial:
     )
 
 
-def markers_of(signals: Signals, path: Path) -> tuple[Markers | None, list[str]]:
+def markers_of(signals: Signals, path: Path) -> tuple[Markers | None, list[Message]]:
     """Points of which a position is all that is known as markers [m], None without any, and what is
     odd.
     """
@@ -155,7 +156,7 @@ def markers_of(signals: Signals, path: Path) -> tuple[Markers | None, list[str]]
     }
     if not groups:
         return None, []
-    notes: list[str] = []
+    notes: list[Message] = []
     try:
         values = without_far_away(signals.values[:, list(groups.values())], notes)
         return Markers(signals.time, tuple(groups), values), notes

@@ -30,6 +30,7 @@ from myomorph.core.io.parsing.text import (
 from myomorph.core.model.arrays import read_only
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Series
 
 MOTION = "_motion.tsv"
@@ -159,7 +160,7 @@ def read_signals(path: Path) -> Signals:
     channels = channels_of_file(path, COLUMNS[:5])
     facts = facts_of_file(path)
     text = file_text(path, HINT)
-    notes = list[str]()
+    notes = list[Message]()
     width = len(text.split("\n", 1)[0].split("\t"))
     if width != len(channels):
         raise BadFile(path, f"has {width} columns, but its channels are {len(channels)}", HINT)

@@ -9,6 +9,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import quoted
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion
 from myomorph.core.muscles.model_paths import Paths, compile_paths
@@ -84,7 +85,7 @@ class Certificate:
     torque: float
     largest_torque: float
     steps: bool
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     @property
     def rows(self) -> list[dict[str, str | float]]:
@@ -172,7 +173,7 @@ def certify(
     coordinates: Array,
     copied: Array,
     swept: Array,
-    notes: tuple[str, ...] = (),
+    notes: tuple[Message, ...] = (),
 ) -> Certificate:
     """Compare MuJoCo's copy with the model. `coordinates`, `copied`: the poses (poses, coordinates)
     in the model's coordinates and in those of the copy; `swept`: (poses,) as of

@@ -17,9 +17,11 @@ from myomorph.core.io.osim.document import write_document
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import quoted
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.model import Mesh, Model
 from myomorph.core.rigid.coordinates import couple_frames
 from myomorph.core.rigid.tree import compile_tree
+from myomorph.exchange.causes import COPIES
 from myomorph.exchange.mujoco.cams import cams_of
 from myomorph.exchange.mujoco.certificate import Certificate, certify
 from myomorph.exchange.mujoco.copy import MujocoCopy
@@ -83,9 +85,7 @@ def write_mjcf(
     surfaces, _ = read_surfaces(model, folders) if folders else ({}, ())
     document = mjcf_document(copied, path, cams, surfaces)
     if not any(muscle.kind == "mujoco" for muscle in model.muscles):
-        notes += tuple(
-            f"read back: {line}" for line in put_original(document.root, _drawn_by(model, document))
-        )
+        notes += located("read back", put_original(document.root, _drawn_by(model, document)))
     write_document(document.root, path)
     coordinates, swept = poses_over_ranges(model, CERTIFIED_POSES, CERTIFIED_SEED)
     copy = MujocoCopy(path, copied)
@@ -106,7 +106,7 @@ def _drawn_by(model: Model, document: MjcfDocument) -> Model:
     return replace(model, bodies=bodies, ground_meshes=tuple(map(drawn, model.ground_meshes)))
 
 
-def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], tuple[str, ...]]:
+def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], tuple[Message, ...]]:
     """The model as MuJoCo can hold it, its cams, and notes."""
     jointed = mujoco_joints(model)
     coordinates, _ = poses_over_ranges(model, FITTED_POSES, FITTED_SEED)
@@ -115,7 +115,9 @@ def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], tuple[str, ...]]
     if changed:
         lines = [f"{muscle} without {what}" for muscle, what in changed.items()]
         notes.append(
-            f"paths of {len(changed)} muscles have fewer surfaces in MuJoCo: {quoted(lines, 3)}"
+            COPIES.message(
+                f"paths of {len(changed)} muscles have fewer surfaces in MuJoCo: {quoted(lines, 3)}"
+            )
         )
     pairs = zip(mujoco_muscles(model), made.muscles, strict=True)
     muscles = tuple(replace(muscle, path=other.path) for muscle, other in pairs)
@@ -123,8 +125,10 @@ def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], tuple[str, ...]]
     if polynomials:
         names = [coupler.dependent for coupler in polynomials]
         notes.append(
-            "coordinates that follow by a polynomial of degree four, not their curve:"
-            f" {quoted(names, 3)}"
+            COPIES.message(
+                "coordinates that follow by a polynomial of degree four, not their curve:"
+                f" {quoted(names, 3)}"
+            )
         )
     by_name = {coupler.name: coupler for coupler in polynomials}
     couplers = tuple(by_name.get(coupler.name, coupler) for coupler in made.couplers)

@@ -10,10 +10,12 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadModel, UnknownName
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.spatial import euler_xyz_from_rotation
 from myomorph.core.rigid.dynamics import motion_arrays
 from myomorph.core.rigid.kinematics import BodyMotion, body_motion
+from myomorph.exchange.causes import SETUPS
 from myomorph.exchange.opensim.states import Analyzed, Result, Tables
 from myomorph.exchange.opensim.tool_setups import Analysis
 
@@ -58,7 +60,10 @@ def muscle_analysis(here: Analyzed, analysis: Analysis) -> Result:
     if here.without_fibers:
         classes = ", ".join(here.without_fibers)
         notes.append(
-            f"{analysis.name} writes Length and MomentArm only: fibers of {classes} are not built"
+            SETUPS.message(
+                f"{analysis.name} writes Length and MomentArm only: fibers of {classes} are not"
+                " built"
+            )
         )
     else:
         quantities |= _fibers(here, columns)
@@ -106,7 +111,7 @@ def _moment_arms(
 
 def listed(
     analysis: Analysis, tag: str, kind: str, names: tuple[str, ...]
-) -> tuple[tuple[str, ...], list[str]]:
+) -> tuple[tuple[str, ...], list[Message]]:
     """The names that a list of an analysis asks for, in its order, and a note for each that the
     model lacks. `tag`: of the list; empty or beginning with "all" it asks for all names; `kind`: of
     what is listed, for the notes.
@@ -115,7 +120,7 @@ def listed(
     if not asked or asked[0].lower() == "all":
         return names, []
     notes = [
-        f"{analysis.name}: {kind} '{name}' is not in the model: left out"
+        SETUPS.message(f"{analysis.name}: {kind} '{name}' is not in the model: left out")
         for name in asked
         if name not in names
     ]

@@ -12,6 +12,7 @@ import numpy as np
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.model import GROUND, Actuator
 from myomorph.core.model.paths import PassiveTorque
 from myomorph.core.model.series import Series
@@ -19,6 +20,7 @@ from myomorph.core.muscles.fiber_states import state_names
 from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.rigid.kinematics import BodyMotion, body_motion, forward_kinematics
 from myomorph.core.tension.reaction import joint_reactions
+from myomorph.exchange.causes import SETUPS
 from myomorph.exchange.opensim.states import Analyzed, Result
 from myomorph.exchange.opensim.tool_setups import Analysis
 from myomorph.lab.study.inputs import reading
@@ -96,15 +98,15 @@ def reported_forces(here: Analyzed, analysis: Analysis) -> Result:
     """Forces of muscles, of what holds coordinates, of actuators, and external forces."""
     names, values, notes = force_columns(here, here.forces)
     if analysis.flag("include_constraint_forces", False):
-        notes = ("forces of constraints are left out", *notes)
+        notes = (SETUPS.message("forces of constraints are left out"), *notes)
     text = f"forces: {len(here.motion)} frames, {len(names)} columns"
     tables = {"forces": here.table(names, values, "ModelForces")}
-    return tables, text, tuple(f"{analysis.name}: {note}" for note in notes)
+    return tables, text, located(analysis.name, notes)
 
 
 def force_columns(
     here: Analyzed, forces: Series | None
-) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
+) -> tuple[tuple[str, ...], Array, tuple[Message, ...]]:
     """All forces of muscles and actuators at each frame as OpenSim reports them: names, values
     (frames, columns), and what is left out. External forces and torques are in ground, the points
     that they act on in the frame of their body.
@@ -133,11 +135,15 @@ def force_columns(
         columns |= {name: forces[name] for name in forces.names if name not in pulling}
     columns |= _external(here)
     notes = (
-        [f"the column PotentialEnergy of {', '.join(sorted(limits))} is left out"] if limits else []
+        [SETUPS.message(f"the column PotentialEnergy of {', '.join(sorted(limits))} is left out")]
+        if limits
+        else []
     )
     if model.bushings:
         notes.append(
-            f"forces of {', '.join(bushing.name for bushing in model.bushings)} are left out"
+            SETUPS.message(
+                f"forces of {', '.join(bushing.name for bushing in model.bushings)} are left out"
+            )
         )
     values = np.stack(list(columns.values()), axis=1) if columns else np.zeros((frames, 0))
     return tuple(columns), values, tuple(notes)
@@ -180,12 +186,14 @@ def reported_states(here: Analyzed, analysis: Analysis) -> Result:
             column = model.coordinate_names.index(name)
             columns[f"/jointset/{joint.name}/{name}/value"] = arrays[0][:, column]
             columns[f"/jointset/{joint.name}/{name}/speed"] = arrays[1][:, column]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     if here.without_fibers:
         notes = (
             (
-                f"{analysis.name} leaves out states of muscles: {', '.join(here.without_fibers)}:"
-                " not built"
+                SETUPS.message(
+                    f"{analysis.name} leaves out states of muscles:"
+                    f" {', '.join(here.without_fibers)}: not built"
+                )
             ),
         )
     else:
@@ -228,7 +236,9 @@ def joint_reaction(here: Analyzed, analysis: Analysis) -> Result:
     kept = [index for index, name in enumerate(names) if name in known]
     if not kept:
         raise UnknownName("joint", names[0], known)
-    warnings = [f"'{name}' is not a joint: left out" for name in names if name not in known]
+    warnings = [
+        SETUPS.message(f"'{name}' is not a joint: left out") for name in names if name not in known
+    ]
     # OpenSim takes the words for sides in any case.
     sides = _of_each(analysis, "apply_on_bodies", "child", names, kept, str.lower)
     frames = _of_each(analysis, "express_in_frame", "ground", names, kept)
@@ -273,7 +283,7 @@ def _of_each(
     return [words[index] if len(words) > 1 else words[0] for index in kept]
 
 
-def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[str, ...]]:
+def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[Message, ...]]:
     """Forces of all muscles and actuators at the motion's times, between rows of the file along
     straight lines.
     """
@@ -287,7 +297,7 @@ def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[str
     )
     if path is None:
         notes = (
-            (f"no forces_file: {len(helpers)} actuators are taken to do nothing",)
+            (SETUPS.message(f"no forces_file: {len(helpers)} actuators are taken to do nothing"),)
             if helpers
             else ()
         )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.messages import Message
 
 # What writes each file under the name that it is given.
 Writers = Mapping[Path, Callable[[Path], object]]
@@ -21,7 +22,7 @@ class ToolResult:
     tool: str
     lines: tuple[str, ...]  # what was found, one line each
     written: tuple[Path, ...]  # the files
-    warnings: tuple[str, ...] = ()  # what looked wrong but did not stop the work, one line each
+    warnings: tuple[Message, ...] = ()  # what looked wrong but did not stop the work, one line each
 
 
 def check_outputs(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> None:

@@ -15,7 +15,9 @@ from myomorph.core.io.osim.actuators import read_actuators, write_controls
 from myomorph.core.io.osim.scale_setup import ScaleSetup
 from myomorph.core.io.sto import table_from_motion, write_sto
 from myomorph.core.model.errors import BadData, listing
+from myomorph.core.model.findings import messages_of_findings
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.model import GROUND, Actuator, Model
 from myomorph.core.model.series import Markers, Motion, Series, Table, Wrenches
 from myomorph.core.motion.filters import differentiate
@@ -27,6 +29,7 @@ from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import TensionOptions
+from myomorph.exchange.causes import SETUPS
 from myomorph.exchange.opensim.bodies import (
     body_kinematics,
     kinematics,
@@ -118,10 +121,10 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
     if places is not None:
         tables[places] = location_table(model, fit)
     warnings = (
-        *map(str, checked.findings),
+        *messages_of_findings(checked.findings),
         *setup.warnings,
-        *(f"{model_path.name}: {text}" for text in model.warnings),
-        *(f"{markers_path.name}: {text}" for text in trial.warnings),
+        *located(model_path.name, model.warnings),
+        *located(markers_path.name, trial.warnings),
     )
     return ToolResult(
         tool="InverseKinematicsTool",
@@ -158,7 +161,7 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
     lines += f"; {residual}" if residual else ""
     notes = () if wrenches is None else wrenches.notes
     written = write_outputs(table_writers({target: torque_table(torques, model)}))
-    of_model = (f"{model_path.name}: {text}" for text in model.warnings)
+    of_model = located(model_path.name, model.warnings)
     return ToolResult(
         tool="InverseDynamicsTool",
         lines=(lines,),
@@ -174,7 +177,7 @@ def table_writers(tables: dict[Path | None, Table]) -> Writers:
 
 def net_torques(
     model: Model, motion: Motion, wrenches: Wrenches | None, excluded: tuple[str, ...]
-) -> tuple[Series, list[str]]:
+) -> tuple[Series, list[Message]]:
     """Generalized forces less those of the model's own springs and dampers that are not excluded,
     and warnings.
     """
@@ -186,7 +189,9 @@ def net_torques(
     warnings = []
     if model.muscles and not words & {"MUSCLES", "ACTUATORS"}:
         warnings.append(
-            "forces_to_exclude does not name Muscles: their forces are left out all the same"
+            SETUPS.message(
+                "forces_to_exclude does not name Muscles: their forces are left out all the same"
+            )
         )
     return replace(torques, values=torques.values - passive.values), warnings
 
@@ -249,11 +254,11 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     model_path = needed(setup.model, "model_file", source)
     warnings = [
         *setup.warnings,
-        *(f"analysis {kind} is left out: it is not built" for kind in others),
+        *(SETUPS.message(f"analysis {kind} is left out: it is not built") for kind in others),
     ]
 
     model = reading.open_model(model_path)
-    warnings += [f"{model_path.name}: {text}" for text in model.warnings]
+    warnings += located(model_path.name, model.warnings)
     actuators: tuple[Actuator, ...] = ()
     for path in setup.actuators:
         with reading.about(path):
@@ -309,7 +314,7 @@ def _optimized(here: Analyzed, analysis: Analysis) -> Result:
     forces = tables["force"]
     names, values, notes = force_columns(here, Series(forces.time, forces.names, forces.values))
     tables["force"] = replace(forces, names=names, values=values)
-    return tables, text, tuple(f"{analysis.name}: {note}" for note in notes)
+    return tables, text, located(analysis.name, notes)
 
 
 ANALYSES: dict[str, Callable[[Analyzed, Analysis], Result]] = {

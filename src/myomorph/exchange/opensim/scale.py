@@ -18,6 +18,7 @@ from myomorph.core.io.sto import write_sto
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.model import Model
 from myomorph.core.model.scale import scale
 from myomorph.core.model.series import Markers, Motion, Table
@@ -31,6 +32,7 @@ from myomorph.core.motion.measurements import (
 )
 from myomorph.core.muscles.fiber_states import default_states, without_fibers
 from myomorph.core.muscles.kinematics import default_path_lengths
+from myomorph.exchange.causes import SETUPS
 from myomorph.exchange.opensim.outputs import ToolResult, check_outputs, write_outputs
 from myomorph.lab.study.inputs import reading
 from myomorph.lab.study.inputs.tasks import with_tasks
@@ -60,9 +62,11 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
     if setup.marker_set is not None:
         model = with_marker_set(model, setup.marker_set)
     model = replace(model, name=setup.name or model.name)
-    warnings += [f"{setup.model.name}: {text}" for text in model.warnings]
+    warnings += located(setup.model.name, model.warnings)
     if setup.scaler is None:
-        warnings.append("ModelScaler is switched off: the model keeps its size and its mass")
+        warnings.append(
+            SETUPS.message("ModelScaler is switched off: the model keeps its size and its mass")
+        )
     else:
         model, factors, notes = scaled(model, setup.scaler, setup.mass, source)
         warnings += notes
@@ -72,7 +76,7 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
         if setup.scaler.output_factors is not None:
             writers[setup.scaler.output_factors] = partial(write_scale_set, factors)
     if setup.placer is None:
-        warnings.append("MarkerPlacer is switched off: no marker is moved")
+        warnings.append(SETUPS.message("MarkerPlacer is switched off: no marker is moved"))
     else:
         placement = placed(model, setup.placer, source)
         warnings += placement.notes
@@ -106,11 +110,11 @@ def _one_model(setup: ScaleSetup) -> bool:
 
 def scaled(
     model: Model, setup: ScalerSetup, mass: float | None, source: Path
-) -> tuple[Model, dict[str, Array], list[str]]:
+) -> tuple[Model, dict[str, Array], list[Message]]:
     """The scaled model, the factors (3,) of all its bodies and of the ground, and what is odd about
     them.
     """
-    notes: list[str] = []
+    notes: list[Message] = []
     factors: dict[str, Array] = {}
     for kind in setup.order:
         if kind == "manualScale":
@@ -120,15 +124,15 @@ def scaled(
                 raise BadData(f"{source}: ModelScaler has measurements, but names no marker_file")
             trial = frames_around(_markers(setup.markers, model, notes), *setup.time_range)
             measured = [measure(model, trial, measurement) for measurement in setup.measurements]
-            notes += [
-                f"{setup.markers.name}: {note}"
-                for measurement in measured
-                for note in measurement.notes
-            ]
+            notes += located(
+                setup.markers.name,
+                (note for measurement in measured for note in measurement.notes),
+            )
             factors = with_measured(measured, factors)
     unknown = [body for body in factors if body not in model.body_names and body != "ground"]
     notes += [
-        f"scale factors of '{body}' are not used: the model has no such body" for body in unknown
+        SETUPS.message(f"scale factors of '{body}' are not used: the model has no such body")
+        for body in unknown
     ]
     known = {body: factors[body] for body in model.body_names if body in factors}
     larger = scale(
@@ -146,7 +150,7 @@ def placed(model: Model, setup: PlacerSetup, source: Path) -> Placement:
     """The model with its markers where a static trial shows them."""
     if setup.markers is None:
         raise BadData(f"{source}: MarkerPlacer names no marker_file: expected a static trial")
-    notes: list[str] = []
+    notes: list[Message] = []
     trial = _markers(setup.markers, model, notes)
     # With weights of 1000 and 1 the trunk lies in a flat valley of the cost: a usual end is
     # millimetres off.
@@ -156,15 +160,13 @@ def placed(model: Model, setup: PlacerSetup, source: Path) -> Placement:
     options = tasks_of_setup(exact, setup.tasks, setup.coordinates, model, source)
     with reading.about(setup.markers):
         placement = place_on_pose(model, trial, *setup.time_range, options, setup.most_movement)
-    return replace(
-        placement, notes=(*notes, *(f"{setup.markers.name}: {note}" for note in placement.notes))
-    )
+    return replace(placement, notes=(*notes, *located(setup.markers.name, placement.notes)))
 
 
-def _markers(path: Path, model: Model, notes: list[str]) -> Markers:
+def _markers(path: Path, model: Model, notes: list[Message]) -> Markers:
     trial = reading.fitted_to(model, reading.read_recording(path))
     assert trial.markers is not None
-    notes += [f"{path.name}: {text}" for text in trial.warnings]
+    notes += located(path.name, trial.warnings)
     return trial.markers
 
 
@@ -186,7 +188,7 @@ def pose_table(motion: Motion, model: Model) -> Table:
     )
 
 
-def _write_model(model: Model, warnings: list[str], path: Path) -> None:
+def _write_model(model: Model, warnings: list[Message], path: Path) -> None:
     warnings += write_osim(model, path)
 
 

@@ -15,6 +15,7 @@ from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, quoted
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
 from myomorph.core.motion.filters import differentiate
@@ -32,6 +33,7 @@ from myomorph.core.rigid.dynamics import motion_arrays
 from myomorph.core.rigid.loops import closed_motion
 from myomorph.core.rigid.tree import Tree, compile_tree
 from myomorph.core.tension.reaction import caused_motion
+from myomorph.exchange.causes import SETUPS
 from myomorph.exchange.opensim.outputs import needed
 from myomorph.exchange.opensim.tool_setups import AnalyzeSetup
 from myomorph.lab.store.settings import ForceOptions
@@ -48,7 +50,7 @@ States = Mapping[tuple[str, str], Array]
 
 Tables = dict[str, Table]
 
-Result = tuple[Tables, str, tuple[str, ...]]
+Result = tuple[Tables, str, tuple[Message, ...]]
 """What an analysis gives: tables by the ends of their names, one line for the terminal, and
 warnings.
 """
@@ -127,7 +129,7 @@ class Analyzed:
         return self._fibers[0]
 
     @property
-    def unbalanced(self) -> tuple[str, ...]:
+    def unbalanced(self) -> tuple[Message, ...]:
         """A line where muscles found no equilibrium."""
         missing = ~self.fibers.in_balance
         if not missing.any():
@@ -140,7 +142,7 @@ class Analyzed:
             if gone
         ]
         return (
-            (
+            SETUPS.message(
                 f"no equilibrium of {quoted(names)} in {int(missing.sum())} of {missing.size}"
                 " fibers and frames: there the fiber lengths stand that were given, as in OpenSim"
             ),
@@ -181,7 +183,7 @@ class Analyzed:
 
 def analyzed(
     setup: AnalyzeSetup, model: Model, actuators: tuple[Actuator, ...], source: Path
-) -> tuple[Analyzed, list[str]]:
+) -> tuple[Analyzed, list[Message]]:
     """The model in the motion that a setup names, and what was odd about it. OpenSim takes a file
     of states row by row; of a file of coordinates it filters and differentiates, and its muscles
     stand at their default states.
@@ -189,7 +191,7 @@ def analyzed(
     path = needed(setup.states or setup.coordinates, "coordinates_file", source)
     notes = []
     if setup.states is not None and setup.coordinates is not None:
-        notes.append("coordinates_file is left out: there is a states_file")
+        notes.append(SETUPS.message("coordinates_file is left out: there is a states_file"))
     everything = reading.read_motion(path, model)
     # Integrators log frames at the time of the one before, which no spline bears.
     steps = np.diff(everything.time)
@@ -205,8 +207,11 @@ def analyzed(
         time = even_times(recorded.time)
         if time is not recorded.time:
             notes.append(
-                f"{path.name}: {len(recorded)} uneven frames became {len(time)} even ones for the"
-                " filter"
+                SETUPS.message(
+                    f"{path.name}: {len(recorded)} uneven frames became {len(time)} even ones for"
+                    " the filter",
+                    gravity="good to know",
+                )
             )
             spline = natural_spline(recorded.time, recorded.values)
             everything = recorded = replace(recorded, time=time, values=spline(time))
@@ -228,9 +233,11 @@ def analyzed(
         and not setup.replace_forces
     ):
         notes.append(
-            "no states_file, and equilibrium is not asked for: fibers and forces of muscles are"
-            " those of the model's default activations and fiber lengths, as in OpenSim; lengths"
-            " and moment arms do not depend on them"
+            SETUPS.message(
+                "no states_file, and equilibrium is not asked for: fibers and forces of muscles"
+                " are those of the model's default activations and fiber lengths, as in OpenSim;"
+                " lengths and moment arms do not depend on them"
+            )
         )
     taking_part = model
     if setup.replace_forces:

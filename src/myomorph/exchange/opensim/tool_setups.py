@@ -16,6 +16,8 @@ from myomorph.core.io.osim.document import Node, read_document
 from myomorph.core.io.osim.scale_setup import SCALE_TOOL, ScaleSetup, scale_setup
 from myomorph.core.model.errors import BadFile, listing
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
+from myomorph.exchange.causes import SETUPS
 
 IK_TOOLS = ("InverseKinematicsTool", "IKTool")
 MISSPELT = {"InverseKinemtaticsTool": "InverseKinematicsTool"}
@@ -103,7 +105,7 @@ class InverseKinematicsSetup:
     constraint_weight: float = np.inf  # inf where constraints hold strictly
     report_errors: bool = True
     report_locations: bool = False
-    warnings: tuple[str, ...] = ()  # what the file holds that is not read, one line each
+    warnings: tuple[Message, ...] = ()  # what the file holds that is not read, one line each
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ class InverseDynamicsSetup:
     results: Path
     # forces left out, as the file names them ("Muscles", "ALL", ...)
     excluded: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ class AnalyzeSetup:
     results: Path
     equilibrium: bool = False  # whether muscles are put into equilibrium at every frame
     analyses: tuple[Analysis, ...] = ()  # in the file's order
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
 
 Setup = ScaleSetup | InverseKinematicsSetup | InverseDynamicsSetup | AnalyzeSetup
@@ -185,7 +187,9 @@ def read_setup(path: str | os.PathLike[str]) -> Setup:
         return scale_setup(node)
     if kind in IK_TOOLS:
         setup = _inverse_kinematics(node)
-        warnings = () if kind == node.kind else (f"<{node.kind}> was taken for <{kind}>",)
+        warnings = (
+            () if kind == node.kind else (SETUPS.message(f"<{node.kind}> was taken for <{kind}>"),)
+        )
         return replace(setup, warnings=(*warnings, *setup.warnings))
     return _inverse_dynamics(node) if kind == "InverseDynamicsTool" else _analyze(node)
 
@@ -202,8 +206,11 @@ def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:
         # OpenSim 4.6 reads the weight, but its solver replaces it by infinity.
         warnings += (
             (
-                f"constraint_weight is {weight:g}: constraints hold strictly all the same, as in"
-                " OpenSim 4.6"
+                SETUPS.message(
+                    f"constraint_weight is {weight:g}: constraints hold strictly all the same, as"
+                    " in OpenSim 4.6",
+                    gravity="good to know",
+                )
             ),
         )
     return InverseKinematicsSetup(

@@ -22,6 +22,7 @@ from myomorph.lab.analysis.groups import (
     compare_paired,
 )
 from myomorph.lab.analysis.permutations import MIN_SUBJECTS
+from myomorph.lab.causes import GROUPS
 
 
 @read_only
@@ -105,7 +106,7 @@ def _compared(first: Group, second: Group, options: GroupOptions) -> Comparison:
     if len(shared) >= MIN_SUBJECTS or min(map(len, alone)) < MIN_SUBJECTS:
         return compare_paired(first, second, options)
     comparison = compare_groups(Group(first.name, alone[0]), Group(second.name, alone[1]), options)
-    note = (
+    note = GROUPS.message(
         "in both conditions, too few to be compared within subjects, and left out:"
         f" {', '.join(sorted(shared))}"
     )

@@ -10,10 +10,12 @@ import scipy
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Event, Wrenches
 from myomorph.core.model.sides import split_side
 from myomorph.core.model.stride_curves import STRIKES
 from myomorph.lab.analysis.phases import contacts
+from myomorph.lab.causes import STRIDES
 
 NEAREST = 0.4
 """An event that is known better replaces the nearest one within this share of a stride; a runner's
@@ -82,7 +84,7 @@ def direction_of(
     feet: Sequence[Array],
     up: Array,
     direction: Array | None,
-    notes: list[str],
+    notes: list[Message],
     facing: Array | None = None,
 ) -> tuple[Array, bool]:
     """Direction of travel, and whether the body goes over the ground rather than in place on a
@@ -126,7 +128,10 @@ def direction_of(
         reason = "feet point"
     axis = axis if skew > 0.0 else -axis
     notes.append(
-        f"direction of travel {np.round(axis, 2).tolist()} is where {reason}; give it if it is not"
+        STRIDES.message(
+            f"direction of travel {np.round(axis, 2).tolist()} is where {reason}; give it if it is"
+            " not"
+        )
     )
     return axis, False
 

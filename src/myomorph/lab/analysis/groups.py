@@ -16,8 +16,10 @@ import scipy
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.lab.analysis import permutations
 from myomorph.lab.analysis.cycles import Band, Cycles, band
+from myomorph.lab.causes import GROUPS
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,9 @@ class Comparison:
     tested: bool  # whether the groups are large enough
     exact: bool  # whether all relabellings were taken
     floor: float  # least p that these groups can reach
-    notes: tuple[str, ...] = ()  # what should be known before anything is believed, one line each
+    notes: tuple[
+        Message, ...
+    ] = ()  # what should be known before anything is believed, one line each
     paired: bool = False  # whether both groups are the same animals or subjects, each beside itself
 
     def family(self, name: str) -> tuple[CurveDifference, ...]:
@@ -167,11 +171,11 @@ def compare_groups(first: Group, second: Group, options: GroupOptions | None = N
         raise BadData(f"'{min(both)}' is in both groups")
     n = len(first.animals)
     m = len(second.animals)
-    few = (
+    few = GROUPS.message(
         f"groups of {n} and {m} are described, not tested: a test needs {permutations.MIN_SUBJECTS}"
         " or more in each"
     )
-    blunt = (
+    blunt = GROUPS.message(
         f"groups of {n} and {m} cannot reach a p below {{:.3g}}: no difference can be called so at"
         " {:.3g}"
     )
@@ -194,16 +198,21 @@ def compare_paired(first: Group, second: Group, options: GroupOptions | None = N
     both = {animal.name for animal, _ in pairs}
     alone = [animal.name for animal in (*first.animals, *second.animals) if animal.name not in both]
     notes = (
-        [f"without '{first.name}' or without '{second.name}', and left out: {', '.join(alone)}"]
+        [
+            GROUPS.message(
+                f"without '{first.name}' or without '{second.name}', and left out:"
+                f" {', '.join(alone)}"
+            )
+        ]
         if alone
         else []
     )
     n = len(pairs)
-    few = (
+    few = GROUPS.message(
         f"{n} subjects with both are described, not tested: a test needs"
         f" {permutations.MIN_SUBJECTS} or more"
     )
-    blunt = (
+    blunt = GROUPS.message(
         f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be called so at {{:.3g}}"
     )
     firsts, seconds = zip(*pairs, strict=True)
@@ -217,8 +226,8 @@ def _compared(
     second: Group,
     options: GroupOptions,
     sizes: Sequence[int],
-    words: tuple[str, str],
-    notes: Sequence[str] = (),
+    words: tuple[Message, Message],
+    notes: Sequence[Message] = (),
 ) -> Comparison:
     """Two groups, or pairs in one order, of `sizes`; `words` where they are too few to be tested,
     or to be called.
@@ -227,7 +236,8 @@ def _compared(
     paired = len(sizes) == 1
     floor = permutations.p_floor(*sizes, most=options.permutations) if tested else float("nan")
     lines = [*notes, *([] if tested else words[:1])]
-    lines += [words[1].format(floor, options.alpha)] if floor > options.alpha else []
+    if floor > options.alpha:
+        lines.append(words[1].changed(words[1].format(floor, options.alpha)))
     members = [
         tuple((animal.name, animal.strides) for animal in group.animals)
         for group in (first, second)
@@ -251,18 +261,25 @@ def _compared(
     )
 
 
-def _common_names(names: Sequence[Sequence[str]], what: str, notes: list[str]) -> tuple[str, ...]:
+def _common_names(
+    names: Sequence[Sequence[str]], what: str, notes: list[Message]
+) -> tuple[str, ...]:
     """Names that all animals have, in the first one's order."""
     shared = [name for name in names[0] if all(name in listed for listed in names)]
     lost = sorted({name for listed in names for name in listed} - set(shared))
     if lost:
         listed = ", ".join(lost[:6]) + (", ..." if len(lost) > 6 else "")
-        notes.append(f"{what} that some animals lack are left out: {listed}")
+        notes.append(GROUPS.message(f"{what} that some animals lack are left out: {listed}"))
     return tuple(shared)
 
 
 def _scalars(
-    first: Group, second: Group, options: GroupOptions, tested: bool, paired: bool, notes: list[str]
+    first: Group,
+    second: Group,
+    options: GroupOptions,
+    tested: bool,
+    paired: bool,
+    notes: list[Message],
 ) -> tuple[ScalarDifference, ...]:
     animals = (*first.animals, *second.animals)
     scalars = []
@@ -340,7 +357,12 @@ def _mean_interval(samples: Sequence[Array], confidence: float) -> tuple[Array, 
 
 
 def _curves(
-    first: Group, second: Group, options: GroupOptions, tested: bool, paired: bool, notes: list[str]
+    first: Group,
+    second: Group,
+    options: GroupOptions,
+    tested: bool,
+    paired: bool,
+    notes: list[Message],
 ) -> tuple[CurveDifference, ...]:
     animals = (*first.animals, *second.animals)
     curve_differences: list[CurveDifference] = []

@@ -17,12 +17,14 @@ import numpy as np
 from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import index_of
 from myomorph.core.model.series import Event, Series, Wrenches
 from myomorph.core.model.shown import shown
 from myomorph.core.model.sides import split_side
 from myomorph.lab.analysis import foot_events
 from myomorph.lab.analysis.foot_events import FootTrack, StrideOptions
+from myomorph.lab.causes import STRIDES
 
 
 @shown
@@ -91,7 +93,7 @@ class Strides:
     phases: Mapping[str, Array]
     direction: Array
     ground_speed: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     def of(self, limb: str) -> tuple[Stride, ...]:
         """Strides of one limb; raises `UnknownName`."""
@@ -171,7 +173,7 @@ def find_strides(
         )
     trunk = _trunk(points, limbs, body)
     feet = {limb.name: _mean(points, limb.points) for limb in limbs}
-    notes: list[str] = []
+    notes: list[Message] = []
     up = np.asarray(up, dtype=np.float64)
     along, travels = foot_events.direction_of(
         points.time, trunk, list(feet.values()), up, direction, notes, facing
@@ -182,8 +184,10 @@ def find_strides(
     alone = len(set(sides)) == len(sides)
     if events and not alone:
         notes.append(
-            "events of the recording are not used: they name a side, on which there are several"
-            " feet"
+            STRIDES.message(
+                "events of the recording are not used: they name a side, on which there are several"
+                " feet"
+            )
         )
     for limb in limbs:
         foot = feet[limb.name]
@@ -201,13 +205,15 @@ def find_strides(
         if len(track.strikes):
             tracks[limb.name] = track
         else:
-            notes.append(f"{limb.name}: the foot is not seen to go forward and back")
+            notes.append(
+                STRIDES.message(f"{limb.name}: the foot is not seen to go forward and back")
+            )
     ground = -abs(ground_speed) if ground_speed is not None else 0.0
     if ground_speed is None and not travels:
         ground = foot_events.ground_speed_of(points.time, tracks, trunk, along, options)
         if ground:
             advice = "as standing feet do; give the belt's speed if it is known"
-            notes.append(f"the ground moves at {ground:.3g} m/s {advice}")
+            notes.append(STRIDES.message(f"the ground moves at {ground:.3g} m/s {advice}"))
     ways = along, np.cross(up, along)
     strides = [
         stride

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from myomorph.body.calibrate.calibration import CalibrationOptions
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.findings import messages_of_findings
 from myomorph.lab.cli import options as flags
 from myomorph.lab.cli.output import made
 
@@ -76,5 +77,10 @@ def calibrate_command(
     made_from = provenance_of("calibrate", sources, plain)
     calibrated = calibrating.calibrated(subject, chosen, made_from)
     lost = calibrating.write_calibrated(calibrated, out, tables)
-    notes = (*map(str, calibrated.findings), *calibrated.warnings, *calibrated.found.notes, *lost)
+    notes = (
+        *messages_of_findings(calibrated.findings),
+        *calibrated.warnings,
+        *calibrated.found.notes,
+        *lost,
+    )
     return made(out, tables, calibrating.summary(calibrated.found), notes)

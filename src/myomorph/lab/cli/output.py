@@ -10,9 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from myomorph.core.model.errors import BadFile, one_line
+from myomorph.core.model.message_groups import grouped_messages
 from myomorph.lab.store.results import STORED, ResultWriter, new_result, whole_folder
 
 MAX_WARNINGS = 5
+"""Messages of one cause that are printed."""
 LISTED = "'myomorph info FILE' lists them"
 
 
@@ -22,12 +24,19 @@ def said(text: str) -> None:
     sys.stdout.flush()
 
 
-def warn(warnings: Sequence[str], where: str = LISTED) -> None:
-    """Print what looked wrong but did not stop the work, and where all of it is listed."""
-    for text in warnings[:MAX_WARNINGS]:
-        sys.stderr.write(f"warning: {one_line(' '.join(text.split()))}\n")
-    if len(warnings) > MAX_WARNINGS:
-        sys.stderr.write(f"warning: and {len(warnings) - MAX_WARNINGS} more: {where}\n")
+def warn(warnings: Iterable[str], where: str = LISTED) -> None:
+    """Print what looked wrong but did not stop the work, the gravest cause first.
+
+    Of a cause with many messages the largest are printed, and where all are listed.
+    """
+    for group in grouped_messages(warnings):
+        word = "warning" if group.is_warning else "note"
+        for text in group.messages[:MAX_WARNINGS]:
+            sys.stderr.write(f"{word}: {one_line(' '.join(text.split()))}\n")
+        rest = len(group.messages) - MAX_WARNINGS
+        if rest > 0:
+            title = group.cause.title
+            sys.stderr.write(f"{word}: and {rest} more of the same cause ({title}): {where}\n")
 
 
 def made(

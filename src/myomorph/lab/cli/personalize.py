@@ -8,6 +8,7 @@ from myomorph.lab.cli import options as flags
 from myomorph.lab.cli.output import made
 from myomorph.lab.report.trial.personalized import personal_lines
 from myomorph.lab.store.settings import Differentiation, ForceOptions
+from myomorph.lab.study.step.folder_steps import NOTES
 from myomorph.lab.study.subject import personalizing
 
 PersonalSettings = flags.options_class(Differentiation, ForceOptions, *personalizing.STEP.options)
@@ -59,5 +60,5 @@ def personalize_command(
         tables,
         personal_lines(personalized.found),
         notes,
-        f"'{tables / personalizing.NOTES}' lists them",
+        f"'{tables / NOTES}' lists them",
     )

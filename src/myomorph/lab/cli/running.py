@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from myomorph.core.model.errors import BadData, counted
+from myomorph.core.model.message_groups import outcome_lines
 from myomorph.lab.cli.options import documented, use_threads
 from myomorph.lab.cli.output import said
 
@@ -125,8 +126,16 @@ def print_outcome(outcome: Outcome) -> None:
     else:
         rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
         said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}{again}")
-    for text in outcome.findings:
+    for text in outcome_lines(outcome.findings, _listed(outcome)):
         said(f"  {text}")
+
+
+def _listed(outcome: Outcome) -> str:
+    """Where all messages of a job stand."""
+    from myomorph.lab.study.step.folder_steps import NOTES
+    from myomorph.lab.study.trial.trial_step import PAGE
+
+    return str(outcome.folder / (PAGE if outcome.trial else NOTES))
 
 
 def named(outcome: Outcome) -> str:

@@ -9,7 +9,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import READING
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Z_UP_TO_Y_UP
 from myomorph.core.model.spatial import axis_rotation
 from myomorph.lab.convert.recording import Recording
@@ -88,7 +90,9 @@ def turned(recording: Recording, up: Up, forward: Forward, axes: str) -> Recordi
     axes : instead of both, the new axes in the old frame, as "x,z,-y"
     """
     if axes:
-        return rotated(recording, axes_of_text(axes), f"axes were changed to {axes}")
+        return rotated(
+            recording, axes_of_text(axes), READING.message(f"axes were changed to {axes}")
+        )
     if up in ("y", "z"):
         is_up = vertical(recording)
         if not is_up:
@@ -101,7 +105,9 @@ def turned(recording: Recording, up: Up, forward: Forward, axes: str) -> Recordi
             if matrix is None:
                 raise BadData(f"{is_up} points up: give --axes")
             recording = rotated(
-                recording, matrix, f"{is_up} points up in the recording: it was turned to {up} up"
+                recording,
+                matrix,
+                READING.message(f"{is_up} points up in the recording: it was turned to {up} up"),
             )
     if forward:
         recording = _facing(recording, forward)
@@ -136,11 +142,14 @@ def _facing(recording: Recording, forward: Forward) -> Recording:
     return rotated(
         recording,
         matrix,
-        f"turned by {90 * quarter if quarter < 3 else -90} degrees: the walk goes along {forward}",
+        READING.message(
+            f"turned by {90 * quarter if quarter < 3 else -90} degrees: the walk goes along"
+            f" {forward}"
+        ),
     )
 
 
-def rotated(recording: Recording, matrix: Array, note: str) -> Recording:
+def rotated(recording: Recording, matrix: Array, note: Message) -> Recording:
     """Express a recording in another frame.
 
     Parameters

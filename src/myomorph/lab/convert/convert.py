@@ -16,8 +16,10 @@ from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.io.sto import write_sto
 from myomorph.core.io.trc import METERS, write_trc
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import PLATES
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap, grouped
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Analog, Markers, PlateRecording, Table, Trial, Wrenches
 from myomorph.core.model.sides import other_side, split_side
 from myomorph.lab.convert.axes import Forward, Up, turned, vertical
@@ -58,7 +60,7 @@ class Converted:
     """Files that were written, what each holds, and what was mended or assumed."""
 
     files: tuple[tuple[Path, str], ...]
-    notes: tuple[str, ...]
+    notes: tuple[Message, ...]
 
 
 def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = None) -> Converted:
@@ -392,7 +394,18 @@ def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] =
         index for index in range(len(wrenches.names)) if size[:, index].max(initial=0.0) > LOADED
     ]
     idle = [name for index, name in enumerate(wrenches.names) if index not in used]
-    notes = (*wrenches.notes, *((f"nobody steps on {', '.join(idle)}: left out",) if idle else ()))
+    notes = (
+        *wrenches.notes,
+        *(
+            (
+                PLATES.message(
+                    f"nobody steps on {', '.join(idle)}: left out", gravity="good to know"
+                ),
+            )
+            if idle
+            else ()
+        ),
+    )
     wrenches = replace(wrenches.columns(used), notes=notes)
     places = {} if markers is None else foot_places(markers, wrenches.time)
     if all(wrenches.bodies) or len(places) < 2 or not used:

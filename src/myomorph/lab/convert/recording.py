@@ -15,6 +15,7 @@ from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.series import (
     Analog,
     Event,
@@ -25,6 +26,7 @@ from myomorph.core.model.series import (
     Wrenches,
 )
 from myomorph.core.motion.sync import cut
+from myomorph.lab.causes import CONVERSION
 from myomorph.lab.study.inputs.plate_wrenches import recorded_wrenches
 from myomorph.lab.study.inputs.reading import about, faces_z, read_recording, renamed
 
@@ -58,7 +60,7 @@ class Recording:
     events: tuple[Event, ...] = ()
     tables: Mapping[str, Table] = field(default_factory=lambda: FrozenMap({}))
     level: bool = False
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 def read_parts(paths: Sequence[Path]) -> Recording:
@@ -101,12 +103,14 @@ def _with_recording(recording: Recording, path: Path) -> Recording:
         recording = replace(recording, analog=others)
     if trial.markers is not None:
         recording = replace(recording, markers=trial.markers)
-    notes = [f"{path.name}: {text}" for text in trial.warnings]
+    notes = [*located(path.name, trial.warnings)]
     if trial.other_points is not None:
         count = len(trial.other_points.names)
         notes.append(
-            f"{path.name}: {count} quantities that a program computed (angles, moments) are not"
-            " converted"
+            CONVERSION.message(
+                f"{path.name}: {count} quantities that a program computed (angles, moments) are not"
+                " converted"
+            )
         )
     return replace(
         recording,
@@ -133,7 +137,7 @@ def _with_table(recording: Recording, path: Path) -> Recording:
         wrenches = read_forces(path)
         return replace(recording, wrenches=wrenches, notes=(*recording.notes, *wrenches.notes))
     table = read_sto(path)
-    notes = (*recording.notes, *(f"{path.name}: {text}" for text in table.warnings))
+    notes = (*recording.notes, *located(path.name, table.warnings))
     return replace(recording, tables=FrozenMap({**recording.tables, path.stem: table}), notes=notes)
 
 

@@ -17,9 +17,12 @@ from myomorph.core.io.formats import (
     trial_format,
 )
 from myomorph.core.io.sto import read_sto
+from myomorph.core.model.causes import MODEL, MUSCLES
 from myomorph.core.model.errors import BadFile
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Table
+from myomorph.lab.causes import FILE_SHAPE
 from myomorph.lab.info.inspect_recording import Inspection, inspect_table, inspect_trial, listed
 
 TABLES = (".mot", ".sto")
@@ -106,10 +109,10 @@ def _inspect_loads(path: Path) -> Inspection:
         )
     for data in dict.fromkeys(entry.data for entry in entries):
         if not data.exists():
-            warnings.append(f"the table {data} does not exist")
+            warnings.append(FILE_SHAPE.message(f"the table {data} does not exist"))
             continue
         table = read_sto(data)
-        warnings += [f"{data.name}: {line}" for line in table.warnings]
+        warnings += located(data.name, table.warnings)
         for entry in entries:
             for prefix in (entry.force, entry.point, entry.torque):
                 if (
@@ -117,7 +120,9 @@ def _inspect_loads(path: Path) -> Inspection:
                     and prefix
                     and not any(name.startswith(prefix) for name in table.names)
                 ):
-                    warnings.append(f"{data.name} has no column that begins with '{prefix}'")
+                    warnings.append(
+                        FILE_SHAPE.message(f"{data.name} has no column that begins with '{prefix}'")
+                    )
     return Inspection("OpenSim external loads", tuple(facts), tuple(warnings))
 
 
@@ -155,7 +160,7 @@ def _further_parts(model: Model) -> list[tuple[str, str]]:
     return facts + ([("kept, not modelled", _counted(kept))] if kept else [])
 
 
-def _arm_warnings(model: Model) -> tuple[str, ...]:
+def _arm_warnings(model: Model) -> tuple[Message, ...]:
     if not model.muscles:
         return ()
     from myomorph.core.muscles.published_arms import arm_warnings
@@ -166,7 +171,12 @@ def _arm_warnings(model: Model) -> tuple[str, ...]:
         try:
             return arm_warnings(model)
         except ZeroDivisionError:
-            return ("moment arms at the knee were not compared: two points of a path coincide",)
+            return (
+                MUSCLES.message(
+                    "moment arms at the knee were not compared: two points of a path coincide",
+                    gravity="good to know",
+                ),
+            )
 
 
 def _coordinates(model: Model) -> str:
@@ -183,32 +193,42 @@ def _coordinates(model: Model) -> str:
     return ", ".join(parts)
 
 
-def _model_warnings(model: Model) -> list[str]:
+def _model_warnings(model: Model) -> list[Message]:
     """List what looks wrong with the numbers of a model."""
     result = []
     light = [body.name for body in model.bodies if body.mass <= 0.0]
     if not np.isfinite(model.mass) or model.mass <= 0:
-        result.append("the bodies have no mass: inverse dynamics and tensions would be zero")
+        result.append(
+            MODEL.message(
+                "the bodies have no mass: inverse dynamics and tensions would be zero",
+                gravity="changes results",
+            )
+        )
     elif light:
-        result.append(f"{len(light)} bodies have no mass: {listed(light)}")
+        result.append(MODEL.message(f"{len(light)} bodies have no mass: {listed(light)}"))
     for body in model.bodies:
         moments = np.sort(np.linalg.eigvalsh(0.5 * (body.inertia + body.inertia.T)))
         if body.mass > 0 and (
             moments[0] < -1e-9 or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12
         ):
             result.append(
-                f"the inertia of body '{body.name}' is not that of a real body:"
-                f" {np.round(moments, 6).tolist()}"
+                MODEL.message(
+                    f"the inertia of body '{body.name}' is not that of a real body:"
+                    f" {np.round(moments, 6).tolist()}",
+                    gravity="may change results",
+                )
             )
     for coordinate in model.coordinates:
         lower, upper = coordinate.range
         if coordinate.clamped and not lower <= coordinate.default <= upper:
             result.append(
-                f"the default of '{coordinate.name}' ({coordinate.default:.4g}) is outside its"
-                " range"
+                MODEL.message(
+                    f"the default of '{coordinate.name}' ({coordinate.default:.4g}) is outside its"
+                    " range"
+                )
             )
     if np.linalg.norm(model.gravity) == 0:
-        result.append("gravity is zero")
+        result.append(MODEL.message("gravity is zero"))
     return result
 
 

@@ -10,9 +10,12 @@ import numpy as np
 
 from myomorph.core.io.c3d.emg import emg_channels
 from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.causes import HIDDEN, MARKERS, PLATES, READING, UNITS
 from myomorph.core.model.errors import counted
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Markers, Series, Table, Trial
 from myomorph.core.motion.crossings import crossings
+from myomorph.lab.causes import FILE_SHAPE
 
 SHOWN = 12
 SELDOM = 0.2  # Share of positions that are missing above which the parts worth using are told.
@@ -30,12 +33,12 @@ NOT_ANGLE = re.compile(
 def inspect_trial(trial: Trial, kind: str) -> Inspection:
     """Markers, gaps, plates, analog channels and events of a recording."""
     facts: list[tuple[str, str]] = []
-    warnings: list[str] = list(trial.warnings)
+    warnings: list[Message] = list(trial.warnings)
     size = float("nan")
     if trial.markers is not None:
         size = _marker_findings(trial.markers, facts, warnings)
     else:
-        warnings.append("no markers")
+        warnings.append(FILE_SHAPE.message("no markers", gravity="good to know"))
     if trial.other_points is not None:
         facts.append(
             (
@@ -58,7 +61,9 @@ def inspect_trial(trial: Trial, kind: str) -> Inspection:
     return Inspection(kind, tuple(facts), tuple(warnings))
 
 
-def _marker_findings(markers: Markers, facts: list[tuple[str, str]], warnings: list[str]) -> float:
+def _marker_findings(
+    markers: Markers, facts: list[tuple[str, str]], warnings: list[Message]
+) -> float:
     """Facts and warnings of markers; returns the size of the marker cloud [m]."""
     facts.append(("markers", f"{len(markers.names)}: {listed(markers.names)}"))
     facts.append(("frames", _clock(markers)))
@@ -76,13 +81,13 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], warnings: l
     )
     never = [name for name, part in zip(markers.names, share, strict=True) if part == 1.0]
     if never:
-        warnings.append(f"{len(never)} markers are never seen: {listed(never)}")
+        warnings.append(HIDDEN.message(f"{len(never)} markers are never seen: {listed(never)}"))
     if SELDOM < hidden.mean() < 1.0:
         facts.append(("most markers seen", _passages(markers)))
     facts += _gaps(markers, hidden)
     seen = np.flatnonzero(~hidden.all(axis=1))
     if not len(seen):
-        warnings.append("no marker is ever seen")
+        warnings.append(HIDDEN.message("no marker is ever seen", gravity="changes results"))
         return float("nan")
     values = markers.values[seen]
     extent = np.nanmedian(np.nanmax(values, axis=1) - np.nanmin(values, axis=1), axis=0)
@@ -123,17 +128,21 @@ def _gaps(markers: Markers, hidden: np.ndarray) -> list[tuple[str, str]]:
     return facts
 
 
-def _odd_sizes(size: float) -> list[str]:
+def _odd_sizes(size: float) -> list[Message]:
     """Warn of a cloud of markers that is of no body's size [m]."""
     if size > 15.0:
         return [
-            f"the markers spread over {size:.0f} m: are the positions in another unit than the file"
-            " says?"
+            UNITS.message(
+                f"the markers spread over {size:.0f} m: are the positions in another unit than the"
+                " file says?"
+            )
         ]
     if 0.0 < size < 0.005:
         return [
-            f"the markers spread over {1000 * size:.2g} mm: are the positions in another unit than"
-            " the file says?"
+            UNITS.message(
+                f"the markers spread over {1000 * size:.2g} mm: are the positions in another unit"
+                " than the file says?"
+            )
         ]
     return []
 
@@ -147,7 +156,7 @@ def _clock(series: Series) -> str:
     return f"{frames} at {series.rate:.4g} Hz, {start:.4g} to {stop:.4g} s ({stop - start:.4g} s)"
 
 
-def _time_gaps(series: Series) -> list[str]:
+def _time_gaps(series: Series) -> list[Message]:
     """Places where frames are missing."""
     steps = np.diff(series.time)
     if len(steps) < 2:
@@ -156,18 +165,32 @@ def _time_gaps(series: Series) -> list[str]:
     wide = np.flatnonzero(steps > 1.6 * median)
     if len(wide) > 0.2 * len(steps):
         return [
-            f"the time step varies from {steps.min():.3g} to {steps.max():.3g} s: resample before"
-            " filtering"
+            READING.message(
+                f"the time step varies from {steps.min():.3g} to {steps.max():.3g} s: resample"
+                " before filtering",
+                gravity="may change results",
+            )
         ]
     lines = [
-        f"{counted(round(steps[step] / median - 1), 'frame')} missing between"
-        f" {series.time[step]:.4g} and {series.time[step + 1]:.4g} s"
+        READING.message(
+            f"{counted(round(steps[step] / median - 1), 'frame')} missing between"
+            f" {series.time[step]:.4g} and {series.time[step + 1]:.4g} s",
+            gravity="may change results",
+        )
         for step in wide[:3]
     ]
-    return lines + ([f"frames are missing at {len(wide) - 3} more places"] if len(wide) > 3 else [])
+    return lines + (
+        [
+            READING.message(
+                f"frames are missing at {len(wide) - 3} more places", gravity="may change results"
+            )
+        ]
+        if len(wide) > 3
+        else []
+    )
 
 
-def _jumps(markers: Markers, size: float) -> list[str]:
+def _jumps(markers: Markers, size: float) -> list[Message]:
     """Markers that move by a large part of the body from one frame to the next."""
     if len(markers) < 3 or not np.isfinite(size) or size == 0.0:
         return []
@@ -183,14 +206,16 @@ def _jumps(markers: Markers, size: float) -> list[str]:
             break
         frame = int(np.argmax(whole[:, index]))
         lines.append(
-            f"marker '{markers.names[index]}' jumps {counted(count, 'time')}, by"
-            f" {whole[frame, index]:.2g} m at {markers.time[frame + 1]:.4g} s"
+            MARKERS.message(
+                f"marker '{markers.names[index]}' jumps {counted(count, 'time')}, by"
+                f" {whole[frame, index]:.2g} m at {markers.time[frame + 1]:.4g} s"
+            )
         )
     return lines
 
 
 def _plate_findings(
-    trial: Trial, size: float, facts: list[tuple[str, str]], warnings: list[str]
+    trial: Trial, size: float, facts: list[tuple[str, str]], warnings: list[Message]
 ) -> None:
     """Facts and warnings of force plates."""
     total = np.zeros(len(trial.plate_time))
@@ -214,7 +239,7 @@ def _plate_findings(
         )
     if not total.any():
         if trial.plates:
-            warnings.append("no force plate carries a load")
+            warnings.append(PLATES.message("no force plate carries a load"))
         return
     usual = float(np.median(total[total > 0.5 * np.median(total[total > 0])]))
     facts.append(
@@ -229,12 +254,14 @@ def _plate_findings(
     # A body of size h weighs about 22 kg/m^2 h^2 (body mass index), from mice to men.
     if np.isfinite(size) and size > 0 and not 0.1 < usual / (9.81 * 22.0 * size**2) < 10.0:
         warnings.append(
-            f"a load of {usual:.3g} N does not fit markers that spread over {size:.2g} m: "
-            "check the plates' scale and units"
+            UNITS.message(
+                f"a load of {usual:.3g} N does not fit markers that spread over {size:.2g} m: "
+                "check the plates' scale and units"
+            )
         )
 
 
-def _analog_findings(trial: Trial, facts: list[tuple[str, str]], warnings: list[str]) -> None:
+def _analog_findings(trial: Trial, facts: list[tuple[str, str]], warnings: list[Message]) -> None:
     """Facts and warnings of analog channels."""
     analog = trial.analog
     if analog is None:
@@ -257,7 +284,11 @@ def _analog_findings(trial: Trial, facts: list[tuple[str, str]], warnings: list[
         name for name, column in zip(analog.names, analog.values.T, strict=True) if _flat(column)
     ]
     if flat:
-        warnings.append(f"{len(flat)} analog channels never change: {listed(flat)}")
+        warnings.append(
+            FILE_SHAPE.message(
+                f"{len(flat)} analog channels never change: {listed(flat)}", gravity="good to know"
+            )
+        )
 
 
 def _flat(column: Array) -> bool:
@@ -283,14 +314,16 @@ def inspect_table(table: Table) -> Inspection:
             if missing[column]
         ]
         warnings.append(
-            f"{missing.sum()} values are NaN ({100 * missing.sum() / table.values.size:.1f} %), "
-            f"in {np.count_nonzero(missing)} columns: {listed(worst)}"
+            FILE_SHAPE.message(
+                f"{missing.sum()} values are NaN ({100 * missing.sum() / table.values.size:.1f} %),"
+                f" in {np.count_nonzero(missing)} columns: {listed(worst)}"
+            )
         )
     warnings += _unit_warnings(table)
     return Inspection("table", tuple(facts), tuple(warnings))
 
 
-def _unit_warnings(table: Table) -> list[str]:
+def _unit_warnings(table: Table) -> list[Message]:
     """Angles whose size does not fit the header, and points of pressure of an unlikely size."""
     result = []
     sizes = np.array(
@@ -300,14 +333,20 @@ def _unit_warnings(table: Table) -> list[str]:
         [bool(ANGLE.search(name)) and not NOT_ANGLE.search(name) for name in table.names]
     ]
     if len(angles) > 4 and table.in_degrees and 0.0 < angles.max() < 2.0 * np.pi:
-        result.append("the header says degrees, but no angle exceeds 6.28: are they radians?")
+        result.append(
+            UNITS.message("the header says degrees, but no angle exceeds 6.28: are they radians?")
+        )
     if len(angles) > 4 and not table.in_degrees and np.median(angles) > 8.0 * np.pi:
-        result.append("the header says radians, but many angles exceed 25: are they degrees?")
+        result.append(
+            UNITS.message("the header says radians, but many angles exceed 25: are they degrees?")
+        )
     reach = max((_reach(table, name) for name in table.names if POINT.search(name)), default=0.0)
     if reach > 50.0:
         result.append(
-            f"points of application reach {reach:.4g} under load: are they in millimetres instead"
-            " of metres?"
+            UNITS.message(
+                f"points of application reach {reach:.4g} under load: are they in millimetres"
+                " instead of metres?"
+            )
         )
     return result
 
@@ -343,7 +382,7 @@ class Inspection:
 
     kind: str
     facts: tuple[tuple[str, str], ...]
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
     def lines(self) -> list[str]:
         """Write the inspection as text, a fact or a warning a line."""

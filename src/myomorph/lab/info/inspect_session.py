@@ -8,6 +8,7 @@ import numpy as np
 
 from myomorph.core.model.errors import counted
 from myomorph.core.model.known import Known
+from myomorph.core.model.messages import Message, located
 from myomorph.lab.info.inspect_recording import Inspection
 from myomorph.lab.session.session import Person, Session, SessionTrial
 
@@ -36,10 +37,10 @@ def inspect_session(session: Session, reasons: bool = False) -> Inspection:
     return Inspection("session", tuple(facts), (*_warnings(session), *session.passed_over))
 
 
-def _warnings(session: Session) -> list[str]:
+def _warnings(session: Session) -> list[Message]:
     """List what cannot be told of people, and what contradicts in trials."""
     unresolved = [text for person in session.people for text in person.unresolved]
-    contradicts = [f"{trial.name}: {text}" for trial in session.trials for text in trial.warnings]
+    contradicts = [text for trial in session.trials for text in located(trial.name, trial.warnings)]
     return [*unresolved, *contradicts]
 
 

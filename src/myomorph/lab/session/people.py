@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from myomorph.core.model.messages import Message
+from myomorph.lab.causes import SESSION
 from myomorph.lab.session.evidence import Evidence
 from myomorph.lab.session.placements import Placement, placements_of
 
@@ -40,7 +42,7 @@ class Group:
 
     members: tuple[int, ...]
     why: str = ""
-    unresolved: tuple[str, ...] = ()
+    unresolved: tuple[Message, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,12 +163,13 @@ def _group(person: Sequence[Placement], why: str, doubtful: Sequence[str]) -> Gr
     numbers = [number for placement in person for number in placement.recordings]
     texts = [*_unresolved(person)][:MAX_UNRESOLVED]
     texts += [
-        f"{names}: of this person or of another one of these, not known" for names in doubtful
+        SESSION.message(f"{names}: of this person or of another one of these, not known")
+        for names in doubtful
     ]
     return Group(members=tuple(sorted(numbers)), why=why, unresolved=tuple(texts))
 
 
-def _unresolved(person: Sequence[Placement]) -> Iterator[str]:
+def _unresolved(person: Sequence[Placement]) -> Iterator[Message]:
     """Placements of a person that no name ties to those before, and that may be of another one."""
     for number, placement in enumerate(person):
         others = person[:number]
@@ -178,9 +181,11 @@ def _unresolved(person: Sequence[Placement]) -> Iterator[str]:
         difference = odds[nearest].farthest
         how = f" ({difference})" if difference else ""
         yield (
-            f"markers lie elsewhere in {placement.names} than in {others[nearest].names}{how}: one"
-            " person who was marked twice and two people of like build cannot be told apart, taken"
-            " as one"
+            SESSION.message(
+                f"markers lie elsewhere in {placement.names} than in {others[nearest].names}{how}:"
+                " one person who was marked twice and two people of like build cannot be told"
+                " apart, taken as one"
+            )
         )
 
 

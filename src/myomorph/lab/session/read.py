@@ -13,12 +13,14 @@ import numpy as np
 from myomorph.core.io.c3d.emg import emg_channels
 from myomorph.core.model.errors import BadFile, MyomorphError
 from myomorph.core.model.known import Known
+from myomorph.core.model.messages import Message
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Series
 from myomorph.core.motion.protocols import ProtocolTable
 from myomorph.lab.analysis.arm_labels import is_arm
 from myomorph.lab.analysis.found_movement import found_movement
 from myomorph.lab.analysis.seen_body import SeenBody
+from myomorph.lab.causes import SESSION
 from myomorph.lab.session.body_measures import BodyMeasures, measures_of
 from myomorph.lab.session.evidence import Evidence
 from myomorph.lab.session.names import (
@@ -85,7 +87,7 @@ def looked_at(
     paths: Sequence[Path],
     table: ProtocolTable | None = None,
     begins: Callable[[Path], None] = lambda path: None,
-) -> tuple[list[Recording], list[str]]:
+) -> tuple[list[Recording], list[Message]]:
     """Look at recordings.
 
     Parameters
@@ -105,12 +107,12 @@ def looked_at(
         try:
             recordings.append(look_at(path, table=table))
         except MyomorphError as error:
-            unread.append(" ".join(str(error).split()))
+            unread.append(SESSION.message(" ".join(str(error).split())))
     return recordings, unread
 
 
 def session_of(
-    recordings: Sequence[Recording], source: str = "", passed_over: Iterable[str] = ()
+    recordings: Sequence[Recording], source: str = "", passed_over: Iterable[Message] = ()
 ) -> Session:
     """Session of recordings that were looked at."""
     trials = [trial_of(recording) for recording in recordings]
@@ -142,7 +144,9 @@ def trial_of(recording: Recording) -> SessionTrial:
     warnings = []
     contradicts = movement and named and movement.value != named.value
     if contradicts and not (recording.still and named.value == "standing"):
-        warnings.append(f"its name says {named}, its markers {movement} ({movement.sentence})")
+        warnings.append(
+            SESSION.message(f"its name says {named}, its markers {movement} ({movement.sentence})")
+        )
     markers = trial.markers
     analog = trial.analog
     return SessionTrial(

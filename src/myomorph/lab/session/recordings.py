@@ -14,9 +14,11 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadFile, MyomorphError
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Trial
 from myomorph.core.motion.protocols import ProtocolTable, Recognized, Site, recognize
 from myomorph.core.motion.sync import cut
+from myomorph.lab.causes import SESSION
 from myomorph.lab.session.sensor_recordings import is_still
 from myomorph.lab.study.inputs.beside import plain_stem
 from myomorph.lab.study.inputs.laboratory import AS_RECORDED, Laboratory, Up
@@ -397,7 +399,7 @@ def same_body(recording: Recording, other: Recording) -> bool:
     return True
 
 
-def files_of(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
+def files_of(paths: Iterable[Path]) -> tuple[list[Path], list[Message]]:
     """Find the recordings that files and folders stand for.
 
     A folder is one of recordings, or of OpenCap (`MarkerData`) or Pose2Sim (`pose-3d`), of whose
@@ -417,7 +419,7 @@ def files_of(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
     BadFile : a path does not exist, is no recording, or a folder holds none
     """
     found: list[Path] = []
-    notes: list[str] = []
+    notes: list[Message] = []
     for path in paths:
         if not path.exists():
             raise BadFile(
@@ -446,7 +448,7 @@ def files_of(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
     return list(dict.fromkeys((sensor_files(path) or (path,))[0] for path in found)), notes
 
 
-def _in_folder(folder: Path, notes: list[str]) -> list[Path]:
+def _in_folder(folder: Path, notes: list[Message]) -> list[Path]:
     """List recordings of markers in a folder, else those of sensors.
 
     Parameters
@@ -477,7 +479,7 @@ def _written_markers(folder: Path) -> list[Path] | None:
     return None
 
 
-def _last_stage(files: list[Path], notes: list[str]) -> list[Path]:
+def _last_stage(files: list[Path], notes: list[Message]) -> list[Path]:
     """Of each recording that Pose2Sim wrote in several stages, the last."""
     kept: dict[Path, tuple[int, Path]] = {}
     for path in files:
@@ -490,7 +492,11 @@ def _last_stage(files: list[Path], notes: list[str]) -> list[Path]:
         key = path.with_name(stem)
         if key in kept:
             notes.append(
-                f"{kept[key][1].name} and {path.name} are stages of one recording: the last is used"
+                SESSION.message(
+                    f"{kept[key][1].name} and {path.name} are stages of one recording: the last is"
+                    " used",
+                    gravity="good to know",
+                )
             )
         if key not in kept or stage > kept[key][0]:
             kept[key] = (stage, path)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from myomorph.core.model.known import Known
+from myomorph.core.model.messages import Message
 from myomorph.core.model.movement import Movement
 from myomorph.lab.session.body_measures import BodyMeasures
 
@@ -76,7 +77,7 @@ class SessionTrial:
     up: Known[str]
     unit: Known[str]
     measures: BodyMeasures
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
     def __repr__(self) -> str:
         return f"SessionTrial({self.name!r}, {self.movement}, {self.person})"
@@ -99,7 +100,7 @@ class Person:
     kind: Known[Kind]
     mass: Known[float]
     why: str = ""
-    unresolved: tuple[str, ...] = ()
+    unresolved: tuple[Message, ...] = ()
 
     def __repr__(self) -> str:
         return f"Person({self.name})"
@@ -128,7 +129,7 @@ class Session:
     source: str
     people: tuple[Person, ...]
     trials: tuple[SessionTrial, ...]
-    passed_over: tuple[str, ...] = ()
+    passed_over: tuple[Message, ...] = ()
 
     def of(self, person: str) -> tuple[SessionTrial, ...]:
         """Trials of a person, by name."""

@@ -12,6 +12,7 @@ import numpy as np
 from myomorph.core.model.contact_quantities import FORCES, TOUCHES
 from myomorph.core.model.contacts import ContactForces, Contacts, Site, Touch, contact_law
 from myomorph.core.model.labelled import AXES
+from myomorph.core.model.messages import messages_of, messages_text
 from myomorph.core.model.series import Series
 from myomorph.core.tension.joint_contact import JointContactForces
 from myomorph.core.tension.load_quantities import (
@@ -70,7 +71,7 @@ def put_contacts(
     """Which site touches what, and when, and how the forces came to be known."""
     writer.fact(SITUATION, situation)
     writer.fact(CHECKED, json.dumps(contacts.sites))
-    writer.fact(WARNINGS, json.dumps(contacts.warnings))
+    writer.fact(WARNINGS, messages_text(contacts.warnings))
     put_rows(writer, TOUCHES, contacts.intervals)
 
 
@@ -81,7 +82,7 @@ def get_contacts(stored: Stored) -> Contacts | None:
     return Contacts(
         sites=tuple(json.loads(stored.facts[CHECKED])),
         intervals=get_rows(stored, TOUCHES, Touch) or (),
-        warnings=tuple(json.loads(stored.facts[WARNINGS])),
+        warnings=messages_of(stored.facts[WARNINGS]),
     )
 
 

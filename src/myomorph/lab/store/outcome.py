@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from myomorph.core.model.errors import MyomorphError
+from myomorph.core.model.messages import Message
 
 Key = tuple[str, str]
 """Subject and trial; ("s01", "") is what is done once for a subject, ("", "") what is done once for
@@ -57,7 +58,7 @@ class Outcome:
     condition: str = ""
     timed: tuple[tuple[str, float], ...] = ()
     full: bool = False
-    findings: tuple[str, ...] = ()
+    findings: tuple[Message, ...] = ()
 
     @property
     def key(self) -> Key:

@@ -21,6 +21,7 @@ from myomorph.core.io.formats import is_composed
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.findings import Finding
+from myomorph.core.model.messages import Message, messages_of, messages_text, unique
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance, Source
 from myomorph.lab.store.netcdf import (
@@ -224,7 +225,7 @@ class ResultWriter:
 
     def remarks(self, step: str, texts: Sequence[str]) -> None:
         """Write the warnings of a step, one line each."""
-        self.fact(REMARKS + step, json.dumps(list(texts)))
+        self.fact(REMARKS + step, messages_text(texts))
 
     def gather_remarks(self, steps: Sequence[str], others: Sequence[str]) -> None:
         """Put the warnings of the steps of this file together, in their order.
@@ -234,9 +235,9 @@ class ResultWriter:
         """
         facts = self._file.attributes
         known = [step for step in steps if REMARKS + step in facts]
-        remarks = [text for step in known for text in json.loads(facts[REMARKS + step])]
-        kept = [] if len(known) == len(steps) else json.loads(facts.get("warnings", "[]"))
-        self.fact("warnings", json.dumps(list(dict.fromkeys([*remarks, *others, *kept]))))
+        remarks = [text for step in known for text in messages_of(facts[REMARKS + step])]
+        kept = () if len(known) == len(steps) else messages_of(facts.get("warnings", "[]"))
+        self.fact("warnings", messages_text(unique([*remarks, *others, *kept])))
 
     def copy(self, path: Path, steps: Sequence[str]) -> None:
         """Take over what some steps wrote into another result, block by block.
@@ -486,7 +487,7 @@ def findings_of(text: str) -> tuple[Finding, ...]:
         Finding(
             kind=record["kind"],
             place=record["place"],
-            text=record["text"],
+            text=Message.of_record(record.get("message", record["text"])),
             times=tuple((start, stop) for start, stop in record["times"]),
             mended=record["mended"],
         )

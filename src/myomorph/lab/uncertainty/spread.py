@@ -16,6 +16,7 @@ import numpy as np
 from myomorph.core.fit.interval_rule import LEVEL, drawn_limits
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.quantity import Bound, Quantity
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
@@ -113,7 +114,7 @@ class Uncertainty:
     shares: Mapping[str, Shares] = field(default_factory=lambda: FrozenMap({}))
     draws: int = 0
     failed: int = 0
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     factors: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     sizes: tuple[SourceSize, ...] = ()
     gait: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))

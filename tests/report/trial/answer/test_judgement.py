@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.lab.report.trial.answer.cause import grouped
-from myomorph.lab.report.trial.answer.causes import KINDS
+from myomorph.core.model.causes import FEET_BESIDE
+from myomorph.core.model.message_groups import grouped_messages
 from myomorph.lab.report.trial.answer.judgement import Judgement, judged
 from myomorph.lab.report.trial.prepared import Prepared, prepare
 from myomorph.lab.report.trial.report_input import ReportInput
@@ -16,7 +16,7 @@ from walker import everything, having
 
 def verdict(given: ReportInput) -> Judgement:
     prepared = prepare(given)
-    return judged(prepared, grouped(given.head.warnings, KINDS))
+    return judged(prepared, grouped_messages(given.head.warnings))
 
 
 def with_errors(given: ReportInput, size: float, share: float) -> ReportInput:
@@ -67,7 +67,7 @@ def test_without_forces_angles_alone_are_usable() -> None:
 
 def test_a_foot_beside_the_plates_leaves_angles() -> None:
     given = with_errors(everything(100), 0.005, 0.0)
-    text = "the load on 'calcn_r' is not determined in 38 % of the time (from 0.10 to 0.20 s)"
+    text = FEET_BESIDE.message("the load on 'calcn_r' is not determined", size=38.0)
     found = verdict(having(given, warnings=(text,)))
     assert found.use == "angles"
     assert "38" in found.reason

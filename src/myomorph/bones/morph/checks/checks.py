@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import scipy
 
+from myomorph.bones.causes import ATTACHMENTS
 from myomorph.bones.morph.checks.moment_arms import (
     CoordinatePair,
     CoordinateTable,
@@ -107,7 +108,11 @@ def check_morph(
         *arm_warnings(morph.source, arms, sizes, options),
         *order_warnings(arms, order, options),
         *(
-            Finding("fold", m, f"{m}: the map of {body} turns space inside out at {p}")
+            Finding(
+                "fold",
+                m,
+                ATTACHMENTS.message(f"{m}: the map of {body} turns space inside out at {p}"),
+            )
             for m, p, body in folded
         ),
         *surface_warnings(morph, longest, options),

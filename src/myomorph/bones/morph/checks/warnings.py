@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.bones.causes import ATTACHMENTS, FIBERS, JOINTS, PATHS
 from myomorph.bones.morph.checks.moment_arms import MomentArms
 from myomorph.bones.morph.checks.penetration import Penetration
 from myomorph.bones.morph.morphed import Morph
@@ -174,7 +175,7 @@ def bone_warnings(
             depths = f"{_mm(penetration.target)} deep through {penetration.body}{where}"
             text = f"{penetration.muscle}: runs {depths}, source {_mm(penetration.source)}"
             size = penetration.increase / longest
-            yield Finding("bone", penetration.muscle, text, size=size)
+            yield Finding("bone", penetration.muscle, PATHS.message(text), size=size)
 
 
 def arm_warnings(
@@ -206,7 +207,10 @@ def _one_arm(
             f"{_mm(moment_arms.target_jumps[index])} at {_value(moment_arms.target_jump_at[index])}"
         )
         yield Finding(
-            "jump", muscle, f"{about} jumps by {where}, source by {_mm(before)}", size=jump / least
+            "jump",
+            muscle,
+            PATHS.message(f"{about} jumps by {where}, source by {_mm(before)}"),
+            size=jump / least,
         )
     peak = float(np.abs(source).max())
     peak_target = float(np.abs(target).max())
@@ -223,7 +227,7 @@ def _one_arm(
         yield Finding(
             "sign",
             muscle,
-            f"{about} is {where}: the other sign in {share}",
+            PATHS.message(f"{about} is {where}: the other sign in {share}"),
             size=float(against.mean()),
         )
         return
@@ -234,7 +238,7 @@ def _one_arm(
     if max(rms, rms_target) > 2.0 * least and unlike:
         both = f"{_mm(size * rms_target)} root mean square, source {_mm(rms)}"
         text = f"{about} is {ratio:.2g} times what the size of the bones explains ({both})"
-        yield Finding("arm", muscle, text, size=abs(float(np.log(max(ratio, 1e-6)))))
+        yield Finding("arm", muscle, PATHS.message(text), size=abs(float(np.log(max(ratio, 1e-6)))))
 
 
 def order_warnings(
@@ -249,7 +253,7 @@ def order_warnings(
                 f"{name}: the {len(arm.muscles)} muscles' moment arms are in another order than in"
                 f" the source, rank correlation {correlation:.2f}"
             )
-            yield Finding("order", name, text, size=1.0 - correlation)
+            yield Finding("order", name, PATHS.message(text), size=1.0 - correlation)
 
 
 def surface_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Finding]:
@@ -269,7 +273,7 @@ def surface_warnings(morph: Morph, longest: float, options: CheckOptions) -> Ite
             text = (
                 f"{point.owner}: {point.name} lies {where}, source {_mm(abs(point.depth_source))}"
             )
-            yield Finding("surface", point.owner, text, size=off / longest)
+            yield Finding("surface", point.owner, ATTACHMENTS.message(text), size=off / longest)
 
 
 def fiber_warnings(morph: Morph, options: CheckOptions) -> Iterator[Finding]:
@@ -283,7 +287,12 @@ def fiber_warnings(morph: Morph, options: CheckOptions) -> Iterator[Finding]:
                 f"{low_target:.2f} to {high_target:.2f} of their optimal length, source from"
                 f" {low:.2f} to {high:.2f}"
             )
-            yield Finding("fiber", muscle.name, f"{muscle.name}: fibers work from {work}", size=off)
+            yield Finding(
+                "fiber",
+                muscle.name,
+                FIBERS.message(f"{muscle.name}: fibers work from {work}"),
+                size=off,
+            )
 
 
 def joint_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Finding]:
@@ -293,7 +302,7 @@ def joint_warnings(morph: Morph, longest: float, options: CheckOptions) -> Itera
     for joint in morph.joints:
         if joint.gap > options.gap * longest:
             text = f"{joint.name}: its parent and its child put the center {_mm(joint.gap)} apart"
-            yield Finding("joint", joint.name, text, size=joint.gap / longest)
+            yield Finding("joint", joint.name, JOINTS.message(text), size=joint.gap / longest)
 
 
 def _mm(meters: float) -> str:

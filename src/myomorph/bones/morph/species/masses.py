@@ -10,7 +10,9 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadData, UnknownName, check_name, quoted
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Body, Marker, Model
 from myomorph.core.model.surface import Surface
 
@@ -72,7 +74,7 @@ def with_segment_shares(
 
 def with_possible_inertias(
     model: Model, surfaces: Mapping[str, Surface]
-) -> tuple[Model, tuple[str, ...]]:
+) -> tuple[Model, tuple[Message, ...]]:
     """The model without inertias that stand in a file for want of better ones, and how many were
     replaced. A body whose radius of gyration is longer than its bone gets the inertia of a box
     around the bone, evenly filled with its mass; one without a bone, where it is longer than any
@@ -106,9 +108,10 @@ def with_possible_inertias(
     bodies = tuple(possible(body) for body in model.bodies)
     if not changed:
         return model, ()
-    note = (
+    note = MODEL.message(
         f"inertias of {len(changed)} bodies ({quoted(changed, 3)}) have radii of gyration longer"
-        f" than their bones, up to {1e3 * most:.3g} mm: taken for those of boxes around the bones"
+        f" than their bones, up to {1e3 * most:.3g} mm: taken for those of boxes around the bones",
+        gravity="may change results",
     )
     return replace(model, bodies=bodies), (note,)
 

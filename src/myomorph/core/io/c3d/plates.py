@@ -10,6 +10,8 @@ import numpy as np
 
 from myomorph.core.io.c3d.raw import RawC3d
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import PLATES, UNITS
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import PlateRecording
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6, 5: 8, 6: 12, 7: 8, 11: 8, 12: 8, 21: 6}
@@ -104,7 +106,9 @@ class _PlateParameters:
         return values.reshape(2, 6)
 
 
-def plate_recordings(raw: RawC3d, meters: float, notes: list[str]) -> tuple[PlateRecording, ...]:
+def plate_recordings(
+    raw: RawC3d, meters: float, notes: list[Message]
+) -> tuple[PlateRecording, ...]:
     """Read the force plates of the file; one that is described only in part is left out.
 
     Parameters
@@ -127,7 +131,9 @@ def plate_recordings(raw: RawC3d, meters: float, notes: list[str]) -> tuple[Plat
     if count <= 0:
         return ()
     if not raw.analog.size:
-        notes.append(f"the file describes {count} force plates, but holds no analog samples")
+        notes.append(
+            PLATES.message(f"the file describes {count} force plates, but holds no analog samples")
+        )
         return ()
     plates = []
     for index in range(count):
@@ -140,7 +146,7 @@ def plate_recordings(raw: RawC3d, meters: float, notes: list[str]) -> tuple[Plat
     return tuple(plates)
 
 
-def _plate(parameters: _PlateParameters, notes: list[str]) -> PlateRecording | None:
+def _plate(parameters: _PlateParameters, notes: list[Message]) -> PlateRecording | None:
     """Read one force plate, None where corners, origin or channels are not usable.
 
     Parameters
@@ -153,23 +159,35 @@ def _plate(parameters: _PlateParameters, notes: list[str]) -> PlateRecording | N
     corner_values = parameters.numbers("CORNERS", 12)
     origin = parameters.numbers("ORIGIN", 3)
     if len(corner_values) < 12 or len(origin) < 3:
-        notes.append(f"{left_out}: the file holds no corners or no origin for it")
+        notes.append(
+            PLATES.message(
+                f"{left_out}: the file holds no corners or no origin for it", place=parameters.name
+            )
+        )
         return None
     columns = parameters.columns()
     if columns is None:
-        notes.append(f"{left_out}: its channels are not among the analog channels")
+        notes.append(
+            PLATES.message(
+                f"{left_out}: its channels are not among the analog channels", place=parameters.name
+            )
+        )
         return None
     corners = corner_values.reshape(4, 3) * parameters.meters
     if not _spans_surface(corners):
-        notes.append(f"{left_out}: its corners span no surface")
+        notes.append(
+            PLATES.message(f"{left_out}: its corners span no surface", place=parameters.name)
+        )
         return None
 
     kind = parameters.kind
     calibration = parameters.calibration() if kind == 4 else None
     if kind == 4 and calibration is None:
         notes.append(
-            f"force plate {parameters.number} is of type 4 without a calibration matrix: taken as"
-            " calibrated"
+            PLATES.message(
+                f"force plate {parameters.number} is of type 4 without a calibration matrix: taken"
+                " as calibrated"
+            )
         )
         kind = 2
     channels = np.where(np.isfinite(raw.analog[:, columns]), raw.analog[:, columns], np.nan)
@@ -178,8 +196,10 @@ def _plate(parameters: _PlateParameters, notes: list[str]) -> PlateRecording | N
         channels = channels * _factors(kind, units, parameters, notes)
         if kind == 2 and _moments_in_millimeters(channels, corners):
             notes.append(
-                f"moments of {parameters.name}, in '{units[3]}' by the file, put forces far off the"
-                " plate: taken as N mm"
+                UNITS.message(
+                    f"moments of {parameters.name}, in '{units[3]}' by the file, put forces far off"
+                    " the plate: taken as N mm"
+                )
             )
             channels[:, 3:] *= 1e-3
     return PlateRecording(
@@ -208,7 +228,7 @@ def _texts_of(columns: Sequence[int], texts: Sequence[str]) -> tuple[str, ...]:
 
 
 def _factors(
-    kind: int, units: Sequence[str], parameters: _PlateParameters, notes: list[str]
+    kind: int, units: Sequence[str], parameters: _PlateParameters, notes: list[Message]
 ) -> Array:
     """Find the factor of each channel of a plate to N, N m or m.
 
@@ -239,7 +259,12 @@ def _factors(
             factors[column] = _length_in_moment(letters, parameters.meters)
     if unknown:
         texts = ", ".join(sorted(unknown))
-        notes.append(f"the channels of {parameters.name} are in '{texts}': taken as newtons")
+        notes.append(
+            UNITS.message(
+                f"the channels of {parameters.name} are in '{texts}': taken as newtons",
+                gravity="good to know",
+            )
+        )
     return factors
 
 

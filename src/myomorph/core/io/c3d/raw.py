@@ -17,7 +17,9 @@ import numpy as np
 
 from myomorph.core.io.parsing.text import readable
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import READING
 from myomorph.core.model.errors import BadFile
+from myomorph.core.model.messages import Message
 
 Value = tuple[str, ...] | Array
 
@@ -63,7 +65,7 @@ class RawC3d:
     residuals: Array
     analog: Array
     events: tuple[tuple[str, float], ...] = ()
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Message, ...] = ()
 
     def texts(self, group: str, name: str) -> tuple[str, ...]:
         """Read the texts of a parameter and its continuations (`LABELS`, `LABELS2`, ...).
@@ -147,7 +149,7 @@ def read_raw_c3d(path: str | os.PathLike[str]) -> RawC3d:
         )
     if data[1] != KEY:
         raise BadFile(path, "is not a C3D file: its second byte is not 50 hexadecimal")
-    remarks: list[str] = []
+    remarks: list[Message] = []
     # A damaged file holds numbers of any size; what is not finite is dealt with where it is used.
     with np.errstate(all="ignore"):
         section, order = _section(data, remarks)
@@ -244,7 +246,7 @@ class _Header:
     events: tuple[tuple[str, float], ...]
 
 
-def _section(data: bytes, remarks: list[str]) -> tuple[int, _Order]:
+def _section(data: bytes, remarks: list[Message]) -> tuple[int, _Order]:
     """Find where the parameter section begins and which byte order it names.
 
     Parameters
@@ -265,11 +267,13 @@ def _section(data: bytes, remarks: list[str]) -> tuple[int, _Order]:
             continue
         if start != stated:
             remarks.append(
-                "the parameter section was looked for at its usual place: the header points"
-                " elsewhere"
+                READING.message(
+                    "the parameter section was looked for at its usual place: the header points"
+                    " elsewhere"
+                )
             )
         return start, _Order(processor)
-    remarks.append("the parameter section names no processor: taken as PC")
+    remarks.append(READING.message("the parameter section names no processor: taken as PC"))
     return stated, _Order(PC)
 
 
@@ -312,7 +316,7 @@ class _Record:
     value_at: int
 
 
-def _records(data: bytes, section: int, order: _Order, remarks: list[str]) -> Iterator[_Record]:
+def _records(data: bytes, section: int, order: _Order, remarks: list[Message]) -> Iterator[_Record]:
     """Yield the records of the parameter section, up to a broken one.
 
     Parameters
@@ -332,7 +336,10 @@ def _records(data: bytes, section: int, order: _Order, remarks: list[str]) -> It
         name = data[at + 2 : name_end].decode("latin-1").strip(" \0").upper()
         if group == 0 or name_end + 2 > len(data) or not name.isprintable():
             remarks.append(
-                "the parameter section is broken: what follows the first broken record was left out"
+                READING.message(
+                    "the parameter section is broken: what follows the first broken record was"
+                    " left out"
+                )
             )
             return
         yield _Record(group=group, name=name, value_at=name_end + 2)
@@ -343,7 +350,7 @@ def _records(data: bytes, section: int, order: _Order, remarks: list[str]) -> It
 
 
 def _parameters(
-    data: bytes, section: int, order: _Order, remarks: list[str]
+    data: bytes, section: int, order: _Order, remarks: list[Message]
 ) -> dict[str, dict[str, Value]]:
     """Read the groups of parameters; records after a broken one are lost.
 
@@ -367,8 +374,10 @@ def _parameters(
         value = _value(data, record.value_at, order)
         if value is None:
             remarks.append(
-                f"parameter '{record.name}' is broken or reaches past the end of the file: it was"
-                " left out"
+                READING.message(
+                    f"parameter '{record.name}' is broken or reaches past the end of the file: it"
+                    " was left out"
+                )
             )
             continue
         parameters.append((record, value))
@@ -468,7 +477,7 @@ def _samples(
     header: _Header,
     groups: Mapping[str, Mapping[str, Value]],
     order: _Order,
-    remarks: list[str],
+    remarks: list[Message],
     path: Path,
 ) -> RawC3d:
     """Read points and analog samples of every frame that the file holds.
@@ -503,7 +512,12 @@ def _samples(
     claimed = _claimed_frames(about, header, held)
     frames = min(claimed, held)
     if frames < claimed:
-        remarks.append(f"the file ends early: it holds {frames} frames of {claimed}")
+        remarks.append(
+            READING.message(
+                f"the file ends early: it holds {frames} frames of {claimed}",
+                gravity="may change results",
+            )
+        )
     if frames <= 0:
         raise BadFile(path, "holds no whole frame", "the recording may have been cut off")
 
@@ -534,7 +548,7 @@ def _data_start(about: RawC3d, header: _Header) -> int:
     return (block - 1) * BLOCK
 
 
-def _frame_layout(about: RawC3d, header: _Header, remarks: list[str]) -> _FrameLayout:
+def _frame_layout(about: RawC3d, header: _Header, remarks: list[Message]) -> _FrameLayout:
     """Find how a frame is stored, by the header.
 
     Parameters
@@ -547,7 +561,9 @@ def _frame_layout(about: RawC3d, header: _Header, remarks: list[str]) -> _FrameL
     scale = header.scale
     if not np.isfinite(scale) or scale == 0.0:
         scale = _first(about, "POINT", "SCALE", -1.0)
-        remarks.append("the header holds no point scale: the parameter POINT:SCALE was used")
+        remarks.append(
+            READING.message("the header holds no point scale: the parameter POINT:SCALE was used")
+        )
     return _FrameLayout(
         points=header.points,
         channels=header.analog_per_frame // per_frame if per_frame else 0,

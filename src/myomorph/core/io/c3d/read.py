@@ -15,8 +15,10 @@ from myomorph.core.io.c3d.plates import plate_recordings
 from myomorph.core.io.c3d.raw import RawC3d, read_raw_c3d
 from myomorph.core.io.parsing.text import unique_names, without_far_away
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import LABELS, READING, UNITS
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Analog, Event, Markers, Series, Trial
 
 # Parameters of a recording's date, in the groups of several makers; C3D itself has none.
@@ -87,7 +89,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
     )
 
 
-def _meters(raw: RawC3d, notes: list[str]) -> float:
+def _meters(raw: RawC3d, notes: list[Message]) -> float:
     """Find the length of the file's unit, by its name or by the median of the positions.
 
     Parameters
@@ -105,7 +107,9 @@ def _meters(raw: RawC3d, notes: list[str]) -> float:
             return meters
     median = float(np.nanmedian(np.abs(raw.points))) if np.isfinite(raw.points).any() else 0.0
     unit = "mm" if median > MAX_METERS else "m"
-    notes.append(f"the file names no unit of length that is known ('{text}'): taken as {unit}")
+    notes.append(
+        UNITS.message(f"the file names no unit of length that is known ('{text}'): taken as {unit}")
+    )
     return LENGTH_UNITS[unit]
 
 
@@ -155,7 +159,7 @@ class _PointLabels:
 
 
 def _points(
-    raw: RawC3d, time: Array, meters: float, facts: dict[str, str], notes: list[str]
+    raw: RawC3d, time: Array, meters: float, facts: dict[str, str], notes: list[Message]
 ) -> tuple[Markers | None, Series | None]:
     """Sort the points into markers and computed quantities.
 
@@ -196,7 +200,7 @@ def _points(
     return markers, quantities
 
 
-def _point_labels(raw: RawC3d, notes: list[str]) -> _PointLabels:
+def _point_labels(raw: RawC3d, notes: list[Message]) -> _PointLabels:
     """Read the labels of the points and sort them.
 
     Parameters
@@ -212,7 +216,9 @@ def _point_labels(raw: RawC3d, notes: list[str]) -> _PointLabels:
     qualisys = any("qualisys" in text.lower() for text in raw.texts("MANUFACTURER", "COMPANY"))
     unlabelled = [_is_unlabelled(label, qualisys) for label in labels]
     if all(unlabelled):
-        notes.append(f"no point has a label: the {count} points were named unnamed_1, ...")
+        notes.append(
+            LABELS.message(f"no point has a label: the {count} points were named unnamed_1, ...")
+        )
         labels = [f"unnamed_{index + 1}" for index in range(count)]
         unlabelled = [False] * count
     return _PointLabels(labels=labels, unlabelled=unlabelled, computed=computed)
@@ -233,7 +239,7 @@ def _is_unlabelled(label: str, qualisys: bool) -> bool:
     return qualisys and re.match(r"U\d+$", label) is not None
 
 
-def _positions(values: Array, notes: list[str]) -> Array:
+def _positions(values: Array, notes: list[Message]) -> Array:
     """Make positions NaN that are hidden or too far away.
 
     Programs differ in how they mark a hidden point; an exact zero in all three is never a place.
@@ -258,7 +264,7 @@ def _filled(texts: Sequence[str], count: int) -> list[str]:
     return [*texts[:count], *[""] * (count - len(texts))]
 
 
-def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[str]) -> list[str]:
+def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[Message]) -> list[str]:
     """Replace labels that old programs cut to four letters, so that they repeat.
 
     Parameters
@@ -279,12 +285,15 @@ def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[str
     if not all(full) or len(set(full)) < len(full):
         return labels
     notes.append(
-        "the labels are cut to four letters and repeat: markers were named by their descriptions"
+        LABELS.message(
+            "the labels are cut to four letters and repeat: markers were named by their"
+            " descriptions"
+        )
     )
     return full
 
 
-def _analog(raw: RawC3d, start: float, notes: list[str]) -> Analog | None:
+def _analog(raw: RawC3d, start: float, notes: list[Message]) -> Analog | None:
     """Read the analog channels in the units that the file names.
 
     Parameters
@@ -308,7 +317,7 @@ def _analog(raw: RawC3d, start: float, notes: list[str]) -> Analog | None:
     values = np.where(np.isfinite(raw.analog), raw.analog, np.nan)
     missing = np.count_nonzero(np.isnan(values))
     if missing:
-        notes.append(f"{missing} analog samples are not finite and were made NaN")
+        notes.append(READING.message(f"{missing} analog samples are not finite and were made NaN"))
     return Analog(
         start + np.arange(samples) / rate,
         unique_names(names, "channel", notes),
@@ -317,7 +326,7 @@ def _analog(raw: RawC3d, start: float, notes: list[str]) -> Analog | None:
     )
 
 
-def _events(raw: RawC3d, notes: list[str]) -> tuple[Event, ...]:
+def _events(raw: RawC3d, notes: list[Message]) -> tuple[Event, ...]:
     """Read the events in order of time, those of the header where the parameters have none.
 
     Parameters
@@ -339,7 +348,7 @@ def _events(raw: RawC3d, notes: list[str]) -> tuple[Event, ...]:
     return tuple(sorted(events, key=lambda event: event.time))
 
 
-def _events_of_parameters(raw: RawC3d, notes: list[str]) -> list[Event]:
+def _events_of_parameters(raw: RawC3d, notes: list[Message]) -> list[Event]:
     """Read the events of the group EVENT; those that are broken leave a warning in `notes`."""
     labels = raw.texts("EVENT", "LABELS")
     sides = raw.texts("EVENT", "CONTEXTS")
@@ -354,7 +363,7 @@ def _events_of_parameters(raw: RawC3d, notes: list[str]) -> list[Event]:
         seconds = times[2 * index + 1]
         time = 60.0 * minutes + seconds
         if not label.isprintable() or not np.isfinite(time) or abs(time) > MAX_TIME:
-            notes.append(f"event {index + 1} is broken and was left out")
+            notes.append(READING.message(f"event {index + 1} is broken and was left out"))
             continue
         side = sides[index] if index < len(sides) else ""
         events.append(Event(float(time), label, side if side in ("Left", "Right") else ""))

@@ -10,7 +10,9 @@ import numpy as np
 
 from myomorph.core.io.inertial.signals import sensors_of_signals
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import UNITS
 from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.messages import Message
 
 CHANNEL = re.compile(
     r"^(?P<before>.*?)[\s._:-]*"
@@ -95,7 +97,7 @@ def sensors_of_channels(
     if not sensors:
         return None
     signals = dict[str, Any]()
-    notes = list[str]()
+    notes = list[Message]()
     for kind in dict.fromkeys(KINDS.values()):
         if not all(kind in kinds_by_sensor[name] for name in sensors):
             continue
@@ -142,7 +144,7 @@ def _axes(kind: str) -> str:
     return "wxyz" if kind == "orientations" else "xyz"
 
 
-def _scale(kind: str, units: Sequence[str], values: Array, notes: list[str]) -> float:
+def _scale(kind: str, units: Sequence[str], values: Array, notes: list[Message]) -> float:
     """Find the factor of a signal to the units of `InertialSensors`.
 
     Parameters
@@ -172,8 +174,10 @@ def _scale(kind: str, units: Sequence[str], values: Array, notes: list[str]) -> 
             return known[stated]
         unit = _rate_unit(float(norms.max(initial=0.0)), notes)
     notes.append(
-        f"unit of {kind.replace('_', ' ')} is '{units[0]}' in the file: taken as {unit} by their"
-        " size"
+        UNITS.message(
+            f"unit of {kind.replace('_', ' ')} is '{units[0]}' in the file: taken as {unit} by"
+            " their size"
+        )
     )
     return known[unit]
 
@@ -188,12 +192,15 @@ def _acceleration_unit(median: float) -> str:
     return min(GUESSED_ACCELERATION_UNITS, key=deviation)
 
 
-def _rate_unit(largest: float, notes: list[str]) -> str:
+def _rate_unit(largest: float, notes: list[Message]) -> str:
     """Guess the unit of speeds of rotation by the largest; `notes` says where that is not sure."""
     if largest < MAX_RADIANS:
         return "rad/s"
     if largest < MIN_DEGREES:
         notes.append(
-            f"speeds of rotation reach {largest:.0f}: it is unsure whether they are rad/s or deg/s"
+            UNITS.message(
+                f"speeds of rotation reach {largest:.0f}: it is unsure whether they are rad/s or"
+                " deg/s"
+            )
         )
     return "deg/s"

@@ -7,13 +7,14 @@ from typing import Any
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.messages import Message
 
 
 def sensors_of_signals(
     time: Array,
     names: tuple[str, ...],
     signals: Mapping[str, Any],
-    warnings: tuple[str, ...] = (),
+    warnings: tuple[Message, ...] = (),
     source: str = "",
 ) -> InertialSensors:
     """Make sensors of the signals that a file has.

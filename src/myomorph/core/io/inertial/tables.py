@@ -14,6 +14,7 @@ from myomorph.core.io.inertial.xsens import COLUMNS, HEAD_LINES, read_dot
 from myomorph.core.io.parsing.text import file_text, number
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import SENSORS
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.inertial_sensors import InertialSensors
 
@@ -60,7 +61,11 @@ def read_orientations(path: Path) -> InertialSensors:
     notes = list(table.warnings)
     off = int((np.abs(norms - 1.0) > MAX_NORM_ERROR).sum())
     if off > 0:
-        notes.append(f"{off} quaternions are not of length 1: made so, those near 0 left out")
+        notes.append(
+            SENSORS.message(
+                f"{off} quaternions are not of length 1: made so, those near 0 left out"
+            )
+        )
     return InertialSensors(table.time, names, quaternions, warnings=tuple(notes), source=str(path))
 
 

@@ -15,8 +15,10 @@ from myomorph.core.io.inertial.signals import sensors_of_signals
 from myomorph.core.io.parsing.text import TableBody, file_text, parse_cells, quick_numbers
 from myomorph.core.io.parsing.xml import read_xml
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import READING
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.messages import Message
 from myomorph.core.model.spatial import quaternion_from_rotation
 
 HINT = (
@@ -79,7 +81,9 @@ def read_mvnx(path: Path) -> InertialSensors:
     rate = float(subject.get("frameRate") or "nan")
     time = np.array([_time(frame, index, rate) for index, frame in enumerate(frames)])
     signals = {"orientations": _vectors(frames, tag, len(names), 4, path)}
-    notes: tuple[str, ...] = ("has no sensors: the orientations are those of MVN's segments",)
+    notes: tuple[Message, ...] = (
+        READING.message("has no sensors: the orientations are those of MVN's segments"),
+    )
     if of_sensors:
         notes = ()
         for signal, signal_tag in SENSOR_TAGS.items():
@@ -202,7 +206,7 @@ class _SensorTable:
     head: str
     names: tuple[str, ...]
     values: Array
-    notes: tuple[str, ...]
+    notes: tuple[Message, ...]
 
     @property
     def column_index(self) -> Mapping[str, int]:
@@ -268,7 +272,7 @@ def _sensor_table(path: Path) -> _SensorTable:
     delimiter = next(mark for mark in "\t;," if mark in lines[start] or mark == ",")
     names = [cell.strip().strip('"') for cell in _without_end(lines[start]).split(delimiter)]
     text = "\n".join(_without_end(line) for line in lines[start + 1 :])
-    notes = list[str]()
+    notes = list[Message]()
     values = quick_numbers(text, delimiter, len(names))
     if values is None:
         body = TableBody(text=text, delimiter=delimiter, path=path, hint=HINT)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from myomorph.core.io.mjcf.couplings import coupler_of_text
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.functions import PiecewisePolynomial, linear
 from myomorph.core.model.model import (
@@ -542,7 +543,7 @@ def _join(
         coefficients = np.array([x0 - data[0] / data[1], 1.0 / data[1]])
         x0 = y0
     if follower in couplers or _follows(leader, follower, couplers):
-        effect = (
+        effect = MODEL.message(
             f"'{follower}' follows another joint already: the model moves without this equality"
         )
         lost.append(Kept(kind="joint equality", name=name, effect=effect, text="", room="equality"))

@@ -16,13 +16,14 @@ from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.io.parsing.xml import read_xml
 from myomorph.core.model.errors import BadFile, MyomorphError
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 
 NAME = "myomorph"  # Of MuJoCo's custom text that holds the model.
 LARGEST = 64 * 1024 * 1024
 
 
-def put_original(root: etree._Element, model: Model) -> tuple[str, ...]:
+def put_original(root: etree._Element, model: Model) -> tuple[Message, ...]:
     """Add a model, as OpenSim's file has it, to an MJCF document.
 
     Parameters

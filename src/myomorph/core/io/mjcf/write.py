@@ -14,8 +14,10 @@ from numpy.typing import ArrayLike
 from myomorph.core.io.mesh import mesh_files, write_obj
 from myomorph.core.io.mjcf.bodies import new_name
 from myomorph.core.io.mjcf.couplings import Cam, curve_text
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadModel, quoted
 from myomorph.core.model.functions import PiecewisePolynomial
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Axis, Body, Coupler, Joint, Loop, Mesh, Model
 from myomorph.core.model.paths import Muscle, PathPoint, TendonWrap, WrapObject
 from myomorph.core.model.spatial import Transform, quaternion_from_rotation
@@ -53,7 +55,7 @@ class MjcfDocument:
     root: etree._Element
     meshes: dict[str, str]
     folder: str
-    warnings: tuple[str, ...]
+    warnings: tuple[Message, ...]
 
 
 def mjcf_document(
@@ -103,7 +105,7 @@ class _Writer:
         self.model = model
         self.path = path
         self.surfaces = surfaces
-        self.warnings: list[str] = []
+        self.warnings: list[Message] = []
         self.elements: dict[str, etree._Element] = {}
         self.sites = set[str]()
         self.geoms = set[str]()
@@ -193,9 +195,11 @@ class _Writer:
             put(element, "inertial", pos=text(center), mass=text(mass), fullinertia=text(full))
             if np.abs(inertia - body.inertia).max() > 2.0 * SMALLEST_INERTIA:
                 self.warnings.append(
-                    f"inertia of '{body.name}' is written with principal moments {moments(inertia)}"
-                    f" kg m^2 instead of {moments(body.inertia)}: no rigid body has these, and"
-                    " MuJoCo refuses them"
+                    MODEL.message(
+                        f"inertia of '{body.name}' is written with principal moments"
+                        f" {moments(inertia)} kg m^2 instead of {moments(body.inertia)}: no rigid"
+                        " body has these, and MuJoCo refuses them"
+                    )
                 )
         if joint.kind == "free":
             put(element, "freejoint", name=joint.name)
@@ -363,7 +367,9 @@ class _Writer:
                 put(spatial, "pulley", divisor=text(next_divisor))
             elif 0 < index < len(divisors) and divisors[index] not in (0.0, divisor):
                 self.warnings.append(
-                    f"muscle '{muscle.name}': a pulley in the middle of its path is left out"
+                    MODEL.message(
+                        f"muscle '{muscle.name}': a pulley in the middle of its path is left out"
+                    )
                 )
             divisor = next_divisor
             assert isinstance(point, PathPoint)
@@ -492,7 +498,9 @@ class _Writer:
             )
         if others:
             self.warnings.append(
-                f"actuators that act on no coordinate are left out: {quoted(others, 3)}"
+                MODEL.message(
+                    f"actuators that act on no coordinate are left out: {quoted(others, 3)}"
+                )
             )
 
     def _left_out(self) -> None:
@@ -509,11 +517,11 @@ class _Writer:
         }
         for what, names in parts.items():
             if names:
-                self.warnings.append(f"{what} are left out: {quoted(names, 3)}")
+                self.warnings.append(MODEL.message(f"{what} are left out: {quoted(names, 3)}"))
         missing = mesh_files(model) - self.files.keys()
         if missing:
             self.warnings.append(
-                f"{len(missing)} meshes are left out: {quoted(sorted(missing), 3)}"
+                MODEL.message(f"{len(missing)} meshes are left out: {quoted(sorted(missing), 3)}")
             )
 
 

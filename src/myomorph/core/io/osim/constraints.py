@@ -13,8 +13,10 @@ from myomorph.core.io.osim.frames import Frames, body_path, write_offset_frame
 from myomorph.core.io.osim.functions import read_function, write_function
 from myomorph.core.io.osim.joints import plain_name
 from myomorph.core.io.osim.kept import keep
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import UnknownName, check_name
 from myomorph.core.model.functions import PiecewisePolynomial, constant, linear, substituted
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Coordinate, Coupler, Kept, Loop
 from myomorph.core.model.paths import Bushing, PassiveTorque
 from myomorph.core.model.spatial import Transform
@@ -277,7 +279,7 @@ def _mirrored(function: PiecewisePolynomial) -> PiecewisePolynomial:
     )
 
 
-def write_passive(parent: etree._Element, passive: PassiveTorque, warnings: list[str]) -> None:
+def write_passive(parent: etree._Element, passive: PassiveTorque, warnings: list[Message]) -> None:
     """Write a passive torque as a spring of a coordinate.
 
     Parameters
@@ -298,14 +300,18 @@ def write_passive(parent: etree._Element, passive: PassiveTorque, warnings: list
         or damping.coefficients.shape != (1, 1)
     ):
         warnings.append(
-            f"passive torque '{passive.name}' is left out: it is not a linear spring with constant"
-            " damping"
+            MODEL.message(
+                f"passive torque '{passive.name}' is left out: it is not a linear spring with"
+                " constant damping"
+            )
         )
         return
     at_zero = float(torque(0.0))
     slope = float(torque(0.0, order=1))  # type: ignore[call-arg]
     if slope == 0.0 and at_zero != 0.0:
-        warnings.append(f"passive torque '{passive.name}' is left out: it is constant")
+        warnings.append(
+            MODEL.message(f"passive torque '{passive.name}' is left out: it is constant")
+        )
         return
     element = child(parent, "SpringGeneralizedForce", name=passive.name)
     put(element, coordinate=legal(passive.coordinate), stiffness=-slope)
@@ -325,7 +331,7 @@ def write_bushing(parent: etree._Element, bushing: Bushing) -> None:
     put(element, **{part: getattr(bushing, part) for part in BUSHING_PARTS})
 
 
-def write_coupler(parent: etree._Element, coupler: Coupler, warnings: list[str]) -> None:
+def write_coupler(parent: etree._Element, coupler: Coupler, warnings: list[Message]) -> None:
     """Write a coordinate coupler.
 
     Parameters
@@ -341,13 +347,16 @@ def write_coupler(parent: etree._Element, coupler: Coupler, warnings: list[str])
     write_function(holder, coupler.function, f"coupler '{coupler.name}'", warnings)
     if not names:
         warnings.append(
-            f"coupler '{coupler.name}' holds '{coupler.dependent}' at a constant: written as it is"
+            MODEL.message(
+                f"coupler '{coupler.name}' holds '{coupler.dependent}' at a constant: written as it"
+                " is"
+            )
         )
     put(element, independent_coordinate_names=" ".join(legal(name) for name in names))
     put(element, dependent_coordinate_name=legal(coupler.dependent), scale_factor="1")
 
 
-def write_loop(parent: etree._Element, loop: Loop, warnings: list[str]) -> None:
+def write_loop(parent: etree._Element, loop: Loop, warnings: list[Message]) -> None:
     """Write a point or weld constraint.
 
     Parameters
@@ -365,7 +374,9 @@ def write_loop(parent: etree._Element, loop: Loop, warnings: list[str]) -> None:
         element = child(parent, "WeldConstraint", name=loop.name)
         _write_ends(element, loop)
     else:
-        warnings.append(f"constraint '{loop.name}' of kind '{loop.kind}' cannot be written")
+        warnings.append(
+            MODEL.message(f"constraint '{loop.name}' of kind '{loop.kind}' cannot be written")
+        )
 
 
 def _write_ends(element: etree._Element, tie: Loop | Bushing) -> None:

@@ -19,7 +19,9 @@ from numpy.typing import ArrayLike
 from myomorph.core.io.parsing.text import written
 from myomorph.core.io.parsing.xml import read_xml
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadFile
+from myomorph.core.model.messages import Gravity, Message
 from myomorph.core.model.spatial import Transform
 
 OLDEST = 10901
@@ -62,17 +64,19 @@ class Document:
     version: int
     root: etree._Element
     defaults: dict[str, etree._Element] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[Message] = field(default_factory=list)
 
-    def warn(self, line: str) -> None:
+    def warn(self, line: str, gravity: Gravity | None = None) -> None:
         """Add a warning, once.
 
         Parameters
         ----------
         line : of text
+        gravity : of it, None for that of what a model's file holds
         """
         if line not in self.warnings:
-            self.warnings.append(line)
+            known = line if isinstance(line, Message) else MODEL.message(line, gravity=gravity)
+            self.warnings.append(known)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from lxml import etree
 
 from myomorph.core.io.osim.document import Node, child, put
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadModel
 from myomorph.core.model.functions import (
     Function,
@@ -22,6 +23,7 @@ from myomorph.core.model.functions import (
     simm_spline,
     substituted,
 )
+from myomorph.core.model.messages import Message
 
 KNOWN = (
     "Constant",
@@ -228,7 +230,7 @@ def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
 
 
 def write_function(
-    parent: etree._Element, function: Function, user: str, warnings: list[str]
+    parent: etree._Element, function: Function, user: str, warnings: list[Message]
 ) -> None:
     """Write the OpenSim object that equals a function.
 
@@ -242,7 +244,10 @@ def write_function(
     if isinstance(function, SineProduct):
         if function.arity != 1:
             warnings.append(
-                f"{user}: a product of sines of two coordinates cannot be written: its offset is"
+                MODEL.message(
+                    f"{user}: a product of sines of two coordinates cannot be written: its offset"
+                    " is"
+                )
             )
             _polynomial(parent, np.array([function.offset]))
             return
@@ -267,7 +272,7 @@ def _polynomial(parent: etree._Element, coefficients: Array) -> None:
 
 
 def _pieces(
-    parent: etree._Element, function: PiecewisePolynomial, user: str, warnings: list[str]
+    parent: etree._Element, function: PiecewisePolynomial, user: str, warnings: list[Message]
 ) -> None:
     """Write a function of pieces as the class that equals it, or as a spline close to it.
 
@@ -300,7 +305,9 @@ def _pieces(
         between = 0.5 * (x[1:] + x[:-1])
         error = float(np.max(np.abs(simm_spline(x, y)(between) - function(between))))
         warnings.append(
-            f"{user}: written as a spline through {SAMPLES} points, at most {error:.1e} off"
+            MODEL.message(
+                f"{user}: written as a spline through {SAMPLES} points, at most {error:.1e} off"
+            )
         )
         _sampled_points(parent, "SimmSpline", x, y)
 

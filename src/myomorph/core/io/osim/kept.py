@@ -10,8 +10,10 @@ from lxml import etree
 from myomorph.core.io.osim.document import NEWEST, Node
 from myomorph.core.io.osim.frames import OFFSET_KINDS
 from myomorph.core.io.osim.paths import put_ligament
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Kept, Model
 
 HARMLESS = "nothing that is computed changes"
@@ -113,7 +115,7 @@ def kept_elsewhere(model: Node, bodies: list[Node]) -> list[Kept]:
     return result
 
 
-def warnings_of(kept: Iterable[Kept]) -> list[str]:
+def warnings_of(kept: Iterable[Kept]) -> list[Message]:
     """List a warning for each class that is stored and whose absence has an effect.
 
     Parameters
@@ -131,13 +133,13 @@ def warnings_of(kept: Iterable[Kept]) -> list[str]:
     ]
     names = grouped(((part.kind, part.effect), part.name) for part in acting)
     lines = [
-        f"{kind} {quoted(some, 3)}: kept but not modelled, {effect}"
+        MODEL.message(f"{kind} {quoted(some, 3)}: kept but not modelled, {effect}")
         for (kind, effect), some in names.items()
     ]
     return lines
 
 
-def usable_parts(kept: Iterable[Kept], warnings: list[str]) -> list[Kept]:
+def usable_parts(kept: Iterable[Kept], warnings: list[Message]) -> list[Kept]:
     """Select the stored parts that an OpenSim 4.6 document can hold, in its layout.
 
     Parameters
@@ -158,11 +160,15 @@ def usable_parts(kept: Iterable[Kept], warnings: list[str]) -> list[Kept]:
             usable.append(part)
         elif part.version:
             warnings.append(
-                f"{part.kind} '{part.name}' is left out: its layout is of document version"
-                f" {part.version}"
+                MODEL.message(
+                    f"{part.kind} '{part.name}' is left out: its layout is of document version"
+                    f" {part.version}"
+                )
             )
         else:
-            warnings.append(f"{part.kind} '{part.name}' is left out: it is not OpenSim's")
+            warnings.append(
+                MODEL.message(f"{part.kind} '{part.name}' is left out: it is not OpenSim's")
+            )
     return usable
 
 

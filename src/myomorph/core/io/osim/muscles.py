@@ -12,8 +12,10 @@ from lxml import etree
 from myomorph.core.io.osim.document import Node, child, put
 from myomorph.core.io.osim.functions import read_function, write_function
 from myomorph.core.io.osim.paths import PathReader, write_path
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadModel
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.paths import Muscle
 
 DAMPER = "_viscosity"
@@ -244,7 +246,7 @@ def _value(node: Node, tag: str) -> float | None:
 
 
 def write_muscle(
-    parent: etree._Element, muscle: Muscle, joints: dict[str, str], warnings: list[str]
+    parent: etree._Element, muscle: Muscle, joints: dict[str, str], warnings: list[Message]
 ) -> None:
     """Write a muscle; a class that OpenSim lacks becomes a Millard muscle, with a warning.
 
@@ -258,7 +260,10 @@ def write_muscle(
     kind = muscle.kind
     if kind not in DEFAULTS:
         warnings.append(
-            f"muscles of kind '{kind}' are written as {FOREIGN}: their force will differ"
+            MODEL.message(
+                f"muscles of kind '{kind}' are written as {FOREIGN}: their force will differ",
+                gravity="may change results",
+            )
         )
         kind = FOREIGN
     element = child(parent, kind, name=muscle.name)

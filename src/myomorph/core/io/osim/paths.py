@@ -11,9 +11,11 @@ from myomorph.core.io.osim.document import Node, child, legal, number, put
 from myomorph.core.io.osim.frames import Frames, body_path
 from myomorph.core.io.osim.functions import read_function, write_function
 from myomorph.core.io.osim.joints import plain_name
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadModel, UnknownName, check_name
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.functions import Function, constant
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Kept
 from myomorph.core.model.paths import Ligament, MovingPathPoint, Path, PathPoint, PathWrap
 from myomorph.core.model.spatial import Transform
@@ -168,7 +170,7 @@ class PathReader:
 
 
 def write_path(
-    element: etree._Element, owner: str, way: Path, joints: dict[str, str], warnings: list[str]
+    element: etree._Element, owner: str, way: Path, joints: dict[str, str], warnings: list[Message]
 ) -> etree._Element:
     """Write the path of a muscle or ligament.
 
@@ -191,11 +193,18 @@ def write_path(
     wraps = child(child(path, "PathWrapSet"), "objects")
     if any(not isinstance(wrap, PathWrap) for wrap in way.wraps):
         warnings.append(
-            "wraps of MuJoCo tendons cannot be written: their muscles run straight between points"
+            MODEL.message(
+                "wraps of MuJoCo tendons cannot be written: their muscles run straight between"
+                " points",
+                gravity="may change results",
+            )
         )
     if any(divisor != 1.0 for divisor in way.divisors):
         warnings.append(
-            "pulleys of MuJoCo tendons cannot be written: their muscles' lengths will differ"
+            MODEL.message(
+                "pulleys of MuJoCo tendons cannot be written: their muscles' lengths will differ",
+                gravity="may change results",
+            )
         )
     names: set[str] = set()
     for wrap in way.wraps:
@@ -216,7 +225,7 @@ def _write_point(
     point: PathPoint | MovingPathPoint,
     name: str,
     joints: dict[str, str],
-    warnings: list[str],
+    warnings: list[Message],
 ) -> None:
     """Write a point, with the coordinate that moves it or switches it on."""
     if isinstance(point, MovingPathPoint):

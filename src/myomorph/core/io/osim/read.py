@@ -185,7 +185,9 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
     couplers, loops, constraints = read_constraints(node, frames, names)
     kept = (*constraints, *forces.kept, *kept_elsewhere(node, parts.bodies))
     if tree.bodies and sum(body.mass for body in tree.bodies) == 0.0:
-        document.warn("all bodies have zero mass: the model moves, but has no dynamics")
+        document.warn(
+            "all bodies have zero mass: the model moves, but has no dynamics", "changes results"
+        )
     for line in (*made_up_inertias(tree.bodies), *warnings_of(kept)):
         document.warn(line)
     return Model(

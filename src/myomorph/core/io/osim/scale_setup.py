@@ -13,6 +13,7 @@ from myomorph.core.io.osim.setup_parts import IkTasks, output_of, path_of, tasks
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.landmarks import Measurement
+from myomorph.core.model.messages import Message
 
 SCALE_TOOL = "ScaleTool"
 ORDERS = ("measurements", "manualScale")
@@ -121,7 +122,7 @@ class ScaleSetup:
     scaler: ScalerSetup | None
     placer: PlacerSetup | None
     facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
 
 def scale_setup(node: Node) -> ScaleSetup:

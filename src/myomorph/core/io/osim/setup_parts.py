@@ -14,8 +14,10 @@ from lxml import etree
 from myomorph.core.io.osim.document import NEWEST, Node, child, put, read_document, write_document
 from myomorph.core.io.osim.frames import Frames, body_path
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadData, BadFile, UnknownName
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Marker, Model
 from myomorph.core.model.spatial import Transform
 
@@ -233,7 +235,7 @@ def output_of(node: Node, tag: str) -> Path | None:
     return path
 
 
-def unknown_parts(node: Node, read: Iterable[str]) -> tuple[str, ...]:
+def unknown_parts(node: Node, read: Iterable[str]) -> tuple[Message, ...]:
     """List the parts with a content that nothing reads.
 
     Parameters
@@ -247,7 +249,7 @@ def unknown_parts(node: Node, read: Iterable[str]) -> tuple[str, ...]:
     """
     known = set(read)
     return tuple(
-        f"<{element.tag}> of {node.kind} is left out"
+        MODEL.message(f"<{element.tag}> of {node.kind} is left out")
         for element in node.element
         if isinstance(element.tag, str) and element.tag not in known and _says_something(element)
     )

@@ -20,8 +20,10 @@ from myomorph.core.io.osim.muscles import write_muscle, write_viscosity
 from myomorph.core.io.osim.setup_parts import put_marker
 from myomorph.core.io.osim.write_joints import Plan, plan_joints, write_joint
 from myomorph.core.model.arguments import check_argument
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadModel, quoted
 from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Kept, Model
 
 SETS = (
@@ -34,7 +36,7 @@ SETS = (
 )
 
 
-def write_osim(model: Model, path: str | os.PathLike[str]) -> tuple[str, ...]:
+def write_osim(model: Model, path: str | os.PathLike[str]) -> tuple[Message, ...]:
     """Write a model as `.osim` of OpenSim 4.6, whole or not at all.
 
     Parts that reading kept are put back where their layout allows it.
@@ -72,7 +74,7 @@ def write_osim(model: Model, path: str | os.PathLike[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(warnings))
 
 
-def _renamed(model: Model) -> list[str]:
+def _renamed(model: Model) -> list[Message]:
     """Warn of names that OpenSim cannot hold.
 
     Returns
@@ -102,12 +104,14 @@ def _renamed(model: Model) -> list[str]:
     if not changed:
         return []
     return [
-        f"blanks and signs in {len(changed)} names ({quoted(changed, 3)}) are written as '_', as"
-        " OpenSim wants"
+        MODEL.message(
+            f"blanks and signs in {len(changed)} names ({quoted(changed, 3)}) are written as '_',"
+            " as OpenSim wants"
+        )
     ]
 
 
-def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
+def _model(element: etree._Element, model: Model, warnings: list[Message]) -> None:
     """Write all parts of the model into its element, and add to the warnings."""
     plan = plan_joints(model, warnings)
     joints = {name: legal(joint.name) for joint in plan.joints for name in joint.coordinates}
@@ -142,7 +146,7 @@ def _bodies(element: etree._Element, model: Model, plan: Plan, kept: list[Kept])
         write_body(bodies, body, model, kept)
 
 
-def _joints(element: etree._Element, model: Model, plan: Plan, warnings: list[str]) -> None:
+def _joints(element: etree._Element, model: Model, plan: Plan, warnings: list[Message]) -> None:
     """Write the planned joints with their coordinates."""
     coordinates = {coordinate.name: coordinate for coordinate in model.coordinates}
     joints = child(child(element, "JointSet", name="jointset"), "objects")
@@ -150,7 +154,7 @@ def _joints(element: etree._Element, model: Model, plan: Plan, warnings: list[st
         write_joint(joints, joint, coordinates, warnings)
 
 
-def _constraints(parent: etree._Element, model: Model, warnings: list[str]) -> None:
+def _constraints(parent: etree._Element, model: Model, warnings: list[Message]) -> None:
     """Write couplers and loops."""
     for coupler in model.couplers:
         write_coupler(parent, coupler, warnings)
@@ -159,7 +163,7 @@ def _constraints(parent: etree._Element, model: Model, warnings: list[str]) -> N
 
 
 def _muscles(
-    parent: etree._Element, model: Model, joints: dict[str, str], warnings: list[str]
+    parent: etree._Element, model: Model, joints: dict[str, str], warnings: list[Message]
 ) -> None:
     """Write muscles, and behind them their viscosities.
 
@@ -178,7 +182,7 @@ def _muscles(
 
 
 def _other_forces(
-    parent: etree._Element, model: Model, kept: list[Kept], warnings: list[str]
+    parent: etree._Element, model: Model, kept: list[Kept], warnings: list[Message]
 ) -> None:
     """Write actuators, passive torques and bushings, but for those that are put back as read."""
     for actuator in model.actuators:

@@ -22,7 +22,9 @@ from myomorph.core.io.osim.joints import (
     reversed_joint,
 )
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import MODEL
 from myomorph.core.model.functions import PiecewisePolynomial, SineProduct
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
 from myomorph.core.model.spatial import Transform
 
@@ -44,7 +46,7 @@ class Plan:
     bodies: list[Body] = field(default_factory=list)
 
 
-def plan_joints(model: Model, warnings: list[str]) -> Plan:
+def plan_joints(model: Model, warnings: list[Message]) -> Plan:
     """Express the model's joints as joints of OpenSim's classes.
 
     A joint of another kind (MuJoCo's, with anchors and several axes) becomes a chain of custom
@@ -176,7 +178,7 @@ def _free_direction(axes: Sequence[Axis]) -> Array:
     )
 
 
-def _chain(joint: Joint, plan: Plan, warnings: list[str]) -> None:
+def _chain(joint: Joint, plan: Plan, warnings: list[Message]) -> None:
     """Write a joint as custom joints one after another, through massless bodies.
 
     Each joint rotates about one anchor.
@@ -190,7 +192,11 @@ def _chain(joint: Joint, plan: Plan, warnings: list[str]) -> None:
     groups = _groups(joint.axes)
     if any(_is_of_two(axis) for axis in joint.axes):
         warnings.append(
-            f"joint '{joint.name}': an axis of two coordinates cannot be written, and stands still"
+            MODEL.message(
+                f"joint '{joint.name}': an axis of two coordinates cannot be written, and stands"
+                " still",
+                gravity="may change results",
+            )
         )
     last = len(groups) - 1
     parent = joint.parent
@@ -222,7 +228,10 @@ def _chain(joint: Joint, plan: Plan, warnings: list[str]) -> None:
         frame = Transform.identity()
     if len(groups) > 1:
         warnings.append(
-            f"joint '{joint.name}': written as {len(groups)} joints with massless bodies between"
+            MODEL.message(
+                f"joint '{joint.name}': written as {len(groups)} joints with massless bodies"
+                " between"
+            )
         )
 
 
@@ -323,7 +332,10 @@ def curved_settings(joint: Joint) -> dict[str, str] | None:
 
 
 def write_joint(
-    parent: etree._Element, joint: Joint, coordinates: dict[str, Coordinate], warnings: list[str]
+    parent: etree._Element,
+    joint: Joint,
+    coordinates: dict[str, Coordinate],
+    warnings: list[Message],
 ) -> None:
     """Write a joint with its frames, coordinates and axes.
 
@@ -360,7 +372,9 @@ def write_joint(
             child(element, tag, text)
 
 
-def _write_coordinate(parent: etree._Element, coordinate: Coordinate, warnings: list[str]) -> None:
+def _write_coordinate(
+    parent: etree._Element, coordinate: Coordinate, warnings: list[Message]
+) -> None:
     """Write a coordinate; a default out of its range costs its clamp, with a warning."""
     element = child(parent, "Coordinate", name=coordinate.name)
     put(element, default_value=coordinate.default, default_speed_value=coordinate.default_speed)
@@ -369,8 +383,10 @@ def _write_coordinate(parent: etree._Element, coordinate: Coordinate, warnings: 
     outside = coordinate.clamped and not low - 1e-8 < coordinate.default < high + 1e-8
     if outside:
         warnings.append(
-            f"coordinate '{coordinate.name}' is written without its clamp: its default is not in"
-            " its range"
+            MODEL.message(
+                f"coordinate '{coordinate.name}' is written without its clamp: its default is not"
+                " in its range"
+            )
         )
     put(element, clamped=coordinate.clamped and not outside, locked=coordinate.locked)
     if coordinate.prescribed is not None:
@@ -380,7 +396,10 @@ def _write_coordinate(parent: etree._Element, coordinate: Coordinate, warnings: 
 
 
 def _write_spatial(
-    parent: etree._Element, joint: Joint, coordinates: dict[str, Coordinate], warnings: list[str]
+    parent: etree._Element,
+    joint: Joint,
+    coordinates: dict[str, Coordinate],
+    warnings: list[Message],
 ) -> None:
     """Write the axes of a custom joint.
 

@@ -16,7 +16,9 @@ from typing import TextIO
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import HIDDEN, READING
 from myomorph.core.model.errors import BadFile
+from myomorph.core.model.messages import Message
 
 BINARY_SHARE = 0.02
 MAX_DISTANCE = 1e5  # Of a position, along an axis [m].
@@ -242,7 +244,7 @@ class TableBody:
     hint: str
 
 
-def parse_cells(body: TableBody, columns: int, notes: list[str]) -> Array:
+def parse_cells(body: TableBody, columns: int, notes: list[Message]) -> Array:
     """Read the rows of a table cell by cell; rows that are too short or hold text are left out.
 
     Parameters
@@ -274,9 +276,15 @@ def parse_cells(body: TableBody, columns: int, notes: list[str]) -> Array:
         except ValueError:
             text_count += 1
     if short_count:
-        notes.append(f"{short_count} rows were left out because they end too early")
+        notes.append(
+            READING.message(f"{short_count} rows were left out because they end too early")
+        )
     if text_count:
-        notes.append(f"{text_count} rows were left out because they hold text instead of numbers")
+        notes.append(
+            READING.message(
+                f"{text_count} rows were left out because they hold text instead of numbers"
+            )
+        )
     if not rows:
         raise BadFile(body.path, "has column names, but no row of numbers", body.hint)
     return np.array(rows, dtype=np.float64)
@@ -342,7 +350,7 @@ def rising(time: Array) -> np.ndarray:
     return finite & (time > before)
 
 
-def without_far_away(positions: Array, notes: list[str]) -> Array:
+def without_far_away(positions: Array, notes: list[Message]) -> Array:
     """Mark positions that no laboratory can hold as hidden.
 
     Parameters
@@ -357,14 +365,17 @@ def without_far_away(positions: Array, notes: list[str]) -> Array:
     far = np.abs(positions).max(axis=-1) > MAX_DISTANCE
     if far.any():
         notes.append(
-            f"{np.count_nonzero(far)} positions are farther than {MAX_DISTANCE / 1000:.0f} km:"
-            " taken as hidden"
+            HIDDEN.message(
+                f"{np.count_nonzero(far)} positions are farther than {MAX_DISTANCE / 1000:.0f} km:"
+                " taken as hidden",
+                gravity="good to know",
+            )
         )
         positions = np.where(far[..., None], np.nan, positions)
     return positions
 
 
-def unique_names(names: Sequence[str], kind: str, notes: list[str]) -> tuple[str, ...]:
+def unique_names(names: Sequence[str], kind: str, notes: list[Message]) -> tuple[str, ...]:
     """Rename names that occur twice: a later one gets `_2`, `_3`, ...
 
     Parameters
@@ -397,7 +408,7 @@ def unique_names(names: Sequence[str], kind: str, notes: list[str]) -> tuple[str
     return tuple(unique)
 
 
-def _renamed(renamed: Mapping[str, str], kind: str, count: int) -> str:
+def _renamed(renamed: Mapping[str, str], kind: str, count: int) -> Message:
     """Write the warning of names that occur twice.
 
     Parameters
@@ -409,9 +420,13 @@ def _renamed(renamed: Mapping[str, str], kind: str, count: int) -> str:
     example = next(iter(renamed.values()))
     if count == 1:
         name = next(iter(renamed))
-        return f"the {kind} '{name}' occurs twice: the second was named '{example}'"
+        return READING.message(
+            f"the {kind} '{name}' occurs twice: the second was named '{example}'"
+        )
     twice = ", ".join(f"'{name}'" for name in renamed)
-    return f"{count} names of a {kind} occur again ({twice}): later ones are named like '{example}'"
+    return READING.message(
+        f"{count} names of a {kind} occur again ({twice}): later ones are named like '{example}'"
+    )
 
 
 @contextmanager

@@ -9,7 +9,9 @@ from pathlib import Path
 
 from lxml import etree
 
+from myomorph.core.model.causes import READING
 from myomorph.core.model.errors import BadFile, quoted
+from myomorph.core.model.messages import Message
 
 LARGEST = 256 * 1024 * 1024
 ENTITIES = re.compile(rb"<!\s*(ENTITY|DOCTYPE[^>]*\[)", re.IGNORECASE)
@@ -31,7 +33,7 @@ class XmlFile:
 
     root: etree._Element
     path: Path
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
 
 def read_xml(path: str | os.PathLike[str]) -> XmlFile:
@@ -65,7 +67,11 @@ def read_xml(path: str | os.PathLike[str]) -> XmlFile:
         root = _parse(_tidied(content))
     except etree.XMLSyntaxError as error:
         raise BadFile(path, _said(error), "is the file cut off, or of another kind?") from None
-    return XmlFile(root, path, (f"not well-formed XML ({_said(problem)}): that was overlooked",))
+    return XmlFile(
+        root,
+        path,
+        (READING.message(f"not well-formed XML ({_said(problem)}): that was overlooked"),),
+    )
 
 
 def _tidied(content: bytes) -> bytes:

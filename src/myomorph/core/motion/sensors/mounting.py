@@ -10,8 +10,10 @@ from typing import Any, Literal
 import numpy as np
 
 from myomorph.core.model.arrays import Array, freeze, read_only
+from myomorph.core.model.causes import SENSORS
 from myomorph.core.model.errors import BadData, from_extra, listing, quoted
 from myomorph.core.model.inertial_sensors import InertialSensors, steady
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.segments import Segment, segments_if_human, segments_of
 from myomorph.core.model.series import Markers
@@ -188,7 +190,7 @@ class SensorMounting:
     delay: float
     factor: Array
     up: Array
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(
@@ -372,7 +374,7 @@ def with_orientations(
         parts = [gyroscopes[:, index], accelerations[:, index]]
         known = np.isfinite(np.hstack(parts)).all(axis=1)
         if known.sum() < 2:
-            warnings.append(f"sensor '{name}' recorded nothing")
+            warnings.append(SENSORS.message(f"sensor '{name}' recorded nothing"))
             continue
         if fields is not None and np.isfinite(fields[:, index]).all(axis=1).any():
             parts.append(fields[:, index])
@@ -385,7 +387,9 @@ def with_orientations(
         gaps = int((steps > (1.5 + STEADY_RATE) / sensors.rate).sum())
         if gaps and index == 0:
             warnings.append(
-                f"the clock of the sensors has {gaps} gaps: turns are interpolated there"
+                SENSORS.message(
+                    f"the clock of the sensors has {gaps} gaps: turns are interpolated there"
+                )
             )
     return replace(sensors, orientations=orientations, warnings=tuple(warnings))
 

@@ -18,6 +18,7 @@ from typing import Literal
 
 from myomorph import __version__
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.report.charts.axis import number
 
@@ -232,11 +233,11 @@ class PageHead:
     notes: tuple[Note, ...] = ()  # what is real, assumed or simulated, shown first
     sources: tuple[SourceFile, ...] = ()  # input files with their hashes
     steps: tuple[Step, ...] = ()  # how it was made
-    warnings: tuple[str, ...] = ()  # what the readers and steps reported, one line each
+    warnings: tuple[Message, ...] = ()  # what the readers and steps reported, one line each
 
     @staticmethod
     def of(
-        title: str, made: Provenance, notes: Iterable[Note] = (), warnings: Iterable[str] = ()
+        title: str, made: Provenance, notes: Iterable[Note] = (), warnings: Iterable[Message] = ()
     ) -> PageHead:
         """The head of a page on one result that this version made."""
         sources = tuple(

@@ -12,6 +12,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.contacts import ContactForces, Contacts
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.known import Known
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
@@ -193,7 +194,7 @@ class ReportInput:
     identification: IdentificationInput | None = None
     more: tuple[Section, ...] = ()  # sections of steps that this page does not know
 
-    def with_warnings(self, texts: Iterable[str]) -> ReportInput:
+    def with_warnings(self, texts: Iterable[Message]) -> ReportInput:
         """The same with more lines among the warnings of its head."""
         return replace(self, head=replace(self.head, warnings=(*self.head.warnings, *texts)))
 

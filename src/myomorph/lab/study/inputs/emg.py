@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Emg, Trial
 from myomorph.core.motion.emg_activation import EmgCalibration
 from myomorph.lab.store import stored as store
@@ -58,7 +59,7 @@ class RecordedEmg(Recorded):
 
     emg: Emg
     muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     maxima: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     scale: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     gains: EmgCalibration | None = None

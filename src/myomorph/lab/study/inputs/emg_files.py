@@ -14,8 +14,10 @@ import numpy as np
 from myomorph.core.io.formats import CHANNELS, channel_format
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import EMG
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.series import Emg, Series, Table
 from myomorph.core.motion import emg_checks
@@ -116,9 +118,7 @@ def open_emg(
         measured_on = muscles_of_channels(found.names, model, side) | dict(named)
         # A channel with an empty list takes no part.
         measured_on = {channel: muscles for channel, muscles in measured_on.items() if muscles}
-        mended = (
-            tuple(f"{name}: {text}" for text in found.warnings) if isinstance(found, Table) else ()
-        )
+        mended = located(name, found.warnings) if isinstance(found, Table) else ()
         mended += _left_out(path, found.names, measured_on)
         if Path(path).suffix.lower() == ".c3d":
             if not measured_on:
@@ -139,8 +139,8 @@ def open_emg(
         whole = emg_checks.without_faults(envelopes(found, options, maxima), faults)
     scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
     notes = (
-        f"{name}: raw EMG, made into envelopes and {scaled}",
-        *(fault.text for fault in faults),
+        EMG.message(f"{name}: raw EMG, made into envelopes and {scaled}", gravity="good to know"),
+        *(fault.message for fault in faults),
     )
     at_maximum = FrozenMap(dict.fromkeys(whole.names, 1.0) if reference else {})
     scale = FrozenMap(
@@ -161,8 +161,10 @@ def _without_noise(opened: RecordedEmg, named: Mapping[str, tuple[str, ...]]) ->
         return opened
     left = {one.channel for one in found} - set(named)
     notes = tuple(
-        f"{one.text}; it takes"
-        f" {'no part' if one.channel in left else 'part, as its muscles are named'}"
+        one.message.changed(
+            f"{one.text}; it takes"
+            f" {'no part' if one.channel in left else 'part, as its muscles are named'}"
+        )
         for one in found
     )
     muscles = FrozenMap(
@@ -173,7 +175,7 @@ def _without_noise(opened: RecordedEmg, named: Mapping[str, tuple[str, ...]]) ->
 
 def _left_out(
     path: str | Path, names: Sequence[str], measured_on: Mapping[str, tuple[str, ...]]
-) -> tuple[str, ...]:
+) -> tuple[Message, ...]:
     """Channels that take no part while others do; of a C3D file those that are none of a plate or
     another sensor.
     """
@@ -186,8 +188,10 @@ def _left_out(
     told_by = "emg_muscles of a study, --emg-muscles"
     return (
         (
-            f"EMG of {which} takes no part: the name contains no muscle of the model; name them"
-            f" ({told_by})"
+            EMG.message(
+                f"EMG of {which} takes no part: the name contains no muscle of the model; name them"
+                f" ({told_by})"
+            )
         ),
     )
 
@@ -257,15 +261,23 @@ def _as_envelopes(
     if reference:
         scale = np.array([_largest_of(reference, channel) for channel in series.names])
         maxima = FrozenMap(dict.fromkeys(series.names, 1.0))
-        notes.append(f"{name}: envelopes scaled to maximum voluntary contractions")
+        notes.append(
+            EMG.message(
+                f"{name}: envelopes scaled to maximum voluntary contractions",
+                gravity="good to know",
+            )
+        )
     elif peak > emg_checks.BEYOND_ONE:
         scale = np.nanmax(values, axis=0).clip(1e-12)
         notes.append(
-            f"{name}: envelopes reach {peak:.3g}: every channel is scaled to its own largest value"
+            EMG.message(
+                f"{name}: envelopes reach {peak:.3g}: every channel is scaled to its own largest"
+                " value"
+            )
         )
     emg = Emg(series.time, series.names, values / scale)
     faults = emg_checks.envelope_faults(emg)
-    used = [fault.text for fault in faults if not measured_on or fault.channel in measured_on]
+    used = [fault.message for fault in faults if not measured_on or fault.channel in measured_on]
     divided = FrozenMap(dict(zip(series.names, scale.tolist(), strict=True)))
     return RecordedEmg(
         emg=emg_checks.without_faults(emg, faults),

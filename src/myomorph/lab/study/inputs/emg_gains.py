@@ -15,6 +15,7 @@ import numpy as np
 from myomorph.core.io.parsing.text import written
 from myomorph.core.model.errors import BadFile, MyomorphError
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Emg
 from myomorph.core.motion.emg_activation import EmgCalibration, Synergies, SynergyWeights
 
@@ -107,7 +108,7 @@ def _calibration(data: dict[str, Any]) -> EmgCalibration:
         by_torque=np.array(data["by_torque"], dtype=float),
         intervals=np.array(data["intervals"], dtype=float).reshape(count, 2),
         held_out=np.array(data["held_out"], dtype=float).reshape(count, 2),
-        warnings=tuple(data["warnings"]),
+        warnings=tuple(map(Message.of_record, data["warnings"])),
         synergies=tuple(map(_synergies, data["synergies"])),
         weight=float(data["weight"]),
         others_weight=float(data["others_weight"]),

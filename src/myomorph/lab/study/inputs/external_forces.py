@@ -15,8 +15,9 @@ from myomorph.core.contact.plan import ContactPlan
 from myomorph.core.io.force_table import force_layout, read_forces
 from myomorph.core.io.formats import trial_format
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import CLOCKS, READING
 from myomorph.core.model.errors import BadData, BadFile, UnknownName
-from myomorph.core.model.findings import Finding
+from myomorph.core.model.findings import Finding, messages_of_findings
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source
 from myomorph.core.model.segments import feet_of
@@ -201,7 +202,7 @@ def on_feet(
         wrenches = _without_loads(wrenches, findings)
     if not all(wrenches.bodies):
         wrenches = nearest_feet(wrenches, model, motion, options.force_checks != "none")
-    texts = tuple(finding.text for finding in findings)
+    texts = messages_of_findings(findings)
     places = tuple(f"{finding.place} may carry" for finding in findings)
     kept = (text for text in wrenches.notes if text not in texts and not text.startswith(places))
     notes = (*texts, *kept)
@@ -241,7 +242,10 @@ def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:
             f" (--force-shift SECONDS; {begin:.4g} lets both begin together)"
         )
     done = f"moved by {shift:.4g} s" if mend else f"not moved; --force-shift {shift:.4g} does"
-    text = f"{spans}: both last equally long, so their clocks begin at different zeros: {done}"
+    text = CLOCKS.message(
+        f"{spans}: both last equally long, so their clocks begin at different zeros: {done}",
+        size=1e3 * abs(shift),
+    )
     moved = replace(wrenches, time=wrenches.time + shift) if mend else wrenches
     findings = (
         Finding(
@@ -349,7 +353,9 @@ def upright(trial: Trial, model: Model) -> Trial:
             trial.rotated(Z_UP_TO_Y_UP),
             warnings=(
                 *trial.warnings,
-                "the plates lie level with z: the recording was turned to the model's y axis",
+                READING.message(
+                    "the plates lie level with z: the recording was turned to the model's y axis"
+                ),
             ),
         )
     return trial

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import located
 from myomorph.core.model.series import Trial
 from myomorph.lab.store.results import file_source, value_source
 from myomorph.lab.study.inputs.beside import companion
@@ -103,7 +104,7 @@ def _open(settings: ImuFiles, opening: Opening) -> Opened:
     return Opened(
         values=(recording,),
         sources=(*sources, value_source("imu", "bodies, headings and pose of sensors", *named)),
-        warnings=tuple(f"{settings.imu[0].name}: {text}" for text in sensors.warnings),
+        warnings=located(settings.imu[0].name, sensors.warnings),
         real=f"{len(sensors.names)} inertial sensors from {settings.imu[0].name}",
     )
 

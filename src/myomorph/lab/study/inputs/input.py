@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
 
 from myomorph.core.model.extension import load
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source
 from myomorph.core.model.series import Trial
@@ -102,7 +103,7 @@ class Opened:
 
     values: tuple[object, ...] = ()
     sources: tuple[Source, ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
     real: str = ""
     assumed: tuple[str, ...] = ()
     simulated: tuple[str, ...] = ()

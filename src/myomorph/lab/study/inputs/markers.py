@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
+from myomorph.core.model.messages import located
 from myomorph.core.model.series import Trial
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.results import ResultWriter, file_source
@@ -48,7 +49,7 @@ def _open(settings: MarkersFile, opening: Opening) -> Opened:
     return Opened(
         values=(Recording(recording),),
         sources=(file_source("markers", path),),
-        warnings=tuple(f"{path.name}: {text}" for text in recording.warnings),
+        warnings=located(path.name, recording.warnings),
         real=f"markers from {path.name}",
     )
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from myomorph.core.model.causes import UNSEEN
+from myomorph.core.model.messages import located
 from myomorph.core.model.series import Motion
 from myomorph.lab.store.results import file_source
 from myomorph.lab.study.inputs import reading
@@ -34,11 +36,11 @@ def _open(settings: MotionFile, opening: Opening) -> Opened:
         return Opened()
     recorded, lacking = reading.whole_motion(reading.read_motion(path, model), model)
     recorded, apart = reading.coupled_motion(recorded, model)
-    warnings = tuple(f"{path.name}: {text}" for text in apart)
+    warnings = located(path.name, apart)
     if lacking:
         warnings = (
             *warnings,
-            f"{path.name}: lacks {', '.join(lacking)}: they rest at their defaults",
+            UNSEEN.message(f"{path.name}: lacks {', '.join(lacking)}: they rest at their defaults"),
         )
     return Opened(
         values=(RecordedMotion(recorded),),

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from myomorph.core.model.causes import SETTINGS
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.lab.study.inputs.input import Input, Opened, Opening, Recorded
 from myomorph.lab.study.inputs.keys import Spans
@@ -37,8 +38,11 @@ def _open(settings: Phases, opening: Opening) -> Opened:
     start = float(markers.time[0])
     stop = float(markers.time[-1])
     warnings = tuple(
-        f"phase '{name}' is specified from {first:g} to {last:g} s, the recording lasts from"
-        f" {start:g} to {stop:g} s"
+        SETTINGS.message(
+            f"phase '{name}' is specified from {first:g} to {last:g} s, the recording lasts from"
+            f" {start:g} to {stop:g} s",
+            gravity="may change results",
+        )
         for name, (first, last) in settings.phases.items()
         if last <= start or first >= stop
     )

@@ -10,8 +10,10 @@ import numpy as np
 from myomorph.core.contact.assign import assign_bodies, heel_and_ball
 from myomorph.core.contact.plates import wrenches_from_plates
 from myomorph.core.contact.undetermined import undetermined_loads
+from myomorph.core.model.causes import PLATES
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.findings import Finding
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.segments import feet_of
 from myomorph.core.model.series import Motion, Trial, Wrenches
@@ -98,7 +100,7 @@ def _without_noise(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches
     )
 
 
-def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:
+def _carried(wrenches: Wrenches, warnings: Sequence[Message]) -> Wrenches:
     """The forces that act on a body, with a note on those that never act."""
     kept = [index for index, body in enumerate(wrenches.bodies) if body]
     idle = ", ".join(
@@ -106,7 +108,9 @@ def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:
     )
     findings = wrenches.findings
     if idle:
-        text = f"nobody steps on {idle} during the motion: left out"
+        text = PLATES.message(
+            f"nobody steps on {idle} during the motion: left out", gravity="good to know"
+        )
         findings = (*findings, Finding("idle plate", idle, text, mended=True))
         warnings = (*warnings, text)
     notes = (*wrenches.notes, *warnings)

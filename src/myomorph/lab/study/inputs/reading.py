@@ -16,6 +16,7 @@ from myomorph.core.io.formats import read_model, read_trial
 from myomorph.core.io.osim.document import legal
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import LABELS, LOOPS, READING, SETTINGS
 from myomorph.core.model.errors import (
     BadData,
     BadFile,
@@ -25,6 +26,7 @@ from myomorph.core.model.errors import (
     listing,
     quoted,
 )
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial
 
@@ -104,7 +106,7 @@ def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
         return trial
     recorded = trial.markers.names
     if not any(name in labels for name in recorded):
-        warning = (
+        warning = LABELS.message(
             f"labels: none of its {len(labels)} labels was recorded, which are"
             f" {listing(next(iter(labels)), recorded)}"
         )
@@ -158,7 +160,7 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
             tracked_markers(model, markers, InverseKinematicsOptions())
     if 2 * len(shared) < min(len(model.markers), len(markers.names)):
         others = [name for name in markers.names if name not in shared]
-        warning = (
+        warning = LABELS.message(
             f"{len(shared)} of the model's {len(model.markers)} markers were recorded, and"
             f" {len(others)} labels are none of its markers ({quoted(others, 3)}): are these its"
             " markers under other names (--labels)?"
@@ -177,7 +179,7 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
     why = _why_z_is_up(model, trial, own, recorded)
     if not why:
         return trial
-    warning = f"{why}: the recording was turned to the model's y axis"
+    warning = READING.message(f"{why}: the recording was turned to the model's y axis")
     return replace(trial.rotated(Z_UP_TO_Y_UP), warnings=(*trial.warnings, warning))
 
 
@@ -310,7 +312,7 @@ def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]
     return Motion(motion.time, model.coordinate_names, values), lacking
 
 
-def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
+def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[Message, ...]]:
     """The motion with coordinates that couplers drive where these put them, and notes on those that
     were elsewhere.
 
@@ -332,8 +334,10 @@ def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...
         worst = int(np.argmax(apart))
         if apart[worst] > COUPLED:
             notes.append(
-                f"'{name}' is {own[worst]:.4g} at {motion.time[worst]:.2f} s where its coupler puts"
-                f" it at {right[worst]:.4g}: the coupler's value is taken throughout"
+                LOOPS.message(
+                    f"'{name}' is {own[worst]:.4g} at {motion.time[worst]:.2f} s where its coupler"
+                    f" puts it at {right[worst]:.4g}: the coupler's value is taken throughout"
+                )
             )
         values[:, motion.names.index(name)] = np.where(np.isnan(own), own, right)
     return replace(motion, values=values), tuple(notes)
@@ -384,7 +388,7 @@ def cut_to(
     return start, end
 
 
-def cut_warning(time: tuple[float, float] | None, series: Series) -> tuple[str, ...]:
+def cut_warning(time: tuple[float, float] | None, series: Series) -> tuple[Message, ...]:
     """What a time range that was asked for has beyond the recording, which is then cut in silence
     otherwise.
     """
@@ -397,4 +401,6 @@ def cut_warning(time: tuple[float, float] | None, series: Series) -> tuple[str, 
         return ()
     used = f"{max(time[0], first):.4g} to {min(time[1], last):.4g} s"
     asked = f"time {time[0]:g} to {time[1]:g} s was asked for"
-    return (f"{asked}, but it runs from {first:.4g} to {last:.4g} s: {used} are used",)
+    return (
+        SETTINGS.message(f"{asked}, but it runs from {first:.4g} to {last:.4g} s: {used} are used"),
+    )

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import SETTINGS
 from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion, Wrenches
 from myomorph.core.model.soft_tissue import SoftTissue
@@ -119,7 +121,7 @@ INPUT = Input(name="refined", settings=RefinedFile, open=_open)
 
 def refined_fit(
     name: str, model: Model, refined: RefinedMotion, checked: CheckedFit
-) -> tuple[CheckedFit, tuple[str, ...]]:
+) -> tuple[CheckedFit, tuple[Message, ...]]:
     """Refined coordinates in the place of those of inverse kinematics, with their marker errors,
     and notes. Raises `BadData` where they are of other frames than the recording.
     """
@@ -147,8 +149,10 @@ def refined_fit(
     notes = (
         (
             (
-                f"coordinates are refined from {time[0]:.2f} to {time[-1]:.2f} s, where forces were"
-                f" recorded; {lost} frames of markers before and after are not used"
+                SETTINGS.message(
+                    f"coordinates are refined from {time[0]:.2f} to {time[-1]:.2f} s, where forces"
+                    f" were recorded; {lost} frames of markers before and after are not used"
+                )
             ),
         )
         if lost > 1

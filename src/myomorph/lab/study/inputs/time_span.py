@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
+from myomorph.core.model.messages import located
 from myomorph.lab.study.inputs import reading
 from myomorph.lab.study.inputs.input import Input, Opened, Opening
 from myomorph.lab.study.inputs.keys import Span
@@ -29,7 +30,7 @@ def _open(settings: TimeSpan, opening: Opening) -> Opened:
     files = opening.settings
     path = files[MotionFile].motion if motion is not None else files[MarkersFile].markers
     assert path is not None
-    warnings = tuple(f"{path.name}: {text}" for text in reading.cut_warning(settings.time, series))
+    warnings = located(path.name, reading.cut_warning(settings.time, series))
     return Opened((TimeSpan(reading.cut_to(settings.time, series, path)),), warnings=warnings)
 
 

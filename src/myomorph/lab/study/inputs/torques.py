@@ -11,7 +11,9 @@ from typing import Annotated
 import numpy as np
 
 from myomorph.core.io.sto import read_sto
+from myomorph.core.model.causes import FORCE_FILES
 from myomorph.core.model.errors import BadData, BadFile, UnknownName
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Series
 from myomorph.lab.store.results import file_source
@@ -45,7 +47,7 @@ MOMENT = "_moment"
 FORCE = "_force"
 
 
-def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
+def read_torques(path: Path, model: Model) -> tuple[Series, tuple[Message, ...]]:
     """Generalized forces (frames, coordinates) [N m or N] of a table, and a line on columns that
     are not used. Columns are named as coordinates, or as OpenSim's inverse dynamics names them:
     `knee_angle_r_moment` of one that rotates, `pelvis_tx_force` of one that translates (or does
@@ -88,7 +90,11 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
             f" {table.time[frame]:g} s; fill the gap, or use --time START END"
         )
     notes = (
-        (f"{path.name}: not used, no coordinates of the model: {', '.join(unused)}",)
+        (
+            FORCE_FILES.message(
+                f"{path.name}: not used, no coordinates of the model: {', '.join(unused)}"
+            ),
+        )
         if unused
         else ()
     )

@@ -5,13 +5,21 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from myomorph.core.model.errors import BadFile
+from myomorph.core.model.messages import (
+    Message,
+    as_message,
+    located,
+    messages_of,
+    messages_text,
+    unique,
+)
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.results import file_source, whole_folder
@@ -20,8 +28,9 @@ from myomorph.lab.study.step.step import WHOLE_STUDY, Step, step_of
 from myomorph.lab.study.step.step_table import Scope
 
 PROVENANCE = "provenance.json"
-# What may not be believed of a step's result, one line each, in the folder of its tables.
 NOTES = "notes.txt"
+MESSAGES = "messages.json"
+"""What may not be believed of a step's result, one line each and with causes, among its tables."""
 RESULT = "result"
 """Role of a step's own files, where its folder holds others too: one that was altered makes the
 step run again.
@@ -60,7 +69,7 @@ def result_folder(
     ) as folder:
         yield folder
         if notes:
-            (folder / NOTES).write_text("".join(f"{text}\n" for text in notes), encoding="utf-8")
+            write_notes(folder, notes)
         if step is not None and not step.tables:
             files = (path for path in sorted(folder.rglob("*")) if path.is_file())
             results = (file_source(RESULT, path) for path in files)
@@ -70,6 +79,23 @@ def result_folder(
             )
             made = replace(made, sources=(*made.sources, *named))
         (folder / provenance_file(step)).write_text(made.to_json() + "\n", encoding="utf-8")
+
+
+def write_notes(folder: Path, notes: Iterable[str]) -> None:
+    """Write messages as lines for people, and with their causes."""
+    messages = tuple(map(as_message, notes))
+    lines = "".join(f"{' '.join(text.split())}\n" for text in messages)
+    (folder / NOTES).write_text(lines, encoding="utf-8")
+    (folder / MESSAGES).write_text(messages_text(messages), encoding="utf-8")
+
+
+def read_notes(folder: Path) -> tuple[Message, ...]:
+    """Read what `write_notes` wrote; of older versions only the lines."""
+    if (folder / MESSAGES).is_file():
+        return messages_of((folder / MESSAGES).read_text(encoding="utf-8"))
+    if not (folder / NOTES).is_file():
+        return ()
+    return unique((folder / NOTES).read_text(encoding="utf-8").splitlines())
 
 
 @contextmanager
@@ -185,11 +211,7 @@ class FolderSteps(JobSteps, Generic[Inputs]):
         """The outcome with what the steps noted of their results, also of those that an earlier run
         made.
         """
-        findings: list[str] = []
+        findings: list[Message] = []
         for step in outcome.done:
-            path = outcome.folder / self._step(step).tables / NOTES
-            if path.is_file():
-                findings += [
-                    f"{step}: {line}" for line in path.read_text(encoding="utf-8").splitlines()
-                ]
+            findings += located(step, read_notes(outcome.folder / self._step(step).tables))
         return replace(outcome, findings=(*outcome.findings, *findings))

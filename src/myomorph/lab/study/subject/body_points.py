@@ -24,6 +24,7 @@ from myomorph.core.io.landmarks import read_landmarks
 from myomorph.core.io.mesh import read_mesh
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.segments import segments_of
 from myomorph.core.model.series import DEFAULT_POSE
@@ -47,7 +48,7 @@ def body_points(
     options: BodyOptions,
     compare: bool = True,
     surfaces: Mapping[str, Surface] | None = None,
-) -> tuple[dict[str, MassPoints], Inside | None, tuple[str, ...]]:
+) -> tuple[dict[str, MassPoints], Inside | None, tuple[Message, ...]]:
     """Mass points by weight map, the one to use first; what tells what is inside the skin; and what
     there is to say.
 
@@ -133,7 +134,7 @@ def _made(
 
 def _in_skin(
     model: Model, shape: BodyShape, mass: float, options: BodyOptions, compare: bool
-) -> tuple[dict[str, MassPoints], Inside | None, tuple[str, ...]]:
+) -> tuple[dict[str, MassPoints], Inside | None, tuple[Message, ...]]:
     """Points inside the user's skin, or that of a statistical body, with the model posed in it."""
     from myomorph.body.shape.fit_pose import pose_model_to_skin
 

@@ -14,8 +14,9 @@ from myomorph.body.calibrate.calibrate import calibrate
 from myomorph.body.calibrate.calibration import SOURCES, Calibration, CalibrationOptions
 from myomorph.core.io.osim.setup_parts import read_ik_tasks, read_marker_set
 from myomorph.core.model.errors import BadData
-from myomorph.core.model.findings import Finding
+from myomorph.core.model.findings import Finding, messages_of_findings
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance
 from myomorph.core.model.series import Markers
@@ -30,7 +31,7 @@ from myomorph.lab.store.progress import progress
 from myomorph.lab.store.results import findings_text
 from myomorph.lab.store.settings import with_settings
 from myomorph.lab.study.inputs import reading
-from myomorph.lab.study.step.folder_steps import NOTES, FolderOutput
+from myomorph.lab.study.step.folder_steps import FolderOutput, write_notes
 from myomorph.lab.study.step.step import Step
 from myomorph.lab.study.subject.subject_files import (
     SubjectFiles,
@@ -59,7 +60,7 @@ def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Proven
     model = subject.model
     trials = subject.trials()
     reading.check_labels(files.labels, model)
-    warnings = [f"{files.model.name}: {text}" for text in model.warnings]
+    warnings = [*located(files.model.name, model.warnings)]
     findings = list[Finding]()
     warnings += [text for trial in trials for text in trial.warnings]
     recordings = {}
@@ -94,12 +95,14 @@ def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Proven
     )
 
 
-def standing_markers(path: Path, files: SubjectFiles, model: Model) -> tuple[Markers, list[str]]:
+def standing_markers(
+    path: Path, files: SubjectFiles, model: Model
+) -> tuple[Markers, list[Message]]:
     """Markers of a subject standing still, in the model's ground and names, and warnings."""
     recorded = files.static_laboratory.trial(reading.read_recording(path))
     standing = reading.fitted_to(model, reading.with_labels(recorded, files.labels))
     assert standing.markers is not None
-    return standing.markers, [f"{path.name}: {text}" for text in standing.warnings]
+    return standing.markers, [*located(path.name, standing.warnings)]
 
 
 def _checked(name: str, markers: Markers, model: Model, findings: list[Finding]) -> Markers:
@@ -112,7 +115,7 @@ def _checked(name: str, markers: Markers, model: Model, findings: list[Finding])
     new = [
         finding for finding in (*exchanged, *beside) if (finding.kind, finding.place) not in known
     ]
-    findings += [replace(finding, text=f"{name}: {finding.text}") for finding in new]
+    findings += [replace(finding, text=finding.text.within(name)) for finding in new]
     return markers
 
 
@@ -142,9 +145,7 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path) -> tuple[s
         write_rows(marker_rows(calibration), folder / "markers.csv")
         write_rows(zero_rows(calibration), folder / "zero_angles.csv")
         (folder / FINDINGS).write_text(findings_text(calibrated.findings), encoding="utf-8")
-        (folder / NOTES).write_text(
-            "".join(f"{finding}\n" for finding in calibrated.findings), encoding="utf-8"
-        )
+        write_notes(folder, messages_of_findings(calibrated.findings))
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
     return write_made_model(calibration.model, calibrated.provenance, out, tables, fill)
@@ -248,7 +249,7 @@ def calibration_page(calibrated: Calibrated) -> str:
                 f"{calibration.model.name}: calibrated body",
                 calibrated.provenance,
                 (Note("real", f"Recordings: {', '.join(calibrated.recordings)}."),),
-                (*map(str, calibrated.findings), *calibrated.warnings),
+                (*messages_of_findings(calibrated.findings), *calibrated.warnings),
             ),
             model=calibration.model,
             surfaces=surfaces,

@@ -20,9 +20,11 @@ from myomorph.body.identify.subject import (
     identify,
 )
 from myomorph.body.identify.validation import CrossValidation, cross_validate
+from myomorph.core.model.causes import FILTER
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import with_inertial_parameters
+from myomorph.core.model.messages import located
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.provenance import Provenance, Source
 from myomorph.core.model.series import Motion, Wrenches
@@ -195,12 +197,16 @@ def identify_subject(
             unseen=unseen,
             advance=advance,
         )
-    force_notes = (f"{motion.name}: {text}" for motion in motions for text in motion.wrenches.notes)
+    force_notes = (
+        note for motion in motions for note in located(motion.name, motion.wrenches.notes)
+    )
     unfiltered = (
         (
-            "no low-pass filter: noise of markers grows with the square of frequency in"
-            " accelerations; where the motion is not filtered already, give a cutoff, as 6 Hz for"
-            " walking"
+            FILTER.message(
+                "no low-pass filter: noise of markers grows with the square of frequency in"
+                " accelerations; where the motion is not filtered already, give a cutoff, as 6 Hz"
+                " for walking"
+            )
         ),
     )
     # What identification says of itself comes first: whether its masses may be believed.

@@ -36,7 +36,7 @@ from myomorph.lab.study.inputs.loads import ExternalLoads, LoadsFile
 from myomorph.lab.study.inputs.motion import MotionFile, RecordedMotion
 from myomorph.lab.study.inputs.time_span import TimeSpan
 from myomorph.lab.study.inputs.torques import RecordedTorques
-from myomorph.lab.study.step.folder_steps import FolderOutput
+from myomorph.lab.study.step.folder_steps import FolderOutput, write_notes
 from myomorph.lab.study.step.step import Step
 from myomorph.lab.study.subject.found_errors import personal_errors
 from myomorph.lab.study.subject.subject_files import (
@@ -50,7 +50,6 @@ from myomorph.lab.study.trial.steps.ik import recorded_poses, solve_kinematics
 from myomorph.lab.study.trial.trial_inputs import TrialFiles, TrialInputs, open_trial
 
 TABLE = "personalized_muscles.csv"
-NOTES = "notes.txt"
 HELD_OUT = "held_out.csv"
 FIBERS = "fiber_lengths.csv"
 REPORT = "report.html"
@@ -224,9 +223,7 @@ def _write(made: Made[Personalized], folder: Path) -> None:
         _write_rows(fiber_rows(personalized), folder / FIBERS)
     if personalized.held_out is not None:
         _write_rows(held_out_rows(personalized), folder / HELD_OUT)
-    (folder / NOTES).write_text(
-        "\n".join((*personalized.notes, *made.warnings)) + "\n", encoding="utf-8"
-    )
+    write_notes(folder, (*personalized.notes, *made.warnings))
     (folder / REPORT).write_text(_page(made), encoding="utf-8")
 
 

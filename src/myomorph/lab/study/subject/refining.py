@@ -13,9 +13,12 @@ from myomorph.body.refine.options import RefineOptions
 from myomorph.body.refine.refinement import ClockOffset, Errors, Refinement
 from myomorph.body.refine.subject_trial import SubjectTrial
 from myomorph.core.io.sto import table_from_motion, write_sto
+from myomorph.core.model.causes import SETTINGS
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.findings import messages_of_findings
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.provenance import Provenance
 from myomorph.core.motion.ik import InverseKinematicsOptions
 from myomorph.core.muscles.kinematics import default_path_lengths
@@ -67,22 +70,22 @@ def refined(
 ) -> Made[Refinement]:
     """Refine from opened trials; those without markers or forces are left out."""
     recordings = []
-    warnings = []
+    warnings: list[Message] = []
     for trial in trials:
-        warnings += [f"{trial.name}: {text}" for text in trial.warnings]
+        warnings += located(trial.name, trial.warnings)
         loads = trial.get(ExternalLoads)
         if trial.recording.markers is None or loads is None:
             continue
         if trial.get(RecordedMotion) is not None:
             warnings.append(
-                f"{trial.name}: refined from its markers; the motion that 'transfer' carried is not"
-                " used"
+                SETTINGS.message(
+                    f"{trial.name}: refined from its markers; the motion that 'transfer' carried is"
+                    " not used"
+                )
             )
         checked = solve_kinematics(trial)
         wrenches = loads.of(checked.fit.motion)
-        warnings += [
-            f"{trial.name}: {text}" for text in (*map(str, checked.findings), *wrenches.notes)
-        ]
+        warnings += located(trial.name, (*messages_of_findings(checked.findings), *wrenches.notes))
         tracking = trial.options[InverseKinematicsOptions]
         recordings.append(
             SubjectTrial(

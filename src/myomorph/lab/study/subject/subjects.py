@@ -15,6 +15,7 @@ from myomorph.core.io.carried_meshes import carry_meshes
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.errors import BadFile
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.study.step.folder_steps import result_folder
@@ -30,7 +31,7 @@ class Made(Generic[Found]):
 
     found: Found
     provenance: Provenance
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
 
 def tables_folder(out: Path, tables: str, read: Iterable[Path | None] = ()) -> Path:
@@ -81,7 +82,7 @@ def write_made_model(
     out: Path,
     tables: Path,
     fill: Callable[[Path], None],
-    notes: Sequence[str] = (),
+    notes: Sequence[Message] = (),
 ) -> tuple[str, ...]:
     """Write a model, and a folder with provenance, notes and what `fill` writes; returns what is
     lost in its file.

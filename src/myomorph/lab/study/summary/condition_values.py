@@ -16,6 +16,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.cycle_samples import SAMPLES
 from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Series
 from myomorph.lab.analysis.conditions import (
     OUTLIER_SCORE,
@@ -26,6 +27,7 @@ from myomorph.lab.analysis.conditions import (
 )
 from myomorph.lab.analysis.cycles import Cycles
 from myomorph.lab.analysis.groups import Animal, Comparison
+from myomorph.lab.causes import GROUPS
 from myomorph.lab.report.study.study_input import Described, Outlier
 from myomorph.lab.study.trial.tidy import OF_STRIDE
 from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, Value
@@ -105,7 +107,7 @@ class GrowingCondition:
         self.trials = 0
         self.cycle = ""
         self.units: dict[str, str] = {}
-        self.notes: list[str] = []
+        self.notes: list[Message] = []
         self.each: RunningMeans[Curve] = RunningMeans(SAMPLES)
         self._values: RunningMeans[str] = RunningMeans(1)
         self._subjects: dict[str, _Subject] = {}
@@ -148,8 +150,10 @@ class GrowingCondition:
 
     def _left_out(self, subject: str, trial: str) -> None:
         self.notes.append(
-            f"{subject}, {trial}: has no stride, so its curves are aligned with no other's and are"
-            " left out"
+            GROUPS.message(
+                f"{subject}, {trial}: has no stride, so its curves are aligned with no other's and"
+                " are left out"
+            )
         )
 
     def without_whole_trials(self) -> None:

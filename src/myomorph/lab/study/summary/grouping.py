@@ -14,7 +14,10 @@ from myomorph import __version__
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.errors import BadData, MyomorphError
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message, located
+from myomorph.lab import causes
 from myomorph.lab.analysis.groups import Animal, Comparison, Group, compare_groups
+from myomorph.lab.causes import GROUPS
 from myomorph.lab.report.page.parts import Note, PageHead
 from myomorph.lab.report.study.group_page import group_page
 from myomorph.lab.report.study.study_input import ValueDifference
@@ -55,7 +58,7 @@ def compare_stored(plan: GroupPlan, out: Path, folder: Path, name: str = "") -> 
     """Compare the groups by results in `out/subject/trial`: a page and four tables, which name
     trials left out.
     """
-    notes: list[str] = []
+    notes: list[Message] = []
     rows: list[tuple[str, str, TrialStrides]] = []
     groups = [_group(members, plan, out, notes, rows) for members in (plan.first, plan.second)]
     for group in groups:
@@ -113,7 +116,7 @@ def _group(
     members: tuple[str, tuple[str, ...]],
     plan: GroupPlan,
     out: Path,
-    notes: list[str],
+    notes: list[Message],
     rows: list[tuple[str, str, TrialStrides]],
 ) -> Group:
     animals: list[Animal] = []
@@ -126,11 +129,15 @@ def _group(
                 model = model_of(result)
                 strides = trial_strides(result, model, plan.strides)
             except MyomorphError as error:
-                notes.append(f"{subject}, {trial}: left out: {' '.join(str(error).split())}")
+                notes.append(
+                    GROUPS.message(f"{subject}, {trial}: left out: {' '.join(str(error).split())}")
+                )
                 continue
-            notes += [f"{subject}, {trial}: {note}" for note in strides.notes]
+            notes += located(f"{subject}, {trial}", strides.notes)
             if not strides.count:
-                notes.append(f"{subject}, {trial}: left out: no whole stride is seen")
+                notes.append(
+                    causes.STRIDES.message(f"{subject}, {trial}: left out: no whole stride is seen")
+                )
                 continue
             results.append((result, model, strides))
             rows.append((members[0], subject, strides))
@@ -138,7 +145,9 @@ def _group(
             animals.append(animal_of(subject, results))
         else:
             notes.append(
-                f"{subject} is left out of group '{members[0]}': no trial of it has strides"
+                GROUPS.message(
+                    f"{subject} is left out of group '{members[0]}': no trial of it has strides"
+                )
             )
     return Group(members[0], tuple(animals))
 

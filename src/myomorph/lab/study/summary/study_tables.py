@@ -17,8 +17,10 @@ from myomorph import __version__
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.errors import few
 from myomorph.core.model.frozen_map import FrozenMap, grouped
+from myomorph.core.model.messages import Message
 from myomorph.lab.analysis.conditions import compare_conditions
 from myomorph.lab.analysis.groups import GroupOptions
+from myomorph.lab.causes import GROUPS
 from myomorph.lab.report.study.study_input import Judged, StudyInput, TrialLine
 from myomorph.lab.report.study.study_page import study_page
 from myomorph.lab.store.outcome import Outcome
@@ -118,7 +120,7 @@ class SignSearch:
             elif most < SMALL and least < -LARGE:
                 self._below.setdefault(name, {})[subject] = None
 
-    def notes(self) -> list[str]:
+    def notes(self) -> list[Message]:
         """One line for all angles that bend one way in some subjects, the other in others."""
         both = self._above.keys() & self._below.keys()
         sides = grouped(
@@ -127,9 +129,11 @@ class SignSearch:
             if name in both
         )
         return [
-            f"{few(names, MAX_NAMED)}: above zero in {few(above, MAX_NAMED)}, "
-            f"below it in {few(below, MAX_NAMED)}: where their models count it "
-            "the other way round, means over these subjects mean nothing"
+            GROUPS.message(
+                f"{few(names, MAX_NAMED)}: above zero in {few(above, MAX_NAMED)}, "
+                f"below it in {few(below, MAX_NAMED)}: where their models count it "
+                "the other way round, means over these subjects mean nothing"
+            )
             for (above, below), names in sides.items()
         ]
 

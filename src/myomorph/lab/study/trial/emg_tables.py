@@ -12,6 +12,7 @@ import numpy as np
 
 from myomorph.body.tension.task import EmgTargets
 from myomorph.core.io.parsing.text import write_csv
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.motion.emg_activation import EmgCalibration
 from myomorph.core.tension.emg_conflicts import conflict_line
@@ -101,7 +102,7 @@ def _cell(value: float) -> str:
 
 def write_conflicts(
     model: Model, tension: Tension, targets: EmgTargets, output: StepOutput
-) -> tuple[str, ...]:
+) -> tuple[Message, ...]:
     """Where EMG and torques contradict each other, as a table and as a line."""
     if targets.target is None:
         return ()

@@ -11,6 +11,8 @@ import numpy as np
 
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import MUSCLES
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Series
 from myomorph.core.tension.dual import STALLED
@@ -125,7 +127,7 @@ def _work(time: Array, power: Array) -> tuple[float, float]:
 
 def write_fibers(
     tension: Tension, model: Model, strides: Strides | None, output: StepOutput
-) -> tuple[str, ...]:
+) -> tuple[Message, ...]:
     """Write fibers and tendons, their work over strides or the whole; returns notes. None for rigid
     tendons.
     """
@@ -145,7 +147,7 @@ def write_fibers(
     return fiber_notes(tension)
 
 
-def fiber_notes(tension: Tension) -> tuple[str, ...]:
+def fiber_notes(tension: Tension) -> tuple[Message, ...]:
     """Frames that did not converge or were bridged, muscles whose fibers cannot reach, tendons
     strained too far.
     """
@@ -157,34 +159,49 @@ def fiber_notes(tension: Tension) -> tuple[str, ...]:
     if len(stalled):
         first, last = tension.time[stalled[[0, -1]]]
         notes.append(
-            f"elastic tendons did not converge in {len(stalled)} of {len(tension)} frames, between"
-            f" {first:.3f} and {last:.3f} s (residual {fibers.certificate.residual:.2g}): forces"
-            " and fibers there are not to be believed; try frames at 100 Hz, or rigid tendons"
+            MUSCLES.message(
+                f"elastic tendons did not converge in {len(stalled)} of {len(tension)} frames,"
+                f" between {first:.3f} and {last:.3f} s (residual"
+                f" {fibers.certificate.residual:.2g}): forces and fibers there are not to be"
+                " believed; try frames at 100 Hz, or rigid tendons",
+                gravity="changes results",
+            )
         )
     for fiber in fibers.unreachable[:MAX_NAMED]:
         too_long = f"fibers would be {fiber.worst:.2f} optimal lengths long"
         why = "the path is shorter than the slack tendon" if fiber.worst <= 0.0 else too_long
         at = f"{tension.time[fiber.frame]:.3f} s (frame {fiber.frame})"
-        notes.append(f"{fiber.muscle}: {why}, first at {at}; it is solved with a rigid tendon")
+        notes.append(
+            MUSCLES.message(
+                f"{fiber.muscle}: {why}, first at {at}; it is solved with a rigid tendon"
+            )
+        )
     left = [fiber.muscle for fiber in fibers.unreachable[MAX_NAMED:]]
     if left:
         notes.append(
-            f"fibers of {len(left)} more muscles cannot reach; solved with rigid tendons:"
-            f" {', '.join(left)}"
+            MUSCLES.message(
+                f"fibers of {len(left)} more muscles cannot reach; solved with rigid tendons:"
+                f" {', '.join(left)}"
+            )
         )
     every = solved_every(tension.time)
     if every > 1 and tension.contacts is None:
         notes.append(
-            f"one in {every} frames was solved ({MAX_RATE:.0f} a second at most); activations"
-            " between them are interpolated, and forces so too, changed as little as balances the"
-            " torques"
+            MUSCLES.message(
+                f"one in {every} frames was solved ({MAX_RATE:.0f} a second at most); activations"
+                " between them are interpolated, and forces so too, changed as little as balances"
+                " the torques",
+                gravity="good to know",
+            )
         )
     if fibers.bridged.any():
         first, last = tension.time[np.flatnonzero(fibers.bridged)[[0, -1]]]
         notes.append(
-            f"torques or coordinates are missing in {int(fibers.bridged.sum())} frames between"
-            f" {first:.3f} and {last:.3f} s: interpolated for the tendons' dynamics, without"
-            " results there"
+            MUSCLES.message(
+                f"torques or coordinates are missing in {int(fibers.bridged.sum())} frames between"
+                f" {first:.3f} and {last:.3f} s: interpolated for the tendons' dynamics, without"
+                " results there"
+            )
         )
     inside = np.where(fibers.transient[:, None], np.nan, fibers.tendon_strain)
     most = np.max(np.nan_to_num(inside, nan=-np.inf), axis=0, initial=-np.inf)
@@ -193,9 +210,11 @@ def fiber_notes(tension: Tension) -> tuple[str, ...]:
         worst = int(torn[np.argmax(most[torn])])
         at = tension.time[int(np.nanargmax(inside[:, worst]))]
         notes.append(
-            f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f} %,"
-            f" where tendons tear; most {tension.muscles[worst]}, {100 * most[worst]:.1f} % at"
-            f" {at:.3f} s: its slack length does not fit"
+            MUSCLES.message(
+                f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f}"
+                f" %, where tendons tear; most {tension.muscles[worst]}, {100 * most[worst]:.1f} %"
+                f" at {at:.3f} s: its slack length does not fit"
+            )
         )
     return tuple(notes)
 

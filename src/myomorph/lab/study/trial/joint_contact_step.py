@@ -11,6 +11,8 @@ import numpy as np
 
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.io.sto import write_sto
+from myomorph.core.model.causes import JOINT_POINTS
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.tension.joint_contact import JointContactForces, JointPoints
 from myomorph.core.tension.load_quantities import JOINT_CONTACT_LOAD
@@ -41,7 +43,7 @@ LEFT = 0.25  # Of the force times half the distance of the points: a moment left
 
 def write_joint_contacts(
     contacts: JointContactForces, points: JointPoints, strides: Strides | None, output: StepOutput
-) -> tuple[str, ...]:
+) -> tuple[Message, ...]:
     """Write forces at contact points, and return what is to be known of them, one line each."""
     put_joint_contacts(output.writer, contacts)
     write_sto(contacts.table(), output.folder / JOINT_CONTACT_LOAD.file)
@@ -60,7 +62,7 @@ def _half_distances(points: JointPoints) -> dict[str, float]:
     return result
 
 
-def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tuple[str, ...]:
+def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tuple[Message, ...]:
     """Where the points of a loaded joint cannot carry it: a moment is left, or the bodies are
     pulled apart.
     """
@@ -80,18 +82,22 @@ def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tupl
                 if contacts.joint_contact_force[worst, column] <= 1e-6 * force[worst]
             )
             notes.append(
-                f"{joint}: in {int(bad.sum())} of {len(bad)} frames a contact point of the loaded"
-                " joint would have to pull; it lifts off, and a moment of up to"
-                f" {moment[worst]:.1f} N m is left (at {contacts.time[worst]:.2f} s, {up or 'none'}"
-                " off)"
+                JOINT_POINTS.message(
+                    f"{joint}: in {int(bad.sum())} of {len(bad)} frames a contact point of the"
+                    " loaded joint would have to pull; it lifts off, and a moment of up to"
+                    f" {moment[worst]:.1f} N m is left (at {contacts.time[worst]:.2f} s,"
+                    f" {up or 'none'} off)"
+                )
             )
         pulled = pull > LOADED * contacts.weight
         if pulled.any():
             worst = int(np.argmax(np.where(pulled, pull, -1.0)))
             notes.append(
-                f"{joint}: in {int(pulled.sum())} of {len(pulled)} frames the joint is pulled"
-                f" apart, which its contact points cannot carry, by up to {pull[worst]:.0f} N (at"
-                f" {contacts.time[worst]:.2f} s); do the normals point towards the child?"
+                JOINT_POINTS.message(
+                    f"{joint}: in {int(pulled.sum())} of {len(pulled)} frames the joint is pulled"
+                    f" apart, which its contact points cannot carry, by up to {pull[worst]:.0f} N"
+                    f" (at {contacts.time[worst]:.2f} s); do the normals point towards the child?"
+                )
             )
     return tuple(notes)
 

@@ -14,9 +14,12 @@ import numpy as np
 
 from myomorph import __version__
 from myomorph.core.io.parsing.text import write_csv, written
+from myomorph.core.model.causes import WEIGHT
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.gravity import FORCE_ERROR, gravity_of
 from myomorph.core.model.join import join_models
+from myomorph.core.model.messages import Message, messages_of
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance, Source
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
@@ -292,7 +295,7 @@ def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInpu
         steps=tuple(
             _shown_step(step, stored) for step in STEPS["trial"] if step in stored.provenance
         ),
-        warnings=(*json.loads(facts.get("warnings", "[]")), *_mass_warning(mass, model)),
+        warnings=(*messages_of(facts.get("warnings", "[]")), *_mass_warning(mass, model)),
     )
     recorded = Recorded(
         subject=facts.get("subject", ""),
@@ -391,11 +394,16 @@ def _shown_step(step: str, stored: Stored) -> PageStep:
     )
 
 
-def _mass_warning(mass: str, model: Model) -> list[str]:
+def _mass_warning(mass: str, model: Model) -> list[Message]:
     """A sentence if the subject's mass is not the model's: these steps scale no masses."""
     if not mass or abs(float(mass) - model.mass) <= 0.02 * model.mass:
         return []
+    difference = 100.0 * (float(mass) / model.mass - 1.0)
     return [
-        f"the subject weighs {float(mass):g} kg, but the model {model.mass:.4g} kg: torques belong"
-        " to the model's mass"
+        WEIGHT.message(
+            f"the subject weighs {float(mass):g} kg, but the model {model.mass:.4g} kg: torques"
+            " belong to the model's mass",
+            size=difference,
+            gravity=gravity_of(difference, 100.0 * FORCE_ERROR),
+        )
     ]

@@ -16,6 +16,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message, located, messages_text
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source
 from myomorph.core.model.series import Series, Trial
@@ -140,7 +141,7 @@ class TrialInputs:
     inputs: ByType = field(default_factory=ByType)
     notes: TrialNotes = field(default_factory=TrialNotes)
     sources: tuple[Source, ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
     def get(self, kind: type[Held]) -> Held | None:
         """An input of a type, None where the trial has none."""
@@ -178,7 +179,7 @@ class TrialInputs:
             "notes": json.dumps(
                 {"real": notes.real, "assumed": notes.assumed, "simulated": notes.simulated}
             ),
-            "warnings": json.dumps(self.warnings),
+            "warnings": messages_text(self.warnings),
             "preset": self.options[ReportOptions].preset,
             "muscles": json.dumps(self.options[ReportOptions].muscles),
         } | NO_FACTS
@@ -330,7 +331,7 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     assumed = tuple(text for part in parts for text in part.assumed)
     simulated = tuple(text for part in parts for text in part.simulated)
     texts = (
-        *(f"{files.model.name}: {text}" for text in model.warnings),
+        *located(files.model.name, model.warnings),
         *(t for part in parts for t in part.warnings),
     )
     return TrialInputs(

@@ -9,6 +9,7 @@ from typing import Any
 
 from myomorph import __version__
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.store.netcdf import open_netcdf
 from myomorph.lab.store.results import (
@@ -32,7 +33,7 @@ class StepResults(ByType):
     """What the steps have found so far."""
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Message, ...]:
         """What was done about questionable input, one line each."""
         return tuple(
             dict.fromkeys(text for result in self for text in getattr(result, "notes", ()))

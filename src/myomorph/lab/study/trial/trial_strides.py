@@ -12,6 +12,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.cycle_samples import SAMPLES
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.segments import feet_of
 from myomorph.core.model.series import Series
@@ -31,6 +32,7 @@ from myomorph.lab.analysis.walking import (
     walking_limbs,
     walking_points,
 )
+from myomorph.lab.causes import STRIDES
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.results import Stored
 from myomorph.lab.study.trial.trial_inputs import Value
@@ -62,7 +64,7 @@ class TrialStrides:
     trial: str
     limbs: tuple[str, ...]
     parts: tuple[Strides, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     @staticmethod
     def whole(trial: str, strides: Strides | None) -> TrialStrides | None:
@@ -152,7 +154,9 @@ def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStride
     trial = stored.facts.get("trial", stored.path.stem)
     by_feet = _by_feet(model, plan)
     if by_feet and not feet_move(points):
-        note = "the feet stand while the body moves; 'limbs' in [strides] tells what else steps"
+        note = STRIDES.message(
+            "the feet stand while the body moves; 'limbs' in [strides] tells what else steps"
+        )
         return TrialStrides(trial=trial, limbs=names, parts=(), notes=(note,))
     wrenches = store.get_wrenches(stored)
     if wrenches is not None and not set(wrenches.bodies) & {
@@ -163,7 +167,7 @@ def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStride
     running = running_events(model, motion, limbs) if by_feet else ()
     facing = facing_of(model, motion, limbs) if by_feet else None
     parts: list[Strides] = []
-    notes: list[str] = []
+    notes: list[Message] = []
     for part in _parts(points, trunk):
         try:
             parts.append(
@@ -182,7 +186,7 @@ def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStride
                 )
             )
         except BadData as error:
-            notes.append(f"{part.time[0]:.2f} to {part.time[-1]:.2f} s: {error}")
+            notes.append(STRIDES.message(f"{part.time[0]:.2f} to {part.time[-1]:.2f} s: {error}"))
     notes += [note for part in parts for note in part.notes]
     return TrialStrides(
         trial=trial, limbs=names, parts=tuple(parts), notes=tuple(dict.fromkeys(notes))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from myomorph.core.model.messages import Message, as_message
 from myomorph.lab.report.charts.marks import Level
 from myomorph.lab.report.page.page import Tile, rendered
 from myomorph.lab.report.page.parts import Note, PageHead, Reference, Section, cited
@@ -69,10 +70,10 @@ def _limb_notes(shown: ViscosityInput) -> list[Note]:
     ]
 
 
-def _warnings(shown: ViscosityInput) -> tuple[str, ...]:
+def _warnings(shown: ViscosityInput) -> tuple[Message, ...]:
     """List what was said of specimens and limbs, but for silence."""
     return tuple(
-        f"{kind} {part.name}: {note}"
+        as_message(note).within(f"{kind} {part.name}")
         for kind, part in _parts(shown)
         for note in part.notes
         if note != SILENT

@@ -17,6 +17,7 @@ from myomorph.core.contact.plate_placements import MarkedWeight, Placement, find
 from myomorph.core.io.mesh import find_mesh, read_mesh
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadFile, UnknownName
+from myomorph.core.model.messages import located
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, PlateRecording, Trial
 from myomorph.core.model.surface import Surface
@@ -139,9 +140,9 @@ def model_from_scans(
     )
     notes = [line for bone in bones for line in bone.notes]
     notes += [
-        f"{scan.bone}: {line}"
+        note
         for scan, cluster in zip(scans, clusters, strict=True)
-        for line in cluster.notes
+        for note in located(scan.bone, cluster.notes)
     ]
     return ScannedModel(
         model=placed, bones=tuple(bones), clusters=tuple(clusters), notes=tuple(notes)

@@ -14,6 +14,7 @@ from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.errors import BadData, MyomorphError
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.interval import Interval
+from myomorph.swings.causes import PLATE
 from myomorph.swings.viscosity.identification import identify
 from myomorph.swings.viscosity.identification.base_load import UNKNOWN, BaseLoad, with_base_load
 from myomorph.swings.viscosity.identification.budget import ErrorOptions, ErrorShare
@@ -219,7 +220,9 @@ def _equations(
             continue
         if not tared:
             hidden = Finding(
-                TARED, "plate", "the plate's zero is taken as unknown, so the mass hides"
+                TARED,
+                "plate",
+                PLATE.message("the plate's zero is taken as unknown, so the mass hides"),
             )
             findings = (hidden, *(each for each in findings if each.kind not in (TARED, "zero")))
         result[name] = replace(condition, recordings=recordings, findings=findings)

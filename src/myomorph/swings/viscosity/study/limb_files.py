@@ -13,6 +13,7 @@ from pydantic import Field
 
 from myomorph.core.model.errors import BadFile, listing
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import located
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion
 from myomorph.core.motion.filters import differentiate
@@ -260,7 +261,7 @@ def _motion(files: DropFiles, model: Model) -> tuple[Motion, list[str]]:
                 path, "holds no markers", "give markers (.trc, .c3d) or coordinates (.mot, .sto)"
             )
         motion = inverse_kinematics(model, trial.markers).motion
-        notes = [f"{files.name}: {text}" for text in trial.warnings if "plate" not in text]
+        notes = [*located(files.name, (text for text in trial.warnings if "plate" not in text))]
     return (motion if files.time is None else cut(motion, *files.time)), notes
 
 

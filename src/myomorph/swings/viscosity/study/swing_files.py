@@ -19,6 +19,7 @@ from myomorph.core.io.mesh import read_mesh
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadFile, BadModel, check_name, listing
+from myomorph.core.model.messages import located
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
 from myomorph.core.model.spatial import least_rotation
@@ -325,7 +326,7 @@ def open_swing(
             replace(empty, forces=-empty.forces, torques=-empty.torques) if carried_notes else empty
         )
     assert trial.markers is not None
-    notes = (f"{swing.name}: {text}" for text in trial.warnings if "plate" not in text)
+    notes = located(swing.name, (text for text in trial.warnings if "plate" not in text))
     return SwingTrial(
         name=swing.name, markers=trial.markers, wrenches=wrenches, time=swing.time, tare=empty
     ), (*carried_notes, *notes)

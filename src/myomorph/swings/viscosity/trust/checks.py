@@ -10,7 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import CLOCKS
 from myomorph.core.model.findings import Finding
+from myomorph.swings.causes import LIMB, PLATE, SWINGS, TRACKING
 from myomorph.swings.viscosity.identification.budget import disturbed, thinned
 from myomorph.swings.viscosity.identification.identify import (
     MAX_RELATIVE_WIDTH,
@@ -124,7 +126,7 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
             f"only {len(sums)} of the three whole swings that intervals need: record more releases,"
             " or longer ones"
         )
-        findings.append(Finding("few swings", "swings", text))
+        findings.append(Finding("few swings", "swings", SWINGS.message(text)))
     zero = plate_zero(recordings, sums)
     if zero.mass < SPARE * zero.least_mass:
         text = (
@@ -133,14 +135,14 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
             f" at {zero.oscillation:.2f} m): the plate was set to zero with the limb on it, so the"
             " mass hides; set zero with the fixture alone, or give that as tare"
         )
-        findings.append(Finding(TARED, "plate", text))
+        findings.append(Finding(TARED, "plate", PLATE.message(text)))
     elif float(np.linalg.norm(zero.moment)) > OFF * zero.own_moment:
         most = f"{zero.own_moment:.2f} N m at most"
         text = (
             f"a constant moment of {np.linalg.norm(zero.moment):.2f} N m is not the limb's"
             f" ({most}): {RESTS}"
         )
-        findings.append(Finding("zero", "plate", text))
+        findings.append(Finding("zero", "plate", PLATE.message(text)))
     return tuple(findings)
 
 
@@ -171,7 +173,7 @@ def base_findings(
         return ()
     more = "is not the limb's, and more than errors of the instruments explain"
     text = f"a constant moment of {np.linalg.norm(moment):.2f} N m about the joint {more}: {RESTS}"
-    return (Finding(LOADED, "base", text),)
+    return (Finding(LOADED, "base", PLATE.message(text)),)
 
 
 def condition_findings(condition: Condition) -> tuple[Finding, ...]:
@@ -191,7 +193,7 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
             f"one viscosity does not describe the trials: {ends}; those of single axes and muscles"
             " stand beside"
         )
-        return (Finding("trials", "swings", text), *_misfit(condition))
+        return (Finding("trials", "swings", SWINGS.message(text)), *_misfit(condition))
     if wide:
         ends = (
             f"{viscosity.low:.2g} to {viscosity.high:.2g} N m s/rad at rates of"
@@ -201,7 +203,7 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
             f"the swings are too small to tell the viscosity: {ends}; release it from farther out,"
             " or more often"
         )
-        return (Finding(TOO_SMALL, "swings", text),)
+        return (Finding(TOO_SMALL, "swings", SWINGS.message(text)),)
     findings = []
     axes = condition.recordings[0].axes
     for axis, rate, excited, each in zip(
@@ -222,7 +224,7 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
             f"square), {why}; spin the limb about that axis as it is released (turned and let go it"
             " hardly rotates)"
         )
-        findings.append(Finding("axis", axis, text))
+        findings.append(Finding("axis", axis, SWINGS.message(text)))
     return (*findings, *_misfit(condition))
 
 
@@ -257,7 +259,7 @@ def _misfit(condition: Condition) -> tuple[Finding, ...]:
         "cannot be trusted, nor the viscosity; swing it about every axis, and check the joint's"
         " center"
     )
-    return (Finding("misfit", "limb", text),)
+    return (Finding("misfit", "limb", LIMB.message(text)),)
 
 
 def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
@@ -268,12 +270,16 @@ def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
             kind = SLIPPED
         else:
             kind = MOVING_BASE if slip.what == "base" else LOOSE_WIRE
-        findings.append(Finding(kind, slip.what, slip.line))
+        findings.append(Finding(kind, slip.what, TRACKING.message(slip.line)))
     for trial in tracked.trials:
         lost = float(np.mean(~np.isfinite(trial.motion.values).all(axis=1)))
         if lost > LOST:
             text = f"{100 * lost:.0f} % of its frames show too few markers: label them, or drop it"
-            findings.append(Finding("lost frames", trial.name, f"trial '{trial.name}': {text}"))
+            findings.append(
+                Finding(
+                    "lost frames", trial.name, TRACKING.message(f"trial '{trial.name}': {text}")
+                )
+            )
         shift = abs(trial.clock.drift) * trial.clock.length
         if shift > max(DRIFT, 3.0 * trial.clock.drift_sd * trial.clock.length):
             drift = (
@@ -284,5 +290,5 @@ def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
                 f"trial '{trial.name}': the plate's clock drifts by {drift}: corrected; a common"
                 " clock is better"
             )
-            findings.append(Finding("clock", trial.name, text))
+            findings.append(Finding("clock", trial.name, CLOCKS.message(text)))
     return tuple(findings)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.core.model.message_groups import CauseGroup, grouped_messages
 from myomorph.core.model.series import Series
-from myomorph.lab.report.trial.answer.cause import Cause, grouped
-from myomorph.lab.report.trial.answer.causes import KINDS
 from myomorph.lab.report.trial.answer.judgement import Judgement, judged
 from myomorph.lab.report.trial.answer.main_result import MainResult
 from myomorph.lab.report.trial.answer.movements import main_result
@@ -34,14 +33,14 @@ class Answer:
 
     result: MainResult | None
     judgement: Judgement
-    causes: tuple[Cause, ...]
+    causes: tuple[CauseGroup, ...]
     facts: Mapping[str, str]
     busiest: tuple[str, ...]
 
 
 def answer_of(prepared: Prepared) -> Answer:
     """Return the answer that a trial gives."""
-    causes = grouped(prepared.results.head.warnings, KINDS)
+    causes = grouped_messages(prepared.results.head.warnings)
     judgement = judged(prepared, causes)
     result = main_result(prepared, judgement.use)
     poses = () if result is None else result.poses

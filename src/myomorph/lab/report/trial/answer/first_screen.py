@@ -7,17 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.core.model.errors import counted
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.message_groups import CauseGroup
+from myomorph.core.model.messages import Gravity, Message, Span
 from myomorph.lab.report.scene.scene import make_scene
 from myomorph.lab.report.trial.answer.answer import Answer
 from myomorph.lab.report.trial.answer.answer_chart import answer_chart
 from myomorph.lab.report.trial.answer.answer_curve import FEW
-from myomorph.lab.report.trial.answer.cause import Gravity
 from myomorph.lab.report.trial.answer.judgement import Use
 from myomorph.lab.report.trial.answer.main_result import KeyPose, MainResult
 from myomorph.lab.report.trial.answer.over_time import SECONDS
 from myomorph.lab.report.trial.answer.pose_pictures import PosePicture, pose_pictures
 from myomorph.lab.report.trial.answer.sentence import with_unit
+from myomorph.lab.report.trial.answer.time_strip import time_strip
 from myomorph.lab.report.trial.prepared import Prepared
 
 STYLES: Mapping[Use, str] = FrozenMap(
@@ -69,6 +72,7 @@ class FirstScreen:
     curves : at most three charts
     note : what thick and thin lines or bands are
     colored : whether the muscles have the colors of activations
+    span : first and last time of the trial [s], None without frames
     """
 
     answer: Answer
@@ -77,6 +81,37 @@ class FirstScreen:
     curves: tuple[ShownCurve, ...]
     note: str
     colored: bool
+    span: Span | None
+
+    @property
+    def warnings(self) -> tuple[CauseGroup, ...]:
+        """Causes that may change a number of the first screen by more than its error."""
+        return tuple(group for group in self.answer.causes if group.is_warning)
+
+    @property
+    def known(self) -> tuple[Message, ...]:
+        """Messages of causes that change none."""
+        groups = (group for group in self.answer.causes if not group.is_warning)
+        return tuple(message for group in groups for message in group.messages)
+
+    @property
+    def known_titles(self) -> str:
+        """Causes that change nothing, with the number of their messages."""
+        groups = (group for group in self.answer.causes if not group.is_warning)
+        return "; ".join(f"{group.cause.title} ({len(group.messages)})" for group in groups)
+
+    @property
+    def causes_note(self) -> str:
+        """Number of causes, and of what is good to know, beside the section's title."""
+        grave = counted(len(self.warnings), "cause") if self.warnings else "none"
+        known = f"; {len(self.known)} good to know" if self.known else ""
+        return f"{grave}{known}"
+
+    def strip(self, group: CauseGroup) -> str:
+        """Draw when a cause acts over the time of the trial; "" where it acts throughout."""
+        if self.span is None or not group.spans:
+            return ""
+        return time_strip(group.spans, self.span)
 
     @staticmethod
     def grave(gravity: Gravity) -> str:
@@ -99,7 +134,16 @@ def first_screen(prepared: Prepared, answer: Answer) -> FirstScreen:
         curves=tuple(curves),
         note="" if result is None else _note(result),
         colored=any(answer.busiest),
+        span=_span(prepared),
     )
+
+
+def _span(prepared: Prepared) -> Span | None:
+    """First and last time of the motion [s]."""
+    motion = prepared.results.kinematics.motion
+    if motion is None or len(motion.time) < 2:
+        return None
+    return float(motion.time[0]), float(motion.time[-1])
 
 
 def _poses(prepared: Prepared, answer: Answer) -> tuple[ShownPose, ...]:

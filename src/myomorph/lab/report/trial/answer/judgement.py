@@ -21,12 +21,12 @@ from typing import Literal
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.causes import FEET_BESIDE
 from myomorph.core.model.findings import spans_of, times_text
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.message_groups import CauseGroup
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.page.parts import Quantity, Verdict
-from myomorph.lab.report.trial.answer.cause import Cause
-from myomorph.lab.report.trial.answer.causes import FEET_BESIDE
 from myomorph.lab.report.trial.answer.sentence import NO_BREAK
 from myomorph.lab.report.trial.prepared import Prepared
 from myomorph.lab.report.trial.tables import MARKER_LARGEST, MARKER_RMS
@@ -86,7 +86,7 @@ class Judgement:
         return USES[self.use]
 
 
-def judged(prepared: Prepared, causes: Sequence[Cause]) -> Judgement:
+def judged(prepared: Prepared, causes: Sequence[CauseGroup]) -> Judgement:
     """Return the verdict on what was computed, by the rule of this module."""
     found = _nothing(prepared)
     if found is None:
@@ -138,14 +138,16 @@ def _lost_marker(prepared: Prepared) -> str:
     return f"Marker {fit.marker_names[worst]} misses the body by {size}, root mean square."
 
 
-def _of_torques(prepared: Prepared, causes: Sequence[Cause]) -> tuple[Use, str] | None:
+def _of_torques(prepared: Prepared, causes: Sequence[CauseGroup]) -> tuple[Use, str] | None:
     """Why torques do not hold, None where they do."""
     results = prepared.results
     if results.dynamics.torques is None:
         if results.dynamics.wrenches is None:
             return "angles", "No force was measured, so there are no torques."
         return "angles", "Torques were not computed."
-    unknown = max((cause.largest for cause in causes if cause.kind is FEET_BESIDE), default=0.0)
+    unknown = max(
+        (cause.largest for cause in causes if cause.cause.key == FEET_BESIDE.key), default=0.0
+    )
     if unknown > 100.0 * MOST_FRAMES:
         share = f"{unknown:.0f}{NO_BREAK}%"
         return "angles", f"No plate measured the load of a foot in {share} of the time."

@@ -9,6 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from myomorph.core.io.sto import write_sto
+from myomorph.core.model.causes import FILTER, SETTINGS
+from myomorph.core.model.findings import messages_of_findings
+from myomorph.core.model.gravity import gravity_of
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
 from myomorph.core.model.series_quantities import COORDINATE_UNIT, FILTERED_MOTION, WRENCHES
@@ -80,7 +84,7 @@ class Torques:
     motion: Motion
     torques: Series
     wrenches: Wrenches | None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     filter_effect: FilterEffect | None = None
 
 
@@ -147,7 +151,7 @@ def _largest_joint_torque(model: Model, torques: Series) -> float:
     return float(np.nanmax(np.abs(torques.values[:, turning]), initial=0.0))
 
 
-def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[str, ...]]:
+def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[Message, ...]]:
     """The motion with velocities and accelerations, cut to the time that is used, with closed loops
     closed; and notes. Where soft tissue is known, it is that of the body's mass; a refined motion
     is that already. Derivatives are taken of all frames first, as OpenSim does, so the cut leaves
@@ -171,7 +175,10 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torqu
         motion = motion.frames(slice(None, None, step))
         notes = (
             *notes,
-            "joint torques are those of the file that was given: no inverse dynamics was computed",
+            SETTINGS.message(
+                "joint torques are those of the file that was given: no inverse dynamics was"
+                " computed"
+            ),
         )
         return Torques(
             motion=motion,
@@ -230,10 +237,12 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
     effect = filter_effect(trial, poses.recorded, dynamics)
     dynamics = replace(dynamics, filter_effect=effect)
     if effect is not None and abs(effect.double) > MAX_EFFECT:
-        change = f"{100.0 * effect.double:+.0f} %"
-        text = (
-            f"double the automatic cutoff changes the largest joint torque by {change}: see"
-            " --cutoff"
+        change = 100.0 * effect.double
+        text = FILTER.message(
+            f"double the automatic cutoff changes the largest joint torque by {change:+.0f} %: see"
+            " --cutoff",
+            size=change,
+            gravity=gravity_of(change, 100.0 * MAX_EFFECT),
         )
         dynamics = replace(dynamics, notes=(*dynamics.notes, text))
     write_sto(
@@ -269,7 +278,7 @@ def _read(stored: Stored, options: OptionSet) -> Torques | None:
 
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
-    report_input = report_input.with_warnings(map(str, get_findings(stored, FINDINGS)))
+    report_input = report_input.with_warnings(messages_of_findings(get_findings(stored, FINDINGS)))
     dynamics = Dynamics(
         torques=store.get_torques(stored),
         wrenches=store.get_wrenches(stored),
@@ -326,7 +335,8 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
 
 def _outcome(outcome: Outcome, torques: Torques) -> Outcome:
     """What checks of external forces found."""
-    texts = () if torques.wrenches is None else tuple(map(str, torques.wrenches.findings))
+    wrenches = torques.wrenches
+    texts = () if wrenches is None else messages_of_findings(wrenches.findings)
     return replace(outcome, findings=(*outcome.findings, *texts))
 
 

@@ -15,7 +15,8 @@ from myomorph.body.sensors.sensor_recording import SensorRecording, TrackedMarke
 from myomorph.core.contact.site_motion import root_places, walked
 from myomorph.core.io.sto import table_from_motion, write_sto
 from myomorph.core.model.errors import BadData
-from myomorph.core.model.findings import Finding
+from myomorph.core.model.findings import Finding, messages_of_findings
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion, Series, Table
 from myomorph.core.model.series_quantities import (
@@ -56,7 +57,7 @@ class Poses:
 
     recorded: Motion
     fit: KinematicsFit | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     findings: tuple[Finding, ...] = ()
 
 
@@ -145,7 +146,7 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
         return Poses(used)
     checked = solve_kinematics(trial)
     writer = output.writer
-    notes = tuple(map(str, checked.findings))
+    notes = messages_of_findings(checked.findings)
     if checked.sensors is not None:
         notes = (*notes, *checked.sensors.mounting.notes)
         of_sensors = Series(
@@ -186,7 +187,9 @@ def _read(stored: Stored, options: OptionSet) -> Poses | None:
     if fit is None:
         return Poses(store.get_motion(stored)) if COORDINATE_VALUE.name in stored.values else None
     findings = get_findings(stored, FINDINGS)
-    return Poses(recorded=fit.motion, fit=fit, notes=tuple(map(str, findings)), findings=findings)
+    return Poses(
+        recorded=fit.motion, fit=fit, notes=messages_of_findings(findings), findings=findings
+    )
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
@@ -202,7 +205,7 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     coordinates = store.get_derivatives(stored) if fit is None else None
     if fit is None and coordinates is None and COORDINATE_VALUE.name in stored.values:
         coordinates = store.get_motion(stored)
-    report_input = report_input.with_warnings(map(str, get_findings(stored, FINDINGS)))
+    report_input = report_input.with_warnings(messages_of_findings(get_findings(stored, FINDINGS)))
     return replace(report_input, kinematics=Kinematics(store.get_markers(stored), fit, coordinates))
 
 
@@ -254,7 +257,7 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
 
 def _outcome(outcome: Outcome, poses: Poses) -> Outcome:
     """Frames, marker errors and findings."""
-    texts = tuple(map(str, poses.findings))
+    texts = messages_of_findings(poses.findings)
     outcome = replace(outcome, frames=len(poses.recorded), findings=(*outcome.findings, *texts))
     fit = poses.fit
     if fit is not None and np.isfinite(fit.marker_error).any():

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from myomorph.core.io.sto import write_sto
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.core.motion.sync import cut
@@ -114,14 +115,14 @@ class MuscleLengths:
 
     lengths: Series | None = None
     velocities: Series | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     summary: str = ""
 
 
 def _run(
     trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None
 ) -> MuscleLengths:
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     if torques is None:
         motion, notes = with_derivatives(trial, poses.recorded)
         store.put_derivatives(output.writer, motion, trial.model)

@@ -25,7 +25,8 @@ from myomorph.core.io.sto import write_sto
 from myomorph.core.model import contact_quantities
 from myomorph.core.model.contacts import Contacts
 from myomorph.core.model.errors import BadData
-from myomorph.core.model.findings import Finding
+from myomorph.core.model.findings import Finding, messages_of_findings
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.motion.envelope import EnvelopeOptions
@@ -50,7 +51,7 @@ from myomorph.core.tension.quantities import (
     TENSION,
 )
 from myomorph.core.tension.recruitment import RecruitmentOptions
-from myomorph.core.tension.relaxation import relaxation_lines
+from myomorph.core.tension.relaxation import relaxation_messages
 from myomorph.core.tension.solve import ContactSolution
 from myomorph.core.tension.tension import Tension, TensionOptions, contact_notes, missing_support
 from myomorph.core.tension.terms.contacts import ContactOptions
@@ -115,7 +116,7 @@ class Tensions:
     contacts: Contacts | None = None
     loads: Wrenches | None = None
     carried: Series | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     findings: tuple[Finding, ...] = ()
 
 
@@ -123,7 +124,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     """Solve for muscle tensions, and for contact forces where they are asked for; write what was
     found.
     """
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     if torques is None:
         torques = solve_dynamics(trial, poses.recorded)
         notes = torques.notes
@@ -328,17 +329,17 @@ def _write_contacts(
 
 def _write_warnings(
     trial: TrialInputs, solution: ContactSolution, output: StepOutput
-) -> tuple[str, ...]:
-    """What is left open and what contacts cannot carry, as files; returns the latter, one line a
-    stretch of time.
-    """
+) -> tuple[Message, ...]:
+    """What is left open and what contacts cannot carry, as files; returns the latter."""
     frames = evenly_spaced(trial.options[TensionTables].intervals, len(solution.tension))
     with progress(f"{trial.name}: what is left open", len(frames)) as advance:
         warnings = contact_warnings(solution, frames, advance)
     contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
     if warnings.intervals is not None:
         write_sto(warnings.table(), output.folder / INTERVAL_LOW.file)
-    return relaxation_lines(warnings.infeasible)
+    model = trial.model
+    weight = model.mass * float(np.linalg.norm(model.gravity))
+    return relaxation_messages(warnings.infeasible, len(solution.tension), weight)
 
 
 def _read(stored: Stored, options: OptionSet) -> Tensions | None:
@@ -384,7 +385,7 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
         situation=contact_store.get_situation(stored),
     )
     return replace(
-        report_input.with_warnings(map(str, get_findings(stored, FINDINGS))),
+        report_input.with_warnings(messages_of_findings(get_findings(stored, FINDINGS))),
         contacts=contacts,
         tension=tension,
         reserve_coordinates=stored.names.get("actuator_coordinate", ()),
@@ -436,7 +437,7 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
 
 def _outcome(outcome: Outcome, tensions: Tensions) -> Outcome:
     """Where contacts cannot carry the body."""
-    return replace(outcome, findings=(*outcome.findings, *map(str, tensions.findings)))
+    return replace(outcome, findings=(*outcome.findings, *messages_of_findings(tensions.findings)))
 
 
 def _line(trial: TrialInputs, results: ByType) -> str:

@@ -20,10 +20,12 @@ from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.io.sto import write_sto
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.rigid.frames import thread_count
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.lab.analysis.strides import Strides
+from myomorph.lab.causes import DRAWS
 from myomorph.lab.report.trial.report_input import ReportInput
 from myomorph.lab.store.progress import progress
 from myomorph.lab.store.results import Stored
@@ -396,17 +398,21 @@ def _mean_square(values: Array) -> Array:
     return np.asarray((np.nan_to_num(values) ** 2).mean(axis=0))
 
 
-def _notes(failures: Failures, draws: int) -> tuple[str, ...]:
+def _notes(failures: Failures, draws: int) -> tuple[Message, ...]:
     notes = []
     if failures.unsolved > MAX_UNSOLVED * draws:
         notes.append(
-            f"uncertainty: {failures.unsolved} of {draws} draws have no solution and are left out: "
-            "limits are too narrow"
+            DRAWS.message(
+                f"uncertainty: {failures.unsolved} of {draws} draws have no solution and are left"
+                " out: limits are too narrow"
+            )
         )
     if failures.weak > MAX_WEAK * draws:
         notes.append(
-            f"uncertainty: in {failures.weak} of {draws} draws the muscles are too weak for the "
-            "motion, and they are left out: the model itself is hardly strong enough"
+            DRAWS.message(
+                f"uncertainty: in {failures.weak} of {draws} draws the muscles are too weak for the"
+                " motion, and they are left out: the model itself is hardly strong enough"
+            )
         )
     return tuple(notes)
 

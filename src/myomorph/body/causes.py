@@ -1,0 +1,67 @@
+"""Causes of the messages that estimates of a body make."""
+
+from __future__ import annotations
+
+from myomorph.core.model.messages import Cause
+
+CALIBRATION = Cause(
+    key="calibration",
+    title="Lengths and markers that recordings hardly show",
+    gravity="may change results",
+    effect="Segment lengths, marker positions and zero angles follow what was assumed before.",
+    remedy="Add a static trial, markers, or motions that turn the joints named.",
+    quantities=("coordinate_value", "marker_error"),
+)
+SIDES = Cause(
+    key="sides",
+    title="Sides of the body that differ",
+    gravity="may change results",
+    effect="Lengths and markers of both sides were found apart from each other.",
+    remedy="Look whether the person is so, or markers of one side lie elsewhere.",
+    quantities=("coordinate_value",),
+)
+SEARCH = Cause(
+    key="search",
+    title="Searches that did not end",
+    gravity="may change results",
+    effect="The estimate may be better than it is.",
+    remedy="Allow more iterations.",
+)
+MASSES = Cause(
+    key="masses",
+    title="Masses of segments that are hard to believe",
+    gravity="may change results",
+    effect="Torques of segments that move fast follow their masses.",
+    remedy="Record longer and more varied motions, with nothing but plates to touch.",
+    quantities=("generalized_force",),
+)
+HELD_OUT = Cause(
+    key="held_out",
+    title="Estimates that predict no better than the generic model",
+    gravity="may change results",
+    effect="What was estimated may fit the recording and not the person.",
+    remedy="Record longer and more varied motions.",
+)
+SKIN = Cause(
+    key="skin",
+    title="Shape of the body",
+    gravity="may change results",
+    effect="Masses and mass centers of segments follow the skin.",
+    remedy="Look at the skin, its unit and its pose, and at the measurements.",
+    quantities=("generalized_force",),
+)
+COUNTERPARTS = Cause(
+    key="counterparts",
+    title="Parts that two models do not share",
+    gravity="may change results",
+    effect="What one model lacks stays as it was in the other.",
+    remedy="Look at the parts named.",
+)
+PERSONAL_MUSCLES = Cause(
+    key="personal_muscles",
+    title="Muscles of the person that recordings hardly show",
+    gravity="may change results",
+    effect="Their strengths and lengths are those that were assumed before.",
+    remedy="Record EMG, and motions that use the muscles through their range.",
+    quantities=("muscle_force", "activation"),
+)

@@ -1,0 +1,190 @@
+"""Messages: sentences about what may be wrong, each with its cause.
+
+A message is made where something is found, by the cause that it has:
+`FEET_BESIDE.message("the load on ...", times=spans, size=40.0)`. It is a text wherever one is
+wanted, and carries its cause through results, files and pages.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, TypeAlias, get_args
+
+Span: TypeAlias = tuple[float, float]
+"""First and last time of a stretch of frames [s]."""
+Gravity = Literal["changes results", "may change results", "good to know"]
+GRAVITIES: tuple[Gravity, ...] = get_args(Gravity)
+"""What a cause can do to a number of a page's first screen, the gravest first (`gravity.py`)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """A cause that messages have, declared once in its wing's `causes.py`.
+
+    Attributes
+    ----------
+    key : its name in files, as "feet_beside"
+    title : what is the matter, as "Feet beside the plates"
+    gravity : the gravest that it can be; a message may say that it is less
+    effect : on which results, and how
+    remedy : a command or a better recording, "" where nothing needs to be done
+    quantities : names of the quantities that it touches
+    size : sentence with {size}, how much it is; "" where only the number of messages says it
+    """
+
+    key: str
+    title: str
+    gravity: Gravity
+    effect: str
+    remedy: str = ""
+    quantities: tuple[str, ...] = ()
+    size: str = ""
+
+    def message(
+        self,
+        text: str,
+        *,
+        place: str = "",
+        times: Sequence[Span] = (),
+        size: float | None = None,
+        share: float | None = None,
+        gravity: Gravity | None = None,
+    ) -> Message:
+        """Make a message of this cause; for the values see `Message`."""
+        return Message(
+            text,
+            cause=self,
+            place=place,
+            times=times,
+            size=size,
+            share=share,
+            gravity=gravity,
+        )
+
+
+OTHER = Cause(
+    key="other",
+    title="Other remarks",
+    gravity="may change results",
+    effect="As each says.",
+    remedy="Read them.",
+)
+"""Of messages whose cause is not known, as those of files that an older version wrote."""
+
+
+class Message(str):
+    """A sentence about what may be wrong, with its cause.
+
+    It equals its text, and does not change.
+
+    Attributes
+    ----------
+    cause : what it comes of
+    place : a plate, force, marker, coordinate, muscle or file; "" for none
+    times : (start, stop) of each stretch of time concerned [s]; empty where all of it is
+    size : number of the cause's sentence of size, None where nothing is measured
+    share : of the frames concerned, 0 to 1; None where it is not known
+    gravity : what it does to a number of the first screen
+    """
+
+    __slots__ = ("cause", "gravity", "place", "share", "size", "times")
+
+    cause: Cause
+    place: str
+    times: tuple[Span, ...]
+    size: float | None
+    share: float | None
+    gravity: Gravity
+
+    def __new__(
+        cls,
+        text: str,
+        *,
+        cause: Cause,
+        place: str = "",
+        times: Sequence[Span] = (),
+        size: float | None = None,
+        share: float | None = None,
+        gravity: Gravity | None = None,
+    ) -> Message:
+        """Make a message; its cause's own `message` is shorter."""
+        made = super().__new__(cls, text)
+        values = {
+            "cause": cause,
+            "place": place,
+            "times": tuple(times),
+            "size": size,
+            "share": share,
+            "gravity": cause.gravity if gravity is None else gravity,
+        }
+        for name, value in values.items():
+            object.__setattr__(made, name, value)
+        return made
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a message does not change: make another one ({name})")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _of_facts, (str(self), self._facts)
+
+    @property
+    def _facts(self) -> dict[str, Any]:
+        """All but the text, as plain keywords."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+    def changed(self, text: str | None = None, **facts: Any) -> Message:
+        """Return the same with another text, or other values."""
+        return Message(str(self) if text is None else text, **(self._facts | facts))
+
+    def within(self, place: str) -> Message:
+        """Return the same, said of a file, trial or other place: 'walk.c3d: ...'."""
+        return self.changed(f"{place}: {self}", place=self.place or place)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Fields as plain values, for files; a cause is there with its words."""
+        return {"text": str(self), **(self._facts | {"cause": asdict(self.cause)})}
+
+    @staticmethod
+    def of_record(record: str | dict[str, Any]) -> Message:
+        """Read what `record` wrote; of older versions a text, whose cause is not known."""
+        if isinstance(record, str):
+            return OTHER.message(record)
+        facts = dict(record)
+        text = facts.pop("text")
+        cause = facts.pop("cause")
+        known = Cause(**(cause | {"quantities": tuple(cause["quantities"])}))
+        times = tuple((start, stop) for start, stop in facts.pop("times"))
+        return Message(text, cause=known, times=times, **facts)
+
+
+def _of_facts(text: str, facts: dict[str, Any]) -> Message:
+    """Make a message again where it was pickled."""
+    return Message(text, **facts)
+
+
+def as_message(text: str) -> Message:
+    """Return a message itself; a text of unknown cause becomes one of `OTHER`."""
+    return text if isinstance(text, Message) else OTHER.message(text)
+
+
+def located(place: str, messages: Iterable[str]) -> tuple[Message, ...]:
+    """Say messages of a file, trial or other place: 'walk.c3d: ...'."""
+    return tuple(as_message(text).within(place) for text in messages)
+
+
+def unique(messages: Iterable[str]) -> tuple[Message, ...]:
+    """Messages in their order, each text once."""
+    return tuple(map(as_message, dict.fromkeys(messages)))
+
+
+def messages_text(messages: Iterable[str]) -> str:
+    """Write messages as JSON."""
+    return json.dumps([as_message(text).record for text in messages])
+
+
+def messages_of(text: str) -> tuple[Message, ...]:
+    """Read what `messages_text` wrote, and lists of texts that older versions wrote."""
+    return tuple(map(Message.of_record, json.loads(text)))

@@ -1,0 +1,47 @@
+"""Causes of the messages that the laboratory makes."""
+
+from __future__ import annotations
+
+from myomorph.core.model.messages import Cause
+
+SESSION = Cause(
+    key="session",
+    title="Who, when or which movement that is not certain",
+    gravity="may change results",
+    effect="Norms, sentences and pages are those of the movement and person that were taken.",
+    remedy="State them in the study file, or check names and files.",
+)
+STRIDES = Cause(
+    key="strides",
+    title="Strides that were not found",
+    gravity="may change results",
+    effect="Means over strides, and curves over the cycle, are without them.",
+    remedy="Give events in the recording, or the direction and speed of the ground.",
+)
+GROUPS = Cause(
+    key="groups",
+    title="Comparisons that hold less than was asked for",
+    gravity="may change results",
+    effect="Differences are described, or rest on fewer subjects.",
+    remedy="Look at what was left out.",
+)
+DRAWS = Cause(
+    key="draws",
+    title="Drawn errors without a solution",
+    gravity="may change results",
+    effect="Intervals are too narrow.",
+    remedy="Draw smaller errors, or look at the trials named.",
+)
+FILE_SHAPE = Cause(
+    key="file_shape",
+    title="What looks wrong in a file",
+    gravity="may change results",
+    effect="Steps that read it may fail or be wrong.",
+    remedy="Correct the file.",
+)
+CONVERSION = Cause(
+    key="conversion",
+    title="What a converted file does not hold, or holds otherwise",
+    gravity="good to know",
+    effect="As each says.",
+)

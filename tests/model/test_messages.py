@@ -1,0 +1,111 @@
+"""Messages: texts with their cause, whatever carries them."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import FrozenInstanceError, replace
+
+import pytest
+
+from myomorph.core.model.causes import CONTACTS, FEET_BESIDE, READING
+from myomorph.core.model.message_groups import grouped_messages, outcome_lines, warnings_of
+from myomorph.core.model.messages import (
+    GRAVITIES,
+    OTHER,
+    Message,
+    located,
+    messages_of,
+    messages_text,
+    unique,
+)
+
+FOOT = FEET_BESIDE.message(
+    "the load on 'calcn_l' is not determined",
+    place="calcn_l",
+    times=((1.0, 1.2), (1.25, 1.5), (3.0, 3.1)),
+    size=40.0,
+    share=0.4,
+)
+OTHER_FOOT = FEET_BESIDE.message("the load on 'calcn_r' is not determined", size=12.0)
+AXES = READING.message("z points up in the laboratory")
+
+
+def test_a_message_is_its_text() -> None:
+    assert FOOT == "the load on 'calcn_l' is not determined"
+    assert f"{FOOT}" == str(FOOT)
+    assert FOOT in {str(FOOT)}
+
+
+def test_a_message_does_not_change() -> None:
+    with pytest.raises(AttributeError, match="does not change"):
+        FOOT.place = "elsewhere"
+    with pytest.raises(FrozenInstanceError):
+        FEET_BESIDE.title = ""  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("message", [FOOT, OTHER_FOOT, AXES])
+def test_files_and_processes_keep_all_of_it(message: Message) -> None:
+    for copy in (*messages_of(messages_text([message])), pickle.loads(pickle.dumps(message))):
+        assert copy == message
+        assert copy.record == message.record
+        assert copy.cause == message.cause
+
+
+def test_texts_of_older_files_have_no_known_cause() -> None:
+    (read,) = messages_of('["a thing that an older version wrote"]')
+    assert read.cause == OTHER
+    assert read == "a thing that an older version wrote"
+
+
+def test_a_message_of_a_file_is_said_with_its_name() -> None:
+    (said,) = located("walk.c3d", (AXES,))
+    assert said == f"walk.c3d: {AXES}"
+    assert said.cause == READING
+    assert said.place == "walk.c3d"
+    assert located("walk.c3d", (FOOT,))[0].place == "calcn_l"
+
+
+def test_the_gravest_come_first_and_the_largest_in_each() -> None:
+    groups = grouped_messages((AXES, OTHER_FOOT, "a text", FOOT, FOOT))
+    order = [GRAVITIES.index(group.gravity) for group in groups]
+    assert order == sorted(order)
+    assert groups[0].messages == (FOOT, OTHER_FOOT)
+    assert [group.cause for group in groups] == [FEET_BESIDE, OTHER, READING]
+    assert sum(len(group.messages) for group in groups) == 4
+
+
+def test_a_group_has_places_sizes_and_stretches_that_touch_are_one() -> None:
+    (group,) = grouped_messages((OTHER_FOOT, FOOT))
+    assert group.size == "in up to 40 % of the time"
+    assert group.largest == 40.0
+    assert group.share == 0.4
+    assert group.where == "calcn_l; from 1.00 to 1.50 s, from 3.00 to 3.10 s"
+
+
+def test_one_cause_of_two_gravities_is_two_groups() -> None:
+    less = FOOT.changed("a little", gravity="good to know")
+    assert [group.gravity for group in grouped_messages((less, FOOT))] == [
+        "changes results",
+        "good to know",
+    ]
+    assert warnings_of((less, FOOT, AXES)) == (FOOT,)
+
+
+def test_printed_lines_say_where_the_rest_stands() -> None:
+    many = [CONTACTS.message(f"stretch {number}", size=float(number)) for number in range(9)]
+    lines = outcome_lines((AXES, *many), "report.html")
+    assert lines[0] == "changes results: Contacts that cannot carry the motion: " + (
+        "up to 8 N come from nowhere"
+    )
+    assert lines[1:3] == ["  stretch 8", "  stretch 7"]
+    assert lines[3] == "  and 7 more of this cause: report.html"
+    assert lines[-1] == "good to know: How the recording was read (1): report.html"
+
+
+def test_texts_are_said_once() -> None:
+    assert unique((FOOT, str(FOOT), AXES)) == (FOOT, AXES)
+    assert unique((FOOT, str(FOOT)))[0].cause == FEET_BESIDE
+
+
+def test_a_cause_is_equal_by_its_words() -> None:
+    assert replace(FEET_BESIDE, title="x") != FEET_BESIDE
