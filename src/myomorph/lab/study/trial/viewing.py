@@ -116,7 +116,9 @@ def _with_meshes(shown: ReportInput, model: Model, appearance: Appearance) -> Re
 
     own = () if appearance.geometry is None else (appearance.geometry,)
     surfaces, missing = read_surfaces(model, (*own, *mesh_folders(model)))
-    sentences = [f"{text}: name the folder that has them by --geometry" for text in missing]
+    sentences = [
+        text.changed(f"{text}: name the folder that has them by --geometry") for text in missing
+    ]
     for sentence in sentences:
         appearance.missing(sentence)
     return replace(shown, surfaces=reduced_for_pictures(surfaces)).with_warnings(sentences)
