@@ -58,6 +58,7 @@ EXTENSION = Extension(
             extra=DEMO,
         ),
     },
+    pictures={"Model": "myomorph.lab.study.trial.notebook_pictures:model_picture"},
     samples={
         "walk": SampleEntry(make="myomorph.show.samples:walk"),
         "run": SampleEntry(make="myomorph.show.samples:run"),

@@ -18,7 +18,7 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.registry import with_extensions
 from myomorph.core.model.series import Emg, Event, Markers, Series, Trial, Wrenches
-from myomorph.core.model.shown import shown
+from myomorph.core.model.shown import picture_of, shown
 
 SAMPLES = with_extensions({}, "sample", lambda extension: extension.samples)
 
@@ -122,8 +122,8 @@ class Sample:
         return self.recording.events
 
     def drawing(self) -> str:
-        """Draw the model, as SVG for notebooks."""
-        return self.model.drawing()
+        """Draw the model, as HTML for notebooks."""
+        return picture_of(self.model)
 
     def write(self, folder: str | Path, name: str = "") -> SampleFiles:
         """Write model, markers and loads into a folder, under names that say what is simulated.

@@ -426,7 +426,7 @@ def motion_from_table(table: Table, model: Model) -> Motion:
     names = [name for name in model.coordinate_names if name in columns]
     factors = np.array([_factor(model, name, table.in_degrees) for name in names])
     values = table.values[:, [columns[name] for name in names]] * factors
-    return Motion(table.time, tuple(names), values)
+    return Motion(table.time, tuple(names), values, motion_kinds=model.motion_kinds)
 
 
 def coordinate_columns(names: Sequence[str], model: Model) -> dict[str, int]:

@@ -208,6 +208,7 @@ class Extension:
     quantities : places of tuples of `Quantity` that are no step's own
     demos : of the program
     samples : small recordings by name
+    pictures : places of functions that draw a value for notebooks as HTML, by its class
     motion_sources : of `identify`, by the switch that asks for each
     reports : what makes the report of a folder again, and gives its path
     replays : what gives the recordings of a folder by name, as a page plays them
@@ -224,6 +225,7 @@ class Extension:
     contact_laws: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     quantities: tuple[str, ...] = ()
     demos: Mapping[str, DemoEntry] = field(default_factory=lambda: FrozenMap({}))
+    pictures: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     samples: Mapping[str, SampleEntry] = field(default_factory=lambda: FrozenMap({}))
     motion_sources: Mapping[str, MotionSource] = field(default_factory=lambda: FrozenMap({}))
     reports: tuple[FolderReader, ...] = ()

@@ -11,7 +11,8 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.errors import BadData
-from myomorph.core.model.labelled import AXES, Variable
+from myomorph.core.model.frames import Variable
+from myomorph.core.model.labelled import AXES
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import index_of
 from myomorph.core.model.series import OverTime

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.core.model.curve_columns import CurveColumns, flattened
+from myomorph.core.model.curve_columns import CurveColumns, column_units, flattened
 from myomorph.core.model.errors import BadData, UnknownName, check_name, from_extra
+from myomorph.core.model.frames import Variable, columns_frame, variables_frame
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.plots import plot_over_time
 from myomorph.core.model.quantity import CLOCK, Quantity
 from myomorph.core.model.stride_curves import (
     EventLike,
@@ -25,26 +27,8 @@ if TYPE_CHECKING:
     import xarray
 
 AXES = ("x", "y", "z")
-
-
-class Variable(NamedTuple):
-    """Values over named dimensions, and their unit.
-
-    Attributes
-    ----------
-    dimensions : a name for each axis of the values
-    values : of any shape
-    unit : "" for none
-    """
-
-    dimensions: tuple[str, ...]
-    values: np.ndarray
-    unit: str = ""
-
-    @property
-    def over_time(self) -> bool:
-        """Whether the first dimension is a clock."""
-        return bool(self.dimensions) and self.dimensions[0].endswith(CLOCK)
+AXIS = "axis"
+"""Dimension of the components of vectors."""
 
 
 class Labelled:
@@ -197,7 +181,8 @@ class Labelled:
             names=names,
             values=values,
             quantity=chosen,
-            unit=variable.unit,
+            units=column_units(variable.unit, names, getattr(self, "motion_kinds", None)),
+            vectors=variable.dimensions[-1] == AXIS,
         )
 
     def to_xarray(self) -> xarray.Dataset:
@@ -222,33 +207,47 @@ class Labelled:
             },
         )
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """Put all arrays over time into one `pandas.DataFrame`, one row per frame.
+    def plot(self, names: Sequence[str] = (), quantity: str = "", axes: Any = None) -> Any:
+        """Draw a quantity over time with matplotlib, right and left of a name together.
+
+        Parameters
+        ----------
+        names : curves, with or without their side: "knee_angle" draws both; () for all, or for
+            those with the largest values where there are many
+        quantity : its name, as in result files, "" for the first that has names
+        axes : to draw into, one per panel; None makes a new figure
+
+        Returns
+        -------
+        the axes; `axes[0].figure` is the figure
+
+        Raises
+        ------
+        UnknownName : there is no such quantity or curve
+        BadData : there are fewer axes than panels
+        MissingPackage : matplotlib is not installed
+        """
+        return plot_over_time(self.curve_columns(quantity), names, axes=axes)
+
+    def to_pandas(self, quantity: str = "") -> pandas.DataFrame:
+        """Put arrays over time into one `pandas.DataFrame`, one row per frame.
 
         Columns are the names of a single variable, else pairs of variable and name. Vectors have
-        one column per axis.
+        one column per axis. `attrs["units"]` has the unit of each column.
+
+        Parameters
+        ----------
+        quantity : name of one variable, whose columns are then its names; "" for all
+
+        Raises
+        ------
+        UnknownName : there is no such quantity
+        MissingPackage : pandas is not installed
         """
-        pandas = from_extra("xarray", "pandas")
-        labels = self.labels()
-        over_time = {
-            name: variable for name, variable in self.variables().items() if variable.over_time
-        }
-        clock = next((variable.dimensions[0] for variable in over_time.values()), CLOCK)
-        columns: dict[tuple[str, ...], np.ndarray] = {}
-        for name, values in over_time.items():
-            within = [labels[dimension] for dimension in values.dimensions[1:]]
-            for place in np.ndindex(*(len(part) for part in within)):
-                words = (str(part[i]) for part, i in zip(within, place, strict=True))
-                columns[(name, *words) if len(over_time) > 1 else tuple(words) or (name,)] = (
-                    values.values[:, *place]
-                )
-        depth = max((len(key) for key in columns), default=1)
-        keys = [key + ("",) * (depth - len(key)) for key in columns]
-        index = pandas.Index(np.asarray(labels[clock]), name=clock)
-        frame = pandas.DataFrame(dict(enumerate(columns.values())), index=index)
-        frame.columns = (
-            pandas.MultiIndex.from_tuples(keys)
-            if depth > 1
-            else pandas.Index([key[0] for key in keys])
+        if quantity:
+            return columns_frame(self.curve_columns(quantity))
+        return variables_frame(
+            {name: values for name, values in self.variables().items() if values.over_time},
+            self.labels(),
+            getattr(self, "motion_kinds", None),
         )
-        return frame

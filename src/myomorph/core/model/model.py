@@ -18,6 +18,7 @@ from myomorph.core.model.messages import Message
 from myomorph.core.model.paths import Bushing, Ligament, Muscle, PassiveTorque, WrapObject
 from myomorph.core.model.shown import shown
 from myomorph.core.model.spatial import Transform, axis_rotation
+from myomorph.core.model.units import MotionKind
 
 GROUND = "ground"
 STANDARD_GRAVITY = 9.80665  # [m/s^2]
@@ -368,6 +369,11 @@ class Model:
     def body_names(self) -> tuple[str, ...]:
         """Names of all bodies, in tree order."""
         return tuple(body.name for body in self.bodies)
+
+    @cached_property
+    def motion_kinds(self) -> Mapping[str, MotionKind]:
+        """How each coordinate moves, by name."""
+        return FrozenMap({coordinate.name: coordinate.motion for coordinate in self.coordinates})
 
     @cached_property
     def mass(self) -> float:

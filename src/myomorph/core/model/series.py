@@ -12,8 +12,9 @@ from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.core.model.drawings import curves_drawing
 from myomorph.core.model.errors import BadData, counted
 from myomorph.core.model.findings import Finding
+from myomorph.core.model.frames import Variable
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.labelled import AXES, Labelled, Variable
+from myomorph.core.model.labelled import AXES, Labelled
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import index_of
 from myomorph.core.model.quantity import Quantity
@@ -25,6 +26,7 @@ from myomorph.core.model.series_quantities import (
     MARKER_POSITION,
     WRENCHES,
 )
+from myomorph.core.model.units import MotionKind
 
 MAX_UNEVENNESS = 1.6  # Largest step of a clock by its median, where no frame is missing
 Z_UP_TO_Y_UP: Array = frozen_array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -110,12 +112,14 @@ class Series(OverTime):
     names : one per column
     values : (frames, names) or (frames, names, 3)
     quantity : what the values are, where it is known
+    motion_kinds : how coordinates move that have these names, where it is known
     """
 
     time: Array
     names: tuple[str, ...]
     values: Array
     quantity: Quantity | None = field(default=None, kw_only=True)
+    motion_kinds: Mapping[str, MotionKind] | None = field(default=None, kw_only=True)
 
     usual_quantity: ClassVar[Quantity | None] = None
     """What the values of a class are that are always the same."""

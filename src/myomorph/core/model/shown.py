@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import html
 from collections.abc import Collection, Iterator, Mapping
@@ -10,7 +11,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from myomorph.core.model.errors import counted
+from myomorph.core.model.errors import MyomorphError, counted
+from myomorph.core.model.extension import load
+from myomorph.core.model.registry import with_extensions
 
 _Class = TypeVar("_Class", bound=type)
 
@@ -23,8 +26,8 @@ def shown(cls: _Class) -> _Class:
     """Give a dataclass a short `repr`, and a table that notebooks show.
 
     A property `headline` of the class, where it has one, is the line after its name; else fields
-    are, those left out that are as by default. The table has all fields, and the drawing of a
-    method `drawing` (SVG) above them.
+    are, those left out that are as by default. The table has all fields, and above them what an
+    extension or a method `drawing` draws.
     """
     kind: Any = cls
     kind.__repr__ = short_line
@@ -104,6 +107,20 @@ def _brief_collection(value: Collection[Any]) -> str:
     return f"({counted(len(items), noun)})"
 
 
+def picture_of(value: Any) -> str:
+    """Draw a value as HTML: as an extension does, else by its method `drawing`; "" for neither.
+
+    Where an extension cannot draw it, the method does.
+    """
+    places = with_extensions({}, "picture", lambda extension: extension.pictures)
+    place = places.get(type(value).__name__)
+    if place is not None:
+        with contextlib.suppress(MyomorphError, OSError, ImportError):
+            return str(load(place)(value))
+    drawing = getattr(value, "drawing", None)
+    return "" if drawing is None else str(drawing())
+
+
 def table(value: Any) -> str:
     """Write a value as a table of HTML, one row a field, with its drawing above."""
     rows = "".join(
@@ -111,7 +128,6 @@ def table(value: Any) -> str:
         f"<td style='text-align:left'>{html.escape(brief(getattr(value, field.name)))}</td></tr>"
         for field in dataclasses.fields(value)
     )
-    drawing = getattr(value, "drawing", None)
-    picture = "" if drawing is None else drawing()
+    picture = picture_of(value)
     title = html.escape(short_line(value) if hasattr(value, "headline") else type(value).__name__)
-    return f"<div><b>{title}</b>{picture}<table>{rows}</table></div>"
+    return f"<div><b>{title}</b><div>{picture}</div><table>{rows}</table></div>"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.curve_columns import CurveColumns
 from myomorph.core.model.cycle_samples import over_spans
 from myomorph.core.model.errors import BadData, UnknownName, counted, from_extra
+from myomorph.core.model.plots import plot_over_strides
 from myomorph.core.model.sides import split_side
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ class StrideCurves:
     limbs : foot of each stride, or its side
     start, stop : (strides,) foot strikes [s]
     quantity : name of what the values are, "" where it is not known
-    unit : of the values, "" where it is not known
+    units : one per name, () where they are not known
     """
 
     names: tuple[str, ...]
@@ -103,7 +104,7 @@ class StrideCurves:
     start: Array
     stop: Array
     quantity: str = field(default="", kw_only=True)
-    unit: str = field(default="", kw_only=True)
+    units: tuple[str, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         count = len(self.limbs)
@@ -150,7 +151,7 @@ class StrideCurves:
             start=self.start[rows],
             stop=self.stop[rows],
             quantity=self.quantity,
-            unit=self.unit,
+            units=self.units,
         )
 
     def mean(self, name: str = "") -> Array:
@@ -191,10 +192,35 @@ class StrideCurves:
             return _known_sd(self[name])
         return np.stack([_known_sd(self[one]) for one in self.names], axis=-1)
 
+    def plot(self, names: Sequence[str] = (), axes: Any = None) -> Any:
+        """Draw curves over strides with matplotlib, right and left of a name together.
+
+        Each stride is a thin line and their mean a thick one; five strides or more have a band of
+        one standard deviation.
+
+        Parameters
+        ----------
+        names : curves, with or without their side: "knee_angle" draws both; () for all, or for
+            those with the largest values where there are many
+        axes : to draw into, one per panel; None makes a new figure
+
+        Returns
+        -------
+        the axes; `axes[0].figure` is the figure
+
+        Raises
+        ------
+        UnknownName : there is no such curve
+        BadData : there are fewer axes than panels
+        MissingPackage : matplotlib is not installed
+        """
+        return plot_over_strides(self, names, axes=axes)
+
     def to_pandas(self) -> pandas.DataFrame:
         """Put all strides into one `pandas.DataFrame`.
 
-        A row is a stride and a percent of it, a column a name. `attrs["units"]` has the unit.
+        A row is a stride and a percent of it, a column a name. `attrs["units"]` has the unit of
+        each column.
         """
         pandas = from_extra("xarray", "pandas")
         count, samples, columns = self.values.shape
@@ -209,19 +235,19 @@ class StrideCurves:
         frame = pandas.DataFrame(
             self.values.reshape(count * samples, columns), index=rows, columns=list(self.names)
         )
-        frame.attrs["units"] = self.unit
+        frame.attrs["units"] = dict(zip(self.names, self.units, strict=False))
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
         """Put all strides into one `xarray.Dataset` over stride, percent and name."""
         xarray = from_extra("xarray", "xarray")
-        units = {"units": self.unit} if self.unit else {}
         return xarray.Dataset(
-            {self.quantity or "values": (("stride", "percent", "name"), self.values, units)},
+            {self.quantity or "values": (("stride", "percent", "name"), self.values)},
             {
                 "stride": np.arange(1, len(self) + 1),
                 "percent": ("percent", self.percent, {"units": "%"}),
                 "name": list(self.names),
+                "unit": ("name", list(self.units or [""] * len(self.names))),
                 "foot": ("stride", list(self.limbs)),
                 "side": ("stride", list(self.sides)),
                 "start": ("stride", self.start, {"units": "s"}),
@@ -316,7 +342,7 @@ def curves_over(columns: CurveColumns, spans: Sequence[StrideSpan]) -> StrideCur
         start=np.array([span.start for span in spans]),
         stop=np.array([span.stop for span in spans]),
         quantity=columns.quantity,
-        unit=columns.unit,
+        units=columns.units,
     )
 
 

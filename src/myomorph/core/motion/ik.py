@@ -14,6 +14,7 @@ from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Markers, Motion
+from myomorph.core.model.units import MotionKind
 from myomorph.core.motion.lengths import coordinate_units
 from myomorph.core.motion.newton import SCOUT, Settings, frames_shown, solve_poses, task_arrays
 from myomorph.core.motion.pose_problem import PoseProblem
@@ -107,6 +108,11 @@ class KinematicsFit(Labelled):
     def sensor_error(self) -> Array:
         """(frames, sensors) angle between body and sensor [rad], NaN where unknown."""
         return self.task_errors.get(OrientationTask.__name__, np.empty((len(self.motion), 0)))
+
+    @property
+    def motion_kinds(self) -> Mapping[str, MotionKind] | None:
+        """How coordinates move, by name, where it is known."""
+        return self.motion.motion_kinds
 
     @property
     def held(self) -> tuple[Quantity, ...]:
@@ -226,7 +232,7 @@ def inverse_kinematics(
 
     values = of_one_turn(tree, problem, of_one_branch(tree, problem, solved.values))
     return KinematicsFit(
-        motion=Motion(markers.time, model.coordinate_names, values),
+        motion=_motion(model, markers, values),
         marker_names=names,
         marker_error=solved.errors[MarkerTask],
         marker_weight=weights,
@@ -278,7 +284,13 @@ def poses_near(
     settings = options.settings._replace(chained=False)
     values = solve_poses(tree, problem, starts, settings).values
     values[blank] = np.nan
-    return Motion(markers.time, model.coordinate_names, values)
+    return _motion(model, markers, values)
+
+
+def _motion(model: Model, markers: Markers, values: Array) -> Motion:
+    """Make a motion of coordinates (frames, coordinates) at the times of markers."""
+    names = model.coordinate_names
+    return Motion(markers.time, names, values, motion_kinds=model.motion_kinds)
 
 
 def marker_rms(errors: Array) -> Array:

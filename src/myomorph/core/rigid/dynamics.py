@@ -129,7 +129,13 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
     tau = np.empty_like(c)
     arrays = (c, cdot, cddot, forces, points, torques, tau)
     run_frames(inverse_dynamics_frames, (tree.arrays, bodies), *arrays)
-    return Series(motion.time, model.coordinate_names, tau, quantity=GENERALIZED_FORCE)
+    return Series(
+        time=motion.time,
+        names=model.coordinate_names,
+        values=tau,
+        quantity=GENERALIZED_FORCE,
+        motion_kinds=model.motion_kinds,
+    )
 
 
 def motion_arrays(tree: Tree, motion: Motion) -> MotionArrays:

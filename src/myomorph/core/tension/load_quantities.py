@@ -10,6 +10,32 @@ INFEASIBLE = ("infeasible_contact",)
 # Columns of a table may be forces, moments and points.
 LOADS = "N, N m or m"
 
+JOINT_FORCE = Quantity(
+    name="joint_force",
+    dims=("time", "joint", "axis"),
+    unit="N",
+    meaning="force of a joint on one of its bodies",
+    attribute="forces",
+    stored=False,
+)
+JOINT_MOMENT = Quantity(
+    name="joint_moment",
+    dims=("time", "joint", "axis"),
+    unit="N m",
+    meaning="moment of a joint on one of its bodies, about its point",
+    attribute="moments",
+    stored=False,
+)
+JOINT_POINT = Quantity(
+    name="joint_point",
+    dims=("time", "joint", "axis"),
+    unit="m",
+    meaning="point of a joint that its load acts at",
+    attribute="points",
+    stored=False,
+)
+JOINT_REACTIONS = (JOINT_FORCE, JOINT_MOMENT, JOINT_POINT)
+
 JOINT_CONTACT_FORCE = Quantity(
     name="joint_contact_force",
     dims=("time", "joint_contact"),

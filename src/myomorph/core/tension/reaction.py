@@ -24,6 +24,7 @@ from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.errors import BadData, UnknownName, check_name
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.labelled import AXES, Labelled
 from myomorph.core.model.model import GROUND, Actuator, Joint, Model, index_of
 from myomorph.core.model.paths import Bushing
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
@@ -48,6 +49,7 @@ from myomorph.core.rigid.forward import (
 from myomorph.core.rigid.kinematics import Poses, forward_kinematics
 from myomorph.core.rigid.loops import refuse_open
 from myomorph.core.rigid.tree import Tree, compile_tree
+from myomorph.core.tension.load_quantities import JOINT_REACTIONS
 from myomorph.core.tension.tension import Tension
 from myomorph.core.tension.terms.actuators import default_reserves
 
@@ -240,7 +242,7 @@ def of_wrenches(tree: Tree, wrenches: Wrenches) -> Array:
 
 
 @read_only
-class JointReactions:
+class JointReactions(Labelled):
     """Loads of joints over time.
 
     Each is that on one of the joint's bodies, at the joint's point, in the axes of one frame.
@@ -256,6 +258,8 @@ class JointReactions:
         body
     """
 
+    quantities = JOINT_REACTIONS
+
     time: Array
     joints: tuple[str, ...]
     bodies: tuple[str, ...]
@@ -270,6 +274,15 @@ class JointReactions:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Label each dimension: times [s], joints, axes.
+
+        Returns
+        -------
+        by dimension
+        """
+        return {"time": self.time, "joint": self.joints, "axis": AXES}
 
     def of(self, joint: str) -> Array:
         """Force in one joint.

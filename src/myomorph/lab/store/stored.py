@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.labelled import AXES
 from myomorph.core.model.model import Model
 from myomorph.core.model.quantity import Quantity
@@ -24,6 +25,7 @@ from myomorph.core.model.series_quantities import (
     PLATE_CORNER,
     WRENCHES,
 )
+from myomorph.core.model.units import MotionKind
 from myomorph.core.motion.ik import KinematicsFit
 from myomorph.core.motion.quantities import FIT, SENSOR_ERROR
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
@@ -61,6 +63,11 @@ if TYPE_CHECKING:
     from myomorph.core.tension.tension import Tension, TensionOptions
 
 # Fields of `Certificate`.
+KINDS_BY_UNIT: Mapping[str, MotionKind] = {
+    "rad": "rotational",
+    "m": "translational",
+}
+"""How a coordinate moves, by its unit."""
 CERTIFICATE = ("residual", "equilibrium", "steps", "second_activations", "second_forces")
 
 
@@ -111,7 +118,22 @@ def _put_coordinates(writer: ResultWriter, motion: Motion, model: Model) -> None
 
 def get_motion(stored: Stored) -> Motion:
     """Read the coordinates of a result."""
-    return Motion(stored.time, stored.names["coordinate"], stored.values[COORDINATE_VALUE.name])
+    return Motion(
+        time=stored.time,
+        names=stored.names["coordinate"],
+        values=stored.values[COORDINATE_VALUE.name],
+        motion_kinds=stored_motion_kinds(stored),
+    )
+
+
+def stored_motion_kinds(stored: Stored) -> Mapping[str, MotionKind] | None:
+    """Return how the coordinates of a result move, by name; None where it does not say."""
+    units = stored.names.get(COORDINATE_UNIT.name)
+    if units is None:
+        return None
+    pairs = zip(stored.names["coordinate"], units, strict=True)
+    # A coordinate without a unit moves in both ways.
+    return FrozenMap({name: KINDS_BY_UNIT.get(unit, "coupled") for name, unit in pairs})
 
 
 def get_derivatives(stored: Stored) -> Motion | None:
@@ -120,7 +142,12 @@ def get_derivatives(stored: Stored) -> Motion | None:
     if COORDINATE_FILTERED.field not in fields:
         return None
     names = stored.names["coordinate"]
-    others = {"time": stored.time, "names": names, "quantity": COORDINATE_FILTERED}
+    others = {
+        "time": stored.time,
+        "names": names,
+        "quantity": COORDINATE_FILTERED,
+        "motion_kinds": stored_motion_kinds(stored),
+    }
     return value_of(Motion, fields, others)
 
 
@@ -129,7 +156,13 @@ def get_series(stored: Stored, quantity: Quantity) -> Series | None:
     values = get_quantity(stored, quantity)
     if values is None:
         return None
-    return Series(stored.time, stored.names[quantity.dims[1]], values, quantity=quantity)
+    return Series(
+        time=stored.time,
+        names=stored.names[quantity.dims[1]],
+        values=values,
+        quantity=quantity,
+        motion_kinds=stored_motion_kinds(stored),
+    )
 
 
 def put_torques(writer: ResultWriter, torques: Series, wrenches: Wrenches | None) -> None:

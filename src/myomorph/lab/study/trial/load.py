@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from myomorph.core.model.curve_columns import CurveColumns, flattened
-from myomorph.core.model.errors import check_name, from_extra
+from myomorph.core.model.curve_columns import CurveColumns, column_units, flattened
+from myomorph.core.model.errors import MyomorphError, check_name, from_extra
+from myomorph.core.model.frames import columns_frame
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.labelled import AXES
+from myomorph.core.model.labelled import AXES, AXIS
 from myomorph.core.model.model import Model
+from myomorph.core.model.plots import Limits, plot_over_time
 from myomorph.core.model.provenance import Provenance
 from myomorph.core.model.quantity import CLOCK
 from myomorph.core.model.series import Emg, Markers, Motion, Series, Wrenches
@@ -58,6 +61,21 @@ class TrialResult:
     provenance: Mapping[str, Provenance]
     facts: Mapping[str, str]
     stored: Stored
+
+    @property
+    def headline(self) -> str:
+        """Whose trial it is and what was found, in one line."""
+        found = {
+            "motion": "coordinate_value",
+            "torques": "generalized_force",
+            "muscle paths": "muscle_length",
+            "tension": "muscle_force",
+        }
+        parts = [part for part, quantity in found.items() if quantity in self.stored.values]
+        name = self.facts.get("trial", self.path.stem)
+        who = self.facts.get("subject", "")
+        of = f" of '{who}'" if who else ""
+        return f"'{name}'{of}: {', '.join(parts) or 'nothing'}"
 
     @cached_property
     def fit(self) -> KinematicsFit | None:
@@ -154,9 +172,52 @@ class TrialResult:
         names, values = flattened(self.stored.values[quantity], declared.dims, labels)
         clock = declared.dims[0]
         time = self.stored.time if clock == CLOCK else self.stored.values[clock]
+        kinds = store.stored_motion_kinds(self.stored)
         return CurveColumns(
-            time=time, names=names, values=values, quantity=quantity, unit=declared.unit
+            time=time,
+            names=names,
+            values=values,
+            quantity=quantity,
+            units=column_units(declared.unit, names, kinds),
+            vectors=declared.dims[-1] == AXIS,
         )
+
+    def drawing(self) -> str:
+        """Draw three poses of the motion, as HTML for notebooks; "" where the model is gone."""
+        # As for the model, and for the renderer.
+        from myomorph.lab.study.trial.notebook_pictures import motion_picture
+
+        if self.fit is None and self.motion is None:
+            return ""
+        tension = self.tension
+        active = None if tension is None else tension.curve_columns("activation")
+        activations = None if active is None else Series(active.time, active.names, active.values)
+        with contextlib.suppress(MyomorphError):
+            return motion_picture(self.model, store.get_motion(self.stored), activations)
+        return ""
+
+    def plot(self, quantity: str = "coordinate_value", names: Sequence[str] = ()) -> Any:
+        """Draw a quantity over time with matplotlib, with its 90 % interval where draws were made.
+
+        Parameters
+        ----------
+        quantity : its name in result files
+        names : curves, with or without their side; () for all, or for those with the largest values
+
+        Returns
+        -------
+        the axes; `axes[0].figure` is the figure
+
+        Raises
+        ------
+        UnknownName : there is no such quantity or curve
+        MissingPackage : matplotlib is not installed
+        """
+        held = self.stored.values
+        low = held.get(f"{quantity}_low")
+        high = held.get(f"{quantity}_high")
+        limits = None if low is None or high is None else Limits(low, high)
+        return plot_over_time(self.curve_columns(quantity), names, limits=limits)
 
     def to_xarray(self) -> xarray.Dataset:
         """Every variable of the result file, moment arms included, as one `xarray.Dataset`.
@@ -171,14 +232,21 @@ class TrialResult:
         _ = from_extra("xarray", "h5netcdf")
         return xarray.load_dataset(self.path, engine="h5netcdf")
 
-    def to_pandas(self) -> pandas.DataFrame:
+    def to_pandas(self, quantity: str = "") -> pandas.DataFrame:
         """All that has one value a frame, a row a frame: columns are pairs of variable and name.
+
+        Parameters
+        ----------
+        quantity : name of one variable, whose columns are then its names with their units in
+            `attrs["units"]`; "" for all
 
         Raises
         ------
-        MissingPackage
-            where xarray and pandas are not installed
+        UnknownName : there is no such quantity
+        MissingPackage : xarray and pandas are not installed
         """
+        if quantity:
+            return columns_frame(self.curve_columns(quantity))
         dataset = self.to_xarray()
         pandas = from_extra("xarray", "pandas")
         parts = {

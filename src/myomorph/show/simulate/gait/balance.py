@@ -152,7 +152,8 @@ def counted_phase(times: Array, at: Array) -> Array:
     # Beyond the ends the rate is the usual one.
     ends = step * np.arange(1, 9)
     longer = np.concatenate([times[0] - ends[::-1], times, times[-1] + ends])
-    return natural_spline(longer, np.arange(len(longer)) - 8.0, degree=3)(at)
+    counts = np.arange(len(longer), dtype=np.float64) - 8.0
+    return natural_spline(longer, counts, degree=3)(at)
 
 
 def _bounce(plan: GaitPlan, gravity: float, time: Array) -> Heights:
