@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from myomorph.core.model.errors import BadData, UnknownName, from_extra
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.sides import split_side
 from myomorph.core.model.units import conversion, shown_unit
-
-if TYPE_CHECKING:
-    from myomorph.core.model.stride_curves import StrideCurves
 
 EXTRA = "plot"
 MAX_PANELS = 12
@@ -57,6 +54,33 @@ STYLES: Mapping[str, LineStyle] = FrozenMap(
     }
 )
 """By side, "" for names without one."""
+
+
+class CurvesOverStrides(Protocol):
+    """Curves (strides, percent, names) over strides, of which each name has its own."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the curves."""
+
+    @property
+    def values(self) -> Array:
+        """(strides, percent, names)."""
+
+    @property
+    def percent(self) -> Array:
+        """(percent,) of the stride [%]."""
+
+    @property
+    def quantity(self) -> str:
+        """What the values are."""
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """One per name, () where they are not known."""
+
+    def __getitem__(self, name: str) -> Array:
+        """Find a curve over the strides of its own foot, (strides, percent)."""
 
 
 class Limits(NamedTuple):
@@ -142,7 +166,9 @@ def plot_over_time(
     return drawn
 
 
-def plot_over_strides(curves: StrideCurves, names: Sequence[str] = (), *, axes: Any = None) -> Any:
+def plot_over_strides(
+    curves: CurvesOverStrides, names: Sequence[str] = (), *, axes: Any = None
+) -> Any:
     """Draw curves over strides: each stride, and their mean; of many strides a band.
 
     Parameters
