@@ -69,7 +69,7 @@ def draw_report(file: Path) -> None:
         _run("demo")
         width, height = SCREEN
         profile = Path(work) / "browser"
-        with Browser(program, profile, width, height) as page:
+        with Browser(program, profile, width=width, height=height) as page:
             page.open((Path(work) / "demo" / "report.html").as_uri())
             page.until("document.readyState === 'complete'")
             page.run(f"new Promise(done => setTimeout(done, {1000 * LATE:.0f}))")

@@ -1,4 +1,4 @@
-"""The README's commands do what they say on a laboratory's files of those names."""
+"""The commands of the first page do what they say on a laboratory's files of those names."""
 
 from __future__ import annotations
 
@@ -9,22 +9,23 @@ from pathlib import Path
 import pytest
 from docs_build.examples import run_command, working_in
 
-README = Path(__file__).resolve().parents[1] / "README.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "getting-started.md"
 ELSEWHERE = {"view", "live", "analyze", "morph", "viscosity", "run", "run-tool", "demo"}
 """What waits for a browser or for streams; and what needs other files, which other tests run."""
 
 
-def readme_commands():
-    """The commands under "With your own files", in their order."""
-    text = README.read_text(encoding="utf-8").split("## With your own files")[1].split("\n## ")[0]
+def page_commands():
+    """Return the commands under "Step by step", in their order."""
+    text = PAGE.read_text(encoding="utf-8").split("## Step by step")[1].split("\n## ")[0]
     lines = re.findall(r"^myomorph .*$", text, re.MULTILINE)
     return [line for line in lines if line.split()[1] not in ELSEWHERE]
 
 
 @pytest.fixture
 def laboratory(data, tmp_path):
-    """A folder with a walk, its forces and EMG under the names of the README; the walk stands for
-    the squat too.
+    """Make a folder with a walk, its forces and EMG under the names of the page.
+
+    The walk stands for the squat too.
     """
     walk = data("rajagopal-walk-emg")
     shutil.copy(first_c3d(data("c3d-gait-plugingait")), tmp_path / "walk1.c3d")
@@ -47,7 +48,7 @@ def first_c3d(folder):
 
 
 def test_there_are_commands():
-    assert [line.split()[1] for line in readme_commands()] == [
+    assert [line.split()[1] for line in page_commands()] == [
         "info",
         "calibrate",
         "ik",
@@ -65,17 +66,17 @@ def test_there_are_commands():
 
 
 @pytest.mark.long
-def test_readme_commands_run(laboratory):
+def test_page_commands_run(laboratory):
     with working_in(laboratory):
-        for line in readme_commands():
+        for line in page_commands():
             if line.startswith("myomorph identify"):
                 run_command(
                     "myomorph ik --model subject.osim --markers squat1.trc --out squat1.mot",
-                    "README.md",
+                    PAGE.name,
                 )
                 # A coarse grid of mass points: the command is tried, not its numbers.
                 line += " --spacing 0.02"
-            print(run_command(line, "README.md"))
+            print(run_command(line, PAGE.name))
     for name in (
         "subject.osim",
         "walk1.mot",
