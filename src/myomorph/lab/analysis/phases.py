@@ -6,6 +6,7 @@ import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -154,7 +155,7 @@ def _jump(
     for (start, off), (land, last) in itertools.pairwise(grounded):
         if time[land] - time[off] < SHORTEST_FLIGHT:
             continue
-        quiet = _quiet(time, total, start, off, weight, weighed)
+        quiet = quiet_standing(time, total, (start, off), weight, weighed)
         if quiet is None:
             continue
         onset, standing = quiet
@@ -163,12 +164,38 @@ def _jump(
     return None
 
 
-def _quiet(
-    time: Array, total: Array, start: int, off: int, weight: float, weighed: bool
-) -> tuple[int, float] | None:
-    """Sample of the movement's onset and the weight that stood there [N], before a take-off.
-    Where the body's weight is known, who stands carries it: feet of one who sits do not.
+class QuietStanding(NamedTuple):
+    """Standing still before a jump.
+
+    Attributes
+    ----------
+    onset : sample at which the movement begins
+    weight : that stood there [N]
     """
+
+    onset: int
+    weight: float
+
+
+def quiet_standing(
+    time: Array, total: Array, contact: tuple[int, int], weight: float, weighed: bool = True
+) -> QuietStanding | None:
+    """Find the onset of a jump, and the weight that stood still before it.
+
+    Source: Owen et al. 2014.
+
+    Parameters
+    ----------
+    time, total : (samples,) [s], vertical force [N]
+    contact : first and last sample on the ground before take-off
+    weight : of the body [N]
+    weighed : whether that is known: who stands carries it then, and feet of one who sits do not
+
+    Returns
+    -------
+    onset and weight; None where nobody stood still
+    """
+    start, off = contact
     step = float(np.median(np.diff(time)))
     width = max(3, round(QUIET_TIME / step))
     part = total[start : off + 1]
@@ -177,27 +204,37 @@ def _quiet(
     sums = np.concatenate([[0.0], np.cumsum(part)])
     squares = np.concatenate([[0.0], np.cumsum((part - weight) ** 2)])
     mean = (sums[width:] - sums[:-width]) / width
-    spread = np.sqrt(
-        np.maximum((squares[width:] - squares[:-width]) / width - (mean - weight) ** 2, 0.0)
-    )
+    variance = (squares[width:] - squares[:-width]) / width - (mean - weight) ** 2
+    spread = np.sqrt(np.maximum(variance, 0.0))
     stands = np.abs(mean - weight) < STANDING * weight if weighed else np.ones(len(mean), np.bool_)
     still = np.flatnonzero(stands & (spread < QUIET_SPREAD * mean))
     if not len(still):
         return None
+
     window = slice(int(still[-1]), int(still[-1]) + width)
     standing = float(np.median(part[window]))
     band = max(ONSET_SPREAD * float(np.std(part[window])), 0.01 * standing)
-    inside = np.abs(part - standing) < band
-    # The last stay inside the band of at least a third of the quiet time ends where the movement
-    # begins.
-    end = still[-1] + width - 1
-    run = 0
-    for i, still_inside in enumerate(inside):
-        run = run + 1 if still_inside else 0
-        if run >= max(2, width // 3):
-            end = i
+    end = _last_stay(np.abs(part - standing) < band, max(2, width // 3), window.stop - 1)
     lead = round(ONSET_LEAD / step)
-    return start + max(int(end) - lead, 0), standing
+    return QuietStanding(onset=start + max(end - lead, 0), weight=standing)
+
+
+def _last_stay(inside: np.ndarray, shortest: int, default: int) -> int:
+    """Return the last sample of a stay inside a band that lasts at least some samples.
+
+    Parameters
+    ----------
+    inside : (samples,) whether the force is in the band
+    shortest : samples of a stay
+    default : where there is none
+    """
+    end = default
+    run = 0
+    for sample, still_inside in enumerate(inside):
+        run = run + 1 if still_inside else 0
+        if run >= shortest:
+            end = sample
+    return end
 
 
 def _jump_phases(

@@ -1,0 +1,1 @@
+"""Numbers of movements other than walking, from forces as measured and from angles."""
