@@ -169,3 +169,15 @@ def test_who_leaves_the_plates_does_not_fly() -> None:
     on = (time < 1.0) | (time > 4.0)
     force = np.where(on, 0.5 * MASS * G, 0.0)
     assert jumps(SupportForce.of(time, MASS * G, force, force)) == ()
+
+
+def test_a_weight_that_contradicts_the_force_gives_no_power() -> None:
+    """Of a drop jump the velocity follows from the weight: one that is 20 % off lifts the body."""
+    force, _ = drop_jump(contact=0.6)
+    jump = only(force)
+    heavy = SupportForce.of(force.time, 1.2 * force.weight, force.right, force.left)
+    wrong = only(heavy)
+    assert jump.number(of.PEAK_POWER) > 0.0
+    assert math.isnan(wrong.number(of.PEAK_POWER))
+    assert math.isnan(wrong.number(of.COUNTERMOVEMENT_DEPTH))
+    assert wrong.number(of.CONTACT_TIME) == pytest.approx(jump.number(of.CONTACT_TIME), abs=0.01)

@@ -14,7 +14,6 @@ from myomorph.core.model.causes import EMG, SETTINGS
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Actuator, Model
-from myomorph.core.model.segments import joint_labels
 from myomorph.core.model.series import Emg, Motion, Series, Table, Wrenches
 from myomorph.core.motion.emg_activation import EmgCalibration
 from myomorph.core.rigid.dynamics import inverse_dynamics
@@ -37,7 +36,7 @@ from myomorph.core.tension.joint_contact import (
     joint_contact_forces,
 )
 from myomorph.core.tension.problem import TensionInputs
-from myomorph.core.tension.reaction import joint_reactions
+from myomorph.core.tension.reaction import JointReactions, joint_reactions
 from myomorph.core.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.core.tension.relaxation import Relaxation, relaxations
 from myomorph.core.tension.solve import (
@@ -247,7 +246,7 @@ class TensionTask:
             )
         return notes
 
-    def reactions(self, tension: Tension, frame: str) -> Table:
+    def reactions(self, tension: Tension, frame: str) -> JointReactions:
         """Find the loads of all joints.
 
         Parameters
@@ -260,9 +259,7 @@ class TensionTask:
         forces [N] and moments [N m] over time
         """
         inputs = (self.model, self.motion, tension, self.wrenches)
-        return joint_reactions(*inputs, frame=frame, actuators=self.actuators).table(
-            joint_labels(self.model)
-        )
+        return joint_reactions(*inputs, frame=frame, actuators=self.actuators)
 
     def joint_contacts(self, tension: Tension, points: JointPoints) -> JointContactForces:
         """Find forces at contact points of joints.

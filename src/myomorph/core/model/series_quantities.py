@@ -100,6 +100,22 @@ WRENCHES = (
     EXTERNAL_FREE_TORQUE,
 )
 
+FORCE_TIME = Quantity(
+    name="force_time",
+    dims=("force_time",),
+    unit="s",
+    meaning="clock of the forces as measured",
+    attribute="time",
+)
+MEASURED_VERTICAL_FORCE = Quantity(
+    name="measured_vertical_force",
+    dims=("force_time", "loaded_body"),
+    unit="N",
+    meaning="vertical force on a body as measured, without a low-pass filter",
+    attribute="values",
+    kind="single",
+)
+
 EMG_TIME = Quantity(
     name="emg_time", dims=("emg_time",), unit="s", meaning="clock of the EMG", attribute="time"
 )
@@ -151,6 +167,8 @@ QUANTITIES = (
     COORDINATE_UNIT,
     MARKER_POSITION,
     *WRENCHES,
+    FORCE_TIME,
+    MEASURED_VERTICAL_FORCE,
     EMG_TIME,
     EMG,
     *EVENTS,

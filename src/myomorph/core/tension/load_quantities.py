@@ -123,6 +123,20 @@ JOINT_REACTION = Quantity(
     label="Joint loads",
     drawn=True,
 )
+JOINT_FORCE = Quantity(
+    name="joint_force",
+    dims=("time", "loaded_joint"),
+    unit="N",
+    meaning="size of the force that a joint transmits",
+    attribute="values",
+    label="Joint forces",
+    tidy=Tidy(
+        statistics=("maximum", "mean"),
+        endings=(" joint force",),
+        curve="joint force",
+        curve_unit="N",
+    ),
+)
 CONTACT_LOAD = Quantity(
     name="contact_load",
     dims=("time", "contact_load_column"),
@@ -220,6 +234,7 @@ QUANTITIES = (
     JOINT_CONTACT_JOINT,
     JOINT_CONTACT_LOAD,
     JOINT_REACTION,
+    JOINT_FORCE,
     CONTACT_LOAD,
     CONTACT_GROUP_FORCE,
     *CONTACT_INTERVALS,

@@ -71,7 +71,7 @@ from myomorph.lab.study.inputs.table import all_keys, settings_of_keys
 from myomorph.lab.study.plan.plan import Plan
 from myomorph.lab.study.plan.written_plan import is_unchanged, study_text
 from myomorph.lab.study.subject.subject_files import SubjectFiles
-from myomorph.lab.study.trial.trial_inputs import TrialFiles
+from myomorph.lab.study.trial.trial_inputs import Settings, TrialFiles
 from myomorph.lab.study.trial.uncertainty_file import STEP as UNCERTAINTY
 
 STUDY = "study.toml"
@@ -553,10 +553,15 @@ def _plan(
         path=study,
         trials=tuple(trial for subject in files for trial in subject.trials),
         steps=tuple(subject.steps for subject in subjects for _ in subject.files.trials),
-        settings=request.options,
+        settings=_with_joint_loads(request.options),
         subjects=FrozenMap({subject.name: subject for subject in files}),
         flat=len(subjects) == 1,
     )
+
+
+def _with_joint_loads(options: Settings) -> Settings:
+    """Settings of steps in which loads of joints are asked for, unless they say otherwise."""
+    return FrozenMap({**options, "tension": {"reactions": "child", **options.get("tension", {})}})
 
 
 def _with_assumed(subject: PreparedSubject, of_all: Sequence[str]) -> SubjectFiles:

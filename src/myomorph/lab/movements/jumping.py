@@ -42,6 +42,9 @@ MAX_REBOUND = 1.0
 LANDED = 1.0
 """A landing is looked for within so long [s]."""
 PUSH = ("unweighting", "braking", "propulsion")
+MAX_LEVEL = 0.2
+"""The center of mass is about as high at take-off as where a drop jump meets the ground: where it
+is not, weight and force contradict each other [m]."""
 MIN_DIP = 0.05
 """Unweighting lowers the velocity by this share of that of take-off; else there is none."""
 
@@ -65,6 +68,11 @@ class PushOff:
     height: Array
     weight: float
     rebound: bool
+
+    @property
+    def holds(self) -> bool:
+        """Whether velocity and height are known."""
+        return not self.rebound or abs(float(self.height[-1])) < MAX_LEVEL
 
     @property
     def slowest(self) -> int:
@@ -113,7 +121,7 @@ def _jump(force: SupportForce, before: Contact, after: Contact) -> Part:
     take_off = GRAVITY * flight / 2.0
     weight = force.weight
     start = before.stop
-    phases = ()
+    phases: tuple[Phase, ...] = ()
     if push is not None:
         weight = push.weight
         start = float(push.time[0])
@@ -170,11 +178,11 @@ def _push_numbers(
     """Numbers of the contact before a flight."""
     mass = push.weight / GRAVITY
     up = push.time[push.turn]
-    numbers = {
-        of.PEAK_POWER: float((push.force * push.velocity).max()) / mass,
-        of.PUSH_SHARE: force.right_share(float(up), before.stop),
-    }
-    if push.dips:
+    numbers = {}
+    if push.holds:
+        numbers[of.PEAK_POWER] = float((push.force * push.velocity).max()) / mass
+        numbers[of.PUSH_SHARE] = force.right_share(float(up), before.stop)
+    if push.holds and push.dips:
         numbers[of.COUNTERMOVEMENT_DEPTH] = -float(push.height.min())
     if push.rebound:
         return numbers | {
@@ -203,6 +211,8 @@ def _push_phases(push: PushOff, off: float) -> tuple[Phase, ...]:
     """Phases before take-off at a time [s]; of a drop jump there is no unweighting."""
     start = float(push.time[0])
     up = float(push.time[push.turn])
+    if not push.holds:
+        return phases_between(("contact",), (start, off))
     if push.rebound or not push.dips:
         return phases_between(("braking", "propulsion"), (start, up, off))
     return phases_between(PUSH, (start, float(push.time[push.slowest]), up, off))

@@ -74,10 +74,10 @@ HEIGHT_BY_IMPULSE = _number(
     "jump_height_impulse",
     "m",
     "Height by impulse and momentum",
-    "v²/2g of the take-off velocity, that of the net impulse",
+    "from the take-off velocity v, that of the net impulse: v²/2g",
 )
 HEIGHT_BY_FLIGHT = _number(
-    "jump_height_flight", "m", "Height by flight time", "g t²/8 of the flight time"
+    "jump_height_flight", "m", "Height by flight time", "from the flight time t: g t²/8"
 )
 HEIGHT_DIFFERENCE = _number(
     "jump_height_difference",
@@ -130,6 +130,10 @@ LANDING_SHARE = _number(
     "Landing, right leg",
     "share of the right leg in the impulse of both until the body has stopped",
 )
+OF_DROP_JUMPS = (CONTACT_TIME, REACTIVE_STRENGTH)
+"""What only a jump after a fall has."""
+FROM_STANDING = (HEIGHT_BY_IMPULSE, HEIGHT_DIFFERENCE, NET_IMPULSE, FORCE_RATE)
+"""What only a jump from standing has."""
 JUMPING = (
     HEIGHT_BY_IMPULSE,
     HEIGHT_BY_FLIGHT,

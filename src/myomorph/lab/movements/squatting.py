@@ -5,8 +5,8 @@ the largest range, and by 20 degrees. With q_0 and q_1, the least flexion before
 the depth d = max q - q_0 (of the way up max q - q_1):
 
 - it begins where q leaves q_0 + 0.05 d, and ends where it is back at q_1 + 0.05 d;
-- the way down ends, and the way up begins, where q passes 95 % of the depth: the tempo (Wilk et al.
-  1993) is down, bottom, up;
+- the way down ends, and the way up begins, where q passes 95 % of the depth: the tempo is
+  down, bottom, up (descent and ascent of Wretenberg et al. 1993);
 - depth of the center of mass: its height where it begins, less the least one;
 - moments: the largest ones from beginning to end, per body mass; share of the right foot: its part
   of the mean force under both feet (Newton et al. 2006).

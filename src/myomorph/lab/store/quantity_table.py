@@ -23,6 +23,7 @@ PLACES: tuple[str, ...] = (
     "myomorph.core.tension.load_quantities",
     "myomorph.core.tension.emg_quantities",
     "myomorph.lab.store.truth_quantities",
+    "myomorph.lab.movements.quantities",
     "myomorph.lab.uncertainty.quantities",
     "myomorph.lab.analysis.stride_quantities",
 )

@@ -21,7 +21,9 @@ from myomorph.core.model.series_quantities import (
     EMG_TIME,
     EVENTS,
     FILTERED_MOTION,
+    FORCE_TIME,
     MARKER_POSITION,
+    MEASURED_VERTICAL_FORCE,
     PLATE_CORNER,
     WRENCHES,
 )
@@ -187,6 +189,21 @@ def get_wrenches(stored: Stored) -> Wrenches | None:
         return None
     others = {"time": stored.time, "names": stored.names["external_force"]}
     return value_of(Wrenches, fields, others)
+
+
+def put_measured_force(writer: ResultWriter, measured: Series) -> None:
+    """Vertical forces on bodies as measured (samples, bodies) [N], on their own clock."""
+    put_quantity(writer, FORCE_TIME, measured.time)
+    put_value(writer, replace(measured, quantity=MEASURED_VERTICAL_FORCE))
+
+
+def get_measured_force(stored: Stored) -> Series | None:
+    """Read what `put_measured_force` wrote, or None."""
+    fields = get_fields(stored, (FORCE_TIME, MEASURED_VERTICAL_FORCE))
+    if MEASURED_VERTICAL_FORCE.field not in fields:
+        return None
+    others = {"names": stored.names["loaded_body"], "quantity": MEASURED_VERTICAL_FORCE}
+    return value_of(Series, fields, others)
 
 
 def put_emg(writer: ResultWriter, emg: Emg) -> None:

@@ -117,6 +117,7 @@ class Section:
     figures: tuple[Figure, ...] = ()
     grids: tuple[Grid, ...] = ()
     listed: bool = True  # whether the contents name it
+    leads: bool = False  # whether it stands open below the first screen, before all others
 
 
 SIDES_LEGEND: tuple[tuple[str, str], ...] = (("right", "right"), ("left", "left"))

@@ -16,6 +16,8 @@ from myomorph.lab.analysis.length_analysis import LengthAnalysis, length_analysi
 from myomorph.lab.analysis.phases import GroundPhases, ground_phases
 from myomorph.lab.analysis.strides import Strides
 from myomorph.lab.analysis.walking import walking_strides
+from myomorph.lab.movements.part import MovementNumbers
+from myomorph.lab.movements.recorded_movement import MAKERS, RecordedMovement
 from myomorph.lab.report.page.parts import Quantity, Verdict
 from myomorph.lab.report.trial import tables
 from myomorph.lab.report.trial.estimated_forces import contact_verdicts
@@ -119,6 +121,40 @@ class Prepared:
         return gait_curves(
             model, dynamics.motion or motion, self.strides, dynamics.torques, dynamics.wrenches
         )
+
+    @cached_property
+    def recorded_movement(self) -> RecordedMovement | None:
+        """What the numbers of a run, a jump, a squat or a rise come from; None for others."""
+        results = self.results
+        dynamics = results.dynamics
+        motion = dynamics.motion or results.kinematics.motion
+        movement = results.recorded.movement.value
+        if movement is None and self.ground.kind == "jump":
+            movement = "jumping"
+        if movement is None or movement not in MAKERS:
+            return None
+        if results.model is None or motion is None or not len(motion):
+            return None
+        return RecordedMovement(
+            movement=movement,
+            model=results.model,
+            motion=motion,
+            fit=results.kinematics.fit,
+            torques=dynamics.torques,
+            measured=dynamics.measured,
+            shared=results.contacts.situation == "shared",
+            strides=self.strides,
+            center=self.centroid,
+            up=self.up,
+            floor=self.floor,
+            weight=self.weight or 0.0,
+        )
+
+    @cached_property
+    def movement_numbers(self) -> MovementNumbers | None:
+        """Of a run, a jump, a squat or a rise; None for other movements, or where none is seen."""
+        recorded = self.recorded_movement
+        return None if recorded is None else recorded.numbers()
 
     @cached_property
     def lengths(self) -> LengthAnalysis | None:

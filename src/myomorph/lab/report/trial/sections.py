@@ -145,7 +145,8 @@ def force_section(prepared: Prepared) -> Section | None:
     ]
     if not figures:
         return None
-    measures = prepared.ground.measures
+    # Those of a movement with a section of its own stand there, of forces as measured.
+    measures = prepared.ground.measures if prepared.movement_numbers is None else ()
     rows = tuple((each.name, f"{number(each.value)} {each.unit}", each.source) for each in measures)
     grids = (Grid(("Measure", "Value", "From"), rows, "The movement in numbers"),)
     title = "Ground forces and center of mass" if wrenches is not None else "Center of mass"

@@ -17,6 +17,7 @@ from myomorph.lab.report.trial.answer.answer import answer_of
 from myomorph.lab.report.trial.answer.first_screen import first_screen
 from myomorph.lab.report.trial.estimated_forces import acting_forces
 from myomorph.lab.report.trial.gait.gait_page import GAIT_PAGE
+from myomorph.lab.report.trial.movement.movement_section import SOURCES, movement_section
 from myomorph.lab.report.trial.prepared import Prepared, prepare
 from myomorph.lab.report.trial.report_input import ReportInput
 from myomorph.lab.report.trial.sections import sections
@@ -39,7 +40,11 @@ def report_page(results: ReportInput) -> str:
 def prepared_page(prepared: Prepared) -> str:
     """The page of what was prepared already."""
     results = prepared.results
+    answer = answer_of(prepared)
     parts, missing = sections(prepared)
+    leading = movement_section(prepared, answer.judgement.use)
+    if leading is not None:
+        parts = [leading, *parts]
     instants, motion = _body(prepared)
     forces = "ground" if results.contacts.forces is None else "estimated contact"
     steps = (
@@ -56,7 +61,8 @@ def prepared_page(prepared: Prepared) -> str:
     )
     cited |= {"owen2014", "mcmahon2018"} if prepared.ground.kind == "jump" else set()
     cited |= ANALYSIS if any(part.key == "analysis" for part in parts) else set()
-    answer = answer_of(prepared)
+    if leading is not None and prepared.recorded_movement is not None:
+        cited |= set(SOURCES[prepared.recorded_movement.movement])
     return rendered(
         results.head,
         parts,

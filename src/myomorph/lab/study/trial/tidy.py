@@ -21,12 +21,15 @@ from myomorph.lab.analysis.cycles import Cycles, over_cycles
 from myomorph.lab.analysis.stride_quantities import STRIDE_TABLE
 from myomorph.lab.analysis.stride_spread import StrideSpread, stride_spreads
 from myomorph.lab.report.page.parts import Verdict
+from myomorph.lab.report.trial.answer.answer import judgement_of
+from myomorph.lab.report.trial.movement.movement_section import shown_numbers
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.results import Stored
 from myomorph.lab.store.uncertainty_store import get_value_limits
 from myomorph.lab.study.step.step import trial_steps
 from myomorph.lab.study.step.step_table import REPORT
 from myomorph.lab.study.trial.labelled_result import labelled_signals
+from myomorph.lab.study.trial.movement_values import movement_values, write_movement
 from myomorph.lab.study.trial.reporting import TrialResults
 from myomorph.lab.study.trial.stride_table import write_stride_table
 from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, LOADED, Signals, Value, statistics_of
@@ -77,13 +80,18 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
         QUALITY_COLUMNS,
         quality_rows(prepared.verdicts, prepared.results.head.warnings),
     )
+    numbers = shown_numbers(prepared, judgement_of(prepared).use)
+    write_movement(outcome.folder, numbers)
     # Last, so that where there are values there is everything.
     write_csv(
         outcome.folder / VALUES,
         VALUE_COLUMNS,
         (
             value_row(_with_limits(trial_value, limits))
-            for trial_value in trial_values(stored, model, strides, signals, cycles)
+            for trial_value in (
+                *trial_values(stored, model, strides, signals, cycles),
+                *movement_values(numbers),
+            )
             if np.isfinite(trial_value.value)
         ),
     )

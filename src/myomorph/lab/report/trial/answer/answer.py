@@ -54,6 +54,11 @@ def answer_of(prepared: Prepared) -> Answer:
     )
 
 
+def judgement_of(prepared: Prepared) -> Judgement:
+    """Return the verdict on a trial alone, for tables that need no more of its answer."""
+    return judged(prepared, grouped(prepared.results.head.warnings, KINDS))
+
+
 def _busiest(activations: Series | None, time: float) -> str:
     """Return the plain name of the muscle that is most active at a time; "" where none is known."""
     if activations is None or not len(activations):

@@ -11,25 +11,23 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion
 from myomorph.lab.analysis.gait_curves import SIDES
-from myomorph.lab.analysis.phases import GroundPhases
+from myomorph.lab.analysis.sagittal_joints import extension_moment, joint_angle
 from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve
-from myomorph.lab.report.trial.answer.joints import extension_moment, joint_angle
 from myomorph.lab.report.trial.answer.judgement import Use
 from myomorph.lab.report.trial.answer.main_result import KeyPose, MainResult
 from myomorph.lab.report.trial.answer.over_time import SECONDS, Heading, time_curve
-from myomorph.lab.report.trial.answer.sentence import Sentence, degrees, with_unit
+from myomorph.lab.report.trial.answer.seen_jump import SeenJump, seen_jump
+from myomorph.lab.report.trial.answer.sentence import NO_BREAK, Sentence, degrees, with_unit
 from myomorph.lab.report.trial.prepared import Prepared
 
-HEIGHT = "Jump height from take-off velocity"
-LANDING = "Peak force of landing"
-STANDING = "Body weight on the plates"
-FLIGHT = "Flight time"
 BEFORE = 1.0
 """Charts begin so long before the lowest point where no onset was seen [s]."""
 LEAD = 0.1
 """They begin so long before the onset [s], ..."""
 AFTER = 0.5
 """... and end so long after the landing [s]."""
+ALIKE = 5.0
+"""A landing that is so near to even is not said to lean to a side [%]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,19 +36,19 @@ class JumpInstants:
 
     Attributes
     ----------
-    onset : of the movement, None where it was not seen
+    onset : of the movement, NaN where it was not seen
     lowest : knees bent most before take-off
     off, landing : feet leave the ground, and meet it again
     """
 
-    onset: float | None
+    onset: float
     lowest: float
     off: float
     landing: float
 
     def span(self, whole: tuple[float, float]) -> tuple[float, float]:
         """Return from when to when charts show it, within the whole recording [s]."""
-        start = self.lowest - BEFORE if self.onset is None else self.onset - LEAD
+        start = self.onset - LEAD if np.isfinite(self.onset) else self.lowest - BEFORE
         return max(start, whole[0]), min(self.landing + AFTER, whole[1])
 
     @property
@@ -62,77 +60,66 @@ class JumpInstants:
 
 
 def jump(prepared: Prepared, use: Use) -> MainResult | None:
-    """Return height, landing and knees; None where forces show no jump."""
+    """Return height, landing and knees; None where forces show no jump, or no knee was seen."""
     results = prepared.results
     motion = results.dynamics.motion or results.kinematics.motion
-    measures = {measure.name: measure.value for measure in prepared.ground.measures}
-    if HEIGHT not in measures or results.model is None or motion is None:
+    seen = seen_jump(prepared)
+    if seen is None or results.model is None or motion is None:
         return None
     knees = {side: joint_angle(results.model, motion, "knee_flexion", side) for side in SIDES}
-    instants = _instants(prepared.ground, knees, motion.time)
-    if instants is None:
+    bend = _bend_before(seen, knees, motion.time)
+    if bend is None:
         return None
+    instants = JumpInstants(
+        onset=seen.onset,
+        lowest=float(motion.time[int(np.nanargmax(bend))]),
+        off=seen.off,
+        landing=seen.land,
+    )
     return MainResult(
-        movement="Countermovement jump",
-        sentence=_sentence(measures, knees, motion.time, instants.off),
-        caveat="The height is that of the take-off velocity, by the impulse on the plates.",
-        curves=_curves(prepared, use, motion, knees, instants),
+        movement="Drop jump" if seen.drops else "Countermovement jump",
+        sentence=_sentence(seen, float(np.nanmax(bend)), knees),
+        caveat=_caveat(seen),
+        curves=_curves(prepared, use, motion, seen, instants),
         poses=instants.poses,
         axis=SECONDS,
-        amount=f"flies {with_unit(measures[FLIGHT], 's', 2)}",
+        amount=f"flies {with_unit(seen.land - seen.off, 's', 2)}",
     )
 
 
-def _instants(
-    ground: GroundPhases, knees: Mapping[str, Array | None], time: Array
-) -> JumpInstants | None:
-    """Return when the jump does what; None where its flight, or no knee, was seen."""
-    times = {event.label: event.time for event in ground.events}
+def _bend_before(seen: SeenJump, knees: Mapping[str, Array | None], time: Array) -> Array | None:
+    """Return the mean flexion of the knees before take-off, and none after it.
+
+    Returns
+    -------
+    (frames,) [degrees], NaN outside of the push-off; None where no knee was seen in it
+    """
     known = [angle for angle in knees.values() if angle is not None]
-    if not {"Take-off", "Landing"} <= set(times) or not known:
+    if not known:
         return None
-    off = times["Take-off"]
-    before = np.flatnonzero(time <= off)
-    bend = np.mean(known, axis=0)[before]
-    if not np.isfinite(bend).any():
-        return None
-    return JumpInstants(
-        onset=times.get("Onset"),
-        lowest=float(time[before[int(np.nanargmax(bend))]]),
-        off=off,
-        landing=times["Landing"],
-    )
+    inside = time <= seen.off
+    if np.isfinite(seen.onset):
+        inside &= time >= seen.onset
+    bend = np.where(inside, np.mean(known, axis=0), np.nan)
+    return np.asarray(bend) if np.isfinite(bend).any() else None
 
 
 def _curves(
-    prepared: Prepared,
-    use: Use,
-    motion: Motion,
-    knees: Mapping[str, Array | None],
-    instants: JumpInstants,
+    prepared: Prepared, use: Use, motion: Motion, seen: SeenJump, instants: JumpInstants
 ) -> tuple[AnswerCurve, ...]:
     """Return the force on the plates, the knees, and their torque where it may be used."""
     model = prepared.results.model
     assert model is not None
     span = instants.span(prepared.span)
-    force = _force_curve(prepared, span)
+    heading = Heading("Vertical force", "body weights", digits=1, middle="plates")
+    force = time_curve(heading, seen.time, {"": seen.force}, span) if len(seen.time) else None
     torque = _torque_curve(prepared, model, span) if use not in ("angles", "nothing") else None
+    knees = {side: joint_angle(model, motion, "knee_flexion", side) for side in SIDES}
     bend = time_curve(Heading("Knee flexion", "°"), motion.time, knees, span, instants.lowest)
     flexion = {side: joint_angle(model, motion, "hip_flexion", side) for side in SIDES}
     hips = time_curve(Heading("Hip flexion", "°"), motion.time, flexion, span, instants.lowest)
     shown = [curve for curve in (force, torque, bend, hips) if curve is not None]
     return tuple(shown[:3])
-
-
-def _force_curve(prepared: Prepared, span: tuple[float, float]) -> AnswerCurve | None:
-    """Return the vertical force on the ground in body weights."""
-    wrenches = prepared.results.dynamics.wrenches
-    weight = next((each.value for each in prepared.ground.measures if each.name == STANDING), None)
-    if wrenches is None or not weight:
-        return None
-    total = np.nan_to_num(wrenches.forces @ prepared.up).sum(axis=1) / weight
-    heading = Heading("Vertical force", "body weights", digits=1, middle="plates")
-    return time_curve(heading, wrenches.time, {"": total}, span)
 
 
 def _torque_curve(
@@ -146,16 +133,38 @@ def _torque_curve(
     return time_curve(Heading("Knee extension torque", "N·m"), torques.time, moments, span)
 
 
-def _sentence(
-    measures: Mapping[str, float], knees: Mapping[str, Array | None], time: Array, off: float
-) -> Sentence:
-    """Say how high, how hard, and how deep before."""
-    high = with_unit(100.0 * measures[HEIGHT], "cm")
-    land = measures[LANDING] / measures[STANDING]
-    known = [angle[time <= off] for angle in knees.values() if angle is not None]
-    bends = degrees(float(np.nanmax(np.mean(known, axis=0))))
-    plural = "knees bend" if len(known) > 1 else "knee bends"
-    return Sentence.of(
-        f"Jumps {high} high and lands with {land:.1f} body weights;",
-        f" the {plural} {bends} before take-off.",
+def _sentence(seen: SeenJump, bend: float, knees: Mapping[str, Array | None]) -> Sentence:
+    """Say how high, and how hard or how fast."""
+    high = with_unit(100.0 * seen.height, "cm")
+    if seen.drops:
+        ground = with_unit(seen.contact, "s", 2)
+        index = with_unit(seen.index, "m/s", 2)
+        return Sentence.of(
+            f"Jumps {high} high after {ground} on the ground:",
+            f" a reactive strength index of {index}.",
+        )
+    plural = sum(angle is not None for angle in knees.values()) > 1
+    bends = f"the {'knees bend' if plural else 'knee bends'} {degrees(bend)} before take-off"
+    if not np.isfinite(seen.landing):
+        return Sentence.of(f"Jumps {high} high; {bends}.")
+    return Sentence.of(f"Jumps {high} high and lands with {_landing(seen)}; {bends}.")
+
+
+def _landing(seen: SeenJump) -> str:
+    """Return the force of landing, and the side that it leans to."""
+    force = f"{seen.landing:.1f} body weights"
+    if not np.isfinite(seen.right) or abs(seen.right - 50.0) < ALIKE:
+        return force
+    share = max(seen.right, 100.0 - seen.right)
+    side = "right" if seen.right > 50.0 else "left"
+    return f"{force}, {share:.0f}{NO_BREAK}% on the {side}"
+
+
+def _caveat(seen: SeenJump) -> str:
+    """Say what the height is known by."""
+    known = (
+        "The height is that of the take-off velocity, by the impulse on the plates."
+        if seen.by_impulse
+        else "The height is that of the flight time: landing with bent legs adds to it."
     )
+    return known if seen.count == 1 else f"{known} The highest of {seen.count} jumps."

@@ -11,6 +11,7 @@ from myomorph.lab.report.trial.answer.any_movement import any_movement
 from myomorph.lab.report.trial.answer.judgement import Use
 from myomorph.lab.report.trial.answer.jump import jump
 from myomorph.lab.report.trial.answer.main_result import MainResult
+from myomorph.lab.report.trial.answer.rise import rise
 from myomorph.lab.report.trial.answer.run import run
 from myomorph.lab.report.trial.answer.squat import squat
 from myomorph.lab.report.trial.answer.walk import walk
@@ -24,7 +25,7 @@ MAKERS: Mapping[Movement, Maker] = FrozenMap(
         "running": run,
         "jumping": jump,
         "squatting": squat,
-        "rising": squat,
+        "rising": rise,
     }
 )
 """Makers of main results; of other movements the joints that move most are the result."""
@@ -39,5 +40,6 @@ def main_result(prepared: Prepared, use: Use) -> MainResult | None:
     if known is not None:
         maker = MAKERS.get(known, any_movement)
         return maker(prepared, use) or any_movement(prepared, use)
-    shown = jump(prepared, use) if prepared.ground.kind == "jump" else walk(prepared, use)
+    jumps = prepared.ground.kind == "jump"
+    shown = jump(prepared, use) if jumps else walk(prepared, use)
     return shown or any_movement(prepared, use)

@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
-from myomorph.lab.analysis.gait_curves import gait_curves
-from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from myomorph.core.model.series import Series
+from myomorph.lab.analysis.cycles import SAMPLES, over_cycles
+from myomorph.lab.analysis.gait_curves import SIDES, GaitCurves, gait_curves
+from myomorph.lab.movements.quantities import PEAK_VERTICAL_FORCE
+from myomorph.lab.movements.recorded_movement import NEAR, support_force
+from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve, SideCurve
 from myomorph.lab.report.trial.answer.judgement import Use
 from myomorph.lab.report.trial.answer.main_result import MainResult
 from myomorph.lab.report.trial.answer.over_cycle import (
@@ -13,7 +22,7 @@ from myomorph.lab.report.trial.answer.over_cycle import (
     mean_lift,
     stride_curve,
 )
-from myomorph.lab.report.trial.answer.sentence import Phrase, Sentence, degrees
+from myomorph.lab.report.trial.answer.sentence import Phrase, Sentence, Side, degrees
 from myomorph.lab.report.trial.answer.stride_poses import stance_poses
 from myomorph.lab.report.trial.prepared import Prepared
 
@@ -32,7 +41,7 @@ def run(prepared: Prepared, use: Use) -> MainResult | None:
     knee = stride_curve(gait, "knee_flexion")
     hip = stride_curve(gait, "hip_flexion")
     ankle = stride_curve(gait, "ankle_dorsiflexion")
-    force = stride_curve(gait, "vertical_force", digits=1)
+    force = _force_curve(prepared, gait)
     if knee is None:
         return None
     measured = force is not None and use != "nothing"
@@ -48,6 +57,43 @@ def run(prepared: Prepared, use: Use) -> MainResult | None:
         axis=PERCENT,
         amount=f"{speed:.2f}\u00a0m/s, {counted_strides(gait)}",
         lift=mean_lift(gait),
+    )
+
+
+def _force_curve(prepared: Prepared, gait: GaitCurves) -> AnswerCurve | None:
+    """Return the vertical force on each foot as measured, over the strides that plates carried."""
+    recorded = prepared.recorded_movement
+    numbers = prepared.movement_numbers
+    force = None if recorded is None else support_force(recorded)
+    if force is None or numbers is None:
+        return stride_curve(gait, "vertical_force", digits=1)
+    sides = []
+    for side in SIDES:
+        own = force.of_side(side)
+        measured = [
+            part.start
+            for part in numbers.parts
+            if part.side == side and np.isfinite(part.number(PEAK_VERTICAL_FORCE))
+        ]
+        spans = [
+            (stride.start, stride.stop)
+            for stride in gait.strides[side]
+            if any(abs(stride.start - start) < NEAR for start in measured)
+        ]
+        if own is None or not spans:
+            continue
+        series = Series(force.time, (side,), own[:, None] / force.weight)
+        cycles = over_cycles(series, spans, SAMPLES).values[:, :, 0]
+        curve = SideCurve(side=cast(Side, side), label=side, cycles=cycles)
+        sides.append(replace(curve, mark=curve.highest))
+    if not sides:
+        return None
+    return AnswerCurve(
+        title="Vertical force",
+        unit="body weights",
+        sides=tuple(sides),
+        at=np.linspace(0.0, 100.0, SAMPLES),
+        digits=1,
     )
 
 

@@ -1,4 +1,4 @@
-"""The main result of a squat, or of rising from a seat."""
+"""The main result of a squat."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.lab.analysis.gait_curves import SIDES
+from myomorph.lab.analysis.sagittal_joints import extension_moment, joint_angle, low_back_moment
 from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve
-from myomorph.lab.report.trial.answer.joints import extension_moment, joint_angle, low_back_moment
 from myomorph.lab.report.trial.answer.judgement import Use
 from myomorph.lab.report.trial.answer.main_result import KeyPose, MainResult
 from myomorph.lab.report.trial.answer.over_time import SECONDS, Heading, time_curve
 from myomorph.lab.report.trial.answer.sentence import Sentence, degrees, with_unit
 from myomorph.lab.report.trial.prepared import Prepared
 
+WITH_TORQUES: tuple[Use, ...] = ("everything", "angles and torques")
 MOVED = 0.02
 """A squat has begun where the knees bend by so large a share of their deepest bend."""
 ALIKE = 1.0
@@ -78,17 +79,18 @@ def squat(prepared: Prepared, use: Use) -> MainResult | None:
     motion = results.dynamics.motion or results.kinematics.motion
     if results.model is None or motion is None:
         return None
-    torques = results.dynamics.torques if use in ("everything", "angles and torques") else None
+    torques = results.dynamics.torques if use in WITH_TORQUES else None
     bending = Bending.of(results.model, motion, torques)
     bend = bending.bend
     if bend is None:
         return None
     deepest = int(np.nanargmax(bend))
     at = float(motion.time[deepest])
-    rising = results.recorded.movement.value == "rising"
+    numbers = prepared.movement_numbers
+    count = len(numbers.parts) if numbers is not None and numbers.one == "repetition" else 1
     return MainResult(
-        movement="Rising from a seat" if rising else "Squat",
-        sentence=_sentence(bending, float(bend[deepest]), at),
+        movement="Squat",
+        sentence=_sentence(bending, float(bend[deepest]), at, count),
         caveat=_caveat(bending.carried(at), results.model.mass),
         curves=_curves(bending, prepared.span, at),
         poses=_poses(bending.time, bend, deepest),
@@ -110,9 +112,10 @@ def _curves(bending: Bending, span: tuple[float, float], at: float) -> tuple[Ans
     return tuple(curve for curve in shown if curve is not None)
 
 
-def _sentence(bending: Bending, bend: float, at: float) -> Sentence:
-    """Say what knees and low back do at the deepest point."""
-    begin = f"At the deepest point the knees bend {degrees(bend)}"
+def _sentence(bending: Bending, bend: float, at: float, count: int) -> Sentence:
+    """Say what knees and low back do at the deepest point of all repetitions."""
+    where = "the deepest point" if count == 1 else f"the deepest of {count} squats"
+    begin = f"At {where} the knees bend {degrees(bend)}"
     carried = bending.carried(at)
     if not carried:
         return Sentence.of(f"{begin}.")

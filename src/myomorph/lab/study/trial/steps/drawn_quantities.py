@@ -15,6 +15,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import MyomorphError
 from myomorph.core.model.model import Model
 from myomorph.core.model.quantity import Quantity
+from myomorph.core.model.segments import joint_labels
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.model.units import MotionKind
@@ -121,7 +122,8 @@ def muscle_quantities(
     frame = trial.options[TensionTables].reactions
     points = trial.get(JointPoints)
     if frame != "none":
-        tables.append((JOINT_REACTION, task.reactions(tension, frame)))
+        reactions = task.reactions(tension, frame)
+        tables.append((JOINT_REACTION, reactions.table(joint_labels(trial.model))))
     if points is not None:
         tables.append((JOINT_CONTACT_LOAD, task.joint_contacts(tension, points).table()))
     return [*made, *(series_table(quantity, table, trial.model) for quantity, table in tables)]

@@ -15,7 +15,13 @@ from myomorph.core.model.gravity import gravity_of
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
-from myomorph.core.model.series_quantities import COORDINATE_UNIT, FILTERED_MOTION, WRENCHES
+from myomorph.core.model.series_quantities import (
+    COORDINATE_UNIT,
+    FILTERED_MOTION,
+    FORCE_TIME,
+    MEASURED_VERTICAL_FORCE,
+    WRENCHES,
+)
 from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.core.motion.automatic_cutoff import automatic_cutoff
 from myomorph.core.motion.filters import differentiate
@@ -38,6 +44,7 @@ from myomorph.lab.study.inputs.reading import has_mass
 from myomorph.lab.study.inputs.refined import RefinedMotion
 from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
+from myomorph.lab.study.trial.measured_force import put_measured
 from myomorph.lab.study.trial.steps.ik import Poses
 from myomorph.lab.study.trial.trial_inputs import (
     Signals,
@@ -234,6 +241,7 @@ def torque_table(torques: Series, model: Model) -> Table:
 
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
     dynamics = solve_dynamics(trial, poses.recorded)
+    put_measured(trial, poses.recorded, output)
     effect = filter_effect(trial, poses.recorded, dynamics)
     dynamics = replace(dynamics, filter_effect=effect)
     if effect is not None and abs(effect.double) > MAX_EFFECT:
@@ -271,19 +279,25 @@ def _read(stored: Stored, options: OptionSet) -> Torques | None:
     torques = store.get_torques(stored)
     if motion is None or torques is None:
         return None
+    return Torques(motion, torques, _checked_wrenches(stored))
+
+
+def _checked_wrenches(stored: Stored) -> Wrenches | None:
+    """External forces of a result with what checks found of them, or None."""
     wrenches = store.get_wrenches(stored)
-    if wrenches is not None:
-        wrenches = replace(wrenches, findings=get_findings(stored, FINDINGS))
-    return Torques(motion, torques, wrenches)
+    if wrenches is None:
+        return None
+    return replace(wrenches, findings=get_findings(stored, FINDINGS))
 
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     report_input = report_input.with_warnings(messages_of_findings(get_findings(stored, FINDINGS)))
     dynamics = Dynamics(
         torques=store.get_torques(stored),
-        wrenches=store.get_wrenches(stored),
+        wrenches=_checked_wrenches(stored),
         root_note=stored.facts.get("root_note", ""),
         motion=store.get_derivatives(stored),
+        measured=store.get_measured_force(stored),
     )
     return replace(report_input, dynamics=dynamics)
 
@@ -360,7 +374,10 @@ STEP = Step(
     name="id",
     title="inverse dynamics",
     gives=Torques,
-    quantities=(*FILTERED_MOTION, COORDINATE_UNIT, GENERALIZED_FORCE, *WRENCHES),
+    quantities=(
+        *(*FILTERED_MOTION, COORDINATE_UNIT, GENERALIZED_FORCE, *WRENCHES),
+        *(FORCE_TIME, MEASURED_VERTICAL_FORCE),
+    ),
     needs=(Poses,),
     options=(Differentiation, ForceOptions, TorqueTable),
     inputs=("loads", "laboratory", "soft tissue", "time"),

@@ -40,7 +40,7 @@ from myomorph.core.tension.load_quantities import (
     CONTACT_GROUP_FORCE,
     CONTACT_LOAD,
     INTERVAL_LOW,
-    JOINT_REACTION,
+    JOINT_FORCE,
 )
 from myomorph.core.tension.quantities import (
     ACTIVATION,
@@ -80,6 +80,8 @@ from myomorph.lab.study.trial.joint_contact_step import (
     joint_contact_signals,
     write_joint_contacts,
 )
+from myomorph.lab.study.trial.joint_force import write_reactions
+from myomorph.lab.study.trial.measured_force import put_measured
 from myomorph.lab.study.trial.steps.id import (
     Torques,
     cutoff_of,
@@ -129,6 +131,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         torques = solve_dynamics(trial, poses.recorded)
         notes = torques.notes
         put_dynamics(output, torques, trial.model)
+        put_measured(trial, poses.recorded, output)
     task = task_of(trial, poses.recorded, torques)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
         tension, solution = task.solved(advance)
@@ -149,7 +152,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         notes = (*write_conflicts(trial.model, tension, task.emg, output), *task.emg.notes, *notes)
     frame = trial.options[TensionTables].reactions
     if frame != "none":
-        write_sto(task.reactions(tension, frame), output.folder / JOINT_REACTION.file)
+        write_reactions(task.reactions(tension, frame), trial.model, output)
     if points is not None:
         forces = task.joint_contacts(tension, points)
         notes += write_joint_contacts(forces, points, strides, output)
@@ -372,10 +375,12 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     tension = store.get_tension(stored, TensionOptions())
     forces = contact_store.get_contact_forces(stored)
     carried = contact_store.get_forces_with_contacts(stored)
-    if carried is not None:
-        report_input = replace(
-            report_input, dynamics=replace(report_input.dynamics, torques=carried)
-        )
+    dynamics = replace(
+        report_input.dynamics,
+        torques=report_input.dynamics.torques if carried is None else carried,
+        joint_force=store.get_series(stored, JOINT_FORCE),
+    )
+    report_input = replace(report_input, dynamics=dynamics)
     contacts = EstimatedContacts(
         touches=contact_store.get_contacts(stored),
         forces=forces,
@@ -405,7 +410,8 @@ def _residuals(tension: Tension | None) -> Series | None:
 
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
-    found = [store.get_series(stored, quantity) for quantity in (ACTIVATION, MUSCLE_FORCE)]
+    columns = (ACTIVATION, MUSCLE_FORCE, JOINT_FORCE)
+    found = [store.get_series(stored, quantity) for quantity in columns]
     loads = tuple(tidy_signals("tension", series, model) for series in found if series is not None)
     return *loads, *fiber_signals(stored, model), *joint_contact_signals(stored, model)
 

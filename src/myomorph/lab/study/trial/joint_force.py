@@ -1,0 +1,43 @@
+"""Loads of joints as part of the step `tension`: their table, and the size of each force."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.core.io.sto import write_sto
+from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.segments import joint_labels
+from myomorph.core.model.series import Series
+from myomorph.core.tension.load_quantities import JOINT_FORCE, JOINT_REACTION
+from myomorph.core.tension.reaction import JointReactions
+from myomorph.lab.store.quantities import put_value
+from myomorph.lab.study.step.step import StepOutput
+
+
+def write_reactions(reactions: JointReactions, model: Model, output: StepOutput) -> None:
+    """Write the loads of all joints as a table, and the sizes of their forces into the result."""
+    labels = joint_labels(model)
+    write_sto(reactions.table(labels), output.folder / JOINT_REACTION.file)
+    forces = joint_forces(reactions, model)
+    if forces.names:
+        put_value(output.writer, forces)
+
+
+def joint_forces(reactions: JointReactions, model: Model) -> Series:
+    """Return the size of the force in every joint that joins two bodies.
+
+    Parameters
+    ----------
+    reactions : forces (frames, joints, 3) [N]
+    model : whose joints they are
+
+    Returns
+    -------
+    (frames, joints) by the joints' plain names [N]
+    """
+    labels = joint_labels(model)
+    on_ground = {joint.name for joint in model.joints if joint.parent == GROUND}
+    columns = [place for place, name in enumerate(reactions.joints) if name not in on_ground]
+    names = tuple(labels[reactions.joints[place]] for place in columns)
+    sizes = np.linalg.norm(reactions.forces[:, columns], axis=2)
+    return Series(reactions.time, names, sizes, quantity=JOINT_FORCE)
