@@ -33,7 +33,7 @@ class Bounce:
         self.flight = 2.0 * fall / G
 
     def _contact(self, angle: float) -> tuple[np.ndarray, np.ndarray]:
-        """Times, and the vertical force at them."""
+        """Give times, and the vertical force at them."""
         solution = self._solved(angle)
         times = np.linspace(0.0, solution.t[-1], 400)
         x, y, _, _ = solution.sol(times)
@@ -65,7 +65,7 @@ class Bounce:
 def recorded(
     bounce: Bounce, rate: float = 1000.0, count: int = 8, noise: float = 0.0, offset: float = 0.0
 ) -> tuple[SupportForce, list[Stance]]:
-    """Steps of both feet in turn on two plates."""
+    """Put steps of both feet in turn on two plates."""
     period = bounce.contact + bounce.flight
     time = np.arange(0.0, 0.2 + count * period + 0.1, 1.0 / rate)
     forces = {"right": np.zeros(len(time)), "left": np.zeros(len(time))}

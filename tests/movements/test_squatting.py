@@ -18,7 +18,17 @@ WEIGHT = 700.0
 
 
 def smooth(time: np.ndarray, begin: float, length: float) -> np.ndarray:
-    """From 0 to 1 with half a cosine."""
+    """From 0 to 1 with half a cosine.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    begin, length : of the way [s]
+
+    Returns
+    -------
+    (frames,)
+    """
     share = np.clip((time - begin) / length, 0.0, 1.0)
     return 0.5 - 0.5 * np.cos(np.pi * share)
 

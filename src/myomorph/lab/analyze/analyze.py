@@ -560,7 +560,7 @@ def _plan(
 
 
 def _with_joint_loads(options: Settings) -> Settings:
-    """Settings of steps in which loads of joints are asked for, unless they say otherwise."""
+    """Return settings that ask for the loads of joints, unless they say otherwise."""
     return FrozenMap({**options, "tension": {"reactions": "child", **options.get("tension", {})}})
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
@@ -70,9 +70,7 @@ class RecordedMovement:
     weight: float
 
     def numbers(self) -> MovementNumbers | None:
-        """Return the numbers of the movement; None where it has none of its own, or shows no part
-        of itself.
-        """
+        """Return the numbers of the movement; None where it has none, or shows no part."""
         maker = MAKERS.get(self.movement)
         found = None if maker is None else maker(self)
         return found if found is not None and found.parts else None
@@ -97,31 +95,56 @@ def support_force(recorded: RecordedMovement, apart: bool = True) -> SupportForc
     measured = recorded.measured
     if measured is None or len(measured) < 3 or recorded.weight <= 0.0:
         return None
-    limbs = walking_limbs(recorded.model)
-    bodies = chains(recorded.model, limbs) if limbs else {}
-    by_side: dict[str, Array] = {}
-    for limb, own in bodies.items():
-        columns = [column for column, name in enumerate(measured.names) if name in own]
-        side = split_side(limb)[1]
-        if columns and side in SIDES:
-            by_side[side] = by_side.get(side, 0.0) + measured.values[:, columns].sum(axis=1)
-    known = {name for own in bodies.values() for name in own}
-    others = [column for column, name in enumerate(measured.names) if name not in known]
-    # What no body is named for is a plate under both feet.
-    plates = [
-        column for column in others if measured.names[column] not in recorded.model.body_names
-    ]
-    both = measured.values[:, plates].sum(axis=1) if plates else None
-    right = by_side.get("right")
-    left = by_side.get("left")
-    if recorded.shared or not (apart or (_loaded(right, recorded) and _loaded(left, recorded))):
-        parts = [force for force in (right, left, both) if force is not None]
-        both = np.sum(parts, axis=0) if parts else None
-        right = None
-        left = None
-    if right is None and left is None and both is None:
+    parts = _forces_by_foot(recorded, measured)
+    both_loaded = _loaded(parts.right, recorded) and _loaded(parts.left, recorded)
+    if recorded.shared or not (apart or both_loaded):
+        parts = _FootForces(right=None, left=None, both=parts.whole)
+    if parts.whole is None:
         return None
-    return SupportForce.of(measured.time, recorded.weight, right, left, both)
+    return SupportForce.of(measured.time, recorded.weight, parts.right, parts.left, parts.both)
+
+
+@read_only
+class _FootForces:
+    """Vertical forces (samples,) under one foot each and under both together [N], None for none."""
+
+    right: Array | None
+    left: Array | None
+    both: Array | None
+
+    @property
+    def whole(self) -> Array | None:
+        """Sum of all (samples,) [N]."""
+        known = [force for force in (self.right, self.left, self.both) if force is not None]
+        return np.asarray(np.sum(known, axis=0)) if known else None
+
+
+def _forces_by_foot(recorded: RecordedMovement, measured: Series) -> _FootForces:
+    """Sort forces on bodies by the foot that these belong to.
+
+    Parameters
+    ----------
+    recorded : the movement
+    measured : (samples, bodies) [N]
+
+    Returns
+    -------
+    forces under each foot; what is on no body of the model is a plate under both
+    """
+    limbs = walking_limbs(recorded.model)
+    chained = chains(recorded.model, limbs) if limbs else {}
+    sided = {split_side(limb)[1]: own for limb, own in chained.items()}
+
+    def summed(owners: Collection[str]) -> Array | None:
+        columns = [place for place, name in enumerate(measured.names) if name in owners]
+        return np.asarray(measured.values[:, columns].sum(axis=1)) if columns else None
+
+    plates = set(measured.names) - set(recorded.model.body_names)
+    return _FootForces(
+        right=summed(sided.get("right", ())),
+        left=summed(sided.get("left", ())),
+        both=summed(plates),
+    )
 
 
 def _loaded(force: Array | None, recorded: RecordedMovement) -> bool:
@@ -319,7 +342,7 @@ def _moments(recorded: RecordedMovement) -> Mapping[Quantity, Array]:
 
 
 def _running(recorded: RecordedMovement) -> MovementNumbers:
-    """Steps of a run."""
+    """Return the steps of a run."""
     force = support_force(recorded)
     speeds = [] if recorded.strides is None else recorded.strides.strides
     speed = float(np.mean([stride.speed for stride in speeds])) if speeds else UNKNOWN

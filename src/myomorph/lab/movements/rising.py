@@ -90,6 +90,10 @@ def rises(time: Array, hips: Array) -> tuple[Rise, ...]:
     Parameters
     ----------
     time, hips : (frames,) [s], [m]; frames that are NaN are passed over
+
+    Returns
+    -------
+    in order of time; none where hips hardly move, or were seldom seen
     """
     seen = np.isfinite(hips)
     if seen.sum() < 3 or seen.mean() < MIN_SEEN:

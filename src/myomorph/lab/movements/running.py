@@ -247,12 +247,12 @@ def loading_rate(time: Array, force: Array, weight: float) -> float:
     end = impacts[0] if impacts else int(np.searchsorted(time, at))
     level = float(force[min(end, len(force) - 1)])
     rising = force[: end + 1]
-    low, high = (share * level for share in LOADING)
-    over_high = np.flatnonzero(rising >= high)
+    begin, end_share = LOADING
+    over_high = np.flatnonzero(rising >= end_share * level)
     if not len(over_high):
         return UNKNOWN
     last = int(over_high[0])
-    under_low = np.flatnonzero(rising[: last + 1] <= low)
+    under_low = np.flatnonzero(rising[: last + 1] <= begin * level)
     first = int(under_low[-1]) if len(under_low) else 0
     if last - first < MIN_LOADING:
         return UNKNOWN

@@ -109,6 +109,10 @@ def repetitions(time: Array, bend: Array) -> tuple[Repetition, ...]:
     Parameters
     ----------
     time, bend : (frames,) [s], [degrees]; frames that are NaN are passed over
+
+    Returns
+    -------
+    in order of time
     """
     seen = np.isfinite(bend)
     if seen.sum() < 3:

@@ -75,6 +75,10 @@ class SupportForce:
         weight : of the body [N]
         right, left : (samples,) under one foot [N], None where no plate is under it alone
         both : (samples,) under both feet together, None where no plate is [N]
+
+        Returns
+        -------
+        forces by foot, and their sum
         """
         parts = [
             None if force is None else zeroed(time, force, weight) for force in (right, left, both)
@@ -103,11 +107,15 @@ class SupportForce:
         Parameters
         ----------
         force : (samples,) [N]
+
+        Returns
+        -------
+        in order of time
         """
         return find_contacts(self.time, force, self.weight)
 
     def inside(self, start: float, stop: float) -> slice:
-        """Samples within a span of time [s]."""
+        """Find the samples within a span of time [s]."""
         first, last = np.searchsorted(self.time, (start - 1e-9, stop + 1e-9))
         return slice(int(first), int(last))
 
@@ -188,6 +196,10 @@ def find_contacts(time: Array, force: Array, weight: float) -> tuple[Contact, ..
     ----------
     time, force : (samples,) [s], [N], without an offset
     weight : of the body [N]
+
+    Returns
+    -------
+    in order of time
     """
     threshold = THRESHOLD * weight
     found = []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from myomorph.core.model.known import Known
@@ -17,7 +19,7 @@ from myomorph.lab.report.trial.answer.answer import answer_of
 from myomorph.lab.report.trial.answer.first_screen import first_screen
 from myomorph.lab.report.trial.estimated_forces import acting_forces
 from myomorph.lab.report.trial.gait.gait_page import GAIT_PAGE
-from myomorph.lab.report.trial.movement.movement_section import SOURCES, movement_section
+from myomorph.lab.report.trial.movement.movement_section import KEY, SOURCES, movement_section
 from myomorph.lab.report.trial.prepared import Prepared, prepare
 from myomorph.lab.report.trial.report_input import ReportInput
 from myomorph.lab.report.trial.sections import sections
@@ -47,26 +49,10 @@ def prepared_page(prepared: Prepared) -> str:
         parts = [leading, *parts]
     instants, motion = _body(prepared)
     forces = "ground" if results.contacts.forces is None else "estimated contact"
-    steps = (
-        (results.kinematics.fit, ("lu1999",)),
-        (results.dynamics.torques, ("featherstone2008", "woltring1986")),
-        (results.tension, ("crowninshield1981", "millard2013")),
-    )
-    cited = {key for part, keys in steps if part is not None for key in keys}
-    cited |= {"hicks2015", "opensim"} if cited or results.identification is None else set()
-    cited |= (
-        {"dissertation", "ayusawa2014", "ae1992", "wensing2018"}
-        if results.identification is not None
-        else set()
-    )
-    cited |= {"owen2014", "mcmahon2018"} if prepared.ground.kind == "jump" else set()
-    cited |= ANALYSIS if any(part.key == "analysis" for part in parts) else set()
-    if leading is not None and prepared.recorded_movement is not None:
-        cited |= set(SOURCES[prepared.recorded_movement.movement])
     return rendered(
         results.head,
         parts,
-        listed(cited),
+        listed(_cited(prepared, [part.key for part in parts])),
         facts=_facts(prepared),
         tiles=_tiles(prepared),
         verdicts=prepared.verdicts,
@@ -78,6 +64,29 @@ def prepared_page(prepared: Prepared) -> str:
         pages=() if prepared.gait is None else (Link("Gait on one page", GAIT_PAGE),),
         first=None if answer.result is None else first_screen(prepared, answer),
     )
+
+
+def _cited(prepared: Prepared, sections_shown: Sequence[str]) -> set[str]:
+    """Return the keys of the references of what a page shows, with its sections by their keys."""
+    results = prepared.results
+    steps = (
+        (results.kinematics.fit, ("lu1999",)),
+        (results.dynamics.torques, ("featherstone2008", "woltring1986")),
+        (results.tension, ("crowninshield1981", "millard2013")),
+    )
+    cited = {key for part, keys in steps if part is not None for key in keys}
+    if cited or results.identification is None:
+        cited |= {"hicks2015", "opensim"}
+    if results.identification is not None:
+        cited |= {"dissertation", "ayusawa2014", "ae1992", "wensing2018"}
+    if prepared.ground.kind == "jump":
+        cited |= {"owen2014", "mcmahon2018"}
+    if "analysis" in sections_shown:
+        cited |= ANALYSIS
+    recorded = prepared.recorded_movement
+    if KEY in sections_shown and recorded is not None:
+        cited |= set(SOURCES[recorded.movement])
+    return cited
 
 
 def _facts(prepared: Prepared) -> list[tuple[str, str]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.core.io.parsing.text import write_csv
+from myomorph.lab.analysis.stride_spread import stride_spreads
 from myomorph.lab.movements.part import MovementNumbers
 from myomorph.lab.movements.quantities import FILE
 from myomorph.lab.study.trial.trial_inputs import Value
@@ -18,25 +19,29 @@ COLUMNS = ("part", "side", "start_s", "stop_s")
 
 
 def movement_values(numbers: MovementNumbers | None) -> Iterator[Value]:
-    """Yield how many parts there are, and mean and standard deviation of each quantity by side."""
+    """Yield how many parts there are, and the mean of each quantity by side with its spread."""
     if numbers is None:
         return
     for side in numbers.sides:
         count = sum(part.side == side for part in numbers.parts)
-        yield _value(numbers.many, side, float(count), "1")
+        yield Value(step=STEP, quantity=_sided(numbers.many, side), value=float(count), unit="1")
         for quantity in numbers.known:
-            summary = numbers.summary(quantity, side)
-            if summary is None:
+            values = numbers.values(quantity, side)
+            if not len(values):
                 continue
-            yield _value(quantity.name, side, summary.mean, quantity.unit)
-            if np.isfinite(summary.sd):
-                yield _value(quantity.name, side, summary.sd, quantity.unit, ", SD")
+            (spread,) = stride_spreads(values[:, None])
+            yield Value(
+                step=STEP,
+                quantity=_sided(quantity.name, side),
+                value=spread.mean,
+                unit=quantity.unit,
+                strides=spread,
+            )
 
 
-def _value(name: str, side: str, value: float, unit: str, ending: str = "") -> Value:
-    """Return a row, its quantity named as "contact_time, right, SD"."""
-    quantity = f"{name}, {side}" if side else name
-    return Value(step=STEP, quantity=f"{quantity}{ending}", value=value, unit=unit)
+def _sided(name: str, side: str) -> str:
+    """Return the name of a row, as "contact_time, right"."""
+    return f"{name}, {side}" if side else name
 
 
 def write_movement(folder: Path, numbers: MovementNumbers | None) -> None:

@@ -38,8 +38,9 @@ SOURCES: Mapping[Movement, tuple[str, ...]] = FrozenMap(
 
 
 def shown_numbers(prepared: Prepared, use: Use) -> MovementNumbers | None:
-    """Return the numbers that a verdict allows: without moments where torques do not hold, and none
-    where not even angles do.
+    """Return the numbers that a verdict allows.
+
+    There are no moments where torques do not hold, and none where not even angles do.
     """
     numbers = prepared.movement_numbers
     if numbers is None or use == "nothing":
