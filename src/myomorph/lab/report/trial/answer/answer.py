@@ -56,7 +56,7 @@ def answer_of(prepared: Prepared) -> Answer:
 
 def judgement_of(prepared: Prepared) -> Judgement:
     """Return the verdict on a trial alone, for tables that need no more of its answer."""
-    return judged(prepared, grouped(prepared.results.head.warnings, KINDS))
+    return judged(prepared, grouped_messages(prepared.results.head.warnings))
 
 
 def _busiest(activations: Series | None, time: float) -> str:
