@@ -30,9 +30,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise BadFile(path, "is not text", "give a study file in TOML") from None
     except (ValueError, RecursionError) as error:
         # Not only of `tomllib`: a whole number of thousands of digits is refused by `int`.
-        raise BadFile(
-            path, f"is not TOML: {error}", "see docs/getting-started.md for an example"
-        ) from None
+        raise BadFile(path, f"is not TOML: {error}", "see docs/studies.md for an example") from None
 
 
 def refuse(path: Path, problems: Sequence[str]) -> None:

@@ -66,7 +66,7 @@ def report_folder(
 ) -> list[Path]:
     """Make `report.html` of every folder of results in a folder, or of the folder itself.
 
-    What a report says is described in docs/getting-started.md.
+    What a report says is described in docs/report.md.
 
     Parameters
     ----------
