@@ -15,13 +15,20 @@ from myomorph.core.io.loads import read_external_loads
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.known import Known
-from myomorph.core.model.scale import scale
 from myomorph.lab.analysis.gait_curves import ANGLES, KEYS, SAMPLES, SIDES, gait_curves
 from myomorph.lab.report.page.parts import PageHead
 from myomorph.lab.report.trial.prepared import prepare
 from myomorph.lab.report.trial.report_input import Kinematics, ReportInput
-from myomorph.lab.study.trial.gait_norms import adult_norm, checked_norms, norm_of
-from myomorph.lab.study.trial.reporting import GaitNorms, write_report
+from myomorph.lab.study.trial.control_group import ControlPerson, group_norm
+from myomorph.lab.study.trial.gait_norms import (
+    GaitNorms,
+    adult_norm,
+    checked_norms,
+    norm_of,
+    walker_of,
+)
+from myomorph.lab.study.trial.norm_file import read_norms, write_norm
+from myomorph.lab.study.trial.reporting import write_report
 from myomorph.lab.uncertainty.spread import Uncertainty
 
 
@@ -46,6 +53,7 @@ def test_the_norm_of_adults_is_a_walk():
     np.testing.assert_allclose(norm.mean[0, known], norm.mean[-1, known])
     assert (norm.deviation[:, known] >= 0.0).all()
     assert norm.parameters["Stride length"][0] == pytest.approx(1.34, abs=0.01)
+    assert norm.ages == (30.0, 39.0)
 
 
 def test_a_walk_has_its_page_and_the_report_leads_to_it(prepared, tmp_path):
@@ -88,24 +96,85 @@ def test_what_is_stated_to_be_a_walk_has_a_page(prepared, tmp_path):
 
 
 def test_a_small_body_has_no_norm_of_adults(prepared):
-    model = prepared.results.model
-    child = scale(model, dict.fromkeys(model.body_names, np.full(3, 0.7)), 30.0)
-    norm, note = norm_of((), child, "c", {})
+    walker = walker_of(prepared)
+    child = replace(walker, stature=1.1)
+    norm, note = norm_of(GaitNorms(), child)
     assert norm is None
-    assert "about 1." in note
-    assert norm_of(("adults",), child, "c", {})[0] is adult_norm()
-    assert norm_of((), model, "a", {})[0] is adult_norm()
+    assert "about 1.10 m" in note
+    assert norm_of(GaitNorms(("adults",)), child).norm is adult_norm()
+    assert norm_of(GaitNorms(), walker).norm is adult_norm()
+
+
+def test_a_norm_is_of_the_age_and_the_speed(prepared):
+    walker = replace(walker_of(prepared), speed=1.25)
+    for age, group in ((25.0, "18 to 29"), (39.9, "30 to 39"), (80.0, "70 years")):
+        assert group in norm_of(GaitNorms(), replace(walker, age=age)).norm.group
+    for age in (8.0, 99.0):
+        norm, note = norm_of(GaitNorms(), replace(walker, age=age))
+        assert norm is None
+        assert f"{age:g} years, and the norm is of 18 to 91 years" in note
+    slow = replace(walker, age=35.0, speed=0.6)
+    norm, note = norm_of(GaitNorms(), slow)
+    assert norm is None
+    assert "0.60 m/s, and the norm is of 0.95 to 1.60 m/s" in note
+    norm, note = norm_of(GaitNorms(("adults",)), slow)
+    assert norm is adult_norm()
+    assert "does not fit" in note
+    assert norm_of(GaitNorms(("none",)), walker).norm is None
+
+
+def person(curves, speed, age):
+    return ControlPerson(curves=curves, parameters={"Walking speed": speed}, age=age)
 
 
 def test_controls_are_a_norm_without_the_patient(prepared):
-    curves = prepared.gait
-    controls = dict.fromkeys("abcd", (curves,))
-    norm, _ = norm_of(("controls",), prepared.results.model, "d", controls)
+    walker = replace(walker_of(prepared), age=33.0, speed=1.2)
+    people = {name: person(prepared.gait, 1.1 + 0.1 * k, 30.0 + k) for k, name in enumerate("abcd")}
+    norms = GaitNorms(("controls",), controls=people)
+    norm, note = norm_of(norms, replace(walker, person="d", age=31.0))
     assert norm.persons == 3
-    legs = np.stack([curves.mean(side)[:, :ANGLES] for side in SIDES])
+    assert note == ""
+    legs = np.stack([prepared.gait.mean(side)[:, :ANGLES] for side in SIDES])
     np.testing.assert_allclose(norm.mean[:, :ANGLES], legs.mean(axis=0))
+    assert norm.parameters["Walking speed"] == pytest.approx((1.2, 0.1))
+    assert norm.ages == (30.0, 32.0)
+    assert norm_of(norms, replace(walker, person="d", age=50.0)).norm is None
+    few = GaitNorms(("controls",), controls={name: people[name] for name in "abc"})
     with pytest.raises(BadData, match="2 persons"):
-        norm_of(("controls",), prepared.results.model, "c", dict.fromkeys("abc", (curves,)))
+        norm_of(few, replace(walker, person="c"))
+
+
+def test_a_file_of_norms_comes_back_as_it_was(prepared, tmp_path):
+    people = [person(prepared.gait, 1.1 + 0.1 * k, 30.0 + k) for k in range(5)]
+    norm = group_norm(people, "own control group: a, b")
+    write_norm(tmp_path / "controls.csv", norm)
+    (again,) = read_norms(tmp_path / "controls.csv")
+    np.testing.assert_allclose(again.mean, norm.mean, rtol=1e-7)
+    np.testing.assert_allclose(again.deviation, norm.deviation, rtol=1e-7, atol=1e-12)
+    assert again.source == norm.source
+    assert again.same_definitions
+    assert again.persons == 5
+    assert (again.ages, again.speeds) == (norm.ages, pytest.approx(norm.speeds))
+    assert again.parameters["Walking speed"] == pytest.approx(norm.parameters["Walking speed"])
+    write_norm(tmp_path / "again.csv", again)
+    assert (tmp_path / "again.csv").read_text() == (tmp_path / "controls.csv").read_text()
+
+
+def test_a_broken_file_of_norms_is_refused_with_its_row(tmp_path):
+    path = tmp_path / "norm.csv"
+    head = "group,variable,percent,mean,sd,n,low,high\n"
+    for text, words in (
+        ("a,b\n1,2\n", "no column 'group'"),
+        (f"{head}g,knee_flexon,0,1,1,,,\n", "unknown variable 'knee_flexon'"),
+        (f"{head}g,knee_flexion,0,x,1,,,\n", "row 1"),
+        (f"{head}g,knee_flexion,140,1,1,,,\n", "between 0 and 100"),
+    ):
+        path.write_text(text)
+        with pytest.raises(BadFile, match=words):
+            read_norms(path)
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(BadFile, match="cannot be read"):
+        read_norms(path)
 
 
 def test_a_norm_that_is_nothing_is_refused(tmp_path):

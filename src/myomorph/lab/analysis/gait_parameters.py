@@ -8,6 +8,7 @@ import numpy as np
 
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.sides import split_side
+from myomorph.lab.analysis.gait_curves import SIDES
 from myomorph.lab.analysis.stride_spread import StrideSpread, stride_spreads
 from myomorph.lab.analysis.strides import Stride, Strides
 
@@ -29,19 +30,31 @@ ParameterTable = Mapping[str, Mapping[str, StrideSpread]]
 """By parameter of `UNITS` and side ("right", "left")."""
 
 
-def gait_parameters(strides: Strides) -> ParameterTable:
-    """Return parameters with how strides differ; those known in no stride have no sides."""
-    limbs = {split_side(limb)[1]: limb for limb in strides.strikes}
+def gait_parameters(*recordings: Strides) -> ParameterTable:
+    """Return parameters with how strides differ; those known in no stride have no sides.
+
+    Parameters
+    ----------
+    recordings : strides of one person, together
+    """
     table: dict[str, dict[str, StrideSpread]] = {name: {} for name in UNITS}
-    for side, limb in limbs.items():
-        other = next((name for name in strides.strikes if name != limb), "")
-        rows = [_values(stride, strides, other) for stride in strides.of(limb)]
+    for side in SIDES:
+        rows = [row for strides in recordings for row in _rows(strides, side)]
         if not rows:
             continue
         for name, spread in zip(UNITS, stride_spreads(np.array(rows)), strict=True):
             if spread.count:
                 table[name][side] = spread
     return FrozenMap({name: FrozenMap(sides) for name, sides in table.items()})
+
+
+def _rows(strides: Strides, side: str) -> list[tuple[float, ...]]:
+    """Return the numbers of each stride of a side."""
+    limb = next((name for name in strides.strikes if split_side(name)[1] == side), "")
+    if not limb:
+        return []
+    other = next((name for name in strides.strikes if name != limb), "")
+    return [_values(stride, strides, other) for stride in strides.of(limb)]
 
 
 def _values(stride: Stride, strides: Strides, other: str) -> tuple[float, ...]:

@@ -50,6 +50,11 @@ class GaitNorm:
     same_definitions: bool = True
     # mean and standard deviation of the logarithms of their scores
     log_scores: tuple[float, float] | None = None
+    # who they are, in a word or two
+    group: str = ""
+    # lowest and highest age [years] and walking speed [m/s] that they are a norm for
+    ages: tuple[float, float] = (0.0, np.inf)
+    speeds: tuple[float, float] = (0.0, np.inf)
 
     def __post_init__(self) -> None:
         freeze(self, mean=(SAMPLES, len(KEYS)), deviation=(SAMPLES, len(KEYS)))

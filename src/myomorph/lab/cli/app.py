@@ -238,10 +238,16 @@ OWN_COMMANDS = {
         ),
     ),
     "report": CommandEntry(
-        function="myomorph.lab.cli.files:report_command",
-        help="Make report.html of a folder of results.",
+        function="myomorph.lab.cli.report:report_command",
+        help="Make report.html of results; of two folders a page that compares their walks.",
         example="myomorph report results",
         panel="Main job",
+    ),
+    "norms": CommandEntry(
+        function="myomorph.lab.cli.norms:norms_command",
+        help="Make a file of norms of a control group, which walks are held against.",
+        example="myomorph norms controls/c1 controls/c2 controls/c3 --out controls.csv",
+        panel="Files",
     ),
     "view": CommandEntry(
         function="myomorph.lab.cli.view:view_command",

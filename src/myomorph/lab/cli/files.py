@@ -7,7 +7,6 @@ from typing import Literal
 
 from myomorph.lab.cli.options import documented, inputs_class, inputs_of_flags
 from myomorph.lab.cli.output import said, warn
-from myomorph.lab.study.trial.result_folders import demo_model, folder_reader
 
 ConvertInputs = inputs_class("loads", "time", leave_out=("loads", "bodies"))
 
@@ -72,33 +71,4 @@ def convert_command(
     warn(made.notes, "'myomorph info FILE' lists those of the file")
     for path, held in made.files:
         said(f"wrote {path}: {held}")
-    return 0
-
-
-@documented
-def report_command(
-    folder: Path, /, *, preset: str = "", times: tuple[float, ...] = (), norms: tuple[str, ...] = ()
-) -> int:
-    """Make report.html of a folder of results, and of a walk gait.html, one page for the clinic.
-
-    Parameters
-    ----------
-    folder : of results
-    preset : how to look at the motion: taichi, tap, drum, judo, gait, lift or motion; else as it
-        fits
-    times : instants to picture [s]; those of events by default
-    norms : what gait.html holds a walk against: folders of results of a control group, adults or
-        none; by default adults, for a body of their size
-    """
-    reader = folder_reader(folder, lambda extension: extension.reports)
-    if reader is not None:
-        paths = [reader.read(folder)]
-    else:
-        from myomorph.lab.study.trial.reporting import report_folder
-
-        paths = report_folder(
-            folder, preset=preset, times=times, demo_model=demo_model, norms=norms
-        )
-    for path in paths:
-        said(f"wrote {path}")
     return 0

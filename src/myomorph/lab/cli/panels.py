@@ -68,6 +68,7 @@ PANELS = {
         "browser",
         "geometry",
         "norms",
+        "pdf",
         "generic",
         "keep-generic",
     ),

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -26,7 +26,6 @@ from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.model.surface import Surface
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.tension.quantities import ACTIVATION
-from myomorph.lab.analysis.gait_curves import GaitCurves
 from myomorph.lab.analysis.length_analysis import RANGE_HEAD, curve_rows, range_row
 from myomorph.lab.analysis.phases import Phase
 from myomorph.lab.analysis.presets import preset_of
@@ -43,7 +42,17 @@ from myomorph.lab.study.inputs.reading import open_model
 from myomorph.lab.study.inputs.session import recorded_movement
 from myomorph.lab.study.step.step import large_variables, step_of
 from myomorph.lab.study.step.step_table import STEPS
-from myomorph.lab.study.trial.gait_norms import ADULTS, NO_NORM, checked_norms, norm_of
+from myomorph.lab.study.trial.control_group import control_people
+from myomorph.lab.study.trial.gait_norms import (
+    ADULTS,
+    NO_NORM,
+    GaitNorms,
+    checked_norms,
+    is_table,
+    norm_of,
+    walker_of,
+)
+from myomorph.lab.study.trial.norm_file import read_norms
 from myomorph.lab.study.trial.together import object_model
 
 REPORT = "report.html"
@@ -74,8 +83,8 @@ def report_folder(
     preset : how to look at the motion, see `presets`; "" as the results say
     times : instants to picture [s], () for those of events
     demo_model : makes the model of a demo by its name; without it results of demos are refused
-    norms : what the gait page holds a walk against: folders of results of a control group,
-        ("adults",) or ("none",); by default adults, for a body of their size
+    norms : what the gait page holds a walk against: folders of results of a control group, a file
+        of 'myomorph norms', ("adults",) or ("none",); by default adults, where age and speed fit
 
     Returns
     -------
@@ -102,7 +111,7 @@ def report_folder(
     homes = [folder] if any(folder.glob(f"*{STORED}")) else []
     homes = homes or sorted({path.parent for path in result_files(folder)})
     model = partial(model_of, demo_model=demo_model)
-    walks = GaitNorms.of(norms, model)
+    walks = gait_norms(norms, model)
     return [
         _write(home, sorted(home.glob(f"*{STORED}")), preset, times, model, walks) for home in homes
     ]
@@ -129,9 +138,7 @@ def write_report(home: Path, prepared: Prepared, norms: GaitNorms | None = None)
     """
     texts = {REPORT: prepared_page(prepared)}
     if prepared.gait is not None and prepared.results.model is not None:
-        person = prepared.results.recorded.subject
-        against = norms or GaitNorms()
-        norm, note = norm_of(against.names, prepared.results.model, person, against.controls)
+        norm, note = norm_of(norms or GaitNorms(), walker_of(prepared))
         texts[GAIT_PAGE] = gait_page(prepared, prepared.gait, norm, note)
     analysis = prepared.lengths
     if analysis is not None and analysis.ranges:
@@ -147,27 +154,23 @@ def write_report(home: Path, prepared: Prepared, norms: GaitNorms | None = None)
     return home / REPORT
 
 
-@dataclass(frozen=True)
-class GaitNorms:
-    """What walks are held against, and the strides of a control group by person."""
+def gait_norms(norms: Sequence[str], model: Callable[[Stored], Model]) -> GaitNorms:
+    """Read what walks are held against.
 
-    names: tuple[str, ...] = ()
-    controls: Mapping[str, Sequence[GaitCurves]] = field(default_factory=lambda: FrozenMap({}))
+    Parameters
+    ----------
+    norms : folders of results of a control group, a file of norms, ("adults",) or ("none",)
+    model : of a result
+    """
+    names = checked_norms(norms)
+    if is_table(names):
+        return GaitNorms(names, groups=read_norms(Path(names[0])))
+    folders = () if names in ((ADULTS,), (NO_NORM,)) else names
 
-    @classmethod
-    def of(cls, norms: Sequence[str], model: Callable[[Stored], Model]) -> GaitNorms:
-        """Names are checked, and folders read."""
-        names = checked_norms(norms)
-        controls = dict[str, list[GaitCurves]]()
-        folders = () if names in ((ADULTS,), (NO_NORM,)) else names
-        for path in (path for folder in folders for path in result_files(Path(folder))):
-            stored = read_result(path, leave_out=large_variables())
-            results = TrialResults(path, model(stored), stored, page=False)
-            if results.prepared.gait is not None:
-                controls.setdefault(stored.facts.get("subject", path.stem), []).append(
-                    results.prepared.gait
-                )
-        return cls(names, FrozenMap({person: tuple(parts) for person, parts in controls.items()}))
+    def prepared(path: Path, stored: Stored) -> Prepared:
+        return TrialResults(path, model(stored), stored, page=False).prepared
+
+    return GaitNorms(names, controls=control_people(folders, prepared))
 
 
 class TrialResults:
