@@ -97,7 +97,10 @@ def read_asked(
     trials = tuple(_trial(entry, files) for entry in _list(raw, "trials"))
     if not any(trial.used for trial in trials):
         raise BadData("no recording is chosen: tick one at least")
-    people = {_text(entry, "name"): _person(entry, files) for entry in _list(raw, "people")}
+    people: dict[str, AskedPerson] = {}
+    for entry in _list(raw, "people"):
+        name = _text(entry, "name")
+        people[name] = _joined(name, people.get(name), _person(entry, files))
     labels = {str(label): str(place).strip() for label, place in _dict(raw, "labels").items()}
     model = _text(raw, "model")
     if model:
@@ -132,6 +135,19 @@ def _person(entry: Mapping[str, Any], files: Mapping[int, str]) -> AskedPerson:
         mass=number(entry.get("mass"), f"body mass of {name}", "kg", (0.0, MAX_MASS)),
         height=number(entry.get("height"), f"height of {name}", "m", (MIN_HEIGHT, MAX_HEIGHT)),
         static="" if static in (None, "") else _file(static, files),
+    )
+
+
+def _joined(name: str, first: AskedPerson | None, second: AskedPerson) -> AskedPerson:
+    """Make one person of two that the page calls alike."""
+    if first is None:
+        return second
+    if first.mass is not None and second.mass is not None and first.mass != second.mass:
+        raise BadData(f"{name} has two masses, {first.mass:g} and {second.mass:g} kg: give one")
+    return AskedPerson(
+        mass=second.mass if first.mass is None else first.mass,
+        height=second.height if first.height is None else first.height,
+        static=first.static or second.static,
     )
 
 

@@ -64,7 +64,7 @@ class Desk:
                 "home": str(self.home),
                 "endings": endings(),
                 "reading": self._reading,
-                "found": self._found,
+                "found": self._found if self.phase == "found" else {},
                 "out": self._out,
                 "bar": self._look_at_bar(),
                 "note": self._note,
@@ -167,7 +167,6 @@ class Desk:
             self._worker = None
             back: dict[Phase, Phase] = {"running": "found", "looking": "start"}
             self.phase = back.get(self.phase, self.phase)
-            self._drop = None if self.phase == "start" else self._drop
         if worker is not None:
             worker.stop()
         self._forget_progress()
@@ -176,6 +175,9 @@ class Desk:
         """Forget all, for other recordings."""
         self.cancel()
         with self._lock:
+            if self._drop is not None:
+                # What has come of it is of no use.
+                shutil.rmtree(self._drop.folder, ignore_errors=True)
             self._drop = None
             self._clear()
 
@@ -223,6 +225,8 @@ class Desk:
         self._note = str(event["text"])
 
     def _take_found(self, event: Event) -> None:
+        self._worker = None
+        self._note = ""
         self._found = event["found"]
         self._out = event["out"]
         self.phase = "found"
@@ -247,18 +251,20 @@ class Desk:
             self._failed.append({"name": name, "text": in_page_words(event["error"])})
 
     def _take_done(self, event: Event) -> None:
+        self._worker = None
+        self._forget_progress()
         self._done = event
         self.phase = "done"
 
     def _take_failed(self, event: Event) -> None:
+        self._worker = None
+        self._forget_progress()
         self.error = str(event["text"])
         self.phase = "found" if self._found else "start"
 
     def _take_gone(self, event: Event) -> None:
-        self._worker = None
-        if self.phase in ("looking", "running"):
-            self._take_failed({"text": f"the work ended before its time: {event['why']}"})
-        self._forget_progress()
+        """Take that the worker ended without having said how it went."""
+        self._take_failed({"text": f"the work ended before its time: {event['why']}"})
 
     def _forget_progress(self) -> None:
         with self._lock:

@@ -195,10 +195,24 @@ def _trial(number: int, trial: SessionTrial) -> Found:
     }
 
 
+def needs_places(look: Look) -> bool:
+    """Whether somebody must say what markers lie on, for the generic model."""
+    return bool(_unfit(look))
+
+
+def _unfit(look: Look) -> list[Recording]:
+    """List recordings whose known markers do not move the generic model."""
+    return [
+        one
+        for one in look.recordings
+        if one.trial.markers is not None and not shows_body(one.found)
+    ]
+
+
 def _labels(look: Look) -> Found:
     """Labels of markers that nothing knows; where too few are known, what they may lie on."""
     marked = [one for one in look.recordings if one.trial.markers is not None]
-    unfit = [one for one in marked if not shows_body(one.found)]
+    unfit = _unfit(look)
     unknown = list(dict.fromkeys(label for one in marked for label in one.found.unknown))
     known = dict.fromkeys(label for one in marked for label in one.found.sites)
     title = next((one.found.protocol.title for one in marked if one.found.protocol), "")

@@ -42,12 +42,19 @@ def do(task: object, say: Say) -> None:
 @do.register
 def _look(task: LookTask, say: Say) -> None:
     # Reading needs packages that the other task does without.
-    from myomorph.show.app.found import found_session, look_into, results_folder
+    from myomorph.show.app.found import (
+        found_session,
+        look_into,
+        needs_places,
+        results_folder,
+    )
 
     def begins(count: int, total: int, name: str) -> None:
         say("reading", count=count, total=total, name=name)
 
     look = look_into(task.folder, begins)
+    if needs_places(look):
+        say("note", text="Working out where the markers sit")
     say("found", found=found_session(look), out=str(results_folder(look)))
 
 

@@ -12,6 +12,7 @@ let state = null;
 let shown = "";
 let asking = false;
 let sending = null;
+let filled = "";
 
 const byId = (name) => document.getElementById(name);
 
@@ -82,8 +83,12 @@ function show(told) {
     showDone();
     if (before && before.phase === "running" && told.done.open) location.assign(placeOf(told.done.open));
   }
-  // What was filled in stays while the page is looked at.
-  if (phase === "found" && (!before || before.phase !== "found" || before.found.source !== told.found.source)) showFound();
+  // What was filled in stays until other recordings are looked at.
+  if (phase === "looking") filled = "";
+  if (phase === "found" && filled !== told.found.source) {
+    filled = told.found.source;
+    showFound();
+  }
 }
 
 function turnTo(name) {
@@ -119,7 +124,7 @@ function showReading() {
   }
   const { count = 0, total = 0, name = "" } = state.reading;
   fill("looking", total ? (count - 0.5) / total : 0.02);
-  byId("reading").textContent = name ? `${name} (${count} of ${total})` : "Opening …";
+  byId("reading").textContent = state.note || (name ? `${name} (${count} of ${total})` : "Opening …");
 }
 
 async function entriesOf(folder) {
@@ -157,7 +162,11 @@ function below(files) {
 }
 
 async function send(all) {
-  if (!state || sending || !["start", "found", "done"].includes(state.phase)) return;
+  if (!state || sending) return;
+  if (!["start", "found", "done"].includes(state.phase)) {
+    complain("Something is being computed: cancel it first, or wait.");
+    return;
+  }
   const files = all.filter((one) => isRead(one.path));
   if (!files.length) {
     const names = all.slice(0, 3).map((one) => one.path).join(", ");
@@ -289,7 +298,8 @@ function personFields(person, number, trials) {
 function trialRow(trial, people) {
   const used = made("input", { type: "checkbox", id: `use-${trial.id}`, checked: true, "aria-label": `Compute ${trial.file}` });
   used.addEventListener("change", () => row.classList.toggle("off", !used.checked));
-  const movement = choice(`movement-${trial.id}`, Object.entries(MOVEMENTS), trial.movement);
+  const movements = Object.entries(MOVEMENTS).filter(([name]) => name || !trial.movement);
+  const movement = choice(`movement-${trial.id}`, movements, trial.movement);
   movement.setAttribute("aria-label", `Movement in ${trial.file}`);
   const how = trial.how.replace(/^[^(]*\(/, "").replace(/\)$/, "");
   const warnings = trial.warnings.map((text) => made("small", {}, text));
@@ -333,7 +343,7 @@ function personBox(person, number, found) {
   const trials = found.trials.filter((trial) => trial.person === person.name);
   const head = ["", "File", "Movement", "Length", "Markers", "Force plates", "Muscle signals", found.people.length > 1 ? "Who" : ""];
   const table = made("table", { class: "trials" },
-    made("thead", {}, made("tr", {}, ...head.map((text, k) => made("th", { scope: "col" }, k ? text : made("span", { "aria-label": "Compute" }, ""))))),
+    made("thead", {}, made("tr", {}, ...head.map((text, k) => made("th", { scope: "col" }, k ? text : made("span", { class: "unseen" }, "Compute"))))),
     made("tbody", {}, ...trials.map((trial) => trialRow(trial, found.people))));
   const kind = person.kind === "animal" ? "Animal" : "Person";
   return made("fieldset", { class: "person" },
@@ -356,7 +366,7 @@ function labelsBox(labels) {
   const box = made("details", { class: "labels", open: labels.needed },
     made("summary", {}, `Markers without a known name (${labels.count})`),
     made("p", { class: "soft" }, labels.needed
-      ? "Too few markers have names that are known. Say where each one sits; proposals come from how the body stands, so look over each."
+      ? "Too few markers have names that are known. Say where each one sits; proposals come from how the body stands, so look over each. With a model that has these markers nothing is needed."
       : "They are not used. Say where one sits, and it is."),
     labels.needed ? made("p", { class: "soft" }, labels.why) : "",
     made("div", { class: "scroll" }, made("table", {}, made("thead", {}, made("tr", {}, ...["Marker", "Sits on", ""].map((text) => made("th", { scope: "col" }, text)))), made("tbody", {}, ...rows))));
@@ -399,16 +409,23 @@ function showFound() {
   if (missing) missing.focus({ preventScroll: true });
 }
 
+/* What the plates weigh and where somebody stands still is found anew, unless it was corrected. */
+function askedPerson(person, number) {
+  const value = (name) => byId(`${name}-${number}`).value.trim();
+  const all = state.found.trials.every((trial) => trial.person !== person.name || byId(`use-${trial.id}`).checked);
+  const weighed = all && person.mass !== null && value("mass") === String(person.mass);
+  const still = person.static !== null && value("static") === String(person.static);
+  return { name: value("name") || person.name, mass: weighed ? "" : value("mass"), height: value("height"), static: still ? "" : value("static") };
+}
+
 function asked() {
   const { found } = state;
   const value = (name) => byId(name)?.value.trim() ?? "";
-  const people = found.people.map((person, number) => ({
-    name: value(`name-${number}`) || person.name, mass: value(`mass-${number}`), height: value(`height-${number}`), static: value(`static-${number}`),
-  }));
+  const people = found.people.map(askedPerson);
   const trials = found.trials.map((trial) => {
     const number = byId(`who-${trial.id}`) ? Number(value(`who-${trial.id}`)) : Math.max(0, found.people.findIndex((one) => one.name === trial.person));
     return {
-      id: trial.id, used: byId(`use-${trial.id}`).checked && !byId(`use-${trial.id}`).disabled, person: people[number].name,
+      id: trial.id, used: byId(`use-${trial.id}`).checked, person: people[number].name,
       movement: value(`movement-${trial.id}`), plates: byId(`plates-${trial.id}`)?.checked ?? true,
     };
   });
@@ -418,9 +435,10 @@ function asked() {
 }
 
 function firstMissing() {
-  const used = asked();
-  const of = new Set(used.trials.filter((trial) => trial.used).map((trial) => trial.person));
-  const number = used.people.findIndex((person) => of.has(person.name) && !person.mass);
+  const { people, trials } = asked();
+  const used = new Set(trials.filter((trial) => trial.used).map((trial) => trial.person));
+  const has = new Set(people.filter((one, number) => byId(`mass-${number}`).value.trim()).map((one) => one.name));
+  const number = people.findIndex((person) => used.has(person.name) && !has.has(person.name));
   return number < 0 ? null : byId(`mass-${number}`);
 }
 
