@@ -23,6 +23,7 @@ def test_what_was_corrected_is_read():
     assert asked.out == Path("/d/out")
     assert asked.people["Anna"].mass == 72.6
     assert asked.people["Anna"].height is None
+    assert asked.people["Anna"].age is None
     assert [trial.path for trial in asked.used] == ["/d/static.c3d", "/d/walk.c3d"]
     assert asked.trials[1].movement == "walking"
     assert dict(asked.labels) == {"M1": "left heel"}
@@ -47,6 +48,18 @@ def test_no_mass(text):
 def test_a_height_in_centimeters_is_said():
     people = [{"name": "Anna", "mass": "70", "height": "172"}]
     with pytest.raises(BadData, match=r"height of Anna '172': expected between 0\.3 and 2\.6 m"):
+        read_asked(raw(people=people), FILES, {})
+
+
+def test_two_names_that_became_one_are_one_person():
+    people = [
+        {"name": "Anna", "mass": "", "age": "9"},
+        {"name": "Anna", "mass": "31", "static": "0"},
+    ]
+    anna = read_asked(raw(people=people), FILES, {}).people["Anna"]
+    assert (anna.mass, anna.age, anna.static) == (31.0, 9.0, FILES[0])
+    people[0]["mass"] = "32"
+    with pytest.raises(BadData, match="Anna has two masses, 32 and 31 kg: give one"):
         read_asked(raw(people=people), FILES, {})
 
 

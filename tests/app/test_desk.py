@@ -10,6 +10,7 @@ import pytest
 
 import myomorph as mm
 from myomorph.core.model.errors import BadData, MyomorphError
+from myomorph.lab.study.inputs.person import RecordedPerson
 from myomorph.show.app.asked import Asked, AskedPerson, AskedTrial
 from myomorph.show.app.computing import request_of
 from myomorph.show.app.desk import Desk
@@ -106,14 +107,16 @@ def test_a_request_of_analyze(tmp_path):
             AskedTrial(path="/d/b.c3d", used=False),
             AskedTrial(path="/d/s.c3d", used=False, person="Anna"),
         ),
-        people={"Anna": AskedPerson(mass=61.5, static="/d/s.c3d")},
+        people={"Anna": AskedPerson(mass=61.5, age=9.0, static="/d/s.c3d")},
         labels={'odd "label"': "right lateral malleolus"},
     )
     request = request_of(asked)
     assert [path.name for path in request.recordings] == ["a.c3d", "s.c3d"]
     assert request.of_person("Anna").mass == 61.5
     assert request.of_person("Anna").static == Path("/d/s.c3d")
+    assert request.of_person("Anna").inputs[RecordedPerson].age == 9.0
     assert request.of_person("Ben").mass is None
+    assert request.of_person("Ben").inputs[RecordedPerson].age is None
     stated = request.statements.of(Path("/d/a.c3d"))
     assert (stated.movement, stated.plates) == ("walking", False)
     assert request.table is not None

@@ -29,6 +29,7 @@ from myomorph.lab.study.inputs.input import ByType
 from myomorph.lab.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.lab.study.inputs.loads import TABLES, LoadsFile
 from myomorph.lab.study.inputs.markers import MarkersFile
+from myomorph.lab.study.inputs.person import RecordedPerson
 from myomorph.lab.study.inputs.time_span import TimeSpan
 from myomorph.lab.study.trial.trial_inputs import Settings, TrialFiles
 
@@ -92,8 +93,12 @@ class AnalyzeRequest:
     def of_person(self, name: str) -> AnalyzeRequest:
         """Request for the recordings of one person, with what is stated of this person."""
         stated = self.statements.people.get(name, StatedPerson())
+        body = self.inputs.or_default(RecordedPerson)
+        if stated.age is not None:
+            body = replace(body, age=stated.age)
         return replace(
             self,
+            inputs=self.inputs.having(body),
             mass=self.mass if stated.mass is None else stated.mass,
             height=self.height if stated.height is None else stated.height,
             static=self.static if stated.static is None else stated.static,

@@ -36,12 +36,13 @@ class StatedPerson:
 
     Attributes
     ----------
-    mass, height : [kg], [m]
+    mass, height, age : [kg], [m], [years]
     static : recording of standing still
     """
 
     mass: float | None = None
     height: float | None = None
+    age: float | None = None
     static: Path | None = None
 
 

@@ -14,7 +14,8 @@ from myomorph.core.model.movement import MOVEMENTS
 MIN_HEIGHT = 0.3
 MAX_HEIGHT = 2.6
 MAX_MASS = 400.0
-"""Beyond these a number is in another unit [m, kg]."""
+MAX_AGE = 120.0
+"""Beyond these a number is in another unit [m, kg, years]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,12 +43,13 @@ class AskedPerson:
 
     Attributes
     ----------
-    mass, height : [kg], [m]
+    mass, height, age : [kg], [m], [years]
     static : file of standing still
     """
 
     mass: float | None = None
     height: float | None = None
+    age: float | None = None
     static: str = ""
 
 
@@ -134,6 +136,7 @@ def _person(entry: Mapping[str, Any], files: Mapping[int, str]) -> AskedPerson:
     return AskedPerson(
         mass=number(entry.get("mass"), f"body mass of {name}", "kg", (0.0, MAX_MASS)),
         height=number(entry.get("height"), f"height of {name}", "m", (MIN_HEIGHT, MAX_HEIGHT)),
+        age=number(entry.get("age"), f"age of {name}", "years", (0.0, MAX_AGE)),
         static="" if static in (None, "") else _file(static, files),
     )
 
@@ -147,6 +150,7 @@ def _joined(name: str, first: AskedPerson | None, second: AskedPerson) -> AskedP
     return AskedPerson(
         mass=second.mass if first.mass is None else first.mass,
         height=second.height if first.height is None else first.height,
+        age=second.age if first.age is None else first.age,
         static=first.static or second.static,
     )
 

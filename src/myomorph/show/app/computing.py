@@ -86,7 +86,7 @@ def _stated_trial(trial: AskedTrial) -> StatedTrial:
 
 def _stated_person(person: AskedPerson) -> StatedPerson:
     static = Path(person.static) if person.static else None
-    return StatedPerson(mass=person.mass, height=person.height, static=static)
+    return StatedPerson(mass=person.mass, height=person.height, age=person.age, static=static)
 
 
 def _table(asked: Asked) -> ProtocolTable | None:

@@ -20,7 +20,7 @@ DEVICE = re.compile(r"^(?:con|prn|aux|nul|com\d|lpt\d)(?:\..*)?$", re.IGNORECASE
 FORBIDDEN = re.compile(r'[\x00-\x1f\x7f<>:"|?*]')
 MAX_PARTS = 16  # Folders within each other that are dropped.
 MAX_NAME = 200  # Characters of a name.
-RESULTS = "results"
+EXAMPLE = ("Users", "Anna", "walks")
 MAX_FOLDERS = 400  # That a list shows.
 
 
@@ -67,7 +67,8 @@ def _path_of_address(text: str, windows: bool) -> str:
 
 
 def _example(windows: bool) -> str:
-    return r"C:\Users\Anna\walks" if windows else "/home/anna/walks"
+    """Path that is written as those of a system are."""
+    return ("\\" if windows else "/").join(("C:" if windows else "", *EXAMPLE))
 
 
 def upload_parts(relative: str) -> tuple[str, ...]:

@@ -27,6 +27,8 @@ def main() -> None:
     """Do the task that comes in, until it is done or the other process wants no more."""
     faulthandler.enable()
     warnings.simplefilter("ignore")
+    # Where the program runs in the background, shells let it and its children ignore this.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     task_in = os.fdopen(os.dup(0), "rb")
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     # Whatever else reads or prints must not meddle with the events.

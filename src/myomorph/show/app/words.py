@@ -7,6 +7,7 @@ import re
 FIELDS = {
     "--mass": "Body mass",
     "--height": "Height",
+    "--age": "Age",
     "--static": "Standing still",
     "--protocol": "Markers without a known name",
     "--arms": "With arms",

@@ -74,7 +74,7 @@ function show(told) {
   const phase = sending ? "looking" : told.phase;
   byId("version").textContent = `Version ${told.version}`;
   byId("home").textContent = told.home;
-  byId("folder").placeholder = told.home.includes("\\") ? "C:\\Users\\Anna\\walks" : "/home/anna/walks";
+  byId("folder").placeholder = told.home.includes("\\") ? "C:\\Users\\Anna\\walks" : "/Users/Anna/walks";
   if (told.error && (!before || before.error !== told.error)) complain(told.error);
   turnTo(phase === "receiving" ? "looking" : phase);
   if (phase === "looking" || phase === "receiving") showReading();
@@ -281,6 +281,7 @@ function personFields(person, number, trials) {
   const mass = made("input", { id: `mass-${number}`, inputMode: "decimal", autocomplete: "off", value: missing ? "" : String(person.mass), required: true });
   const massHint = missing ? "Needed: no force plate weighs this person." : "As the force plates weigh it.";
   const height = made("input", { id: `height-${number}`, inputMode: "decimal", autocomplete: "off", placeholder: "as the markers show" });
+  const age = made("input", { id: `age-${number}`, inputMode: "decimal", autocomplete: "off" });
   const name = made("input", { id: `name-${number}`, autocomplete: "off", value: person.name });
   const options = [["", "none"], ...trials.map((trial) => [String(trial.id), trial.file])];
   const still = choice(`static-${number}`, options, person.static === null ? "" : String(person.static));
@@ -292,6 +293,7 @@ function personFields(person, number, trials) {
     field("Who", name, known),
     field("Body mass (kg)", mass, massHint, missing),
     field("Height (m), if you like", height, "Helps where few markers are on the trunk."),
+    field("Age (years), if you like", age, "Chooses what a walk is compared with."),
     field("Standing still", still, stillHint));
 }
 
@@ -323,7 +325,7 @@ function platesCell(trial) {
 }
 
 function whoCell(trial, people) {
-  if (people.length < 2) return made("td", {});
+  if (people.length < 2) return "";
   const who = choice(`who-${trial.id}`, people.map((person, number) => [String(number), person.name]), String(people.findIndex((one) => one.name === trial.person)));
   who.setAttribute("aria-label", `Who is in ${trial.file}`);
   return made("td", { "data-name": "Who" }, who);
@@ -341,7 +343,7 @@ function markStatic() {
 
 function personBox(person, number, found) {
   const trials = found.trials.filter((trial) => trial.person === person.name);
-  const head = ["", "File", "Movement", "Length", "Markers", "Force plates", "Muscle signals", found.people.length > 1 ? "Who" : ""];
+  const head = ["", "File", "Movement", "Length", "Markers", "Force plates", "Muscle signals", ...(found.people.length > 1 ? ["Who"] : [])];
   const table = made("table", { class: "trials" },
     made("thead", {}, made("tr", {}, ...head.map((text, k) => made("th", { scope: "col" }, k ? text : made("span", { class: "unseen" }, "Compute"))))),
     made("tbody", {}, ...trials.map((trial) => trialRow(trial, found.people))));
@@ -369,7 +371,7 @@ function labelsBox(labels) {
       ? "Too few markers have names that are known. Say where each one sits; proposals come from how the body stands, so look over each. With a model that has these markers nothing is needed."
       : "They are not used. Say where one sits, and it is."),
     labels.needed ? made("p", { class: "soft" }, labels.why) : "",
-    made("div", { class: "scroll" }, made("table", {}, made("thead", {}, made("tr", {}, ...["Marker", "Sits on", ""].map((text) => made("th", { scope: "col" }, text)))), made("tbody", {}, ...rows))));
+    made("div", { class: "scroll" }, made("table", {}, made("thead", {}, made("tr", {}, ...["Marker", "Sits on", "How near"].map((text) => made("th", { scope: "col" }, text)))), made("tbody", {}, ...rows))));
   return box;
 }
 
@@ -415,7 +417,7 @@ function askedPerson(person, number) {
   const all = state.found.trials.every((trial) => trial.person !== person.name || byId(`use-${trial.id}`).checked);
   const weighed = all && person.mass !== null && value("mass") === String(person.mass);
   const still = person.static !== null && value("static") === String(person.static);
-  return { name: value("name") || person.name, mass: weighed ? "" : value("mass"), height: value("height"), static: still ? "" : value("static") };
+  return { name: value("name") || person.name, mass: weighed ? "" : value("mass"), height: value("height"), age: value("age"), static: still ? "" : value("static") };
 }
 
 function asked() {
