@@ -26,7 +26,8 @@ from myomorph.core.motion.marker_checks import (
     name_findings,
     near_names,
 )
-from myomorph.core.motion.marker_influence import left_out, marker_frames, undetermined
+from myomorph.core.motion.marker_frames import marker_frames
+from myomorph.core.motion.marker_influence import left_out, undetermined
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.study.inputs.reading import fitted_to, open_model, read_recording
 

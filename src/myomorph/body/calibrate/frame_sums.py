@@ -114,7 +114,7 @@ def _pose_of(
         location=problem.placed(x), observed=group.observed, errors=errors
     )
     return moved.with_coordinates(weight=weight, value=group.targets)._replace(
-        fixed=group.targets, posture=problem.posture, ties=ties_of(tree)
+        fixed=group.targets, posture=problem.posture[None], ties=ties_of(tree)
     )
 
 

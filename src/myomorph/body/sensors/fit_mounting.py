@@ -31,7 +31,7 @@ from myomorph.core.model.inertial_sensors import InertialSensors
 from myomorph.core.model.series import Markers
 from myomorph.core.model.spatial import rotation_from_vector, vector_from_rotation
 from myomorph.core.motion.ik import InverseKinematicsOptions, pose_problem
-from myomorph.core.motion.marker_influence import MarkerFrames, marker_frames
+from myomorph.core.motion.marker_frames import MarkerFrames, marker_frames
 from myomorph.core.motion.newton import solve_poses
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.sensors.mounting import SensorMounting, SensorOptions, orientation_tasks

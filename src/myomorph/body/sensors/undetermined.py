@@ -8,7 +8,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.spatial import vector_from_rotation
-from myomorph.core.motion.marker_influence import STEP, nudged_poses
+from myomorph.core.motion.marker_frames import STEP, nudged_poses
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.turns import floating_coordinates
 from myomorph.core.rigid.coordinates import Ints

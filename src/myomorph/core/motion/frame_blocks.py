@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.motion.pose_problem import PoseProblem
+from myomorph.core.motion.pose_problem import PoseProblem, row_of
 from myomorph.core.motion.stretch import Stretch, marker_slopes, slope_room
 from myomorph.core.motion.tasks.markers import MarkerArrays, seen_weight
 from myomorph.core.rigid.kernels import in_place, kernel
@@ -139,7 +139,7 @@ def frame_blocks(T, problem, frames, c, sums):
         if problem.tied.body.shape[0] > 0:
             marker_slopes(T, problem.tied, problem.tied_stretch, at, tied_room)
             add_ties(pose.free, tied_room.by_length, tied_room.by_coordinate, equations)
-        _add_posture(pose, at, stiffness, equations)
+        _add_posture(pose, frame, at, stiffness, equations)
         _eliminate(A, equations.E)
 
 
@@ -240,15 +240,16 @@ def _add_coordinates(problem, frame, c, equations):
 
 
 @in_place
-def _add_posture(problem, c, stiffness, equations):
+def _add_posture(problem, frame, c, stiffness, equations):
     """Add the pull to the posture, and leave out the angles that lie at a bound."""
     free = problem.free
     A = equations.A
     E = equations.E
+    posture = row_of(problem.posture, frame)
     for a in range(free.shape[0]):
         pull = stiffness / problem.unit[free[a]] ** 2
         A[a, a] += pull
-        E[a, E.shape[1] - 1] += pull * (c[free[a]] - problem.posture[free[a]])
+        E[a, E.shape[1] - 1] += pull * (c[free[a]] - problem.posture[posture, free[a]])
         slack = AT_BOUND * (1.0 + abs(c[free[a]]))
         if c[free[a]] <= problem.lower[a] + slack or c[free[a]] >= problem.upper[a] - slack:
             for other in range(free.shape[0]):

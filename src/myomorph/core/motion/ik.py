@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.errors import BadData, listing
+from myomorph.core.model.errors import BadData, check_choices, listing
 from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Markers, Motion
 from myomorph.core.model.units import MotionKind
-from myomorph.core.motion.lengths import coordinate_units
+from myomorph.core.motion.lengths import coordinate_units, length_unit
 from myomorph.core.motion.newton import SCOUT, Settings, frames_shown, solve_poses, task_arrays
 from myomorph.core.motion.pose_problem import PoseProblem
-from myomorph.core.motion.quantities import FIT, FITTED_COORDINATE, SENSOR_ERROR
+from myomorph.core.motion.quantities import ASSUMED_AS, FIT, FITTED_COORDINATE, SENSOR_ERROR
 from myomorph.core.motion.starts import scout_poses
 from myomorph.core.motion.sync import refuse_other_times
 from myomorph.core.motion.tasks.coordinates import CoordinateTask
@@ -27,6 +28,7 @@ from myomorph.core.motion.tasks.markers import MarkerTask
 from myomorph.core.motion.tasks.orientations import OrientationTask
 from myomorph.core.motion.tasks.task import Task
 from myomorph.core.motion.turns import floating_coordinates, of_one_branch, of_one_turn
+from myomorph.core.motion.unseen import AssumedMode, assumed_poses, marker_errors, part_of
 from myomorph.core.rigid.coordinates import Ints, couple_frames
 from myomorph.core.rigid.loops import closure, free_coordinates
 from myomorph.core.rigid.tree import Tree, compile_tree
@@ -50,6 +52,9 @@ class InverseKinematicsOptions:
         the mean curvature of the cost; too small to be seen in the others
     root_bounds : keep a floating body within the bounds of its root's coordinates too, as OpenSim
         does; by default it may stand and turn anywhere in the laboratory
+    unseen : what is assumed of coordinates that no marker shows: "upright", a trunk that stays
+        upright, gaps of markers bridged (`myomorph.core.motion.unseen`), or "default", all at the
+        default pose, frame by frame, as OpenSim does
     """
 
     marker_weights: Mapping[str, float] = field(default_factory=dict)
@@ -60,6 +65,10 @@ class InverseKinematicsOptions:
     iterations: int = 100
     posture_weight: float = 1e-7
     root_bounds: bool = False
+    unseen: Literal["upright", "default"] = "upright"
+
+    def __post_init__(self) -> None:
+        check_choices(self)
 
     @property
     def settings(self) -> Settings:
@@ -90,6 +99,10 @@ class KinematicsFit(Labelled):
     missing_markers : model markers that the recording does not have
     task_errors : by name of a kind of task (frames, ...) the residuals that it stores
     sensor_names : inertial sensors used
+    assumed_sd : (frames, coordinates) standard deviation about what was assumed of coordinates that
+        no marker shows, 0 where markers determine them [rad or m]; None where they determine all
+    assumed_as : by coordinate what was assumed, "" where markers determine it
+    modes : how coordinates that are never seen may differ from what is assumed; not stored
     """
 
     motion: Motion
@@ -103,6 +116,9 @@ class KinematicsFit(Labelled):
     loop_closure_error: Array | None = None
     task_errors: Mapping[str, Array] = field(default_factory=dict)
     sensor_names: tuple[str, ...] = ()
+    assumed_sd: Array | None = None
+    assumed_as: tuple[str, ...] = ()
+    modes: tuple[AssumedMode, ...] = ()
 
     @property
     def sensor_error(self) -> Array:
@@ -116,11 +132,12 @@ class KinematicsFit(Labelled):
 
     @property
     def held(self) -> tuple[Quantity, ...]:
-        """Coordinates, errors of markers and of sensors where there are any, convergence."""
+        """Coordinates, errors of markers and of sensors, what was assumed, convergence."""
         return tuple(
             quantity
             for quantity in (FITTED_COORDINATE, *FIT)
-            if quantity is not SENSOR_ERROR or self.sensor_names
+            if (quantity is not SENSOR_ERROR or self.sensor_names)
+            and (quantity is not ASSUMED_AS or self.assumed_as)
         )
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
@@ -231,10 +248,19 @@ def inverse_kinematics(
     solved = solve_poses(tree, problem, starts, options.settings, progress=progress)
 
     values = of_one_turn(tree, problem, of_one_branch(tree, problem, solved.values))
+    errors = solved.errors[MarkerTask]
+    assumed = None
+    if options.unseen != "default":
+        unit = length_unit(tree)
+        assumed = assumed_poses(tree, problem, markers.time, values, options.settings, unit)
+    if assumed is not None:
+        values = assumed.values
+        moved = np.flatnonzero(assumed.moved)
+        errors[moved] = marker_errors(tree, part_of(problem, moved), values[moved])
     return KinematicsFit(
         motion=_motion(model, markers, values),
         marker_names=names,
-        marker_error=solved.errors[MarkerTask],
+        marker_error=errors,
         marker_weight=weights,
         converged=solved.converged,
         iterations=solved.iterations,
@@ -249,6 +275,9 @@ def inverse_kinematics(
         sensor_names=tuple(
             task.sensor for task in options.tasks if isinstance(task, OrientationTask)
         ),
+        assumed_sd=None if assumed is None else assumed.sd,
+        assumed_as=() if assumed is None else assumed.how,
+        modes=() if assumed is None else assumed.modes,
     )
 
 
@@ -277,10 +306,11 @@ def poses_near(
     tree = compile_tree(model)
     names, weights = tracked_markers(model, markers, options)
     problem = pose_problem(tree, names, weights, options, markers)
-    # Every frame by itself, from where the motion is.
+    # Every frame by itself, from where the motion is, and there what no marker shows.
     starts = np.array(motion.values)
     blank = ~(np.isfinite(starts).all(axis=1) & frames_shown(problem))
     starts[blank] = tree.defaults
+    problem = problem._replace(posture=starts.copy())
     settings = options.settings._replace(chained=False)
     values = solve_poses(tree, problem, starts, settings).values
     values[blank] = np.nan
@@ -407,7 +437,8 @@ def pose_problem(
         upper=upper,
         unit=coordinate_units(tree),
         fixed=targets,
-        posture=tree.defaults,
+        posture=tree.defaults[None].copy(),
+        pull=np.zeros((1, len(tree.defaults))),
         tasks=task_arrays([*tracked, *others], tree, targets),
         ties=ties_of(tree),
     )

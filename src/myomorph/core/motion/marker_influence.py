@@ -17,91 +17,16 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers
 from myomorph.core.model.sides import mirror_names
 from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.motion.marker_frames import MarkerFrames, marker_frames
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.turns import floating_coordinates
-from myomorph.core.rigid.coordinates import couple_frames
-from myomorph.core.rigid.kinematics import Poses, forward_kinematics
-from myomorph.core.rigid.tree import Tree, compile_tree
+from myomorph.core.rigid.tree import compile_tree
 
-STEP = 1e-6  # Of the differences that give the slopes of marker positions [rad or m]
 # A direction of a marker of which the others determine a smaller share has no prediction
 UNKNOWN = 0.15
 # A direction of the coordinates that moves the markers by a smaller share of the usual is not
 # determined
 BLIND = 1e-5
-
-
-@read_only
-class MarkerFrames:
-    """Markers of some frames against a model's pose.
-
-    Attributes
-    ----------
-    errors : (frames, markers, 3) recorded less model in ground [m], NaN where unseen
-    slopes : (frames, markers, 3, variables) derivatives of model positions [m/rad or 1]
-    rotations : (frames, markers, 3, 3) from the markers' bodies to ground
-    held : (frames, variables) whether each lies at a bound, so that it has no slopes
-    """
-
-    errors: Array
-    slopes: Array
-    rotations: Array
-    held: np.ndarray
-
-
-def marker_frames(tree: Tree, problem: PoseProblem, observed: Array, values: Array) -> MarkerFrames:
-    """Compute errors of markers and the slopes of their positions at poses.
-
-    Variables at a bound do not move. The slopes are forward differences.
-
-    Parameters
-    ----------
-    tree : the compiled model
-    problem : with the markers and the free coordinates
-    observed : (frames, markers, 3) recorded [m], NaN where unseen
-    values : (frames, coordinates) poses [rad or m]
-
-    Returns
-    -------
-    errors, slopes and rotations of each frame
-    """
-    poses, held = nudged_poses(tree, problem, values)
-    points = poses.points(problem.markers.body, problem.markers.location)
-    points = points.reshape(len(values), len(problem.free) + 1, -1, 3)
-    slopes = (points[:, 1:] - points[:, :1]) / STEP
-    slopes[held] = 0.0
-    rotations = poses.rotations[:: len(problem.free) + 1, problem.markers.body]
-    return MarkerFrames(
-        errors=observed - points[:, 0],
-        slopes=np.moveaxis(slopes, 1, 3),
-        rotations=rotations,
-        held=held,
-    )
-
-
-def nudged_poses(tree: Tree, problem: PoseProblem, values: Array) -> tuple[Poses, np.ndarray]:
-    """Pose each frame as it is, then with each variable moved by `STEP` of its unit.
-
-    Parameters
-    ----------
-    tree : the compiled model
-    problem : with the free coordinates, their bounds and units
-    values : (frames, coordinates) [rad or m]
-
-    Returns
-    -------
-    poses (frames (variables + 1)), frame after frame, and (frames, variables) whether each variable
-    lies at a bound
-    """
-    stacked = np.repeat(values[:, None], len(problem.free) + 1, axis=1)
-    for i, j in enumerate(problem.free):
-        stacked[:, i + 1, j] += STEP * problem.unit[j]
-    flat = np.ascontiguousarray(stacked.reshape(-1, values.shape[1]))
-    couple_frames(tree.arrays, flat)
-    here = values[:, problem.free]
-    return forward_kinematics(tree, flat), (here <= problem.lower + 1e-9) | (
-        here >= problem.upper - 1e-9
-    )
 
 
 def left_out(marker_frames: MarkerFrames, weight: Array) -> Array:
@@ -506,6 +431,9 @@ def _partly(
             together.append([i])
         else:
             group.append(i)
+    guess = "guesses near the default"
+    if fit.assumed_as:
+        guess = "bridged from before and after, and guesses in long gaps"
     for members in together:
         when = np.asarray(hidden[:, members].any(axis=1))
         spans = spans_of(fit.motion.time, when)
@@ -513,7 +441,7 @@ def _partly(
         share = float(when.sum()) / frames
         text = HIDDEN.message(
             f"in {int(when.sum())} of {frames} frames no marker shows {quoted(which)}, first from"
-            f" {spans[0][0]:.2f} to {spans[0][1]:.2f} s: values there are guesses near the default",
+            f" {spans[0][0]:.2f} to {spans[0][1]:.2f} s: values there are {guess}",
             size=100.0 * share,
             share=share,
             gravity=gravity_of_share(share, HIDDEN.gravity),

@@ -2,11 +2,12 @@
 
 In each frame the cost
 
-    sum_t cost_t(c) + stiffness sum_j ((c_j - posture_j) / unit_j)^2
+    sum_t cost_t(c) + sum_j (stiffness + pull_j) ((c_j - posture_j) / unit_j)^2
 
 is minimised over the free coordinates c_j: the costs of all tasks, and a weak pull towards a
 posture, which determines what no task shows. Its stiffness is `posture_weight` times
-`mean_curvature` where the frame starts. A step d of the free coordinates solves
+`mean_curvature` where the frame starts. The pull_j are 0 but for coordinates that markers hardly
+show (`myomorph.core.motion.unseen`). A step d of the free coordinates solves
 
     min 1/2 d^T (H + damping D) d + g^T d  so that  G d = -e,  lower <= c + d <= upper
 
@@ -26,7 +27,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.motion.pose_problem import PoseProblem, gradient_and_hessian, mean_curvature
+from myomorph.core.motion.pose_problem import (
+    PoseProblem,
+    gradient_and_hessian,
+    mean_curvature,
+    row_of,
+)
 from myomorph.core.motion.tasks.coordinates import CoordinateTask
 from myomorph.core.motion.tasks.loops import (
     close,
@@ -357,9 +363,9 @@ def _descend(T, problem, frame, settings, c, work, closing):
     damping = 0.0
     cost = gradient_and_hessian(T, problem, frame, c, work)
     stiffness = settings.posture_weight * mean_curvature(problem, work)
-    cost += posture_cost(problem, c, stiffness)
+    cost += posture_cost(problem, frame, c, stiffness)
     for count in range(1, settings.max_steps + 1):
-        _add_posture(problem, c, stiffness, work)
+        _add_posture(problem, frame, c, stiffness, work)
         hold_variables(T, problem, c, work, closing)
         accepted = False
         reached = cost
@@ -375,7 +381,7 @@ def _descend(T, problem, frame, settings, c, work, closing):
             reached = np.inf
             if closed:
                 reached = sum_of_costs(problem.tasks, trial, frame, work) + posture_cost(
-                    problem, trial, stiffness
+                    problem, frame, trial, stiffness
                 )
             if reached <= cost:
                 accepted = True
@@ -388,20 +394,23 @@ def _descend(T, problem, frame, settings, c, work, closing):
         _copy(trial, c)
         flat = cost - reached <= ROUNDING * cost
         cost = gradient_and_hessian(T, problem, frame, c, work)
-        cost += posture_cost(problem, c, stiffness)
+        cost += posture_cost(problem, frame, c, stiffness)
         if flat:
             return True, count, cost
     return False, settings.max_steps, cost
 
 
 @bare
-def _add_posture(problem, c, stiffness, work):
+def _add_posture(problem, frame, c, stiffness, work):
     """Add half of `posture_cost` to gradient and Hessian."""
     free = problem.free
+    posture = row_of(problem.posture, frame)
+    pull = row_of(problem.pull, frame)
     for i in range(free.shape[0]):
-        square = problem.unit[free[i]] ** 2
-        work.g[free[i]] += stiffness / square * (c[free[i]] - problem.posture[free[i]])
-        work.H[free[i], free[i]] += stiffness / square
+        j = free[i]
+        weight = (stiffness + problem.pull[pull, j]) / problem.unit[j] ** 2
+        work.g[j] += weight * (c[j] - problem.posture[posture, j])
+        work.H[j, j] += weight
 
 
 @bare
@@ -423,11 +432,14 @@ def _is_last(size, damping, tolerance):
 
 
 @bare
-def posture_cost(problem, c, stiffness):
+def posture_cost(problem, frame, c, stiffness):
     """Cost of the pull towards the posture, which determines what no task shows."""
+    posture = row_of(problem.posture, frame)
+    pull = row_of(problem.pull, frame)
     total = 0.0
     for j in problem.free:
-        total += stiffness * ((c[j] - problem.posture[j]) / problem.unit[j]) ** 2
+        away = (c[j] - problem.posture[posture, j]) / problem.unit[j]
+        total += (stiffness + problem.pull[pull, j]) * away**2
     return total
 
 

@@ -291,7 +291,8 @@ class OnlineKinematics:
         -------
         (coordinates,) [rad or m] and their root mean square marker error [m]
         """
-        return self._settle(self._frame(time, positions)._replace(posture=posture), start)
+        problem = self._frame(time, positions)._replace(posture=posture[None])
+        return self._settle(problem, start)
 
     def from_anywhere(self, time: float, positions: Array, posture: Array) -> tuple[Array, float]:
         """Solve the pose of one frame from the best of several headings, remembering nothing.
@@ -307,7 +308,7 @@ class OnlineKinematics:
         (coordinates,) [rad or m] and their root mean square marker error [m]
         """
         problem = self._frame(time, positions)
-        return self._settle_anew(problem._replace(posture=posture))
+        return self._settle_anew(problem._replace(posture=posture[None]))
 
     def _frame(self, time: float, positions: Array) -> PoseProblem:
         """Build the problem of one frame from markers (markers, 3) [m]."""
@@ -396,7 +397,7 @@ class OnlineOrientations(OnlineKinematics):
             .with_coordinates(value=targets)
             ._replace(fixed=targets)
         )
-        return problem._replace(posture=self._before[-1]) if self._before else problem
+        return problem._replace(posture=self._before[-1][None]) if self._before else problem
 
     def _errors(self, problem: PoseProblem) -> Array:
         """Return the residuals (1, sensors) by which a solution is judged [rad]."""

@@ -15,9 +15,11 @@ from myomorph.core.model.gravity import gravity_of_share
 from myomorph.core.model.model import GROUND, Coordinate, Model
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
-from myomorph.core.motion.marker_influence import marker_frames, undetermined
+from myomorph.core.motion.marker_frames import marker_frames
+from myomorph.core.motion.marker_influence import undetermined
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.motion.unseen import DEFAULT, UPRIGHT
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 
@@ -28,6 +30,11 @@ BEYOND = {"rotational": np.radians(1.0), "translational": 0.002}
 
 OVER = np.radians(90.0)  # An angle so far outside the model's range has turned a joint over [rad]
 SAMPLES = 24
+ASSUMPTIONS = {
+    UPRIGHT: "assumed to hold the trunk upright",
+    DEFAULT: "assumed to be as in the default pose",
+}
+"""What is assumed of coordinates that are never seen, for people."""
 LIES = 60.0
 MOSTLY = 0.8
 
@@ -157,6 +164,9 @@ def _blind_findings(
     if model.loops:
         # What a loop ties is determined by the loop: slopes of single markers do not know it.
         return
+    if fit.assumed_as:
+        yield from _assumed_findings(model, fit)
+        return
     seen = np.flatnonzero(fit.seen)
     chosen = seen[np.unique(np.linspace(0, len(seen) - 1, 6).astype(int))]
     columns = [markers.names.index(name) for name in fit.marker_names]
@@ -177,6 +187,30 @@ def _blind_findings(
             "not measured, or add markers"
         )
         yield Finding("undetermined", ", ".join(names), text)
+
+
+def _assumed_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
+    """Coordinates that no marker shows, and what was assumed of them."""
+    assert fit.assumed_sd is not None
+    parts = []
+    every: list[str] = []
+    for how, what in ASSUMPTIONS.items():
+        columns = [j for j, assumed in enumerate(fit.assumed_as) if assumed == how]
+        if not columns:
+            continue
+        names = [model.coordinate_names[j] for j in columns]
+        every += names
+        turning = [j for j in columns if model.coordinates[j].motion == "rotational"]
+        sd = np.degrees(float(np.nanmax(np.nanmean(fit.assumed_sd[:, turning], axis=0), initial=0)))
+        within = f" (standard deviation up to {sd:.0f} degrees)" if turning else ""
+        parts.append(f"{quoted(names)}: not seen, {what}{within}")
+    if every:
+        count = "a coordinate" if len(every) == 1 else f"{len(every)} coordinates"
+        text = (
+            f"no marker determines {count}; {'; '.join(parts)}. Add markers, or lock what does not"
+            " move"
+        )
+        yield Finding("undetermined", ", ".join(every), text)
 
 
 def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:

@@ -57,7 +57,10 @@ class PoseProblem(NamedTuple):
     lower, upper : (free,) their bounds [rad or m]
     unit : (coordinates,) by which changes are measured, see `coordinate_units` [rad or m]
     fixed : (frames, coordinates) values of those that are not free [rad or m]
-    posture : (coordinates,) what coordinates that no task shows are pulled to [rad or m]
+    posture : (frames, coordinates), or one row for all frames, what coordinates that no task shows
+        are pulled to [rad or m]
+    pull : (frames, coordinates), or one row for all frames, weight of that pull beside the weak one
+        of all, in units; 0 for none [m^2]
     tasks : arrays of each kind of task, markers and coordinates first
     ties : what closes the loops, None of an open model
     """
@@ -68,6 +71,7 @@ class PoseProblem(NamedTuple):
     unit: Array
     fixed: Array
     posture: Array
+    pull: Array
     tasks: tuple[Any, ...]
     ties: Ties | None
 
@@ -90,6 +94,12 @@ class PoseProblem(NamedTuple):
         return self._replace(
             tasks=(self.markers, self.coordinates._replace(**fields), *self.tasks[2:])
         )
+
+
+@bare
+def row_of(values, frame):
+    """Return the row that a frame has in an array of one row for each frame, or for all."""
+    return frame if values.shape[0] > 1 else 0
 
 
 @bare

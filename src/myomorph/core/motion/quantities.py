@@ -50,6 +50,19 @@ SENSOR_ERROR = Quantity(
     file="sensor_errors.sto",
     file_unit="deg",
 )
+ASSUMED_SD = Quantity(
+    name="assumed_sd",
+    dims=("time", "coordinate"),
+    unit="rad or m",
+    meaning="standard deviation about what is assumed of a coordinate that no marker shows, else 0",
+)
+ASSUMED_AS = Quantity(
+    name="assumed_as",
+    dims=("coordinate",),
+    unit="",
+    meaning="what is assumed of a coordinate that no marker shows, else empty",
+    kind="text",
+)
 UNUSED_MARKER = Quantity(
     name="unused_marker",
     dims=("unused_marker",),
@@ -74,6 +87,8 @@ FIT = (
     IK_ITERATIONS,
     LOOP_CLOSURE_ERROR,
     SENSOR_ERROR,
+    ASSUMED_SD,
+    ASSUMED_AS,
     UNUSED_MARKER,
     MISSING_MARKER,
 )

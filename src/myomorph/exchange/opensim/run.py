@@ -108,7 +108,11 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
     assert trial.markers is not None
     markers = nearest_frames(trial.markers, setup.time_range, markers_path)
     options = tasks_of_setup(
-        InverseKinematicsOptions(root_bounds=True), setup.tasks, setup.coordinates, model, source
+        InverseKinematicsOptions(root_bounds=True, unseen="default"),
+        setup.tasks,
+        setup.coordinates,
+        model,
+        source,
     )
     with reading.about(source), progress(f"{name}: inverse kinematics", len(markers)) as advance:
         # As OpenSim, which takes labels as they are: what the checks find is reported, nothing is

@@ -1,5 +1,6 @@
 # The public names of `mm.uncertainty`: sources of error, drawn inputs, results of draws.
 from ...core.model.quantity import Quantity as Quantity
+from ...core.motion.unseen import AssumedMode as AssumedMode
 from .bodies import Draw as Draw
 from .bodies import drawn_subject as drawn_subject
 from .drawn_inputs import drawn_angles as drawn_angles

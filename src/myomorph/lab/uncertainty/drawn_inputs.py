@@ -17,6 +17,7 @@ from myomorph.core.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.core.model.spatial import rotation_from_vector
 from myomorph.core.motion.ik import InverseKinematicsOptions
 from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.motion.unseen import SWAY_TIME, AssumedMode
 from myomorph.lab.uncertainty.bodies import Draw
 
 SKIN = {"thigh": "skin_thigh", "shank": "skin_shank", "foot": "skin_foot"} | dict.fromkeys(
@@ -130,6 +131,31 @@ def drawn_places(
         ]
         values[:, places.names.index(name)] += spread * process
     return replace(options, coordinates=replace(places, values=values))
+
+
+def drawn_unseen(modes: Sequence[AssumedMode], time: Array, draw: Draw) -> Array:
+    """Errors of what inverse kinematics assumed of coordinates that no marker shows.
+
+    Parameters
+    ----------
+    modes : ways in which it may differ, at all frames
+    time : (frames,) [s]
+    draw : which errors
+
+    Returns
+    -------
+    (frames, coordinates) [rad or m]; (frames, 1) of zeros without any mode
+    """
+    width = _width(time, SWAY_TIME)
+    total = np.zeros((len(time), len(modes[0].shape) if modes else 1))
+    for mode in modes if draw.sources.unseen else ():
+        lasting = draw.normals.of(draw.number, "unseen", mode.name)[0]
+        changing = draw.normals.process(
+            draw.number, "unseen, changing", mode.name, len(time), width, 1
+        )[:, 0]
+        size = lasting * mode.lasting + changing * mode.changing
+        total += draw.sources.unseen * np.multiply.outer(size, mode.shape)
+    return total
 
 
 def drawn_angles(model: Model, motion: Motion, draw: Draw) -> Motion:

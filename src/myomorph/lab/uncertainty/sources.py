@@ -24,6 +24,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "placement": ("placement",),
     "sensors": ("sensor_noise", "sensor_mounting"),
+    "unseen": ("unseen",),
     "forces": ("plate_position", "plate_gain", "clock"),
     "contacts": ("contact_time", "contact_point"),
     "masses": ("body_mass", "segment_mass", "mass_center", "inertia"),
@@ -58,6 +59,8 @@ class Sources:
         as skin is [rad]
     sensor_mounting : of mountings and headings of inertial sensors, relative to what their
         calibration leaves open
+    unseen : of coordinates that no marker shows, relative to the standard deviation of what inverse
+        kinematics assumes of them
     plate_position : of a plate, along both horizontal axes [m] (Collins et al. 2009)
     plate_gain : of each axis of a plate's force, as a share of it (Collins et al. 2009)
     clock : of the forces against the motion [s]; checks find no less than 12 ms
@@ -102,6 +105,7 @@ class Sources:
     placement: float = 0.005
     sensor_noise: float = 0.03
     sensor_mounting: float = 1.0
+    unseen: float = 1.0
     plate_position: float = 0.003
     plate_gain: float = 0.01
     clock: float = 0.005

@@ -18,7 +18,7 @@ from myomorph.core.model.errors import MyomorphError
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion, Wrenches
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
-from myomorph.core.motion.ik import InverseKinematicsOptions, poses_near
+from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit, poses_near
 from myomorph.core.motion.sensors.mounting import (
     SensorMounting,
     SensorOptions,
@@ -28,6 +28,7 @@ from myomorph.core.motion.sensors.mounting import (
 )
 from myomorph.core.motion.sensors.sensor_fit import SensorFit
 from myomorph.core.motion.sync import cut
+from myomorph.core.motion.unseen import AssumedMode
 from myomorph.core.rigid.kinematics import marker_positions
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.joint_contact import JointPoints
@@ -58,7 +59,7 @@ from myomorph.lab.uncertainty.sources import GROUPS, Sources
 Held = TypeVar("Held", Markers, Motion)
 FAILURES = (MyomorphError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 """What a draw may end in that has no solution."""
-MOVED = ("markers", "placement", "sensors", "joints")
+MOVED = ("markers", "placement", "sensors", "unseen", "joints")
 LOADED = ("forces", "masses", "filter")
 """Groups of sources that change the motion, and those that change the torques of the same motion.
 """
@@ -90,9 +91,11 @@ class Chain:
     """What was computed of a trial without errors, and from what.
 
     `markers` that draws move are those recorded, else the model's own on the motion that was given,
-    `base` what inverse kinematics makes of them; `residuals`: root mean square error of each marker
-    in the recording [m]; `loads` and `sensors` as recorded. Of so many frames (`*_step`) one is
-    drawn: errors change slowly, and frames do not depend on each other. The second divides the
+    `base` what inverse kinematics makes of them; `modes`: how what it assumed of coordinates that
+    no marker shows may differ, at the times of `recorded`; `residuals`: root mean square error of
+    each marker in the recording [m]; `loads` and `sensors` as recorded. Of so many frames
+    (`*_step`) one is drawn: errors change slowly, and frames do not depend on each other. The
+    second divides the
     third.
     """
 
@@ -105,6 +108,7 @@ class Chain:
     residuals: Mapping[str, float]
     loads: Wrenches | None
     sensors: SensorFit | None = None
+    modes: tuple[AssumedMode, ...] = ()
     pose_step: int = 1
     torque_step: int = 1
     tension_step: int = 1
@@ -129,6 +133,7 @@ class Chain:
         acting = {
             "placement": marked,
             "sensors": self.sensors is not None,
+            "unseen": bool(self.modes),
             "joints": self.markers is not None or forced,
             "forces": forced and self.loads is not None,
             "masses": forced,
@@ -228,6 +233,7 @@ class Chain:
             errors = scipy.interpolate.make_interp_spline(markers.time[known], errors[known])(
                 self.recorded.time
             )
+        errors = errors + drawn_inputs.drawn_unseen(self.modes, self.recorded.time, draw)
         return replace(self.recorded, values=self.recorded.values + errors)
 
     def _mounted(self, draw: Draw) -> SensorMounting:
@@ -314,6 +320,7 @@ def chain_of(
     residuals = dict[str, float]()
     recorded = poses.recorded
     sensors = None
+    modes: tuple[AssumedMode, ...] = ()
     if trial.time is not None:
         recorded = cut(recorded, trial.time[0] - BESIDE, trial.time[1] + BESIDE)
     if poses.fit is not None:
@@ -321,6 +328,7 @@ def chain_of(
         markers = checked.markers
         base = checked.fit.motion
         sensors = checked.sensors
+        modes = _modes_at(checked.fit, recorded.time)
         if trial.get(RefinedMotion) is not None:
             # Forces may be shorter than markers, and a refined motion is as long as both.
             span = float(recorded.time[0]), float(recorded.time[-1])
@@ -350,6 +358,7 @@ def chain_of(
         residuals=residuals,
         loads=loads,
         sensors=sensors,
+        modes=modes,
     )
     if thin:
         rate = 1.0 / float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
@@ -364,6 +373,18 @@ def chain_of(
             chain, pose_step=pose_step, torque_step=torque_step, tension_step=tension_step
         )
     return chain
+
+
+def _modes_at(fit: KinematicsFit, time: Array) -> tuple[AssumedMode, ...]:
+    """How what was assumed may differ, at other times (frames,) [s]."""
+    clock = fit.motion.time
+
+    def at(sizes: Array) -> Array:
+        return np.asarray(np.interp(time, clock, sizes))
+
+    return tuple(
+        replace(mode, lasting=at(mode.lasting), changing=at(mode.changing)) for mode in fit.modes
+    )
 
 
 def whole(motion: Motion, model: Model) -> Motion:
