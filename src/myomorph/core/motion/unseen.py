@@ -266,7 +266,8 @@ class _Search:
         free = self.problem.free
         hidden = self.hidden
         offsets = without_drift(time, np.cumsum(self._jumps(values), axis=0), hidden.whole)
-        offsets = np.where(hidden.flags | hidden.lost[:, None], 0.0, offsets)
+        offsets[:, hidden.always] = 0.0
+        offsets[hidden.lost] = 0.0
         targets = values[:, free] + offsets
         sd = np.zeros_like(targets)
         for i in np.flatnonzero(hidden.flags.any(axis=0)):
@@ -275,7 +276,8 @@ class _Search:
             bridge = bridged(time, targets[:, i], known, likely, self.likely.sd[:, i])
             targets[:, i] = np.where(hidden.lost, values[:, free[i]], bridge.values)
             sd[:, i] = np.where(hidden.flags[:, i], bridge.sd, 0.0)
-        poses = self._reached(values, targets)
+        # Offsets are added in the end: what markers show of a hidden joint has its share in them.
+        poses = self._reached(values, targets - offsets)
         shifted = np.flatnonzero(np.any(offsets != 0.0, axis=1))
         poses[np.ix_(shifted, free)] += offsets[shifted]
         poses[shifted] = self._within(poses[shifted])
@@ -412,7 +414,8 @@ class _Search:
         """Jumps of the poses as markers go and come, by which they are put off afterwards.
 
         Between two frames with other markers, the markers of both give poses c' of the one before
-        and of the one after, which do not jump. What the others add changes by
+        and of the one after, which do not jump; what these hide stays. What the others add changes
+        by
 
             (c - c')_before - (c - c')_after
 
@@ -447,7 +450,7 @@ class _Search:
         sure: np.ndarray = np.asarray(
             solved.converged.reshape(-1, 2).all(axis=1) & common[::2].any(axis=1)
         )
-        sizes[flags.reshape(-1, 2, len(free)).any(axis=1) | ~sure[:, None]] = 0.0
+        sizes[~sure] = 0.0
         sizes[np.abs(sizes / problem.unit[free]) > MAX_JUMP] = 0.0
         jumps[after] = sizes
         return jumps
