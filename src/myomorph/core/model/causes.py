@@ -77,7 +77,7 @@ UNSEEN = Cause(
     key="unseen_segments",
     title="Segments that no marker shows",
     gravity="may change results",
-    effect="They stay near their default pose.",
+    effect="A trunk is assumed upright, other joints near their default pose.",
     remedy="Lock what is not measured, or add markers.",
     quantities=("coordinate_value", "generalized_force"),
 )

@@ -206,7 +206,7 @@ def _assumed_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
         parts.append(f"{quoted(names)}: not seen, {what}{within}")
     if every:
         count = "a coordinate" if len(every) == 1 else f"{len(every)} coordinates"
-        text = (
+        text = UNSEEN.message(
             f"no marker determines {count}; {'; '.join(parts)}. Add markers, or lock what does not"
             " move"
         )
