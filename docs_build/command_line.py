@@ -1,4 +1,4 @@
-"""The reference of the command line: what every command prints for `--help-all`.
+"""The reference of the command line: what every command prints for `--help-all`, and rare options.
 
 A line `<!-- commands -->` of a page stands for it when the site is built.
 """
@@ -11,7 +11,9 @@ import os
 import re
 
 from myomorph.lab.cli import main
-from myomorph.lab.cli.app import commands
+from myomorph.lab.cli.app import commands, new_app
+from myomorph.lab.study.inputs.table import all_keys
+from myomorph.lab.study.step.step import trial_steps
 
 PLACE = re.compile(r"^<!-- commands -->$", re.MULTILINE)
 WIDTH = 96
@@ -28,7 +30,32 @@ def with_commands(markdown: str) -> str:
 
 def help_of_all() -> str:
     """Return a section for every command, in the order of their names."""
-    return "\n".join(f"## {name}\n\n```text\n{help_of(name)}\n```\n" for name in sorted(commands()))
+    sections = []
+    for name in sorted(commands()):
+        sections.append(f"## {name}\n\n```text\n{help_of(name)}\n```\n")
+        if commands()[name].rare_options:
+            sections.append(f"Rare options, for study files above all:\n\n{rare_of(name)}\n")
+    return "\n".join(sections)
+
+
+def rare_of(command: str) -> str:
+    """Return a table of the options that the help of a command does not list."""
+    wanted = {f"--{name}" for name in commands()[command].rare_options}
+    rows = ["| option | in study files | what it is |", "|---|---|---|"]
+    for argument in new_app()[command].assemble_argument_collection():
+        name = argument.names[0]
+        if name in wanted:
+            text = " ".join(str(argument.parameter.help or "").split()).replace("|", r"\|")
+            rows.append(f"| `{name}` | {_place(name[2:].replace('-', '_'))} | {text} |")
+    return "\n".join(rows)
+
+
+def _place(setting: str) -> str:
+    """Return where a setting stands in a study file."""
+    for step in trial_steps():
+        if setting in {one.name for one in step.settings}:
+            return f"`[options.{step.name}]` `{setting}`"
+    return f"`{setting}` of a trial" if setting in all_keys() else f"`{setting}`"
 
 
 def help_of(command: str) -> str:

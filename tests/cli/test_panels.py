@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from docs_build.command_line import help_of_all
 
 from myomorph.lab.cli.app import PANELS as COMMAND_PANELS
 from myomorph.lab.cli.app import commands, new_app
@@ -10,6 +11,7 @@ from myomorph.lab.cli.panels import ALL_FLAG, METHOD, PANELS, first_sentence, op
 
 COMMANDS = commands()
 FIRST = {name: entry.first_options for name, entry in COMMANDS.items() if entry.first_options}
+MAX_OPTIONS = 40
 SCREEN = 40
 """Lines of a terminal, at 80 columns."""
 
@@ -30,9 +32,35 @@ def test_tension_fits_two_screens(command):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_all_options_are_in_the_long_help(name, command):
     text = command(name, ALL_FLAG).out
+    rare = set(COMMANDS[name].rare_options)
     assert {
-        option for option in options_of(name) if option.islower() and f"--{option}" not in text
+        option
+        for option in options_of(name) - rare
+        if option.islower() and f"--{option}" not in text
     } == set()
+    assert not {option for option in rare if f"--{option} " in text}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_long_help_is_not_too_long(name):
+    options = {option for option in options_of(name) if option.islower()}
+    assert len(options - set(COMMANDS[name].rare_options)) <= MAX_OPTIONS
+
+
+@pytest.mark.parametrize("name", [name for name, entry in COMMANDS.items() if entry.rare_options])
+def test_rare_options_exist_and_stand_in_the_reference(name):
+    rare = COMMANDS[name].rare_options
+    assert set(rare) <= options_of(name)
+    assert len(set(rare)) == len(rare)
+    section = help_of_all().split(f"## {name}\n")[1].split("\n## ")[0]
+    assert [option for option in rare if f"| `--{option}` |" not in section] == []
+
+
+@pytest.mark.parametrize("name", [name for name, entry in COMMANDS.items() if entry.example])
+def test_the_help_shows_what_its_example_uses(name, command):
+    text = command(name, "--help").out
+    used = [word for word in COMMANDS[name].example.split() if word.startswith("--")]
+    assert [option for option in used if f"{option} " not in text.partition("Example:")[0]] == []
 
 
 @pytest.mark.parametrize("name", FIRST)
@@ -41,7 +69,8 @@ def test_the_short_help_shows_what_it_promises(name, command):
     text = command(name, "--help").out
     assert set(FIRST[name]) <= known
     assert all(f"--{option} " in text for option in FIRST[name])
-    hidden = len(known) - sum(f"--{option} " in text for option in known)
+    rare = len(COMMANDS[name].rare_options)
+    hidden = len(known) - rare - sum(f"--{option} " in text for option in known)
     assert hidden == 0 or ALL_FLAG in text
 
 

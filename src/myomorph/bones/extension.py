@@ -13,6 +13,7 @@ EXTENSION = Extension(
             ),
             panel="The body",
             first_options=(
+                "bones",
                 "landmarks",
                 "mass",
                 "mirror",

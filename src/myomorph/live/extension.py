@@ -16,6 +16,7 @@ EXTENSION = Extension(
             ),
             panel="The movement and its forces",
             first_options=(
+                "markers",
                 "loads",
                 "labels",
                 "lsl-markers",

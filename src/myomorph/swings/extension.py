@@ -19,6 +19,7 @@ EXTENSION = Extension(
             example="myomorph viscosity shoulder.toml --out shoulder",
             panel="The body",
             first_options=(
+                "out",
                 "model",
                 "intact",
                 "removed",
@@ -30,6 +31,7 @@ EXTENSION = Extension(
                 "muscle-mass",
                 "instruments",
             ),
+            rare_options=("block", "min-relative-speed"),
             option_panels={
                 "Inputs and outputs": (
                     "template",

@@ -61,6 +61,7 @@ class CommandEntry:
     example : of its use
     panel : of the program's help that it stands in
     first_options : what its `--help` shows where it has many options
+    rare_options : those that no help lists, for study files above all
     option_panels : by the title of a panel, options of its own that stand there
     """
 
@@ -69,6 +70,7 @@ class CommandEntry:
     example: str = ""
     panel: str = ""
     first_options: tuple[str, ...] = ()
+    rare_options: tuple[str, ...] = ()
     option_panels: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
 
 

@@ -7,6 +7,7 @@ from cyclopts import App, Group, Parameter
 from myomorph import __version__
 from myomorph.core.model.extension import CommandEntry
 from myomorph.core.model.registry import extensions, with_extensions
+from myomorph.lab.cli import rare_options as rare
 from myomorph.lab.cli.panels import PanelHelp
 from myomorph.lab.study.step.step_table import STEPS
 
@@ -30,8 +31,10 @@ OWN_COMMANDS = {
             "emg-muscles",
             "emg-side",
             "draws",
+            "out",
             "dry-run",
         ),
+        rare_options=rare.ANALYZE,
     ),
     "run": CommandEntry(
         function="myomorph.lab.cli.study:run_command",
@@ -136,6 +139,7 @@ OWN_COMMANDS = {
             "reactions",
             "draws",
         ),
+        rare_options=rare.TENSION,
     ),
     "uncertainty": CommandEntry(
         function="myomorph.lab.cli.step_command:uncertainty_command",
@@ -157,6 +161,7 @@ OWN_COMMANDS = {
             "body-mass",
             "joint-center",
         ),
+        rare_options=rare.UNCERTAINTY,
     ),
     "refine": CommandEntry(
         function="myomorph.lab.cli.refine:refine_command",
@@ -170,6 +175,7 @@ OWN_COMMANDS = {
         ),
         panel="The body",
         first_options=(
+            "markers",
             "loads",
             "plates",
             "mass",
@@ -193,6 +199,8 @@ OWN_COMMANDS = {
         ),
         panel="The body",
         first_options=(
+            "motion",
+            "mass",
             "loads",
             "plates",
             "skin",
@@ -204,6 +212,7 @@ OWN_COMMANDS = {
             "time",
             "cutoff",
         ),
+        rare_options=rare.IDENTIFY,
     ),
     "transfer": CommandEntry(
         function="myomorph.lab.cli.transfer:transfer_command",
@@ -225,6 +234,7 @@ OWN_COMMANDS = {
         ),
         panel="The body",
         first_options=(
+            "motion",
             "loads",
             "torques",
             "emg",
@@ -266,7 +276,7 @@ HELP = """From markers, force plates and EMG to the forces inside one body.
 Start with `myomorph demo`. Exit status: 0 done, 2 bad input, 1 a fault of Myomorph. \
 `--debug` with any command shows
 where an error came from. `--help` with a command shows what most users need, \
-`--help-all` every option.
+`--help-all` all but rare options.
 """
 
 

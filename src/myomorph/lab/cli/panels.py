@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 ALL_FLAG = "--help-all"
 MAX_SHOWN = 16  # A command with no more options than these shows them all by `--help`.
 METHOD = "Method"
+RARE_PAGE = "docs/commands.md"
+"""Lists the options that no help does."""
 PANELS = {
     "Inputs and outputs": (
         "recordings",
@@ -159,8 +161,8 @@ def option_panel(option: str, own: Mapping[str, Collection[str]] = FrozenMap({})
 @dataclass(frozen=True)
 class PanelHelp:
     """Cyclopts' formatter of one command's help. `command`: whose help it is; `entry`: what says
-    how it is shown; `everything`: all options with their whole text, else the first ones with their
-    first sentence.
+    how it is shown; `everything`: all options but rare ones with their whole text, else the first
+    ones with their first sentence.
     """
 
     command: str
@@ -179,8 +181,11 @@ class PanelHelp:
             members = [each for each in entries if option_panel(_name(each), own) == title]
             if members:
                 DefaultFormatter()(console, options, panel.copy(title=title, entries=members))
-        if hidden := len(panel.entries) - len(entries):
+        hidden = len(panel.entries) - len(entries)
+        if hidden and not self.everything:
             console.print(f"{hidden} more options: myomorph {self.command} {ALL_FLAG}")
+        elif hidden:
+            console.print(f"{hidden} more, for study files above all: {RARE_PAGE}", soft_wrap=True)
 
     def render_usage(self, console: Console, options: ConsoleOptions, usage: Any) -> None:
         """Print the line of usage."""
@@ -190,6 +195,8 @@ class PanelHelp:
         """The entries that are printed, without empty defaults; by their first sentence, unless all
         are shown.
         """
+        rare = self.entry.rare_options
+        entries = [entry for entry in entries if _name(entry) not in rare]
         whole = self.everything or len(entries) <= MAX_SHOWN
         first = self.entry.first_options
         return [
