@@ -108,8 +108,11 @@ class App:
                 "parseInt(document.getElementById('share').textContent) > 20", PATIENCE
             )
             self.picture(screen)
-        self.browser.until(f"location.pathname.endsWith({opened!r})", PATIENCE)
-        self.browser.until("document.readyState === 'complete'")
+        opens = f"location.pathname.endsWith({opened!r})"
+        failed = "!document.getElementById('error').hidden"
+        self.browser.until(f"{opens} || {failed}", PATIENCE)
+        assert self.server.desk.state()["error"] == ""
+        self.browser.until(f"{opens} && document.readyState === 'complete'", 60.0)
 
     def picture(self, name: str) -> None:
         """Keep what is seen, where somebody asks for pictures; temporary folders are not shown."""
@@ -118,7 +121,7 @@ class App:
             path = Path(SCREENS) / f"{name}.png"
             path.parent.mkdir(parents=True, exist_ok=True)
             image = Image.fromarray(self.browser.picture())
-            image.quantize(64, dither=Image.Dither.NONE).save(path, optimize=True)
+            image.quantize(160, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 @pytest.fixture(scope="module")

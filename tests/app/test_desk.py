@@ -27,7 +27,7 @@ PATIENCE = 120.0
 
 @pytest.fixture(scope="module")
 def squat(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a squat, and somebody who stands still before it."""
+    """Write a folder with a squat, and with somebody who stands still before it."""
     recording = mm.demo_recording()
     folder = tmp_path_factory.mktemp("data") / "Müller 1"
     folder.mkdir()

@@ -22,13 +22,10 @@ def session(tmp_path_factory: pytest.TempPathFactory):
     return mm.session.read_session(folder)
 
 
-def stated(session, **values) -> Statements:
-    return Statements(
-        trials={
-            trial.path: StatedTrial(**{key: given[index] for key, given in values.items()})
-            for index, trial in enumerate(session.trials)
-        }
-    )
+def of_people(session, *names: str) -> Statements:
+    paths = [trial.path for trial in session.trials]
+    said = [StatedTrial(person=name) for name in names]
+    return Statements(trials=dict(zip(paths, said, strict=True)))
 
 
 def test_nothing_is_said(session):
@@ -36,26 +33,27 @@ def test_nothing_is_said(session):
 
 
 def test_who_it_is(session):
-    corrected = corrected_session(session, stated(session, person=["Anna", "Anna"]))
+    corrected = corrected_session(session, of_people(session, "Anna", "Anna"))
     (person,) = corrected.people
     assert (person.name.value, person.name.origin) == ("Anna", "user")
     assert [trial.person for trial in corrected.trials] == ["Anna", "Anna"]
 
 
 def test_one_person_becomes_two(session):
-    corrected = corrected_session(session, stated(session, person=["Anna", "Ben"]))
+    corrected = corrected_session(session, of_people(session, "Anna", "Ben"))
     assert [str(person.name) for person in corrected.people] == ["Anna", "Ben"]
     assert [trial.name for trial in corrected.of("Ben")] == ["two"]
 
 
 def test_a_name_that_was_found_stays_known_as_it_was(session):
-    corrected = corrected_session(session, stated(session, person=["subject", "subject"]))
+    corrected = corrected_session(session, of_people(session, "subject", "subject"))
     assert corrected.people[0].name.origin == session.people[0].name.origin
 
 
 def test_which_movement(session):
-    corrected = corrected_session(session, stated(session, movement=["rising", "standing"]))
-    rising, standing = corrected.trials
+    first, second = (trial.path for trial in session.trials)
+    said = {first: StatedTrial(movement="rising"), second: StatedTrial(movement="standing")}
+    rising, standing = corrected_session(session, Statements(trials=said)).trials
     assert (rising.movement.value, rising.movement.origin) == ("rising", "user")
     assert standing.movement.origin != "user", "it is what was found"
 

@@ -100,7 +100,11 @@ def read_asked(
     if not any(trial.used for trial in trials):
         raise BadData("no recording is chosen: tick one at least")
     people: dict[str, AskedPerson] = {}
+    of_trials = {trial.person for trial in trials}
     for entry in _list(raw, "people"):
+        if of_trials != {""} and _text(entry, "name") not in of_trials:
+            # Nobody is left of whom this one was.
+            continue
         name = _text(entry, "name")
         people[name] = _joined(name, people.get(name), _person(entry, files))
     labels = {str(label): str(place).strip() for label, place in _dict(raw, "labels").items()}

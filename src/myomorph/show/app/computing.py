@@ -14,7 +14,7 @@ from myomorph.core.motion.protocols import ProtocolTable
 from myomorph.lab.analyze.analyze import PROPOSED, prepare_request
 from myomorph.lab.analyze.recorded_trial import AnalyzeRequest, read_protocols
 from myomorph.lab.cli.running import Running
-from myomorph.lab.report.trial.gait_page import GAIT_PAGE
+from myomorph.lab.report.trial.gait.gait_page import GAIT_PAGE
 from myomorph.lab.session.statements import StatedPerson, StatedTrial, Statements
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.study.plan.plan import Plan, read_plan

@@ -24,7 +24,7 @@ TABLES = (".mot", ".sto", ".csv", ".tsv", ".txt", ".xml", ".json", ".toml", ".ya
 
 
 def endings() -> tuple[str, ...]:
-    """Endings of files that recordings are made of; others are left where they are."""
+    """List the endings of files that recordings are made of; others are left where they are."""
     kinds = (*TRIALS, *SENSORS, *MODELS, *CHANNELS)
     return tuple(sorted({*TABLES, *(ending for kind in kinds for ending in kind.endings)}))
 

@@ -8,11 +8,13 @@ const MOVEMENTS = {
   rising: "rising from a seat", stairs: "stairs", "upper limb": "arm movement", other: "another movement",
 };
 const EVERY = 400;
+const ANOTHER = "another";
 let state = null;
 let shown = "";
 let asking = false;
 let sending = null;
 let filled = "";
+let people = []; // As found, and whom the user adds.
 
 const byId = (name) => document.getElementById(name);
 
@@ -280,7 +282,7 @@ function personFields(person, number, trials) {
   const missing = person.mass === null;
   const mass = made("input", { id: `mass-${number}`, inputMode: "decimal", autocomplete: "off", value: missing ? "" : String(person.mass), required: true });
   const massHint = missing ? "Needed: no force plate weighs this person." : "As the force plates weigh it.";
-  const height = made("input", { id: `height-${number}`, inputMode: "decimal", autocomplete: "off", placeholder: "as the markers show" });
+  const height = made("input", { id: `height-${number}`, inputMode: "decimal", autocomplete: "off" });
   const age = made("input", { id: `age-${number}`, inputMode: "decimal", autocomplete: "off" });
   const name = made("input", { id: `name-${number}`, autocomplete: "off", value: person.name });
   const options = [["", "none"], ...trials.map((trial) => [String(trial.id), trial.file])];
@@ -292,12 +294,12 @@ function personFields(person, number, trials) {
   return made("div", { class: "fields" },
     field("Who", name, known),
     field("Body mass (kg)", mass, massHint, missing),
-    field("Height (m), if you like", height, "Helps where few markers are on the trunk."),
-    field("Age (years), if you like", age, "Chooses what a walk is compared with."),
+    field("Height (m)", height, "If you like: helps where few markers are on the trunk."),
+    field("Age (years)", age, "If you like: chooses what a walk is compared with."),
     field("Standing still", still, stillHint));
 }
 
-function trialRow(trial, people) {
+function trialRow(trial) {
   const used = made("input", { type: "checkbox", id: `use-${trial.id}`, checked: true, "aria-label": `Compute ${trial.file}` });
   used.addEventListener("change", () => row.classList.toggle("off", !used.checked));
   const movements = Object.entries(MOVEMENTS).filter(([name]) => name || !trial.movement);
@@ -306,15 +308,15 @@ function trialRow(trial, people) {
   const how = trial.how.replace(/^[^(]*\(/, "").replace(/\)$/, "");
   const warnings = trial.warnings.map((text) => made("small", {}, text));
   const file = made("td", { class: "file" }, made("label", { htmlFor: used.id }, trial.file), made("small", { class: "static", hidden: true }, "stands still: shows the body"));
-  const length = `${trial.seconds.toFixed(1)} s${trial.rate ? `, ${trial.rate} per second` : ""}`;
+  const length = [`${trial.seconds.toFixed(1)} s`, trial.rate ? made("small", {}, `${trial.rate} per second`) : ""];
   const row = made("tr", { id: `trial-${trial.id}` },
     made("td", {}, used), file,
     made("td", {}, movement, made("small", {}, trial.movement ? how : ""), ...warnings),
-    made("td", { "data-name": "Length" }, length),
+    made("td", { "data-name": "Length" }, ...length),
     made("td", { "data-name": "Markers" }, trial.markers ? String(trial.markers) : `${trial.sensors} sensors`),
     platesCell(trial),
     made("td", { "data-name": "Muscle signals" }, trial.emg ? String(trial.emg) : "none"),
-    whoCell(trial, people));
+    whoCell(trial));
   return row;
 }
 
@@ -324,11 +326,30 @@ function platesCell(trial) {
   return made("td", { "data-name": "Force plates" }, made("label", { class: "plates" }, box, `use ${trial.plates}`));
 }
 
-function whoCell(trial, people) {
-  if (people.length < 2) return "";
-  const who = choice(`who-${trial.id}`, people.map((person, number) => [String(number), person.name]), String(people.findIndex((one) => one.name === trial.person)));
+/* Who is in a recording is asked where there are several people, or may be. */
+function asksWho() {
+  return people.length > 1 || state.found.unresolved.length > 0;
+}
+
+function whoCell(trial) {
+  if (!asksWho()) return "";
+  const options = [...people.map((person, number) => [String(number), person.name]), [ANOTHER, "somebody else"]];
+  const who = choice(`who-${trial.id}`, options, String(people.findIndex((one) => one.name === trial.person)));
+  who.addEventListener("change", () => { if (who.value === ANOTHER) addPerson(who); });
   who.setAttribute("aria-label", `Who is in ${trial.file}`);
   return made("td", { "data-name": "Who" }, who);
+}
+
+/* A person whom nobody found: a box of fields, and a name to choose at every recording. */
+function addPerson(chosen) {
+  const number = people.length;
+  const person = { name: `Person ${number + 1}`, known: "", named: false, kind: "person", why: "", mass: null, static: null };
+  people.push(person);
+  for (const who of document.querySelectorAll("[id^='who-']")) who.lastElementChild.before(made("option", { value: String(number) }, person.name));
+  chosen.value = String(number);
+  const boxes = document.querySelectorAll(".person");
+  boxes[boxes.length - 1].after(personBox(person, number));
+  byId(`mass-${number}`).focus();
 }
 
 function markStatic() {
@@ -341,17 +362,17 @@ function markStatic() {
   }
 }
 
-function personBox(person, number, found) {
-  const trials = found.trials.filter((trial) => trial.person === person.name);
-  const head = ["", "File", "Movement", "Length", "Markers", "Force plates", "Muscle signals", ...(found.people.length > 1 ? ["Who"] : [])];
+function personBox(person, number) {
+  const trials = state.found.trials.filter((trial) => trial.person === person.name);
+  const head = ["", "File", "Movement", "Length", "Markers", "Force plates", "Muscle signals", ...(asksWho() ? ["Who"] : [])];
   const table = made("table", { class: "trials" },
     made("thead", {}, made("tr", {}, ...head.map((text, k) => made("th", { scope: "col" }, k ? text : made("span", { class: "unseen" }, "Compute"))))),
-    made("tbody", {}, ...trials.map((trial) => trialRow(trial, found.people))));
+    made("tbody", {}, ...trials.map((trial) => trialRow(trial))));
   const kind = person.kind === "animal" ? "Animal" : "Person";
   return made("fieldset", { class: "person" },
-    made("legend", {}, found.people.length > 1 ? `${kind} ${number + 1}: ${person.name}` : kind),
+    made("legend", {}, people.length > 1 ? `${kind} ${number + 1}: ${person.name}` : kind),
     person.why ? made("p", { class: "hint" }, `Another one than before: ${person.why}.`) : "",
-    personFields(person, number, trials), made("div", { class: "scroll" }, table));
+    personFields(person, number, trials.length ? trials : state.found.trials), trials.length ? made("div", { class: "scroll" }, table) : "");
 }
 
 function labelsBox(labels) {
@@ -377,7 +398,9 @@ function labelsBox(labels) {
 
 function moreBox(found) {
   const out = made("input", { id: "out", autocomplete: "off", spellcheck: false, value: state.out });
-  const parts = [field("Results go to", out, "A folder; it is made where it does not exist.")];
+  const results = field("Results go to", out, "A folder; it is made where it does not exist.");
+  results.classList.add("wide");
+  const parts = [results];
   if (found.arms) {
     const arms = made("input", { id: "arms", type: "checkbox" });
     parts.push(made("div", { class: "field" }, made("label", {}, arms, " With arms"), made("small", {}, "Markers show how they move; it takes longer.")));
@@ -392,6 +415,7 @@ function moreBox(found) {
 
 function showFound() {
   const { found } = state;
+  people = [...found.people];
   const protocol = found.labels.protocol ? `, markers of ${found.labels.protocol}` : "";
   const date = found.date ? `, recorded ${found.date}` : "";
   byId("summary").textContent = `${counted(found.trials.length, "recording")}${date}${protocol}. Correct what is wrong; then compute.`;
@@ -400,7 +424,7 @@ function showFound() {
   back.addEventListener("click", () => act("again"));
   const remarks = [...found.unresolved, ...found.passed_over].map((text) => made("li", {}, text));
   byId("asked").replaceChildren(...[
-    ...found.people.map((person, number) => personBox(person, number, found)),
+    ...people.map(personBox),
     labelsBox(found.labels),
     moreBox(found),
     remarks.length ? made("details", { open: remarks.length < 3 }, made("summary", {}, counted(remarks.length, "remark")), made("ul", { class: "remarks" }, ...remarks)) : "",
@@ -423,24 +447,24 @@ function askedPerson(person, number) {
 function asked() {
   const { found } = state;
   const value = (name) => byId(name)?.value.trim() ?? "";
-  const people = found.people.map(askedPerson);
+  const persons = people.map(askedPerson);
   const trials = found.trials.map((trial) => {
-    const number = byId(`who-${trial.id}`) ? Number(value(`who-${trial.id}`)) : Math.max(0, found.people.findIndex((one) => one.name === trial.person));
+    const number = byId(`who-${trial.id}`) ? Number(value(`who-${trial.id}`)) : Math.max(0, people.findIndex((one) => one.name === trial.person));
     return {
-      id: trial.id, used: byId(`use-${trial.id}`).checked, person: people[number].name,
+      id: trial.id, used: byId(`use-${trial.id}`).checked, person: persons[number].name,
       movement: value(`movement-${trial.id}`), plates: byId(`plates-${trial.id}`)?.checked ?? true,
     };
   });
   const labels = {};
-  for (const input of document.querySelectorAll("[id^='label-']")) labels[input.dataset.label] = input.value.trim();
-  return { people, trials, labels, out: value("out"), arms: byId("arms")?.checked ?? false, model: value("model") };
+  for (const input of document.querySelectorAll("[id^='label-']")) if (input.value.trim()) labels[input.dataset.label] = input.value.trim();
+  return { people: persons, trials, labels, out: value("out"), arms: byId("arms")?.checked ?? false, model: value("model") };
 }
 
 function firstMissing() {
-  const { people, trials } = asked();
+  const { people: persons, trials } = asked();
   const used = new Set(trials.filter((trial) => trial.used).map((trial) => trial.person));
-  const has = new Set(people.filter((one, number) => byId(`mass-${number}`).value.trim()).map((one) => one.name));
-  const number = people.findIndex((person) => used.has(person.name) && !has.has(person.name));
+  const has = new Set(persons.filter((one, number) => byId(`mass-${number}`).value.trim()).map((one) => one.name));
+  const number = persons.findIndex((person) => used.has(person.name) && !has.has(person.name));
   return number < 0 ? null : byId(`mass-${number}`);
 }
 
