@@ -1,0 +1,1 @@
+"""Two sessions of walking on one page."""
