@@ -26,8 +26,8 @@ from myomorph.lab.report.trial.gait.gait_title import gait_title
 
 RULE = (
     "Larger: than the larger standard deviation between strides of both sessions, and of angles"
-    f" than {DEGREES:g}°, of moments, powers and forces than {100.0 * SHARE:g} % of the larger value."
-    " Nothing is tested."
+    f" than {DEGREES:g}°, of moments, powers and forces than {100.0 * SHARE:g} % of the larger"
+    " value. Nothing is tested."
 )
 MAX_NAME = 24
 """Characters of a session's name in a chart."""
