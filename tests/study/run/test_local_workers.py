@@ -57,6 +57,14 @@ def test_a_model_is_sent_once_and_stays_read_only(arm, hands):
     assert len(hands.processes) == 1
 
 
+def test_a_module_among_recordings_is_not_run(arm, hands, tmp_path, monkeypatch):
+    """A file called `numpy.py` in the working folder would be run in the place of the package."""
+    (tmp_path / "numpy.py").write_text("raise SystemExit('code of the folder was run')\n")
+    monkeypatch.chdir(tmp_path)
+    (one,) = all_of(hands, made.job(made.about_model, "a"), model=open_model(arm.model)).values()
+    assert one.outcome.done
+
+
 def test_what_is_printed_is_no_answer(hands):
     found = all_of(hands, made.job(made.speak, "a"), made.job(made.plain, "b"))
     assert found["a"].outcome.done == ("spoke",)

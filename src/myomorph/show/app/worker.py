@@ -47,7 +47,7 @@ class Worker:
         # Modules are found where this process finds them.
         modules = os.pathsep.join(filter(None, sys.path))
         self._child = subprocess.Popen(
-            [sys.executable, "-m", MODULE],
+            [sys.executable, "-P", "-m", MODULE],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,

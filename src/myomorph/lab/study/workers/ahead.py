@@ -27,6 +27,7 @@ from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.rigid.kernels import kernel_folder, signatures_on_disk
 from myomorph.lab.store.progress import progress
 
+AHEAD = "myomorph.lab.study.workers.ahead"
 MUSCLE_STEPS = ("muscles", "tension")
 SURFACES = "surfaces"
 TENDONS = "tendons"
@@ -71,7 +72,8 @@ def compile_ahead(steps: Sequence[str], wraps: frozenset[str] = frozenset()) -> 
     """
     child = None
     if any(step in MUSCLE_STEPS for step in steps[1:]) and not cached(wraps):
-        command = [sys.executable, "-m", "myomorph.lab.study.workers.ahead", *sorted(wraps)]
+        # -P: what lies in the folder of recordings is no module.
+        command = [sys.executable, "-P", "-m", AHEAD, *sorted(wraps)]
         child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return Ahead(child)
 

@@ -171,8 +171,9 @@ class LocalWorkers:
             "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
         }
         errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the process ends
+        # -P: what lies in the folder of recordings is no module.
         child = subprocess.Popen(
-            [sys.executable, "-m", "myomorph.lab.study.workers.worker_process"],
+            [sys.executable, "-P", "-m", "myomorph.lab.study.workers.worker_process"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors,
