@@ -398,8 +398,16 @@ def measure_study(folder: Path) -> Iterator[Row]:
 
 
 def _correlation(one: Array, other: Array) -> float:
-    flat = np.std(one) < 1e-9 or np.std(other) < 1e-9
-    return float("nan") if flat else float(np.corrcoef(one, other)[0, 1])
+    """Correlation of two signals (frames,) over the frames that both know; NaN where one is flat.
+
+    Tensions are NaN where no plate measures the load of their limb alone.
+    """
+    known = np.isfinite(one) & np.isfinite(other)
+    if not known.any():
+        raise ValueError("two signals share no frame that both know")
+    kept = one[known], other[known]
+    flat = min(np.std(values) for values in kept) < 1e-9
+    return float("nan") if flat else float(np.corrcoef(*kept)[0, 1])
 
 
 def measure_envelopes(folder: Path) -> Iterator[Row]:
