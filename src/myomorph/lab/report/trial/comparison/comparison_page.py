@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from myomorph import __version__
 from myomorph.lab.analysis.gait_curves import KEYS, SIDES, VARIABLES, GaitVariable
+from myomorph.lab.analysis.stride_spread import MIN_STRIDES
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.page.page import page_text
 from myomorph.lab.report.page.parts import Grid
@@ -27,10 +28,9 @@ from myomorph.lab.report.trial.gait.gait_title import gait_title
 RULE = (
     "Larger: than the larger standard deviation between strides of both sessions, and of angles"
     f" than {DEGREES:g}°, of moments, powers and forces than {100.0 * SHARE:g} % of the larger"
-    " value. Nothing is tested."
+    " value. It is said from"
+    f" {MIN_STRIDES} strides of a side on in each session. Nothing is tested."
 )
-MAX_NAME = 24
-"""Characters of a session's name in a chart."""
 
 
 def comparison_page(first: WalkSession, second: WalkSession, notes: Sequence[str] = ()) -> str:
@@ -56,7 +56,7 @@ def comparison_page(first: WalkSession, second: WalkSession, notes: Sequence[str
         charts=charts,
         said=difference_grid(said, first, second, "Larger than spread and limit"),
         every=difference_grid(differences, first, second, "All differences"),
-        count=len(differences),
+        judged=sum(each.is_larger is not None for each in differences),
         notes=[RULE, *notes],
     )
 
@@ -76,7 +76,8 @@ def _charts(variable: GaitVariable, first: WalkSession, second: WalkSession) -> 
             StrideLine(
                 strides=session.curves.of(side)[:, :, index],
                 style=style,
-                label=session.name[-MAX_NAME:],
+                label=session.name,
+                count_label="n",
                 foot_off=foot_off(session.curves, side),
             )
             for session, style in ((first, "first"), (second, side))
@@ -107,7 +108,7 @@ def _row(each: SessionDifference) -> tuple[str, ...]:
     """Return the cells of a difference."""
     sign = "+" if each.difference > 0.0 else ""
     if each.is_larger is None:
-        said = "single stride"
+        said = "few strides"
     else:
         said = "yes" if each.is_larger else "no"
     return (

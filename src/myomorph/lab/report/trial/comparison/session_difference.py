@@ -10,7 +10,7 @@ import numpy as np
 from myomorph.lab.analysis.gait_curves import SIDES, GaitVariable
 from myomorph.lab.analysis.gait_extremes import EXTREMES, gait_extremes
 from myomorph.lab.analysis.gait_parameters import UNITS
-from myomorph.lab.analysis.stride_spread import StrideSpread
+from myomorph.lab.analysis.stride_spread import MIN_STRIDES, StrideSpread
 from myomorph.lab.report.trial.comparison.walk_session import WalkSession
 
 DEGREES = 5.0
@@ -49,8 +49,8 @@ class SessionDifference:
 
     @property
     def is_larger(self) -> bool | None:
-        """Whether the difference exceeds spread and limit; None where the spread is not known."""
-        if not np.isfinite(self.spread):
+        """Whether the difference exceeds spread and limit; None where strides are few."""
+        if min(self.first.count, self.second.count) < MIN_STRIDES:
             return None
         return abs(self.difference) > max(self.spread, self.limit)
 

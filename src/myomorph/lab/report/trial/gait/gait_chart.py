@@ -30,7 +30,8 @@ class StrideLine:
     ----------
     strides : (strides, samples) in the chart's unit, NaN where not known
     style : class of the style sheet: "right", "left" or "first", with others behind it
-    label : what the reading under the pointer and the count call it
+    label : what the reading under the pointer calls it
+    count_label : before the number of strides, "" for the label
     foot_off : where the foot leaves the ground [%], None where it was not seen
     edges : low and high (samples,) of the interval of the mean by draws of errors, None for none
     """
@@ -38,6 +39,7 @@ class StrideLine:
     strides: Array
     style: str
     label: str
+    count_label: str = ""
     foot_off: float | None = None
     edges: tuple[Array, Array] | None = None
 
@@ -165,7 +167,7 @@ def _counts(lines: Sequence[StrideLine]) -> str:
     parts = []
     x = WIDTH - RIGHT
     for line in reversed(lines):
-        words = f"{line.label}\u00a0{len(line.known)}"
+        words = f"{line.count_label or line.label}\u00a0{len(line.known)}"
         parts.append(svg.text(x, 12.0, words, f"count {line.style}"))
         x -= 5.2 * len(words) + 8.0
     return "".join(parts)
