@@ -11,6 +11,7 @@ from benchmarks.figures.page import IMAGES
 FIGURES = {
     "chapter3-wrenches": "bodies:draw",
     "contact-intervals": "contacts:draw_intervals",
+    "gait.png": "screens:draw_gait",
     "hands-lift": "contacts:draw_lift",
     "hidden-plates": "contacts:draw",
     "inertial-angles": "sensors:draw",

@@ -1,7 +1,8 @@
-"""Pictures of the README, as its commands make them: `python -m benchmarks.figures walk`, `report`.
+"""Pictures of pages, as commands make them: `python -m benchmarks.figures walk`, `report`, `gait`.
 
 The first is a movie of a recorded walk (rajagopal-walk-emg, Apache-2.0 and MIT) in OpenSim's bones
-(CC BY 3.0); the second the first screen of the demonstration's report, in a Chromium.
+(CC BY 3.0); the second the first screen of the demonstration's report, in a Chromium; the third the
+gait page of the recorded walk.
 """
 
 from __future__ import annotations
@@ -37,6 +38,19 @@ WALK_COMMANDS = (
         " --curves walker_knee soleus_r gasmed_r"
     ),
 )
+GAIT_STUDY = """
+[study]
+name = "walking"
+[[subject]]
+name = "s01"
+model = "subject_walk_scaled.osim"
+mass = 85.27
+trials = [{markers = "markers_walk.trc", loads = "grf_walk.xml", name = "walk"}]
+steps = ["ik", "id", "report"]
+[options.id]
+cutoff = 6
+"""
+GAIT_SCREEN = (1000, 1120)
 SCREEN = (1280, 890)
 """Width and height of the first screen [pixels]."""
 LATE = 0.9
@@ -62,18 +76,37 @@ def draw_report(file: Path) -> None:
     ------
     RuntimeError : there is no Chromium
     """
+    with tempfile.TemporaryDirectory() as work, chdir(work):
+        _run("demo")
+        _picture(Path(work) / "demo" / "report.html", SCREEN, file)
+
+
+def draw_gait(file: Path) -> None:
+    """Write the first screen of a recorded walk's gait page.
+
+    Raises
+    ------
+    RuntimeError : there is no Chromium
+    """
+    with tempfile.TemporaryDirectory() as work, chdir(work):
+        for name in FILES:
+            shutil.copy(data_folder() / WALK / name, work)
+        Path("study.toml").write_text(GAIT_STUDY, encoding="utf-8")
+        _run("run study.toml --out results")
+        _picture(Path(work) / "results" / "s01" / "walk" / "gait.html", GAIT_SCREEN, file)
+
+
+def _picture(page: Path, size: tuple[int, int], file: Path) -> None:
+    """Open a page in a Chromium, and write what a window of a size [pixels] shows."""
     program = browser_program()
     if program is None:
         raise RuntimeError("no Chromium: name one in MYOMORPH_BROWSER")
-    with tempfile.TemporaryDirectory() as work, chdir(work):
-        _run("demo")
-        width, height = SCREEN
-        profile = Path(work) / "browser"
-        with Browser(program, profile, width=width, height=height) as page:
-            page.open((Path(work) / "demo" / "report.html").as_uri())
-            page.until("document.readyState === 'complete'")
-            page.run(f"new Promise(done => setTimeout(done, {1000 * LATE:.0f}))")
-            page.picture(file)
+    width, height = size
+    with Browser(program, Path.cwd() / "browser", width=width, height=height) as shown:
+        shown.open(page.as_uri())
+        shown.until("document.readyState === 'complete'")
+        shown.run(f"new Promise(done => setTimeout(done, {1000 * LATE:.0f}))")
+        shown.picture(file)
 
 
 def _run(command: str) -> None:
