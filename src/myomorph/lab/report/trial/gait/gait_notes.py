@@ -56,7 +56,7 @@ def _of_norm(norm: GaitNorm | None) -> Iterable[str]:
             " hip by ten or twenty degrees are definitions. Scores are of shape, not those of the"
             " literature."
         )
-    known = np.isfinite(norm.mean).any(axis=0)
+    known = np.asarray(np.isfinite(norm.mean).any(axis=0)).tolist()
     absent = [variable.title for variable, has in zip(VARIABLES, known, strict=True) if not has]
     if absent:
         yield f"The norm lacks: {'; '.join(absent)}."
