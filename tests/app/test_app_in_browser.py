@@ -25,6 +25,7 @@ WIDTH = 1280
 HEIGHT = 900
 PATIENCE = 1500.0  # A run may take so long where kernels compile on a busy machine [s].
 SCREENS = os.environ.get("MYOMORPH_SCREENS", "")
+OUT = "document.getElementById('out')"
 SHORTER = r"""
 (() => {
   const short = (text) => text.replace(/^.*?(?=.(Documents|Daten der Klinik).)/, "/Users/Anna");
@@ -117,11 +118,13 @@ class App:
     def picture(self, name: str) -> None:
         """Keep what is seen, where somebody asks for pictures; temporary folders are not shown."""
         if SCREENS:
+            out = self.browser.run(f"{OUT}?.value ?? ''")
             self.browser.run(SHORTER)
             path = Path(SCREENS) / f"{name}.png"
             path.parent.mkdir(parents=True, exist_ok=True)
             image = Image.fromarray(self.browser.picture())
             image.quantize(160, dither=Image.Dither.NONE).save(path, optimize=True)
+            self.browser.run(f"(one => {{ if (one) one.value = {out!r}; }})({OUT})")
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +177,6 @@ def test_a_gait_laboratory_whose_folder_is_dropped(
         assert sideways(app) <= 0
         app.picture(f"found-{'dark' if dark else 'light'}-400")
     app.size(WIDTH)
-    app.browser.run(f"document.getElementById('out').value = {str(results)!r}")
     app.compute("/report.html", "running")
     assert app.browser.run("document.querySelector('.answer h1, h1').textContent").strip()
     app.picture("answer")
