@@ -123,6 +123,17 @@ def test_a_norm_is_of_the_age_and_the_speed(prepared):
     assert norm_of(GaitNorms(("none",)), walker).norm is None
 
 
+def test_a_group_of_parameters_alone_has_no_band_and_no_scores(prepared, tmp_path):
+    young = replace(prepared.results, recorded=replace(prepared.results.recorded, age=25.0))
+    write_report(tmp_path, prepare(young))
+    page = (tmp_path / "gait.html").read_text("utf-8")
+    assert "adults of 18 to 29 years" in page
+    assert "No norm of curves" in page
+    assert 'class="band norm"' not in page
+    assert "Gait profile score" not in page
+    assert "1.36\u00a0±\u00a00.138" in page
+
+
 def person(curves, speed, age):
     return ControlPerson(curves=curves, parameters={"Walking speed": speed}, age=age)
 

@@ -59,6 +59,11 @@ class GaitNorm:
     def __post_init__(self) -> None:
         freeze(self, mean=(SAMPLES, len(KEYS)), deviation=(SAMPLES, len(KEYS)))
 
+    @property
+    def has_curves(self) -> bool:
+        """Whether it has a curve, and not parameters alone."""
+        return bool(np.isfinite(self.mean).any())
+
 
 @read_only
 class GaitScores:

@@ -49,7 +49,11 @@ def _of_norm(norm: GaitNorm | None) -> Iterable[str]:
     if norm is None:
         return
     persons = f"; {norm.persons} persons" if norm.persons else ""
-    yield f"Norm: {norm.source}{persons}. Grey: mean ± 1 SD between people."
+    group = f"{norm.group}: " if norm.group else ""
+    yield f"Norm: {group}{norm.source}{persons}."
+    if not norm.has_curves:
+        yield "No norm of curves: of this group it has parameters alone."
+        return
     if not norm.same_definitions:
         yield (
             "The norm has the marker set and angles of another laboratory: offsets of pelvis and"

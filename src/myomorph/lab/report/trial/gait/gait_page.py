@@ -66,7 +66,8 @@ def gait_page(prepared: Prepared, curves: GaitCurves, norm: GaitNorm | None, not
     judgement = answer_of(prepared).judgement
     variables = [each for each in VARIABLES if each.kind in KINDS[judgement.use]]
     errors = prepared.results.uncertainty.gait or None
-    scores = None if norm is None or not variables else gait_scores(curves, norm, errors)
+    scored = norm is not None and norm.has_curves and bool(variables)
+    scores = gait_scores(curves, norm, errors) if norm is not None and scored else None
     grids = (
         _parameters(prepared, norm) if variables else None,
         score_grid(scores, norm),
@@ -251,6 +252,6 @@ def _legend(curves: GaitCurves, norm: GaitNorm | None, drawn: bool) -> list[tupl
         legend.append(("thin", "thin: single strides, as they are few"))
     if drawn:
         legend.append(("edge", "fine dots: 90 % of the draws of errors"))
-    if norm is not None:
+    if norm is not None and norm.has_curves:
         legend.append(("norm", "norm, mean ± 1 SD"))
     return [*legend, ("off", "dotted: foot off; numbers: strides")]
