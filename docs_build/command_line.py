@@ -16,7 +16,7 @@ from myomorph.lab.study.inputs.table import all_keys
 from myomorph.lab.study.step.step import trial_steps
 
 PLACE = re.compile(r"^<!-- commands -->$", re.MULTILINE)
-WIDTH = 96
+WIDTH = 78
 """Of the help [characters], which a page shows without scrolling."""
 
 
