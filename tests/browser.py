@@ -33,6 +33,7 @@ OPTIONS = (
     "--disable-background-timer-throttling",
     "--disable-renderer-backgrounding",
 )
+GONE = "Inspected target navigated"
 LATE_UPDATE = "Tried to update non-existent component"
 """How `viser`'s page complains where one drawing of it gets both a change of a control and its
 removal: it takes the removal first, and leaves out the change. Nothing is lost, and which messages
@@ -136,7 +137,17 @@ class Browser:
     def until(self, script: str, seconds: float = 30.0) -> Any:
         """Wait until an expression is true and return its value; it may fail while loading."""
         guarded = f"(() => {{ try {{ return ({script}); }} catch (error) {{ return false; }} }})()"
-        return wait(lambda: self.run(guarded), seconds, script)
+
+        def told() -> Any:
+            try:
+                return self.run(guarded)
+            except RuntimeError as error:
+                # Between two pages nothing is true yet.
+                if GONE not in str(error):
+                    raise
+                return False
+
+        return wait(told, seconds, script)
 
     def press(self, key: str) -> None:
         """Press a key by its name, as "ArrowRight" or "Enter"."""
