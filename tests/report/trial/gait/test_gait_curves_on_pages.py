@@ -158,13 +158,14 @@ def test_what_the_verdict_excludes_is_not_on_the_page(prepared, use, monkeypatch
     monkeypatch.setattr(page_module, "answer_of", lambda _: stated)
     page = gait_page(prepared, prepared.gait, None)
     allowed = use in ("everything", "angles and torques")
-    for words in ("Ankle plantarflexion moment", "Hip power"):
+    for words in ("Ankle moment", "Hip power"):
         assert (words in page) == allowed
     assert ("Knee flexion" in page) == (use != "nothing")
     assert ("Walking speed" in page) == (use != "nothing")
     assert USES[use] in page
-    left_out = "Moments and powers are left out" in page
-    assert left_out == (not allowed)
+    assert ("Moments and powers are left out" in page) == (use == "angles")
+    assert ("Curves and numbers are left out" in page) == (use == "nothing")
+    assert not (use == "nothing" and "<svg" in page)
 
 
 def test_who_was_recorded_stands_at_the_top(prepared):

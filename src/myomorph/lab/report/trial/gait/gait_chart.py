@@ -158,7 +158,7 @@ def _words(area: svg.Frame, axis: GaitAxis) -> str:
     x = area.x.start + 4.0
     above = svg.text(x, area.y.stop + 9.5, axis.up, "way") if axis.up else ""
     below = svg.text(x, area.y.start - 4.0, axis.down, "way") if axis.down else ""
-    longer = svg.text(area.x.stop, area.y.stop - 2.0, "longer axis", "way end")
+    longer = svg.text(area.x.stop, area.y.stop + 9.5, "longer axis", "way end")
     return above + below + (longer if axis.longer else "")
 
 

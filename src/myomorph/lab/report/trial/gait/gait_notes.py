@@ -26,13 +26,18 @@ def gait_notes(
     note : why there is no norm, "" where there is one
     use : what the verdict allows
     """
+    if use == "nothing":
+        text = (
+            "Curves and numbers are left out: the verdict is not to use them. report.html says why."
+        )
+        return [text, *_of_head(prepared)]
     most = max(len(curves.strides[side]) for side in SIDES)
     return [
         interval_note(most),
         *_of_norm(norm),
         *([note] if note else []),
         *_of_moments(prepared, curves, use),
-        *_of_emg(prepared, use),
+        *_of_emg(prepared),
         *_of_head(prepared),
     ]
 
@@ -68,7 +73,7 @@ def _of_norm(norm: GaitNorm | None) -> Iterable[str]:
 
 def _of_moments(prepared: Prepared, curves: GaitCurves, use: Use) -> Iterable[str]:
     """Say of which strides moments are, or that the verdict leaves them out."""
-    if use in ("angles", "nothing"):
+    if use == "angles":
         if prepared.results.dynamics.torques is not None:
             yield "Moments and powers are left out: the verdict allows angles only."
         return
@@ -81,9 +86,9 @@ def _of_moments(prepared: Prepared, curves: GaitCurves, use: Use) -> Iterable[st
             yield f"{side.capitalize()}: {part}, those whose foot stood on a plate."
 
 
-def _of_emg(prepared: Prepared, use: Use) -> Iterable[str]:
+def _of_emg(prepared: Prepared) -> Iterable[str]:
     """Say what envelopes are scaled by."""
-    if prepared.results.recorded.emg is not None and use != "nothing":
+    if prepared.results.recorded.emg is not None:
         yield "EMG: 100 % is the largest value of a channel's mean over the strides of its side."
 
 

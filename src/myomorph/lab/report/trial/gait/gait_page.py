@@ -112,8 +112,8 @@ def who_facts(prepared: Prepared) -> dict[str, str]:
 
 
 def short_title(variable: GaitVariable) -> str:
-    """Return the title of a variable without its direction, which its axis has."""
-    return variable.title.partition(",")[0]
+    """Return the title of a variable without the direction that its axis has."""
+    return variable.title.partition(",")[0].replace("plantarflexion ", "")
 
 
 def foot_off(curves: GaitCurves, side: str) -> float | None:
