@@ -9,7 +9,10 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from benchmarks.results import save
 
@@ -125,8 +128,30 @@ COMPARISONS = {
 }
 
 
-def main() -> None:
-    """Run the comparison that the command line names."""
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What a command line asks for.
+
+    Attributes
+    ----------
+    name : of the comparison
+    measure : gives its rows
+    options : of the comparison, by name
+    words : behind its name, as they are logged
+    json : file to write the rows to, None for none
+    save : write them to docs/results/performance
+    """
+
+    name: str
+    measure: Callable[..., list[dict[str, object]]]
+    options: Mapping[str, Any]
+    words: Sequence[str]
+    json: Path | None
+    save: bool
+
+
+def parsed(arguments: Sequence[str] | None = None) -> Request:
+    """Read a command line; those of this process by default."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     listing = "; ".join(f"{name}: {what}" for name, (_, what) in COMPARISONS.items())
     parser.add_argument("name", choices=sorted(COMPARISONS), help=listing)
@@ -134,23 +159,33 @@ def main() -> None:
     parser.add_argument(
         "--save", action="store_true", help="write the rows to docs/results/performance"
     )
-    options, rest = parser.parse_known_args()
+    options, rest = parser.parse_known_args(arguments)
     module, _, function = COMPARISONS[options.name][0].partition(":")
     comparison = importlib.import_module(module)
     parser = argparse.ArgumentParser(prog=f"python -m benchmarks {options.name}", add_help=False)
     if not function and hasattr(comparison, "add_options"):
         comparison.add_options(parser)
-    rows = getattr(comparison, function or "run")(**vars(parser.parse_args(rest)))
+    return Request(
+        name=options.name,
+        measure=getattr(comparison, function or "run"),
+        options=vars(parser.parse_args(rest)),
+        words=rest,
+        json=options.json,
+        save=options.save,
+    )
+
+
+def main() -> None:
+    """Run the comparison that the command line names."""
+    request = parsed()
+    rows = request.measure(**request.options)
     print_rows(rows)
-    if options.json:
-        options.json.write_text(json.dumps(rows, indent=1, default=float))
-    if options.save:
-        words = " ".join([options.name, *rest])
-        save(
-            f"performance/{'-'.join(words.replace('--', '').split())}",
-            rows,
-            f"python -m benchmarks {words} --save",
-        )
+    if request.json:
+        request.json.write_text(json.dumps(rows, indent=1, default=float))
+    if request.save:
+        words = " ".join([request.name, *request.words])
+        table = "-".join(words.replace("--", "").split())
+        save(f"performance/{table}", rows, f"python -m benchmarks {words} --save")
 
 
 def print_rows(rows: list[dict[str, object]]) -> None:

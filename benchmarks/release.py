@@ -66,6 +66,8 @@ def checked(pythons: Sequence[str], demo: bool) -> Iterable[dict[str, object]]:
         _said([sys.executable, "-m", "twine", "check", "--strict", str(wheel), str(sdist)], ROOT)
         yield _row("twine check --strict", start, "passed")
         start = time.monotonic()
+        yield _row("built again", start, _built_again(wheel, sdist, Path(folder) / "again"))
+        start = time.monotonic()
         yield _row("contents", start, _contents(wheel, sdist))
         for python in pythons:
             start = time.monotonic()
@@ -76,6 +78,15 @@ def checked(pythons: Sequence[str], demo: bool) -> Iterable[dict[str, object]]:
                 demo,
             )
             yield _row(f"wheel alone, {told[0]}", start, told[1])
+
+
+def _built_again(wheel: Path, sdist: Path, out: Path) -> str:
+    """Build both once more and compare the bytes; the wheel comes from the sdist."""
+    _said([sys.executable, "-m", "build", "--outdir", str(out), str(ROOT)], ROOT)
+    for first in (wheel, sdist):
+        if (out / first.name).read_bytes() != first.read_bytes():
+            raise NotReady(f"{first.name} is another one when it is built again")
+    return "the same bytes"
 
 
 def _contents(wheel: Path, sdist: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import tempfile
 import time
@@ -27,30 +28,34 @@ from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.tree import compile_tree
 
 COUPLED = "Rajagopal 2016 (generic), 39 coordinates, 80 muscles, coupled knees"
+BONE_PINS = "bone-pin shoulder, 17 coordinates, a closed loop, first 3 s"
 PLAIN = "gait2354, 23 coordinates, 54 muscles, no couplers"
 
 
-def run() -> list[dict[str, object]]:
-    """Rows of ms a frame and ratios for each step."""
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command line."""
+    parser.add_argument("--rounds", type=int, default=3, help="turns of each program")
+
+
+def run(rounds: int = 3) -> list[dict[str, object]]:
+    """Measure ms a frame and ratios of each step, medians of some rounds."""
     folder = data_folder()
     rajagopal = RECORDINGS["rajagopal"]
     bone_pins = RECORDINGS["bone-pins"]
     scaled = "Rajagopal, scaled, 33 coordinates"
     return [
-        inverse_kinematics_row(f"{scaled}, coupled knees", folder, rajagopal),
-        inverse_kinematics_row(PLAIN, folder, RECORDINGS["gait2354"]),
-        inverse_kinematics_row(
-            "bone-pin shoulder, 17 coordinates, a closed loop, first 3 s", folder, bone_pins, 3.0
-        ),
-        inverse_dynamics_row(scaled, folder, rajagopal),
-        inverse_dynamics_row(PLAIN, folder, RECORDINGS["gait2354-dynamics"]),
-        muscle_row(COUPLED, folder / rajagopal.generic, folder / rajagopal.motion),
-        static_optimization_row(folder),
+        inverse_kinematics_row(f"{scaled}, coupled knees", folder, rajagopal, rounds),
+        inverse_kinematics_row(PLAIN, folder, RECORDINGS["gait2354"], rounds),
+        inverse_kinematics_row(BONE_PINS, folder, bone_pins, rounds, end=3.0),
+        inverse_dynamics_row(scaled, folder, rajagopal, rounds),
+        inverse_dynamics_row(PLAIN, folder, RECORDINGS["gait2354-dynamics"], rounds),
+        muscle_row(COUPLED, folder / rajagopal.generic, folder / rajagopal.motion, rounds),
+        static_optimization_row(folder, rounds),
     ]
 
 
 def inverse_kinematics_row(
-    name: str, folder: Path, files: Recording, end: float = np.inf
+    name: str, folder: Path, files: Recording, rounds: int, *, end: float = np.inf
 ) -> dict[str, object]:
     """A marker recording to its end, or to that time [s]; weights of OpenSim's task set."""
     model_path = folder / files.model
@@ -75,14 +80,16 @@ def inverse_kinematics_row(
 
     seconds = alternate(
         {"ours": lambda: mm.inverse_kinematics(model, markers, options), "OpenSim": theirs},
-        rounds=3,
+        rounds=rounds,
     )
     # Without the reading of the model, which ours has behind it as well.
     seconds["OpenSim"] = float(np.median(taken[1:]))
     return compared("inverse kinematics", name, len(markers), seconds)
 
 
-def inverse_dynamics_row(name: str, folder: Path, files: Recording) -> dict[str, object]:
+def inverse_dynamics_row(
+    name: str, folder: Path, files: Recording, rounds: int
+) -> dict[str, object]:
     """Derivatives, external loads at the motion's times and generalized forces.
 
     Neither program's time counts the reading of the two tables: OpenSim's is measured and taken
@@ -114,12 +121,12 @@ def inverse_dynamics_row(name: str, folder: Path, files: Recording) -> dict[str,
             taken.append(result.seconds - (time.perf_counter() - began))
             frames.append(len(result.time))
 
-        seconds = alternate({"ours": ours, "OpenSim": theirs}, rounds=3)
+        seconds = alternate({"ours": ours, "OpenSim": theirs}, rounds=rounds)
     seconds["OpenSim"] = float(np.median(taken[1:]))
     return compared("inverse dynamics", name, len(motion), seconds, frames[-1])
 
 
-def muscle_row(name: str, model_path: Path, motion_path: Path) -> dict[str, object]:
+def muscle_row(name: str, model_path: Path, motion_path: Path, rounds: int) -> dict[str, object]:
     """All lengths and the whole moment-arm matrix; OpenSim by its Python loop, on a few frames."""
     model = mm.read_model(model_path)
     motion = mm.read_motion(motion_path, model)
@@ -128,7 +135,9 @@ def muscle_row(name: str, model_path: Path, motion_path: Path) -> dict[str, obje
     paths = compile_paths(model)
     few = np.linspace(0, len(values) - 1, 5).astype(int)
     theirs = opensim_muscles(model_path, model, values[few])
-    seconds = alternate({"ours": lambda: paths.evaluate(values, None), "OpenSim": theirs}, rounds=3)
+    seconds = alternate(
+        {"ours": lambda: paths.evaluate(values, None), "OpenSim": theirs}, rounds=rounds
+    )
     return compared("lengths and moment-arm matrix", name, len(values), seconds, len(few))
 
 
@@ -154,7 +163,7 @@ def opensim_muscles(model_path: Path, model: mm.Model, values: np.ndarray) -> Ca
     return loop
 
 
-def static_optimization_row(folder: Path) -> dict[str, object]:
+def static_optimization_row(folder: Path, rounds: int) -> dict[str, object]:
     """From coordinates to activations: derivatives, inverse dynamics, muscles and the tension
     problem.
 
@@ -184,7 +193,7 @@ def static_optimization_row(folder: Path) -> dict[str, object]:
 
         count = len(accuracy_tension.ours(prepared))
         seconds = alternate(
-            {"ours": lambda: accuracy_tension.ours(prepared), "OpenSim": theirs}, rounds=3
+            {"ours": lambda: accuracy_tension.ours(prepared), "OpenSim": theirs}, rounds=rounds
         )
         seconds["OpenSim"] = float(np.median(taken[1:]))
     return compared("static optimization, from coordinates", case.name, count, seconds, frames[-1])
