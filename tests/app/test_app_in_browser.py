@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from PIL import Image
 
 from browser import Browser, browser_program
 from myomorph.show.app.desk import Desk
@@ -120,6 +119,9 @@ class App:
         if SCREENS:
             out = self.browser.run(f"{OUT}?.value ?? ''")
             self.browser.run(SHORTER)
+            # With the extra that few need, as in `Browser.picture`.
+            from PIL import Image
+
             path = Path(SCREENS) / f"{name}.png"
             path.parent.mkdir(parents=True, exist_ok=True)
             image = Image.fromarray(self.browser.picture())

@@ -26,6 +26,7 @@ from myomorph.lab.study.summary.study_tables import PAGE
 from myomorph.lab.study.trial.reporting import REPORT
 from myomorph.show.app.asked import Asked, AskedPerson, AskedTrial
 from myomorph.show.app.found import landmark_words
+from myomorph.show.app.words import in_page_words
 
 COMMAND = "myomorph app"
 LABELS_HEAD = "# What markers lie on, as stated on the page of 'myomorph app'.\n[common.labels]\n"
@@ -138,7 +139,7 @@ def _answer(plan: Plan, out: Path, outcomes: Sequence[Outcome]) -> dict[str, Any
         for files in plan.trials
     ]
     others = [
-        {"name": outcome.subject or "tables", "error": outcome.error}
+        {"name": outcome.subject or "tables", "error": in_page_words(outcome.error)}
         for outcome in outcomes
         if outcome.error and not outcome.trial
     ]
@@ -161,4 +162,4 @@ def _trial_answer(
         for text, page in (("Report", REPORT), ("Page for the clinic", GAIT_PAGE))
         if (home / page).is_file() and not error
     ]
-    return {"name": name, "subject": subject, "error": error, "pages": pages}
+    return {"name": name, "subject": subject, "error": in_page_words(error), "pages": pages}

@@ -26,6 +26,7 @@ from myomorph.lab.store.locks import MARK
 from myomorph.lab.store.settings import ForceOptions
 from myomorph.lab.study.plan.written_plan import is_unchanged
 from myomorph.show.app.paths import documents_folder
+from myomorph.show.app.words import in_page_words
 
 Found = dict[str, Any]
 """Part of the page's data, as JSON has it."""
@@ -107,7 +108,7 @@ def found_session(look: Look) -> Found:
         "labels": _labels(look),
         "arms": have_arms(sites_of(look.recordings)),
         "models": _models(look.folder),
-        "passed_over": list(look.passed_over),
+        "passed_over": [in_page_words(text) for text in look.passed_over],
         "unresolved": unresolved,
     }
 
@@ -222,10 +223,14 @@ def _labels(look: Look) -> Found:
         "unknown": [label for label in unknown if "#" not in label][:MAX_UNKNOWN],
         "count": len(unknown),
         "needed": bool(unfit),
-        "why": unfit_markers(unfit[0].found, missing_segments(unfit[0].found)) if unfit else "",
+        "why": in_page_words(_why_unfit(unfit[0])) if unfit else "",
         "proposed": _proposed(marked) if unfit else {},
         "landmarks": list(landmark_words()),
     }
+
+
+def _why_unfit(recording: Recording) -> str:
+    return unfit_markers(recording.found, missing_segments(recording.found))
 
 
 def _proposed(marked: Sequence[Recording]) -> dict[str, Found]:

@@ -403,7 +403,7 @@ function moreBox(found) {
   const parts = [results];
   if (found.arms) {
     const arms = made("input", { id: "arms", type: "checkbox" });
-    parts.push(made("div", { class: "field" }, made("label", {}, arms, " With arms"), made("small", {}, "Markers show how they move; it takes longer.")));
+    parts.push(made("div", { class: "field wide" }, made("label", {}, arms, " With arms"), made("small", {}, "Markers show how they move; it takes longer.")));
   }
   const models = Object.keys(found.models);
   if (models.length) {
