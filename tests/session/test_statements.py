@@ -51,7 +51,8 @@ def test_a_name_that_was_found_stays_known_as_it_was(session):
 
 
 def test_which_movement(session):
-    first, second = (trial.path for trial in session.trials)
+    first = session.trials[0].path
+    second = session.trials[1].path
     said = {first: StatedTrial(movement="rising"), second: StatedTrial(movement="standing")}
     rising, standing = corrected_session(session, Statements(trials=said)).trials
     assert (rising.movement.value, rising.movement.origin) == ("rising", "user")
