@@ -36,6 +36,9 @@ PAGES: dict[str, dict[str, str]] = {
         "loop_torques": "accuracy.contact.loop_forces:measure_torques",
         "live": "accuracy.kinematics.live:measure",
         "live_markers": "accuracy.kinematics.live:measure_losses",
+        "unseen_posture": "accuracy.kinematics.unseen:measure_posture",
+        "unseen_forces": "accuracy.kinematics.unseen:measure_forces",
+        "unseen_gaps": "accuracy.kinematics.unseen:measure_gaps",
     },
     "inertial-sensors": {
         "inertial_filter": "accuracy.kinematics.inertial:measure_filter",

@@ -76,7 +76,7 @@ def bridged(time: Array, values: Array, known: np.ndarray, likely: Array, sd: Ar
     spread = np.where(known, 0.0, sd)
     if not known.any():
         return Bridge(values=filled, sd=spread)
-    acceleration = _acceleration(time, values, known)
+    acceleration = usual_acceleration(time, values, known)
     for start, stop in runs(~known):
         inside = slice(start, stop)
         before = _end(time, values, known, start - 1, -1) if start > 0 else None
@@ -94,8 +94,19 @@ def bridged(time: Array, values: Array, known: np.ndarray, likely: Array, sd: Ar
     return Bridge(values=filled, sd=spread)
 
 
-def _acceleration(time: Array, values: Array, known: np.ndarray) -> float:
-    """Root mean square of the second differences of known frames, over `LOOKED` [per s^2]."""
+def usual_acceleration(time: Array, values: Array, known: np.ndarray) -> float:
+    """Root mean square of the second differences of known frames, over `LOOKED`.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    values : (frames,) of a coordinate [rad or m]
+    known : (frames,) which frames count
+
+    Returns
+    -------
+    [per s^2], 0 without three known frames so far apart
+    """
     if len(time) < 3:
         return 0.0
     step = max(1, round(LOOKED / float(np.median(np.diff(time)))))

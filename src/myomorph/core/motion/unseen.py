@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.motion.gap_bridges import bridged, without_drift
+from myomorph.core.motion.gap_bridges import bridged, usual_acceleration, without_drift
 from myomorph.core.motion.hidden_coordinates import (
     Hidden,
     along_hidden,
@@ -44,20 +44,23 @@ UPRIGHT = "upright"
 DEFAULT = "default pose"
 BRIDGED = "bridged"
 
-LEAN = (0.15, 0.035, 0.08)
+LEAN = (0.09, 0.03, 0.06)
 """Standard deviation of what of a trunk's orientation lasts through a recording: leaning forward,
 leaning to a side, turning about the vertical [rad].
 """
-SWAY = (0.035, 0.03, 0.06)
+SWAY = (0.035, 0.035, 0.06)
 """The same of what changes within `SWAY_TIME` [rad]. Both as `python -m benchmarks.validation
 unseen_posture` finds them.
 """
-BENDING = 0.5
+BENDING = 0.8
 """By so much of the pelvis' tilt the first grows: who bends or sits bends the trunk as well."""
-JOINT = (0.3, 0.2)
+JOINT = (0.5, 0.2)
 """The same two of other joints [rad]; of slides in units of `SLIDE`."""
 SLIDE = 0.1
-JOINT_SD = float(np.hypot(*JOINT))
+WALKING = 2.0
+"""Acceleration of the body from which on what is not seen sways more than in a walk, in proportion
+[m/s^2]; of smaller animals in proportion to their size.
+"""
 SWAY_TIME = 0.1  # Over which a sway keeps its place, as of `Sources.skin_time` [s]
 MAX_JUMP = 0.5  # A jump beyond it is no marker's share in a pose, in units [rad]
 ROUNDS = 2  # Of taking the hidden part of a change, which is curved
@@ -113,12 +116,14 @@ class _Likely:
     sd : (frames, variables) standard deviation [rad or m]
     how : (variables,) `UPRIGHT` or `DEFAULT`
     trunk : that is upright, None without one
+    vigor : of the motion, see `_vigor`
     """
 
     values: Array
     sd: Array
     how: tuple[str, ...]
     trunk: UprightTrunk | None
+    vigor: float
 
 
 def assumed_poses(
@@ -170,36 +175,59 @@ def _likely(
     turns = np.array([tree.model.coordinates[j].motion == "rotational" for j in free])
     size = np.where(turns, 1.0, SLIDE * problem.unit[free])
     likely = np.tile(tree.defaults[free], (frames, 1))
-    sd = np.tile(JOINT_SD * size, (frames, 1))
+    vigor = _vigor(tree, problem, time, values)
+    sd = np.tile(np.hypot(JOINT[0], vigor * JOINT[1]) * size, (frames, 1))
     how = [DEFAULT] * len(free)
     trunk = None
     for chain in upright_chains(tree, problem, hidden.always):
         columns = list(chain.variables)
         trunk = upright_trunk(tree, problem, chain, time, values)
         likely[:, columns] = trunk.values
-        sd[:, columns] = _chain_sd(trunk)
+        sd[:, columns] = _chain_sd(trunk, vigor)
         for column in columns:
             how[column] = UPRIGHT
-    return _Likely(values=likely, sd=sd, how=tuple(how), trunk=trunk)
+    return _Likely(values=likely, sd=sd, how=tuple(how), trunk=trunk, vigor=vigor)
 
 
-def _trunk_sizes(trunk: UprightTrunk) -> Iterator[tuple[Array, Array]]:
+def _vigor(tree: Tree, problem: PoseProblem, time: Array, values: Array) -> float:
+    """How much more what is not seen sways than in a walk, by the body's own acceleration.
+
+    It is the root mean square acceleration of the body's place over `WALKING`, but at least 1.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    values : (frames, coordinates) [rad or m], NaN where no marker is seen
+    """
+    known = np.asarray(np.isfinite(values).all(axis=1))
+    sliding = [
+        j for j in root_coordinates(tree) if tree.model.coordinates[j].motion == "translational"
+    ]
+    squares = [
+        (usual_acceleration(time, values[:, j], known) / problem.unit[j]) ** 2 for j in sliding
+    ]
+    return max(1.0, float(np.sqrt(sum(squares))) / WALKING)
+
+
+def _trunk_sizes(trunk: UprightTrunk, vigor: float) -> Iterator[tuple[Array, Array]]:
     """Standard deviations (frames,) of each way a trunk may lean: lasting and changing [rad]."""
     for index, (lasting, changing) in enumerate(zip(LEAN, SWAY, strict=True)):
         bending = BENDING * trunk.tilt if index == 0 else np.zeros_like(trunk.tilt)
-        yield np.hypot(lasting, bending), np.full_like(trunk.tilt, changing)
+        yield np.hypot(lasting, bending), np.full_like(trunk.tilt, vigor * changing)
 
 
-def _chain_sd(trunk: UprightTrunk) -> Array:
+def _chain_sd(trunk: UprightTrunk, vigor: float) -> Array:
     """Standard deviation (frames, variables of the chain) of an upright trunk's angles [rad]."""
     squares = [
         np.multiply.outer(lasting**2 + changing**2, shape**2)
-        for shape, (lasting, changing) in zip(trunk.shapes, _trunk_sizes(trunk), strict=True)
+        for shape, (lasting, changing) in zip(trunk.shapes, _trunk_sizes(trunk, vigor), strict=True)
     ]
     return np.asarray(np.sqrt(np.sum(squares, axis=0)))
 
 
-def _trunk_modes(trunk: UprightTrunk, columns: Ints, count: int) -> Iterator[AssumedMode]:
+def _trunk_modes(
+    trunk: UprightTrunk, vigor: float, columns: Ints, count: int
+) -> Iterator[AssumedMode]:
     """How an upright trunk may differ.
 
     Parameters
@@ -209,7 +237,7 @@ def _trunk_modes(trunk: UprightTrunk, columns: Ints, count: int) -> Iterator[Ass
     """
     names = ("leans ahead", "leans aside", "turns")
     for name, along, (lasting, changing) in zip(
-        names, trunk.shapes, _trunk_sizes(trunk), strict=True
+        names, trunk.shapes, _trunk_sizes(trunk, vigor), strict=True
     ):
         shape = np.zeros(count)
         shape[columns] = along
@@ -305,18 +333,21 @@ class _Search:
         trunk = self.likely.trunk
         taken = () if trunk is None else trunk.chain.variables
         if trunk is not None:
-            yield from _trunk_modes(trunk, free[list(taken)], len(names))
+            columns = free[list(taken)]
+            yield from _trunk_modes(trunk, self.likely.vigor, columns, len(names))
         for i in np.flatnonzero(self.hidden.flags.any(axis=0)):
             if i in taken:
                 continue
             shape = np.zeros(len(names))
             shape[free[i]] = 1.0
-            lasting = JOINT[0] / JOINT_SD if self.hidden.always[i] else 0.0
-            changing = JOINT[1] / JOINT_SD if self.hidden.always[i] else 1.0
+            changing = 1.0
+            if self.hidden.always[i]:
+                sway = self.likely.vigor * JOINT[1]
+                changing = sway / float(np.hypot(JOINT[0], sway))
             yield AssumedMode(
                 name=names[free[i]],
                 shape=shape,
-                lasting=lasting * sd[:, i],
+                lasting=np.sqrt(1.0 - changing**2) * sd[:, i],
                 changing=changing * sd[:, i],
             )
 

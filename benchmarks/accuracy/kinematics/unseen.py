@@ -1,0 +1,293 @@
+"""Bodies whose trunk, arms and head no marker shows: full-body recordings without these markers,
+against themselves with all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+import myomorph as mm
+from benchmarks import hands_lift
+from benchmarks.recordings import RECORDINGS, read_markers
+from benchmarks.results import Row
+from myomorph.core.fit.interval_rule import drawn_limits
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.segments import segments_if_human
+from myomorph.core.model.spatial import vector_from_rotation
+from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit
+from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.motion.upright import forward_axis
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.uncertainty.drawn_inputs import drawn_unseen
+
+UPPER = ("head", "upper_trunk", "upper_arm", "lower_arm", "hand")
+PLAIN = InverseKinematicsOptions(unseen="default")
+"""As before: every hidden joint at its default, so that the trunk is fixed to the pelvis."""
+RATE = 100.0  # Of motions that somebody else found, at most [Hz]
+MAX_FRAMES = 1000
+EDGE = 10  # Frames at both ends that are not judged
+DRAWS = 40
+WITHIN = 1.645  # Standard deviations of the half of a 90 % interval
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A full-body recording.
+
+    `title`: of it; `recording`: of `RECORDINGS`, or a lift of `hands_lift`; `cutoff`: of the filter
+    [Hz]; `flexed`: by so much more the trunk is flexed, in simulated markers [rad].
+    """
+
+    title: str
+    recording: str
+    cutoff: float = 6.0
+    flexed: float = 0.0
+
+
+CASES = (
+    Case(title="walk, Rajagopal", recording="rajagopal"),
+    Case(title="walk, gait2354", recording="gait2354"),
+    Case(title="walk, OpenCap", recording="opencap-walk"),
+    Case(title="walk, implant 1", recording="implant-1"),
+    Case(title="walk, implant 3", recording="implant-3"),
+    Case(title="walk, treadmill", recording="treadmill"),
+    Case(title="walk, gait2392", recording="gait2392"),
+    Case(title="walk, Lenhart", recording="lenhart"),
+    Case(title="run, 2 m/s", recording="run-2", cutoff=12.0),
+    Case(title="run, 5 m/s", recording="run-5", cutoff=15.0),
+    Case(title="drop jump", recording="opencap-jump", cutoff=12.0),
+    Case(title="sit to stand", recording="opencap-rise"),
+    Case(title="stoop lift", recording="stoop1"),
+    Case(title="walk, trunk flexed by 35 degrees more", recording="rajagopal", flexed=0.61),
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tracked:
+    """Inverse kinematics of a recording: of all markers, and without those of the upper body, with
+    the trunk fixed to the pelvis and upright.
+    """
+
+    model: mm.Model
+    full: KinematicsFit
+    fixed: KinematicsFit
+    upright: KinematicsFit
+
+
+@lru_cache(maxsize=len(CASES))
+def tracked(folder: Path, case: Case) -> Tracked:
+    """Inverse kinematics of a case."""
+    model, markers = _recorded(folder, case)
+    segments = segments_if_human(model)
+    upper = {one.name for one in model.markers if segments[one.body].name in UPPER}
+    lower = markers.columns([i for i, name in enumerate(markers.names) if name not in upper])
+    return Tracked(
+        model=model,
+        full=mm.inverse_kinematics(model, markers, PLAIN),
+        fixed=mm.inverse_kinematics(model, lower, PLAIN),
+        upright=mm.inverse_kinematics(model, lower),
+    )
+
+
+def _recorded(folder: Path, case: Case) -> tuple[mm.Model, mm.Markers]:
+    """Model and markers of a case: recorded, or the model's own on a motion."""
+    if case.recording in hands_lift.LIFTS:
+        lifter = hands_lift.lifter(folder).model
+        return lifter, hands_lift.recorded(folder, case.recording).markers
+    files = RECORDINGS[case.recording]
+    model = mm.read_model(folder / files.model)
+    if files.markers and not case.flexed:
+        return model, read_markers(folder / files.markers)
+    motion = mm.read_motion(folder / files.motion, model)
+    span = float(motion.time[-1] - motion.time[0])
+    step = max(1, round((len(motion) - 1) / span / RATE))
+    motion = motion.frames(slice(0, step * MAX_FRAMES, step))
+    values = np.array(motion.values)
+    if case.flexed:
+        values[:, motion.names.index("lumbar_extension")] -= case.flexed
+    return model, mm.marker_positions(model, replace(motion, values=values))
+
+
+def measure_posture(folder: Path) -> Iterator[Row]:
+    """A row a recording: how far the assumed trunk is from the one that markers show."""
+    for case in CASES:
+        found = tracked(folder, case)
+        fixed = _leaning(found.model, found.full, found.fixed)
+        upright = _leaning(found.model, found.full, found.upright)
+        sizes = _trunk_sizes(found.upright)
+        inside = np.abs(upright) <= WITHIN * sizes
+        row: Row = {
+            "recording": case.title,
+            "fixed to the pelvis [deg]": np.degrees(_rms(fixed)),
+            "upright [deg]": np.degrees(_rms(upright)),
+        }
+        for index, way in enumerate(("ahead", "aside", "about the vertical")):
+            row[f"{way}, lasting [deg]"] = np.degrees(upright[:, index].mean())
+            row[f"{way}, changing [deg]"] = np.degrees(upright[:, index].std())
+        yield row | {"inside 90 % [%]": 100.0 * inside.mean()}
+
+
+def _leaning(model: mm.Model, full: KinematicsFit, other: KinematicsFit) -> Array:
+    """Rotation of the trunk from an assumed orientation to that of all markers.
+
+    Returns
+    -------
+    (frames, 3) ahead, aside and about the vertical [rad]
+    """
+    tree = compile_tree(model)
+    segments = segments_if_human(model)
+    trunks = [body for body in model.bodies if segments[body.name].name == "upper_trunk"]
+    trunk = tree.body_index[max(trunks, key=lambda body: body.mass).name]
+    known = full.seen & other.seen
+    true, assumed = (
+        forward_kinematics(tree, fit.motion.values[known]).rotations[:, trunk]
+        for fit in (full, other)
+    )
+    ahead = forward_axis(tree, model.up)
+    axes = np.stack([np.cross(model.up, ahead), ahead, model.up])
+    return np.asarray(vector_from_rotation(true @ np.swapaxes(assumed, 1, 2)) @ axes.T)
+
+
+def _trunk_sizes(fit: KinematicsFit) -> Array:
+    """Standard deviations (frames, 3) of an upright trunk [rad]."""
+    trunk = [mode for mode in fit.modes if mode.name.startswith("upper_trunk")]
+    sizes = [np.hypot(mode.lasting, mode.changing) for mode in trunk]
+    return np.column_stack(sizes)[fit.seen]
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.nanmean(np.sum(np.atleast_2d(values.T) ** 2, axis=0))))
+
+
+def measure_forces(folder: Path) -> Iterator[Row]:
+    """A row a recording: forces and torques beside those of all markers, which have the same
+    external forces, so that these do not count.
+    """
+    for case in CASES:
+        found = tracked(folder, case)
+        torques = _torques_of(found.model, case.cutoff)
+        true = torques(found.full.motion)
+        fixed = torques(found.fixed.motion)
+        upright = torques(found.upright.motion)
+        limits = _limits(found.upright, torques)
+        row: Row = {"recording": case.title}
+        for part, columns in _parts(found.model).items():
+            for name, assumed in (("fixed to the pelvis", fixed), ("upright", upright)):
+                row[f"{part}, {name}"] = _rms((assumed - true)[EDGE:-EDGE, columns])
+        for part in ("force on the pelvis [N]", "low back [N m]"):
+            columns = _parts(found.model)[part]
+            inside = (true >= limits[0]) & (true <= limits[1])
+            known = np.isfinite(true[:, columns])
+            row[f"{part.split(' [')[0]}, inside 90 % [%]"] = (
+                100.0 * inside[:, columns][known].mean()
+            )
+        yield row
+
+
+def _parts(model: mm.Model) -> dict[str, list[int]]:
+    """Columns of torques by what they are of."""
+    floating = floating_coordinates(model)
+    sliding = [name for name in floating if model.coordinate(name).motion == "translational"]
+
+    def beginning(*words: str) -> list[str]:
+        return [name for name in model.coordinate_names if name.startswith(words)]
+
+    parts = {
+        "force on the pelvis [N]": sliding,
+        "low back [N m]": beginning("lumbar"),
+        "hips [N m]": beginning("hip"),
+        "knees [N m]": beginning("knee_angle_r", "knee_angle_l", "knee_flex"),
+    }
+    return {
+        part: [model.coordinate_names.index(name) for name in names if "beta" not in name]
+        for part, names in parts.items()
+    }
+
+
+def _torques_of(model: mm.Model, cutoff: float) -> Callable[[mm.Motion], Array]:
+    """Inverse dynamics without external forces, (frames, coordinates) [N m or N]."""
+
+    def torques(motion: mm.Motion) -> Array:
+        return np.asarray(mm.inverse_dynamics(model, mm.differentiate(motion, cutoff)).values)
+
+    return torques
+
+
+def _limits(fit: KinematicsFit, torques: Callable[[mm.Motion], Array]) -> tuple[Array, Array]:
+    """Limits (frames, coordinates) of 90 % of the draws of what is assumed."""
+    normals = mm.uncertainty.Normals(DRAWS)
+    drawn = []
+    for number in range(DRAWS):
+        draw = mm.uncertainty.Draw(number, mm.uncertainty.Sources(), normals)
+        errors = drawn_unseen(fit.modes, fit.motion.time, draw)
+        drawn.append(torques(replace(fit.motion, values=fit.motion.values + errors)))
+    return drawn_limits(np.array(drawn))
+
+
+GAPS = (0.1, 0.2, 0.4)
+"""Durations for which markers are hidden [s]."""
+HIDDEN = {"a shank": "shank", "the trunk": "upper_trunk"}
+GAPS_EACH = 4
+
+
+def measure_gaps(folder: Path) -> Iterator[Row]:
+    """A row for what is hidden for how long: errors of acceleration over the motion's own."""
+    for what, segment in HIDDEN.items():
+        for duration in GAPS:
+            parts = [
+                _gap_errors(folder, case, segment, duration)
+                for case in CASES
+                if case.recording in ("opencap-rise", "run-2", "lenhart", "implant-1")
+            ]
+            default, bridged, inside = np.mean(parts, axis=0)
+            yield {
+                "hidden": what,
+                "for [s]": duration,
+                "error of acceleration, default pose": default,
+                "error of acceleration, bridged": bridged,
+                "inside 90 % [%]": 100.0 * inside,
+            }
+
+
+def _gap_errors(folder: Path, case: Case, segment: str, duration: float) -> Array:
+    """Errors of the hidden joints, over the standard deviation of their accelerations.
+
+    Returns
+    -------
+    (3,) root mean squares within the gap and beside it, with the default pose and bridged, and the
+    share of values inside their interval
+    """
+    model, markers = _recorded(folder, case)
+    segments = segments_if_human(model)
+    side = "" if segment == "upper_trunk" else "right"
+    hidden = {
+        one.name
+        for one in model.markers
+        if (segments[one.body].name, segments[one.body].side) == (segment, side)
+    }
+    columns = [i for i, name in enumerate(markers.names) if name in hidden]
+    values = np.array(markers.values)
+    time = markers.time
+    gaps = np.zeros(len(time), bool)
+    for begin in np.linspace(time[0], time[-1], GAPS_EACH + 2)[1:-1]:
+        gaps |= (time >= begin - 0.5 * duration) & (time < begin + 0.5 * duration)
+    values[np.ix_(gaps, columns)] = np.nan
+    shown = replace(markers, values=values)
+    whole = mm.inverse_kinematics(model, markers, PLAIN).motion
+    fit = mm.inverse_kinematics(model, shown)
+    joints = np.flatnonzero([how == "bridged" for how in fit.assumed_as])
+    true = mm.differentiate(whole, case.cutoff).accelerations[:, joints]
+    wide = np.convolve(gaps, np.ones(11), "same") > 0
+    errors = []
+    for found in (mm.inverse_kinematics(model, shown, PLAIN), fit):
+        away = mm.differentiate(found.motion, case.cutoff).accelerations[:, joints] - true
+        errors.append(float(np.sqrt(np.nanmean((away[wide] / np.nanstd(true, axis=0)) ** 2))))
+    sd = fit.assumed_sd[:, joints]
+    away = np.abs(fit.motion.values - whole.values)[:, joints]
+    return np.array([*errors, float((away <= WITHIN * sd)[sd > 0.0].mean())])
