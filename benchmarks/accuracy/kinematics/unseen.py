@@ -232,62 +232,96 @@ def _limits(fit: KinematicsFit, torques: Callable[[mm.Motion], Array]) -> tuple[
 
 GAPS = (0.1, 0.2, 0.4)
 """Durations for which markers are hidden [s]."""
-HIDDEN = {"a shank": "shank", "the trunk": "upper_trunk"}
-GAPS_EACH = 4
+HIDDEN = {
+    "one marker of each thigh": ("thigh",),
+    "a shank and its foot": ("shank", "foot"),
+    "trunk, arms and head": UPPER,
+}
+GAPS_EACH = 4  # Gaps in a recording
+GAPS_IN = ("opencap-rise", "run-2", "lenhart", "implant-1")
+MOVING = 0.02  # Standard deviation of an angle that counts [rad]
 
 
 def measure_gaps(folder: Path) -> Iterator[Row]:
     """A row for what is hidden for how long: errors of acceleration over the motion's own."""
-    for what, segment in HIDDEN.items():
+    cases = [case for case in CASES if case.recording in GAPS_IN]
+    for what, segments in HIDDEN.items():
         for duration in GAPS:
-            parts = [
-                _gap_errors(folder, case, segment, duration)
-                for case in CASES
-                if case.recording in ("opencap-rise", "run-2", "lenhart", "implant-1")
-            ]
-            default, bridged, inside = np.mean(parts, axis=0)
-            yield {
+            parts = [_gap_errors(folder, case, segments, duration) for case in cases]
+            default, bridged, inside = np.array(parts).T
+            row: Row = {
                 "hidden": what,
                 "for [s]": duration,
-                "error of acceleration, default pose": default,
-                "error of acceleration, bridged": bridged,
-                "inside 90 % [%]": 100.0 * inside,
+                "error of acceleration, default pose": default.mean(),
+                "error of acceleration, bridged": bridged.mean(),
             }
+            known = inside[np.isfinite(inside)]
+            yield row | {"inside 90 % [%]": 100.0 * known.mean() if len(known) else ""}
 
 
-def _gap_errors(folder: Path, case: Case, segment: str, duration: float) -> Array:
-    """Errors of the hidden joints, over the standard deviation of their accelerations.
+def _gap_errors(
+    folder: Path, case: Case, hidden: tuple[str, ...], duration: float
+) -> tuple[float, float, float]:
+    """Errors of accelerations while markers are hidden, over the accelerations' own size.
 
     Returns
     -------
-    (3,) root mean squares within the gap and beside it, with the default pose and bridged, and the
-    share of values inside their interval
+    root mean squares over all joints that move, within the gaps and beside them, with the default
+    pose and bridged; share of assumed values inside their 90 % interval, NaN without any
     """
     model, markers = _recorded(folder, case)
-    segments = segments_if_human(model)
-    side = "" if segment == "upper_trunk" else "right"
-    hidden = {
-        one.name
-        for one in model.markers
-        if (segments[one.body].name, segments[one.body].side) == (segment, side)
-    }
-    columns = [i for i, name in enumerate(markers.names) if name in hidden]
+    gaps = _gaps(markers.time, duration)
     values = np.array(markers.values)
-    time = markers.time
-    gaps = np.zeros(len(time), bool)
-    for begin in np.linspace(time[0], time[-1], GAPS_EACH + 2)[1:-1]:
-        gaps |= (time >= begin - 0.5 * duration) & (time < begin + 0.5 * duration)
-    values[np.ix_(gaps, columns)] = np.nan
+    values[np.ix_(gaps, _columns(model, markers, hidden))] = np.nan
     shown = replace(markers, values=values)
     whole = mm.inverse_kinematics(model, markers, PLAIN).motion
+    joints = _moving(model, whole)
+    true = mm.differentiate(whole, case.cutoff).accelerations
+    assert true is not None
+    own = np.nanstd(true[:, joints], axis=0)
+    beside = np.convolve(gaps, np.ones(2 * EDGE + 1), "same") > 0
     fit = mm.inverse_kinematics(model, shown)
-    joints = np.flatnonzero([how == "bridged" for how in fit.assumed_as])
-    true = mm.differentiate(whole, case.cutoff).accelerations[:, joints]
-    wide = np.convolve(gaps, np.ones(11), "same") > 0
-    errors = []
-    for found in (mm.inverse_kinematics(model, shown, PLAIN), fit):
-        away = mm.differentiate(found.motion, case.cutoff).accelerations[:, joints] - true
-        errors.append(float(np.sqrt(np.nanmean((away[wide] / np.nanstd(true, axis=0)) ** 2))))
-    sd = fit.assumed_sd[:, joints]
-    away = np.abs(fit.motion.values - whole.values)[:, joints]
-    return np.array([*errors, float((away <= WITHIN * sd)[sd > 0.0].mean())])
+
+    def error(motion: mm.Motion) -> float:
+        found = mm.differentiate(motion, case.cutoff).accelerations
+        assert found is not None
+        return float(np.sqrt(np.nanmean(((found - true)[:, joints][beside] / own) ** 2)))
+
+    inside = float("nan")
+    assumed = np.zeros(whole.values.shape, bool)
+    if fit.assumed_sd is not None:
+        bridged = np.array([how == "bridged" for how in fit.assumed_as])
+        assumed = (fit.assumed_sd > 0.0) & bridged
+    if assumed.any() and fit.assumed_sd is not None:
+        away = np.abs(fit.motion.values - whole.values)
+        inside = float((away <= WITHIN * fit.assumed_sd)[assumed].mean())
+    return error(mm.inverse_kinematics(model, shown, PLAIN).motion), error(fit.motion), inside
+
+
+def _gaps(time: Array, duration: float) -> np.ndarray:
+    """Flag the frames (frames,) of gaps spread evenly over a recording."""
+    gaps = np.zeros(len(time), bool)
+    for middle in np.linspace(time[0], time[-1], GAPS_EACH + 2)[1:-1]:
+        gaps |= np.abs(time - middle) < 0.5 * duration
+    return gaps
+
+
+def _columns(model: mm.Model, markers: mm.Markers, hidden: tuple[str, ...]) -> list[int]:
+    """Markers that are hidden: of one side's segments, of a thigh one on each."""
+    segments = segments_if_human(model)
+    chosen: dict[str, str] = {}
+    for marker in model.markers:
+        segment = segments[marker.body]
+        if segment.name not in hidden or marker.name not in markers.names:
+            continue
+        if hidden == ("thigh",):
+            chosen.setdefault(segment.side, marker.name)
+        elif segment.side != "left" or hidden == UPPER:
+            chosen[marker.name] = marker.name
+    return [markers.names.index(name) for name in chosen.values()]
+
+
+def _moving(model: mm.Model, motion: mm.Motion) -> np.ndarray:
+    """Angles of joints that move."""
+    turning = [coordinate.motion == "rotational" for coordinate in model.coordinates]
+    return np.flatnonzero(np.array(turning) & (np.nanstd(motion.values, axis=0) > MOVING))

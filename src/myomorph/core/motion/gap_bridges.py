@@ -56,9 +56,10 @@ def bridged(time: Array, values: Array, known: np.ndarray, likely: Array, sd: Ar
 
         x = p + (a - p + (v + (a - p) / EASE) t) exp(-t / EASE)
 
-    A coordinate whose acceleration has the standard deviation s is by then away by
-    s t^2 r^2 / 2 T^2 over a gap T, and s t^2 / 2 at an open end, but no further than what is known
-    beforehand.
+    A coordinate whose acceleration has the standard deviation s may by then be away by
+    s t^2 r^2 / T^2 over a gap T, and s t^2 at an open end, but no further than what is known
+    beforehand. That is twice what an acceleration alone makes of it, as rates beside a gap are not
+    known exactly either.
 
     Parameters
     ----------
@@ -84,12 +85,12 @@ def bridged(time: Array, values: Array, known: np.ndarray, likely: Array, sd: Ar
         if before is not None and after is not None:
             filled[inside] = _between(time[inside], before, after)
             share = (time[inside] - before.time) * (after.time - time[inside])
-            apart = 0.5 * acceleration * (share / (after.time - before.time)) ** 2
+            apart = acceleration * (share / (after.time - before.time)) ** 2
         else:
             end = before or after
             assert end is not None
             filled[inside] = _eased(time[inside], end, likely[inside])
-            apart = 0.5 * acceleration * (time[inside] - end.time) ** 2
+            apart = acceleration * (time[inside] - end.time) ** 2
         spread[inside] = np.minimum(apart, sd[inside])
     return Bridge(values=filled, sd=spread)
 
