@@ -52,7 +52,7 @@ def countermovement(
         "landing": 1.0 + brake / G,
         "depth": _depth(dip, push),
     }
-    return SupportForce.of(time, MASS * G, *parts), known
+    return SupportForce.of(time, MASS * G, *parts).zeroed(), known
 
 
 def _depth(dip: float, push: float) -> float:

@@ -80,7 +80,8 @@ def recorded(
         side: force + offset + random.normal(0.0, noise, len(time))
         for side, force in forces.items()
     }
-    return SupportForce.of(time, MASS * G, parts["right"], parts["left"]), stances
+    force = SupportForce.of(time, MASS * G, parts["right"], parts["left"]).zeroed()
+    return force, stances
 
 
 @pytest.fixture(scope="module")

@@ -32,6 +32,7 @@ from myomorph.lab.movements.support_force import UNLOADED, Contact, SupportForce
 
 NEAR = 0.15
 """A contact that plates show is a stance that begins so near to it [s]."""
+FLYING: tuple[Movement, ...] = ("running", "jumping")
 LEG = ("hip_flexion", "knee_flexion", "ankle_dorsiflexion")
 """Joints of a leg from the hip to the ankle."""
 
@@ -80,13 +81,15 @@ class RecordedMovement:
         return forward_kinematics(tree, tree.coordinates_of(self.motion))
 
 
-def support_force(recorded: RecordedMovement, apart: bool = True) -> SupportForce | None:
+def support_force(recorded: RecordedMovement) -> SupportForce | None:
     """Collect the forces under the feet.
+
+    Of a run, forces of single feet count where the other foot is never on a plate. Who runs or
+    jumps leaves the plates, which shows their offsets.
 
     Parameters
     ----------
     recorded : the movement
-    apart : whether forces of single feet count where the other foot is never on a plate
 
     Returns
     -------
@@ -97,11 +100,12 @@ def support_force(recorded: RecordedMovement, apart: bool = True) -> SupportForc
         return None
     parts = _forces_by_foot(recorded, measured)
     both_loaded = _loaded(parts.right, recorded) and _loaded(parts.left, recorded)
-    if recorded.shared or not (apart or both_loaded):
+    if recorded.shared or not (recorded.movement == "running" or both_loaded):
         parts = _FootForces(right=None, left=None, both=parts.whole)
     if parts.whole is None:
         return None
-    return SupportForce.of(measured.time, recorded.weight, parts.right, parts.left, parts.both)
+    force = SupportForce.of(measured.time, recorded.weight, parts.right, parts.left, parts.both)
+    return force.zeroed() if recorded.movement in FLYING else force
 
 
 @read_only
@@ -358,7 +362,7 @@ def _running(recorded: RecordedMovement) -> MovementNumbers:
 
 def _jumping(recorded: RecordedMovement) -> MovementNumbers | None:
     """Return the jumps that plates show, with what their kind has."""
-    force = support_force(recorded, apart=False)
+    force = support_force(recorded)
     if force is None:
         return None
     parts = jumps(force)
@@ -377,7 +381,7 @@ def _squatting(recorded: RecordedMovement) -> MovementNumbers | None:
     curves = body_curves(recorded)
     if curves is None:
         return None
-    parts = squats(curves, support_force(recorded, apart=False))
+    parts = squats(curves, support_force(recorded))
     return MovementNumbers(
         one="repetition", many="repetitions", parts=parts, quantities=of.SQUATTING
     )
@@ -388,7 +392,7 @@ def _rising(recorded: RecordedMovement) -> MovementNumbers | None:
     curves = body_curves(recorded)
     if curves is None:
         return None
-    parts = rising(curves, support_force(recorded, apart=False))
+    parts = rising(curves, support_force(recorded))
     return MovementNumbers(one="rise", many="rises", parts=parts, quantities=of.RISING)
 
 

@@ -67,7 +67,7 @@ class SupportForce:
         left: Array | None,
         both: Array | None = None,
     ) -> SupportForce:
-        """Make it of the forces of plates, each less its offset.
+        """Make it of the forces of plates.
 
         Parameters
         ----------
@@ -80,13 +80,24 @@ class SupportForce:
         -------
         forces by foot, and their sum
         """
-        parts = [
-            None if force is None else zeroed(time, force, weight) for force in (right, left, both)
-        ]
-        known = [force for force in parts if force is not None]
+        known = [force for force in (right, left, both) if force is not None]
         total = np.sum(known, axis=0) if known else np.zeros(len(time))
-        one_right, one_left, _ = parts
-        return cls(time=time, total=total, right=one_right, left=one_left, weight=weight)
+        return cls(time=time, total=total, right=right, left=left, weight=weight)
+
+    def zeroed(self) -> SupportForce:
+        """Take the offsets of plates off, as somebody who runs or jumps leaves them.
+
+        Feet that only rest on a plate, as on a seat, carry little too: there it is no offset.
+        """
+
+        def less(force: Array | None) -> Array | None:
+            return None if force is None else zeroed(self.time, force, self.weight)
+
+        both = self.total - sum(force for force in (self.right, self.left) if force is not None)
+        shared = both if np.abs(both).max(initial=0.0) > 0.0 else None
+        return SupportForce.of(
+            self.time, self.weight, less(self.right), less(self.left), less(shared)
+        )
 
     def of_side(self, side: str) -> Array | None:
         """Force under one foot.

@@ -24,6 +24,7 @@ PLACES: tuple[str, ...] = (
     "myomorph.core.tension.emg_quantities",
     "myomorph.lab.store.truth_quantities",
     "myomorph.lab.movements.quantities",
+    "myomorph.lab.report.trial.answer.answer_quantities",
     "myomorph.lab.uncertainty.quantities",
     "myomorph.lab.analysis.stride_quantities",
 )

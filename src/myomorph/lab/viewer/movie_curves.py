@@ -11,8 +11,8 @@ import numpy as np
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.sides import split_side
 from myomorph.core.tension.quantities import ACTIVATION
+from myomorph.lab.analysis.muscle_names import plain_name
 from myomorph.lab.analysis.selection import pairs, printed
-from myomorph.lab.report.trial.answer.muscle_names import plain_name
 from myomorph.lab.viewer.replay_body import PlayedBody
 from myomorph.lab.viewer.replay_charts import (
     Chart,

@@ -13,11 +13,11 @@ import pytest
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.known import Known
+from myomorph.lab.analysis.muscle_names import plain_name
 from myomorph.lab.report.page.parts import PageHead
 from myomorph.lab.report.trial.answer.answer import Answer, answer_of
 from myomorph.lab.report.trial.answer.answer_chart import answer_chart
 from myomorph.lab.report.trial.answer.answer_curve import FEW, SideCurve
-from myomorph.lab.report.trial.answer.muscle_names import plain_name
 from myomorph.lab.report.trial.answer.squat import squat
 from myomorph.lab.report.trial.prepared import prepare
 from myomorph.lab.report.trial.report_input import Kinematics, ReportInput

@@ -32,6 +32,9 @@ MAX_COLUMNS = 700
 WIDTH = 1040
 ROW = 19.0
 LABEL = 190.0
+LEAST_LEFT = 96.0
+ROW_LETTER = 4.4
+"""Width of a letter of the names beside a heat map, where there is `LEAST_LEFT` at least."""
 SIDES = ("right", "left")
 
 
@@ -61,7 +64,7 @@ def heat_map(
     row = 10.0 if rows <= 90 else max(1.6, 900.0 / rows)
     gap = 14.0
     top = 38.0
-    left = 96.0
+    left = max(LEAST_LEFT, 24.0 + ROW_LETTER * max(map(len, names), default=0))
     right = WIDTH - 76.0
     peak = float(np.max(values, where=np.isfinite(values), initial=0.0)) or 1.0
     index = np.clip(np.round(np.nan_to_num(pooled(values)) / peak * 255.0), 0, 255).astype(np.uint8)

@@ -9,7 +9,9 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.series import Event, ForcePlate, Series, Wrenches
+from myomorph.core.model.sides import split_side
 from myomorph.core.motion.ik import KinematicsFit
+from myomorph.lab.analysis.muscle_names import muscle_words
 from myomorph.lab.analysis.phases import side_of
 from myomorph.lab.analysis.selection import Pair, muscle_rows
 from myomorph.lab.report.charts.axis import scaled_unit
@@ -366,5 +368,11 @@ def tension_map(time: Array, forces: Array, names: Sequence[str], events: Sequen
     """All muscle tensions as a heat map [N], one block a side, from hip to ankle."""
     factor, unit = scaled_unit("N", forces)
     return heat_map(
-        "Muscle tension", unit, time, factor * forces, names, muscle_rows(names), events
+        "Muscle tension",
+        unit,
+        time,
+        factor * forces,
+        [muscle_words(split_side(name)[0]) for name in names],
+        muscle_rows(names),
+        events,
     )

@@ -18,6 +18,7 @@ from myomorph.core.tension.tension import Fibers, Tension
 from myomorph.lab.analysis.columns import extremes
 from myomorph.lab.analysis.cycles import band
 from myomorph.lab.analysis.length_analysis import RANGE_HEAD, LengthAnalysis, range_row
+from myomorph.lab.analysis.muscle_names import muscle_words
 from myomorph.lab.analysis.selection import Pair, major_muscles
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.curves import CycleCurve, Line, cycle_chart, time_plot
@@ -118,7 +119,7 @@ def tension_section(prepared: Prepared) -> Section | None:
         mean = f"{number(float(np.nanmean(forces[row.name])))} N"
         rows.append(
             (
-                row.name,
+                muscle_words(row.name),
                 f"{number(row.high)} N",
                 f"{number(row.high_time, 0.001)} s",
                 mean,
@@ -212,7 +213,8 @@ def _conflict_row(conflict: EmgConflict) -> tuple[str, ...]:
         f"{number(value, 0.001)} s" for value in (conflict.start, conflict.stop, conflict.worst)
     )
     if conflict.muscle:
-        return conflict.muscle, *times, number(conflict.emg, 0.01), number(conflict.found, 0.01)
+        values = (number(conflict.emg, 0.01), number(conflict.found, 0.01))
+        return muscle_words(conflict.muscle), *times, *values
     return conflict.coordinate, *times, number(conflict.emg), number(conflict.found)
 
 
@@ -422,7 +424,7 @@ def _rigid_grids(tension: Tension, fibers: Fibers) -> tuple[Grid, ...]:
             "path shorter than the slack tendon" if unreachable.worst <= 0.0 else "fibers too long"
         )
         start = f"{number(tension.time[unreachable.frame], 0.001)} s"
-        rows.append((unreachable.muscle, start, number(unreachable.worst), why))
+        rows.append((muscle_words(unreachable.muscle), start, number(unreachable.worst), why))
     cannot = {unreachable.muscle for unreachable in fibers.unreachable}
     rows += [
         (name, "", "", "rigid in the model, or without curves")

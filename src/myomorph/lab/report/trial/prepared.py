@@ -11,7 +11,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Event, Motion, Series
 from myomorph.lab.analysis.center_of_mass import centroid
-from myomorph.lab.analysis.gait_curves import GaitCurves, gait_curves
+from myomorph.lab.analysis.gait_curves import SIDES, GaitCurves, gait_curves
 from myomorph.lab.analysis.length_analysis import LengthAnalysis, length_analysis
 from myomorph.lab.analysis.phases import GroundPhases, ground_phases
 from myomorph.lab.analysis.strides import Strides
@@ -27,6 +27,10 @@ MAX_CENTER_FRAMES = 40000
 MAX_PLAYED = 7.5
 MAX_WHOLE = 20.0
 GAITS = ("", "gait")  # Presets in which strides are looked for.
+MIN_PERSON = 2.0
+"""A body that weighs less is an animal's [kg]."""
+MIN_WALK = 0.5
+"""Who has each foot on the ground for a smaller share of the stride flies between, and runs."""
 STEPPING: tuple[Movement, ...] = ("walking", "running", "stairs")
 """Movements with strides; only of walking there are norms."""
 STEPLESS: tuple[Movement, ...] = ("standing", "jumping", "squatting", "rising", "upper limb")
@@ -102,8 +106,26 @@ class Prepared:
         """Curves of clinical gait analysis over the strides; None where the motion is no walk of
         two legs, or the recording is of another movement.
         """
-        walks = self.results.recorded.movement.value in (None, "walking")
-        return self.stride_curves if walks else None
+        return self.stride_curves if self.walks else None
+
+    @property
+    def walks(self) -> bool:
+        """Whether somebody walks on two legs that were seen.
+
+        Where nobody said so, a foot is on the ground for more than half of a stride. An animal, and
+        a body of more limbs, is no patient of a clinic for gait.
+        """
+        strides = self.strides
+        model = self.results.model
+        if strides is None or model is None or len(strides.strikes) != len(SIDES):
+            return False
+        if model.mass < MIN_PERSON:
+            return False
+        movement = self.results.recorded.movement.value
+        if movement is not None:
+            return movement == "walking"
+        duties = [stride.duty for stride in strides.strides if np.isfinite(stride.duty)]
+        return not duties or float(np.median(duties)) > MIN_WALK
 
     @cached_property
     def stride_curves(self) -> GaitCurves | None:

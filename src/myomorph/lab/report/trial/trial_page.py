@@ -15,7 +15,7 @@ from myomorph.lab.report.page.page import Instant, Tile, rendered
 from myomorph.lab.report.page.parts import Link, Quantity, listed
 from myomorph.lab.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.lab.report.scene.scene import make_scene
-from myomorph.lab.report.trial.answer.answer import answer_of
+from myomorph.lab.report.trial.answer.answer import Answer, answer_of
 from myomorph.lab.report.trial.answer.first_screen import first_screen
 from myomorph.lab.report.trial.estimated_forces import acting_forces
 from myomorph.lab.report.trial.gait.gait_page import GAIT_PAGE
@@ -39,10 +39,10 @@ def report_page(results: ReportInput) -> str:
     return prepared_page(prepare(results))
 
 
-def prepared_page(prepared: Prepared) -> str:
-    """The page of what was prepared already."""
+def prepared_page(prepared: Prepared, answer: Answer | None = None) -> str:
+    """Return the page of what was prepared already, and answered where that was done too."""
     results = prepared.results
-    answer = answer_of(prepared)
+    answer = answer or answer_of(prepared)
     parts, missing = sections(prepared)
     leading = movement_section(prepared, answer.judgement.use)
     if leading is not None:

@@ -32,6 +32,8 @@ from myomorph.lab.analysis.presets import preset_of
 from myomorph.lab.report.page.parts import Note, PageHead, SourceFile, option_text
 from myomorph.lab.report.page.parts import Step as PageStep
 from myomorph.lab.report.scene.shapes import reduced
+from myomorph.lab.report.trial.answer.answer import answer_of
+from myomorph.lab.report.trial.answer.answer_table import write_answer
 from myomorph.lab.report.trial.gait.gait_page import GAIT_PAGE, gait_page
 from myomorph.lab.report.trial.prepared import Prepared, prepare
 from myomorph.lab.report.trial.report_input import AnalysisChoice, Recorded, ReportInput, Truth
@@ -136,7 +138,9 @@ def write_report(home: Path, prepared: Prepared, norms: GaitNorms | None = None)
     """Write `report.html`, whole or not at all, and where the motion is a walk the page on its gait
     and muscle lengths of every stride.
     """
-    texts = {REPORT: prepared_page(prepared)}
+    answer = answer_of(prepared)
+    write_answer(home, prepared, answer)
+    texts = {REPORT: prepared_page(prepared, answer)}
     if prepared.gait is not None and prepared.results.model is not None:
         norm, note = norm_of(norms or GaitNorms(), walker_of(prepared))
         texts[GAIT_PAGE] = gait_page(prepared, prepared.gait, norm, note)

@@ -9,10 +9,10 @@ import numpy as np
 
 from myomorph.core.model.message_groups import CauseGroup, grouped_messages
 from myomorph.core.model.series import Series
+from myomorph.lab.analysis.muscle_names import plain_name
 from myomorph.lab.report.trial.answer.judgement import Judgement, judged
 from myomorph.lab.report.trial.answer.main_result import MainResult
 from myomorph.lab.report.trial.answer.movements import main_result
-from myomorph.lab.report.trial.answer.muscle_names import plain_name
 from myomorph.lab.report.trial.answer.sentence import NO_BREAK
 from myomorph.lab.report.trial.prepared import Prepared
 

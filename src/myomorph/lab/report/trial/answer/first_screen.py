@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.core.model.causes import FEET_BESIDE
 from myomorph.core.model.errors import counted
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.message_groups import CauseGroup
@@ -15,9 +16,11 @@ from myomorph.lab.report.scene.scene import make_scene
 from myomorph.lab.report.trial.answer.answer import Answer
 from myomorph.lab.report.trial.answer.answer_chart import answer_chart
 from myomorph.lab.report.trial.answer.answer_curve import FEW
+from myomorph.lab.report.trial.answer.foot_stances import foot_stances
 from myomorph.lab.report.trial.answer.judgement import Use
 from myomorph.lab.report.trial.answer.main_result import KeyPose, MainResult
 from myomorph.lab.report.trial.answer.over_time import SECONDS
+from myomorph.lab.report.trial.answer.plate_strip import plate_strip
 from myomorph.lab.report.trial.answer.pose_pictures import PosePicture, pose_pictures
 from myomorph.lab.report.trial.answer.sentence import with_unit
 from myomorph.lab.report.trial.answer.time_strip import time_strip
@@ -73,6 +76,8 @@ class FirstScreen:
     note : what thick and thin lines or bands are
     colored : whether the muscles have the colors of activations
     span : first and last time of the trial [s], None without frames
+    plates : when each foot stood and where a plate measured it, as SVG; "" where no verdict or
+        cause is about feet beside plates
     """
 
     answer: Answer
@@ -81,6 +86,7 @@ class FirstScreen:
     curves: tuple[ShownCurve, ...]
     note: str
     colored: bool
+    plates: str
     span: Span | None
 
     @property
@@ -135,7 +141,15 @@ def first_screen(prepared: Prepared, answer: Answer) -> FirstScreen:
         note="" if result is None else _note(result),
         colored=any(answer.busiest),
         span=_span(prepared),
+        plates=_plates(prepared, answer),
     )
+
+
+def _plates(prepared: Prepared, answer: Answer) -> str:
+    """Draw the strip of plates where a cause is about feet beside them; else ""."""
+    if all(group.cause.key != FEET_BESIDE.key for group in answer.causes):
+        return ""
+    return plate_strip(foot_stances(prepared), prepared.span)
 
 
 def _span(prepared: Prepared) -> Span | None:

@@ -8,39 +8,63 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array
 from myomorph.lab.movements import quantities as of
+from myomorph.lab.movements.body_curves import BodyCurves
 from myomorph.lab.movements.part import MovementNumbers, Part
 from myomorph.lab.movements.recorded_movement import body_curves
+from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve
 from myomorph.lab.report.trial.answer.judgement import Use
 from myomorph.lab.report.trial.answer.main_result import KeyPose, MainResult
 from myomorph.lab.report.trial.answer.over_time import Heading, time_curve
 from myomorph.lab.report.trial.answer.sentence import Sentence, degrees, with_unit
-from myomorph.lab.report.trial.answer.squat import WITH_TORQUES, squat
+from myomorph.lab.report.trial.answer.squat import (
+    WITH_TORQUES,
+    Bending,
+    bending_curves,
+    squat,
+)
 from myomorph.lab.report.trial.prepared import Prepared
 
 TIMES = ("", "once", "twice")
+AIR = 0.7
+"""Curves begin so long before the first rise and end so long after it [s]."""
 
 
 def rise(prepared: Prepared, use: Use) -> MainResult | None:
-    """Return how often and how fast, and the trunk; as a squat where no rise was seen."""
+    """Return how often and how fast, and the first rise; as a squat where no rise was seen."""
     bent = squat(prepared, use)
     numbers = prepared.movement_numbers
     recorded = prepared.recorded_movement
     curves = None if recorded is None else body_curves(recorded)
     if bent is None or numbers is None or curves is None or numbers.one != "rise":
         return bent
-    lean = None
-    if curves.lean is not None:
-        heading = Heading("Trunk and vertical", "°")
-        lean = time_curve(heading, curves.time, {"": curves.lean}, prepared.span)
-    shown = bent.curves if lean is None else (lean, *bent.curves[:2])
+    first = numbers.parts[0]
     return replace(
         bent,
         movement="Rising from a seat",
         sentence=_sentence(numbers, use),
         caveat=_caveat(numbers),
-        curves=shown,
-        poses=_poses(numbers.parts[0], curves.time),
+        curves=_curves(prepared, use, curves, first),
+        poses=_poses(first, curves.time),
     )
+
+
+def _curves(
+    prepared: Prepared, use: Use, curves: BodyCurves, first: Part
+) -> tuple[AnswerCurve, ...]:
+    """Return trunk, knees and what they carry, over the first rise."""
+    results = prepared.results
+    motion = results.dynamics.motion or results.kinematics.motion
+    assert results.model is not None
+    assert motion is not None
+    start, stop = prepared.span
+    span = (max(start, first.start - AIR), min(stop, first.stop + AIR))
+    torques = results.dynamics.torques if use in WITH_TORQUES else None
+    bending = Bending.of(results.model, motion, torques)
+    joints = bending_curves(bending, span, first.phases[-1].start)
+    if curves.lean is None:
+        return joints
+    lean = time_curve(Heading("Trunk and vertical", "°"), curves.time, {"": curves.lean}, span)
+    return joints if lean is None else (lean, *joints[:2])
 
 
 def _sentence(numbers: MovementNumbers, use: Use) -> Sentence:

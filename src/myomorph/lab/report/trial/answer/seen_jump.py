@@ -59,7 +59,7 @@ def seen_jump(prepared: Prepared) -> SeenJump | None:
     """Return the highest jump, None where forces show none."""
     recorded = prepared.recorded_movement
     numbers = prepared.movement_numbers
-    force = None if recorded is None else support_force(recorded, apart=False)
+    force = None if recorded is None else support_force(recorded)
     if recorded is None or recorded.movement != "jumping" or numbers is None or force is None:
         return _filtered_jump(prepared)
     part = max(numbers.parts, key=_height)

@@ -92,15 +92,24 @@ def squat(prepared: Prepared, use: Use) -> MainResult | None:
         movement="Squat",
         sentence=_sentence(bending, float(bend[deepest]), at, count),
         caveat=_caveat(bending.carried(at), results.model.mass),
-        curves=_curves(bending, prepared.span, at),
+        curves=bending_curves(bending, prepared.span, at),
         poses=_poses(bending.time, bend, deepest),
         axis=SECONDS,
         amount=with_unit(prepared.span[1] - prepared.span[0], "s", 1),
     )
 
 
-def _curves(bending: Bending, span: tuple[float, float], at: float) -> tuple[AnswerCurve, ...]:
-    """Return knees, and their torque and that of the low back, or hips where there is none."""
+def bending_curves(
+    bending: Bending, span: tuple[float, float], at: float
+) -> tuple[AnswerCurve, ...]:
+    """Return knees, and their torque and that of the low back, or hips where there is none.
+
+    Parameters
+    ----------
+    bending : of the joints
+    span : first and last time that is drawn [s]
+    at : when values are printed [s]
+    """
     time = bending.time
     clock = bending.clock
     trunk = {"": bending.back}

@@ -6,6 +6,7 @@ import numpy as np
 
 from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve
 from myomorph.lab.report.trial.answer.judgement import Use
+from myomorph.lab.report.trial.answer.knee_load import knee_load_curve
 from myomorph.lab.report.trial.answer.main_result import MainResult
 from myomorph.lab.report.trial.answer.over_cycle import (
     PERCENT,
@@ -31,7 +32,11 @@ def walk(prepared: Prepared, use: Use) -> MainResult | None:
     push = stride_curve(gait, "ankle_moment", "Ankle push-off moment", "N·m/kg", digits=1)
     if knee is None or hip is None:
         return None
-    if push is not None and use in ("everything", "angles and torques"):
+    load = knee_load_curve(prepared, gait) if use == "everything" else None
+    if load is not None:
+        sentence = _of_load(load)
+        curves = [load, knee, hip]
+    elif push is not None and use in ("everything", "angles and torques"):
         sentence = _of_push(knee, push)
         curves = [push, knee, hip]
     else:
@@ -49,6 +54,19 @@ def walk(prepared: Prepared, use: Use) -> MainResult | None:
         amount=f"{speed:.2f}\u00a0m/s, {counted_strides(gait)}",
         lift=mean_lift(gait),
     )
+
+
+def _of_load(load: AnswerCurve) -> Sentence:
+    """How hard each knee is pressed, and when the first one most."""
+    first, *second = load.sides
+    peak = f"{first.value(first.highest):.1f} body weights at most"
+    when = f"at {load.at[first.highest]:.0f}\u00a0% of the stride"
+    begin = Phrase(f"{first.label.capitalize()} knee: {peak}", first.side)
+    if not second:
+        return Sentence.of(begin, f", {when}.")
+    other = second[0]
+    value = f"{other.label} {other.value(other.highest):.1f}"
+    return Sentence.of(begin, f", {when}; ", Phrase(value, other.side), ".")
 
 
 def _of_angles(knee: AnswerCurve, others: list[AnswerCurve]) -> Sentence:

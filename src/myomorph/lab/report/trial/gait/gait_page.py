@@ -14,13 +14,13 @@ from myomorph.lab.analysis.emg_strides import EmgStrides, emg_strides
 from myomorph.lab.analysis.gait_curves import KEYS, SIDES, VARIABLES, GaitCurves, GaitVariable
 from myomorph.lab.analysis.gait_parameters import gait_parameters
 from myomorph.lab.analysis.gait_scores import LEVEL, GaitNorm, gait_scores
+from myomorph.lab.analysis.muscle_names import plain_name
 from myomorph.lab.analysis.stride_spread import MIN_STRIDES
 from myomorph.lab.report.page.page import page_text
 from myomorph.lab.report.page.parts import Grid
 from myomorph.lab.report.trial.answer.answer import answer_of
 from myomorph.lab.report.trial.answer.first_screen import STYLES
 from myomorph.lab.report.trial.answer.judgement import Use
-from myomorph.lab.report.trial.answer.muscle_names import plain_name
 from myomorph.lab.report.trial.gait.gait_axis import AXES, EMG_AXIS
 from myomorph.lab.report.trial.gait.gait_chart import NormBand, StrideLine, gait_chart
 from myomorph.lab.report.trial.gait.gait_notes import gait_notes, score_notes

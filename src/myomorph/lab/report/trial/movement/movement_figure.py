@@ -24,7 +24,7 @@ AIR = 0.25
 """The figure begins so long before the first part and ends so long after the last one [s]."""
 MAX_SHOWN = 3.0
 """Of a run so much is drawn, in the middle [s]."""
-MAX_LONG = 30.0
+MAX_LONG = 6.5
 """Of other movements so much, from the first part on [s]."""
 HEIGHT = 150
 
@@ -55,7 +55,7 @@ def movement_figure(recorded: RecordedMovement, numbers: MovementNumbers) -> Mov
         if phase.stop > span[0] and phase.start < span[1]
     )
     behind = Backdrop(span, phases)
-    force = support_force(recorded, apart=recorded.movement == "running")
+    force = support_force(recorded)
     tracks = [*_angle_tracks(recorded, behind)]
     if force is not None:
         tracks.append(_force_track(force, behind))
@@ -63,7 +63,10 @@ def movement_figure(recorded: RecordedMovement, numbers: MovementNumbers) -> Mov
         tracks = _stance_track(numbers, behind)
     svg = "".join([phase_names(behind), *tracks, time_axis(behind)])
     sides = force is not None and force.right is not None
-    return MovementFigure(svg=svg, caption=_caption(phases, force), sides=sides)
+    shown = (
+        "" if span[1] >= numbers.parts[-1].stop else f" Drawn: {span[0]:.1f} to {span[1]:.1f} s."
+    )
+    return MovementFigure(svg=svg, caption=f"{_caption(phases, force)}{shown}", sides=sides)
 
 
 def _span(recorded: RecordedMovement, numbers: MovementNumbers) -> tuple[float, float]:
