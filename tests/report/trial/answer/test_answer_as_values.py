@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from myomorph.core.contact.undetermined import UNDETERMINED
+from myomorph.core.model.cycle_samples import SAMPLES
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.known import Known
 from myomorph.core.model.messages import as_message
 from myomorph.core.model.series import Series
-from myomorph.lab.analysis.cycles import SAMPLES, Cycles
+from myomorph.lab.analysis.cycles import Cycles
 from myomorph.lab.analysis.gait_curves import KEYS, GaitCurves
 from myomorph.lab.analysis.strides import Stride
 from myomorph.lab.report.trial.answer.answer import answer_of
@@ -48,7 +49,7 @@ def test_a_strip_fills_what_was_measured() -> None:
 
 
 def known_torques(*spans: tuple[float, float]) -> Prepared:
-    """A trial whose torques hold but for spans in which a foot's load was not measured."""
+    """Make a trial whose torques hold but for spans in which a foot's load was not measured."""
     given = having(everything(200), root_note=LEGS_ALONE)
     motion = given.kinematics.motion
     assert motion is not None

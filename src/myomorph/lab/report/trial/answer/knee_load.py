@@ -7,10 +7,11 @@ from typing import cast
 
 import numpy as np
 
+from myomorph.core.model.cycle_samples import SAMPLES
 from myomorph.core.model.model import Model
 from myomorph.core.model.segments import joint_labels
 from myomorph.core.model.series import Series
-from myomorph.lab.analysis.cycles import SAMPLES, over_cycles
+from myomorph.lab.analysis.cycles import over_cycles
 from myomorph.lab.analysis.gait_curves import KEYS, SIDES, GaitCurves, joint_coordinate
 from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve, SideCurve
 from myomorph.lab.report.trial.answer.sentence import Side

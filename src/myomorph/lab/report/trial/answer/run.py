@@ -7,8 +7,9 @@ from typing import cast
 
 import numpy as np
 
+from myomorph.core.model.cycle_samples import SAMPLES
 from myomorph.core.model.series import Series
-from myomorph.lab.analysis.cycles import SAMPLES, over_cycles
+from myomorph.lab.analysis.cycles import over_cycles
 from myomorph.lab.analysis.gait_curves import SIDES, GaitCurves, gait_curves
 from myomorph.lab.movements.quantities import PEAK_VERTICAL_FORCE
 from myomorph.lab.movements.recorded_movement import NEAR, support_force

@@ -38,7 +38,7 @@ def torque_windows(prepared: Prepared) -> tuple[Span, ...]:
     torques = dynamics.torques
     if torques is None or dynamics.wrenches is None or not len(torques):
         return ()
-    holds = np.isfinite(torques.values).all(axis=1)
+    holds: np.ndarray = np.isfinite(torques.values).all(axis=1)
     for start, stop in undetermined_spans(prepared):
         holds &= (torques.time < start) | (torques.time > stop)
     missed = missed_frames(prepared)
@@ -47,7 +47,7 @@ def torque_windows(prepared: Prepared) -> tuple[Span, ...]:
         holds &= np.interp(torques.time, motion.time, missed) < 0.5
     return tuple(
         span
-        for span in spans_of(torques.time, holds)
+        for span in spans_of(torques.time, np.asarray(holds))
         if span[1] - span[0] >= SHORTEST and _explained(prepared, torques.time, span)
     )
 
