@@ -38,7 +38,7 @@ def torque_windows(prepared: Prepared) -> tuple[Span, ...]:
     torques = dynamics.torques
     if torques is None or dynamics.wrenches is None or not len(torques):
         return ()
-    holds: np.ndarray = np.isfinite(torques.values).all(axis=1)
+    holds = np.asarray(np.isfinite(torques.values).all(axis=1))
     for start, stop in undetermined_spans(prepared):
         holds &= (torques.time < start) | (torques.time > stop)
     missed = missed_frames(prepared)
