@@ -24,6 +24,7 @@ from docs_build.command_line import with_commands  # noqa: E402
 from docs_build.face import with_names  # noqa: E402
 from docs_build.navigation import navigation, with_listed  # noqa: E402
 from docs_build.notebooks import notebook_text, tutorials  # noqa: E402
+from docs_build.programs import with_programs  # noqa: E402
 from docs_build.quantities import with_quantities  # noqa: E402
 from docs_build.tables import rendered  # noqa: E402
 
@@ -71,7 +72,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """Put tables and numbers of results in place; tutorials name their notebook."""
     source = Path(page.file.src_uri)
     markdown = with_quantities(with_names(rendered(markdown, page.file.src_uri)))
-    markdown = with_commands(markdown)
+    markdown = with_programs(with_commands(markdown))
     markdown = with_listed(markdown, page.file.src_uri)
     # The index has the changelog beside docs/; in the site it is a page like others.
     markdown = markdown.replace("](../CHANGELOG.md)", "](changelog.md)")

@@ -75,6 +75,7 @@ from .core.motion.ik import inverse_kinematics as inverse_kinematics
 from .core.motion.sync import cut as cut
 from .core.motion.sync import resample_wrenches as resample_wrenches
 from .core.motion.tasks.coordinates import CoordinateTask as CoordinateTask
+from .core.motion.tasks.orientations import OrientationTask as OrientationTask
 from .core.motion.tasks.task import Task as Task
 from .core.muscles.kinematics import MuscleKinematics as MuscleKinematics
 from .core.muscles.kinematics import default_path_lengths as default_path_lengths
@@ -92,6 +93,7 @@ from .core.tension.tension import TensionOptions as TensionOptions
 from .exchange.mujoco.certificate import Certificate as Certificate
 from .exchange.mujoco.certificate import Difference as Difference
 from .exchange.mujoco.export import write_mjcf as write_mjcf
+from .lab import groups as groups
 from .lab import session as session
 from .lab import uncertainty as uncertainty
 from .lab import viewer as viewer
@@ -135,6 +137,9 @@ from .lab.study.trial.reporting import report_folder as report_folder
 from .lab.study.trial.together import Together as Together
 from .lab.study.trial.trial_inputs import TrialFiles as TrialFiles
 from .lab.study.workers.jobs import Workers as Workers
+from .live.chain import ChainOptions as ChainOptions
+from .live.frames import LiveFrame as LiveFrame
+from .live.frames import live_frames as live_frames
 from .show.demo.arm import ExampleFiles as ExampleFiles
 from .show.demo.arm import example_files as example_files
 from .show.demo.demos import DemoRecording as DemoRecording

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import myomorph as mm
 from myomorph.core.model.errors import BadData
 from myomorph.lab.analysis.cycles import Cycles
 from myomorph.lab.analysis.groups import Animal, Group, GroupOptions, compare_groups
@@ -223,3 +224,14 @@ def test_what_is_wrong_is_named():
         permutation_test(np.zeros(2), np.zeros(5))
     with pytest.raises(BadData, match="alpha"):
         GroupOptions(alpha=0.0)
+
+
+def test_a_member_has_each_curve_over_its_own_strides():
+    time = np.linspace(0.0, 4.0, 401)
+    values = np.stack([np.sin(np.pi * time), np.cos(np.pi * time)], axis=1)
+    angles = mm.Series(time, ("knee_angle_r", "knee_angle_l"), values)
+    curves = angles.strides({"right": [0.0, 2.0, 4.0], "left": [1.0, 3.0]})
+    animal = mm.groups.member("s01", {"angle": curves}, {"speed": 1.2})
+    assert animal.scalar("speed") == 1.2
+    for name in angles.names:
+        np.testing.assert_allclose(animal.curve("angle", name), curves.mean(name))

@@ -54,6 +54,18 @@ def test_masses_and_inertias_scale_together(model) -> None:
         np.testing.assert_array_equal(new.mass_center, old.mass_center)
 
 
+def test_one_body_gets_another_mass(model) -> None:
+    name = model.body_names[0]
+    old = model.body(name)
+    heavy = model.with_body(name, mass=2.0 * old.mass)
+    assert heavy.mass == pytest.approx(model.mass + old.mass)
+    np.testing.assert_allclose(heavy.body(name).inertia, 2.0 * old.inertia)
+    with pytest.raises(mm.UnknownName):
+        model.with_body("tail", mass=1.0)
+    with pytest.raises(mm.BadData, match="kilograms above 0"):
+        model.with_body(name, mass=0.0)
+
+
 def test_parts_are_taken_away_and_the_rest_can_be_written(model, tmp_path) -> None:
     muscle = model.muscle_names[0]
     marker = model.marker_names[0]

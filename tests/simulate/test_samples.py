@@ -137,6 +137,15 @@ def test_the_swing_is_that_of_its_mass():
     assert np.abs(lowest).mean() == pytest.approx(moved, rel=0.2)
 
 
+def test_other_recordings_of_a_name_differ_in_steps_and_noise():
+    first = taken("walk")
+    second = mm.sample("walk", 2)
+    assert second.model is first.model
+    assert np.abs(second.markers.values[:100] - first.markers.values[:100]).max() > 0.005
+    with pytest.raises(mm.BadData, match="there is one"):
+        mm.sample("squat", 2)
+
+
 def test_an_unknown_sample_is_answered_by_those_that_exist():
     with pytest.raises(mm.BadData) as told:
         mm.sample("swim")

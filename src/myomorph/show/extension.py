@@ -60,12 +60,12 @@ EXTENSION = Extension(
     },
     pictures={"Model": "myomorph.lab.study.trial.notebook_pictures:model_picture"},
     samples={
-        "walk": SampleEntry(make="myomorph.show.samples:walk"),
-        "run": SampleEntry(make="myomorph.show.samples:run"),
+        "walk": SampleEntry(make="myomorph.show.samples:walk", repeats=True),
+        "run": SampleEntry(make="myomorph.show.samples:run", repeats=True),
         "squat": SampleEntry(make="myomorph.show.samples:squat"),
         "jump": SampleEntry(
             make="myomorph.show.samples:jump", needs={"biomdp": "biomdp"}, extra=DEMO
         ),
-        "mouse": SampleEntry(make="myomorph.show.samples:mouse"),
+        "mouse": SampleEntry(make="myomorph.show.samples:mouse", repeats=True),
     },
 )

@@ -29,31 +29,32 @@ from myomorph.show.simulate.squat import (
 OWN = "Apache-2.0"
 BODY = "the model is myo-sim's (Apache-2.0)"
 MYO_SIM = "Caggiano et al. 2022, MyoSuite, for the bodies of myo-sim"
-SEED = 1
 CUTOFF = 6.0
 CUTOFF_OF_RUN = 12.0  # Low-pass of motion and forces [Hz].
 
 
-def walk() -> Sample:
+def walk(number: int) -> Sample:
     """Simulate five strides of each side."""
     text = (
-        "a person of 70 kg walks as planned, in balance over feet with their own plates; nobody was"
-        f" recorded, and {BODY}"
+        "a person of 70 kg walks with bent knees as planned, in balance over feet with their own"
+        f" plates; nobody was recorded, and {BODY}"
     )
-    return _gait("walk", WALK, "walking", CUTOFF, text)
+    return _gait("walk", WALK, "walking", CUTOFF, text, number)
 
 
-def run() -> Sample:
+def run(number: int) -> Sample:
     """Simulate six strides of each side."""
     text = (
         "a person of 70 kg runs as planned; nobody was recorded, and"
         f" {BODY}. In flight planned legs turn the body, which leaves a moment at the pelvis"
     )
-    return _gait("run", RUN, "running", CUTOFF_OF_RUN, text)
+    return _gait("run", RUN, "running", CUTOFF_OF_RUN, text, number)
 
 
-def _gait(name: str, plan: GaitPlan, movement: Movement, cutoff: float, text: str) -> Sample:
-    gait = simulated_gait(plan, SEED)
+def _gait(
+    name: str, plan: GaitPlan, movement: Movement, cutoff: float, text: str, seed: int
+) -> Sample:
+    gait = simulated_gait(plan, seed)
     return Sample(
         name=name,
         model=gait.model,
@@ -128,9 +129,9 @@ def jump() -> Sample:
     )
 
 
-def mouse() -> Sample:
+def mouse(number: int) -> Sample:
     """Simulate a mouse that trots, seen by cameras alone."""
-    animal = simulated_mouse(SEED)
+    animal = simulated_mouse(number)
     text = (
         "a mouse of 25 g trots on stick legs with straight muscles, which is no anatomy; no animal"
         " was recorded, and no forces are simulated"

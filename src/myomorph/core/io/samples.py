@@ -154,7 +154,7 @@ class Sample:
         return files
 
 
-def sample(name: str) -> Sample:
+def sample(name: str, number: int = 1) -> Sample:
     """Return a small recording by its name, which takes a second or two and no network.
 
     Its `source` says whether somebody was recorded or all of it is simulated, under which licence
@@ -163,6 +163,7 @@ def sample(name: str) -> Sample:
     Parameters
     ----------
     name : "walk", "run", "squat", "jump", "mouse" or "swings"
+    number : of a recording among those of its name: simulated ones differ in steps and noise
 
     Returns
     -------
@@ -170,7 +171,7 @@ def sample(name: str) -> Sample:
 
     Raises
     ------
-    BadData : there is no such sample
+    BadData : there is no such sample, or no other recording of it
     MissingPackage : what brings the sample is not installed; it says how to install it
 
     Examples
@@ -187,10 +188,13 @@ def sample(name: str) -> Sample:
         raise BadData(f"unknown sample '{name}': there are {there}")
     for module, package in SAMPLES[name].needs.items():
         check_extra(SAMPLES[name].extra, module, package)
-    return _made(name)
+    if number != 1 and not SAMPLES[name].repeats:
+        raise BadData(f"sample '{name}' has no recording {number}: there is one")
+    return _made(name, number)
 
 
 @cache
-def _made(name: str) -> Sample:
-    made: Sample = load(SAMPLES[name].make)()
+def _made(name: str, number: int) -> Sample:
+    make = load(SAMPLES[name].make)
+    made: Sample = make(number) if SAMPLES[name].repeats else make()
     return made

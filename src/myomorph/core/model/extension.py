@@ -144,11 +144,13 @@ class SampleEntry:
     Attributes
     ----------
     make : place of the function that gives the `Sample`
+    repeats : the function takes a number: each gives another recording
     needs : packages that are not there with every installation, by the module that each brings
     extra : of Myomorph that brings them
     """
 
     make: str
+    repeats: bool = False
     needs: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     extra: str = ""
 

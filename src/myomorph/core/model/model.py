@@ -451,6 +451,28 @@ class Model:
         muscle = replace(old, **({"max_isometric_force": force} | properties))
         return replace(self, muscles=tuple(muscle if one is old else one for one in self.muscles))
 
+    def with_body(self, name: str, *, mass: float) -> Model:
+        """Give one body another mass, and an inertia that is as much larger.
+
+        Parameters
+        ----------
+        name : of the body
+        mass : [kg], above 0
+
+        Raises
+        ------
+        UnknownName : there is no such body
+        BadData : the mass is not above 0, or the body has none
+        """
+        old = self.body(name)
+        if not 0.0 < mass < np.inf or not old.mass > 0.0:
+            raise BadData(
+                f"mass of '{name}': expected kilograms above 0 of a body that has a mass, but got"
+                f" {mass} for {old.mass:g} kg"
+            )
+        body = replace(old, mass=mass, inertia=old.inertia * (mass / old.mass))
+        return replace(self, bodies=tuple(body if one is old else one for one in self.bodies))
+
     def with_mass(self, mass: float) -> Model:
         """Scale the masses and inertias of all bodies to a mass of the whole body.
 

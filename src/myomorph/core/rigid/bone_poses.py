@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import check_name
@@ -28,6 +30,24 @@ class BonePoses:
     bodies: tuple[str, ...]
     rotations: BodyRotations
     origins: BodyVectors
+
+    def rotation(self, body: str) -> Array:
+        """Rotation of a body over time.
+
+        Parameters
+        ----------
+        body : by name
+
+        Returns
+        -------
+        (frames, 3, 3) from the body's axes to ground
+
+        Raises
+        ------
+        UnknownName : no body has that name
+        """
+        check_name("body", body, self.bodies)
+        return np.asarray(self.rotations[:, self.bodies.index(body)])
 
     def points(self, body: str, locations: FixedPoints) -> Points:
         """Positions of points that are fixed to a body, as the vertices of its mesh.

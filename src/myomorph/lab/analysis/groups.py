@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from myomorph.core.model.arrays import Array, read_only, runs
-from myomorph.core.model.errors import BadData
+from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
 from myomorph.lab.analysis import permutations
@@ -146,6 +146,12 @@ class Comparison:
     ] = ()  # what should be known before anything is believed, one line each
     paired: bool = False  # whether both groups are the same animals or subjects, each beside itself
 
+    def curve(self, name: str) -> CurveDifference:
+        """Find the difference of a curve by its name; raises `UnknownName`."""
+        known = {curve.name: curve for curve in self.curves}
+        check_name("curve", name, known, "the comparison")
+        return known[name]
+
     def family(self, name: str) -> tuple[CurveDifference, ...]:
         """Curves of one family."""
         return tuple(curve for curve in self.curves if curve.family == name)
@@ -157,10 +163,35 @@ class Comparison:
 
 
 def compare_groups(first: Group, second: Group, options: GroupOptions | None = None) -> Comparison:
-    """Parameters and curves of two groups, with intervals, effect sizes and tests.
+    """Compare parameters and curves of two groups, with intervals, effect sizes and tests.
+
     Parameters are tested one by one by relabelling and corrected for their number (Holm; Benjamini
     and Hochberg beside it); the curves of a family together by the largest statistic over all of
-    them and the whole cycle. With fewer than three animals in a group nothing is tested.
+    them and the whole cycle. With fewer than three subjects in a group nothing is tested.
+
+    Parameters
+    ----------
+    first, second : of which each subject counts once, however many strides it has
+    options : confidence, alpha and number of relabellings; see `GroupOptions`
+
+    Returns
+    -------
+    differences of the first from the second, with intervals, effect sizes and p
+
+    Raises
+    ------
+    BadData : a group has nobody, or a subject is in both
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> def group(name, high):
+    ...     members = [mm.groups.member(f"{name}{k}", {}, {"speed": high + k}) for k in range(4)]
+    ...     return mm.groups.Group(name, tuple(members))
+    >>> compared = mm.groups.compare_groups(group("fast", 10.0), group("slow", 1.0))
+    >>> compared.scalars[0].difference, round(compared.scalars[0].p, 3)
+    (9.0, 0.029)
     """
     options = options or GroupOptions()
     for group in (first, second):
@@ -183,12 +214,37 @@ def compare_groups(first: Group, second: Group, options: GroupOptions | None = N
 
 
 def compare_paired(first: Group, second: Group, options: GroupOptions | None = None) -> Comparison:
-    """Parameters and curves of subjects in two conditions, with intervals, effect sizes and tests.
+    """Compare parameters and curves of subjects in two conditions, each beside itself.
+
     As `compare_groups`, but of the differences within subjects, so that what differs between
     subjects drops out: the interval is that of their mean (Student's t), the effect size their mean
     over their standard deviation with Hedges' correction, and the test turns differences round
-    instead of exchanging subjects. Subjects that only one of the conditions has are left out, by
-    name.
+    instead of exchanging subjects.
+
+    Parameters
+    ----------
+    first, second : the same subjects, by name; those that only one has are left out and named
+    options : confidence, alpha and number of relabellings; see `GroupOptions`
+
+    Returns
+    -------
+    differences of the first from the second, with intervals, effect sizes and p
+
+    Raises
+    ------
+    BadData : no subject has both
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> def condition(name, higher):
+    ...     members = [
+    ...         mm.groups.member(f"s{k}", {}, {"speed": k + higher + 0.1 * k}) for k in range(6)
+    ...     ]
+    ...     return mm.groups.Group(name, tuple(members))
+    >>> compared = mm.groups.compare_paired(condition("after", 2.0), condition("before", 0.0))
+    >>> round(compared.scalars[0].difference, 2), compared.paired
+    (2.0, True)
     """
     options = options or GroupOptions()
     by_name = {animal.name: animal for animal in second.animals}

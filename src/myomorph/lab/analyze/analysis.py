@@ -167,10 +167,11 @@ def analyze(
     errors = [outcome.error for outcome in trials if outcome.error]
     if trials and len(errors) == len(trials):
         raise BadData(f"no trial could be analyzed: {errors[0]}")
+    # Results are read later, maybe from another working folder.
     return Analysis(
-        folder=Path(out),
-        recordings=tuple(map(Path, given)),
-        study=prepared.study,
+        folder=Path(out).absolute(),
+        recordings=tuple(Path(path).absolute() for path in given),
+        study=prepared.study.absolute(),
         assumed=prepared.assumed,
         outcomes=tuple(outcomes),
     )

@@ -1,0 +1,12 @@
+# The public names of `mm.groups`: subjects, their curves over strides, and how two groups differ.
+from ..analysis.cycles import Band as Band
+from ..analysis.cycles import Cycles as Cycles
+from ..analysis.group_members import member as member
+from ..analysis.groups import Animal as Animal
+from ..analysis.groups import Comparison as Comparison
+from ..analysis.groups import CurveDifference as CurveDifference
+from ..analysis.groups import Group as Group
+from ..analysis.groups import GroupOptions as GroupOptions
+from ..analysis.groups import ScalarDifference as ScalarDifference
+from ..analysis.groups import compare_groups as compare_groups
+from ..analysis.groups import compare_paired as compare_paired
