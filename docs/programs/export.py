@@ -9,7 +9,5 @@ certificate = mm.write_mjcf(walk.model, "walker.xml")
 fit.to_pandas("coordinate_value").to_csv("angles.csv")
 fit.to_xarray().to_netcdf("walk.nc", engine="h5netcdf")
 again = mm.read_model("walker.osim")
-print(f"{again}")
-print(
-    f"MuJoCo's copy of {len(certificate.differences)} muscles: mass {certificate.mass:.1e} kg off"
-)
+print(again)
+print(f"MuJoCo's copy has {len(certificate.differences)} muscles and steps: {certificate.steps}")
