@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from threadpoolctl import threadpool_limits
 
@@ -33,7 +33,7 @@ class LiveFrame:
     """
 
     model: Model
-    result: ChainFrame
+    result: ChainFrame = field(repr=False)
     delay: float
     seconds: float
 

@@ -3,6 +3,7 @@ from .contacts import Generators as Generators
 from .contacts import register_law as register_law
 from .findings import Finding as Finding
 from .interval import Interval as Interval
+from .messages import Message as Message
 from .model import Actuator as Actuator
 from .model import Axis as Axis
 from .model import Body as Body
