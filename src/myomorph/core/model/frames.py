@@ -77,7 +77,7 @@ def variables_frame(
     pandas = from_extra("xarray", "pandas")
     clock = next((variable.dimensions[0] for variable in variables.values()), CLOCK)
     columns: dict[tuple[str, ...], np.ndarray] = {}
-    units = []
+    units: list[str] = []
     for name, variable in variables.items():
         within = [labels[dimension] for dimension in variable.dimensions[1:]]
         for place in np.ndindex(*(len(part) for part in within)):

@@ -21,7 +21,14 @@ from myomorph.lab.report.page.page import Tile, rendered
 from myomorph.lab.report.page.parts import Figure, Grid, Note, PageHead, Section, cited
 
 # References.
-TESTS = ("nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981", "zeni2008")
+TESTS: tuple[str, ...] = (
+    "nichols2002",
+    "tusher2001",
+    "holm1979",
+    "benjamini1995",
+    "hedges1981",
+    "zeni2008",
+)
 STYLES = ("left", "right")  # Of the first group and of the second.
 CONDITION_STYLES = ("right", "left", "third", "second", "fourth", "middle")
 """Of the conditions in their order; more of them take these again."""
