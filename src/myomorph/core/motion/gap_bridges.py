@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.arrays import Array, read_only, runs
 
 EASE = 0.3  # Time constant with which a coordinate goes to what is likely, at an open end [s]
 LOOKED = 0.06  # Time before and after a gap from which its rates are taken [s]
@@ -28,6 +28,7 @@ class _End:
     rate: float
 
 
+@read_only
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bridge:
     """A coordinate with its gaps filled.

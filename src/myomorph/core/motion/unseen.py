@@ -106,6 +106,7 @@ class Assumed:
     moved: np.ndarray
 
 
+@read_only
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Likely:
     """What is known of the free coordinates without any marker.
