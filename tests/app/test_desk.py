@@ -22,7 +22,7 @@ from myomorph.show.app.found import (
     results_folder,
 )
 
-PATIENCE = 120.0
+PATIENCE = 1500.0  # Kernels may compile, on a busy machine [s].
 
 
 @pytest.fixture(scope="module")
@@ -185,7 +185,7 @@ def test_from_a_folder_to_the_answer(squat, tmp_path):
     desk.compute(said)
     state = waited(desk)
     assert (state["phase"], state["error"], state["failed"]) == ("done", "", [])
-    assert state["done"]["open"] == "squat 1/report.html"
+    assert state["done"]["open"] == "squat_1/report.html"
     text = (out / "study.toml").read_text(encoding="utf-8")
     assert 'movement = "rising"' in text
     assert 'name = "Anna"' in text
