@@ -32,6 +32,8 @@ from myomorph.lab.movements.support_force import UNLOADED, Contact, SupportForce
 
 NEAR = 0.15
 """A contact that plates show is a stance that begins so near to it [s]."""
+HALVES = 1e-3
+"""Forces of two feet differ by more than this share of the weight, unless one force was halved."""
 FLYING: tuple[Movement, ...] = ("running", "jumping")
 LEG = ("hip_flexion", "knee_flexion", "ankle_dorsiflexion")
 """Joints of a leg from the hip to the ankle."""
@@ -100,7 +102,8 @@ def support_force(recorded: RecordedMovement) -> SupportForce | None:
         return None
     parts = _forces_by_foot(recorded, measured)
     both_loaded = _loaded(parts.right, recorded) and _loaded(parts.left, recorded)
-    if recorded.shared or not (recorded.movement == "running" or both_loaded):
+    alone = recorded.movement == "running"
+    if recorded.shared or not (alone or both_loaded) or parts.halved(recorded.weight):
         parts = _FootForces(right=None, left=None, both=parts.whole)
     if parts.whole is None:
         return None
@@ -115,6 +118,17 @@ class _FootForces:
     right: Array | None
     left: Array | None
     both: Array | None
+
+    def halved(self, weight: float) -> bool:
+        """Whether one force was given to both feet by halves, which says nothing of either.
+
+        Parameters
+        ----------
+        weight : of the body [N]
+        """
+        if self.right is None or self.left is None:
+            return False
+        return bool(np.abs(self.right - self.left).max(initial=0.0) < HALVES * weight)
 
     @property
     def whole(self) -> Array | None:

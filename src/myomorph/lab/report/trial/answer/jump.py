@@ -12,10 +12,10 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion
 from myomorph.lab.analysis.gait_curves import SIDES
 from myomorph.lab.analysis.sagittal_joints import extension_moment, joint_angle
-from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve
+from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve, SideCurve
 from myomorph.lab.report.trial.answer.judgement import Use
 from myomorph.lab.report.trial.answer.main_result import KeyPose, MainResult
-from myomorph.lab.report.trial.answer.over_time import SECONDS, Heading, time_curve
+from myomorph.lab.report.trial.answer.over_time import SAMPLES, SECONDS, Heading, time_curve
 from myomorph.lab.report.trial.answer.seen_jump import SeenJump, seen_jump
 from myomorph.lab.report.trial.answer.sentence import NO_BREAK, Sentence, degrees, with_unit
 from myomorph.lab.report.trial.prepared import Prepared
@@ -111,8 +111,7 @@ def _curves(
     model = prepared.results.model
     assert model is not None
     span = instants.span(prepared.span)
-    heading = Heading("Vertical force", "body weights", digits=1, middle="plates")
-    force = time_curve(heading, seen.time, {"": seen.force}, span) if len(seen.time) else None
+    force = _force_curve(seen, span)
     torque = _torque_curve(prepared, model, span) if use not in ("angles", "nothing") else None
     knees = {side: joint_angle(model, motion, "knee_flexion", side) for side in SIDES}
     bend = time_curve(Heading("Knee flexion", "°"), motion.time, knees, span, instants.lowest)
@@ -120,6 +119,21 @@ def _curves(
     hips = time_curve(Heading("Hip flexion", "°"), motion.time, flexion, span, instants.lowest)
     shown = [curve for curve in (force, torque, bend, hips) if curve is not None]
     return tuple(shown[:3])
+
+
+def _force_curve(seen: SeenJump, span: tuple[float, float]) -> AnswerCurve | None:
+    """Return the force on the plates, with the very sample of its peak, that of the sentence."""
+    inside = (seen.time >= span[0]) & (seen.time <= span[1])
+    if not inside.any():
+        return None
+    time = seen.time[inside]
+    force = seen.force[inside]
+    peak = float(time[int(np.argmax(force))])
+    at = np.unique(np.concatenate([np.linspace(time[0], time[-1], SAMPLES), [peak]]))
+    mark = int(np.searchsorted(at, peak))
+    cycles = np.interp(at, time, force)[None]
+    side = SideCurve(side="", label="plates", cycles=cycles, mark=mark)
+    return AnswerCurve(title="Vertical force", unit="body weights", sides=(side,), at=at, digits=1)
 
 
 def _torque_curve(
