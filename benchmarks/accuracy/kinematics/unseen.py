@@ -145,10 +145,8 @@ def _leaning(model: mm.Model, full: KinematicsFit, other: KinematicsFit) -> Arra
     trunks = [body for body in model.bodies if segments[body.name].name == "upper_trunk"]
     trunk = tree.body_index[max(trunks, key=lambda body: body.mass).name]
     known = full.seen & other.seen
-    true, assumed = (
-        forward_kinematics(tree, fit.motion.values[known]).rotations[:, trunk]
-        for fit in (full, other)
-    )
+    true = forward_kinematics(tree, full.motion.values[known]).rotations[:, trunk]
+    assumed = forward_kinematics(tree, other.motion.values[known]).rotations[:, trunk]
     ahead = forward_axis(tree, model.up)
     axes = np.stack([np.cross(model.up, ahead), ahead, model.up])
     return np.asarray(vector_from_rotation(true @ np.swapaxes(assumed, 1, 2)) @ axes.T)

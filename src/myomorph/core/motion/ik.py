@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -16,7 +16,7 @@ from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Markers, Motion
 from myomorph.core.model.units import MotionKind
-from myomorph.core.motion.lengths import coordinate_units, length_unit
+from myomorph.core.motion.lengths import coordinate_units
 from myomorph.core.motion.newton import SCOUT, Settings, frames_shown, solve_poses, task_arrays
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.quantities import ASSUMED_AS, FIT, FITTED_COORDINATE, SENSOR_ERROR
@@ -248,19 +248,10 @@ def inverse_kinematics(
     solved = solve_poses(tree, problem, starts, options.settings, progress=progress)
 
     values = of_one_turn(tree, problem, of_one_branch(tree, problem, solved.values))
-    errors = solved.errors[MarkerTask]
-    assumed = None
-    if options.unseen != "default":
-        unit = length_unit(tree)
-        assumed = assumed_poses(tree, problem, markers.time, values, options.settings, unit)
-    if assumed is not None:
-        values = assumed.values
-        moved = np.flatnonzero(assumed.moved)
-        errors[moved] = marker_errors(tree, part_of(problem, moved), values[moved])
-    return KinematicsFit(
+    fit = KinematicsFit(
         motion=_motion(model, markers, values),
         marker_names=names,
-        marker_error=errors,
+        marker_error=solved.errors[MarkerTask],
         marker_weight=weights,
         converged=solved.converged,
         iterations=solved.iterations,
@@ -275,9 +266,30 @@ def inverse_kinematics(
         sensor_names=tuple(
             task.sensor for task in options.tasks if isinstance(task, OrientationTask)
         ),
-        assumed_sd=None if assumed is None else assumed.sd,
-        assumed_as=() if assumed is None else assumed.how,
-        modes=() if assumed is None else assumed.modes,
+    )
+    return (
+        fit if options.unseen == "default" else _with_unseen(tree, problem, fit, options.settings)
+    )
+
+
+def _with_unseen(
+    tree: Tree, problem: PoseProblem, fit: KinematicsFit, settings: Settings
+) -> KinematicsFit:
+    """Complete a fit by what is known beforehand of coordinates that no marker shows."""
+    motion = fit.motion
+    assumed = assumed_poses(tree, problem, motion.time, motion.values, settings)
+    if assumed is None:
+        return fit
+    moved = np.flatnonzero(assumed.moved)
+    errors = np.array(fit.marker_error)
+    errors[moved] = marker_errors(tree, part_of(problem, moved), assumed.values[moved])
+    return replace(
+        fit,
+        motion=replace(motion, values=assumed.values),
+        marker_error=errors,
+        assumed_sd=assumed.sd,
+        assumed_as=assumed.how,
+        modes=assumed.modes,
     )
 
 

@@ -30,6 +30,7 @@ from myomorph.core.motion.hidden_coordinates import (
     informations,
     seen_markers,
 )
+from myomorph.core.motion.lengths import length_unit
 from myomorph.core.motion.newton import Settings, solve_poses
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.starts import root_coordinates
@@ -128,7 +129,7 @@ class _Likely:
 
 
 def assumed_poses(
-    tree: Tree, problem: PoseProblem, time: Array, values: Array, settings: Settings, unit: float
+    tree: Tree, problem: PoseProblem, time: Array, values: Array, settings: Settings
 ) -> Assumed | None:
     """Complete poses by what is known beforehand of coordinates that markers do not show.
 
@@ -139,7 +140,6 @@ def assumed_poses(
     time : (frames,) [s]
     values : (frames, coordinates) its solution, NaN where no marker is seen [rad or m]
     settings : of the search
-    unit : what stands for one metre, see `length_unit` [m]
 
     Returns
     -------
@@ -149,7 +149,7 @@ def assumed_poses(
     if not _markers_alone(problem):
         return None
     root = np.isin(problem.free, root_coordinates(tree))
-    hidden = hidden_coordinates(tree, problem, values, root, unit)
+    hidden = hidden_coordinates(tree, problem, values, root, length_unit(tree))
     if not hidden.flags.any() and hidden.whole.all():
         return None
     likely = _likely(tree, problem, hidden, time, values)
@@ -395,10 +395,8 @@ class _Search:
     def _moves_markers(self, before: Array, after: Array, frames: Ints) -> np.ndarray:
         """Whether seen markers move between two poses of frames, (frames, coordinates) each."""
         markers = self.problem.markers
-        there, here = (
-            forward_kinematics(self.tree, poses).points(markers.body, markers.location)
-            for poses in (after, before)
-        )
+        here = forward_kinematics(self.tree, before).points(markers.body, markers.location)
+        there = forward_kinematics(self.tree, after).points(markers.body, markers.location)
         seen = seen_markers(self.problem)[frames]
         moved = np.where(seen, np.abs(there - here).max(axis=2), 0.0)
         return np.asarray(moved.max(axis=1, initial=0.0) > self.settings.tolerance)

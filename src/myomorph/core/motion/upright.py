@@ -255,7 +255,9 @@ def smoothed(time: Array, values: Array, width: float) -> Array:
         return np.convolve(column, weights, "full")[reach : reach + count]
 
     ones = np.ones(count)
-    total, first, second = (around(ones, power) for power in range(3))
+    total = around(ones, 0)
+    first = around(ones, 1)
+    second = around(ones, 2)
     lines = [
         (second * around(column, 0) - first * around(column, 1)) / (total * second - first**2)
         for column in coarse.T
