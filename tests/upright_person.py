@@ -112,9 +112,7 @@ def _markers(body, places):
 
 
 def walk(model, seconds=4.0, pace=1.0):
-    """Legs that swing, a pelvis that goes ahead, lists and turns at every stride, a trunk that
-    leans a little and sways.
-    """
+    """Swing the legs, let the pelvis go ahead, list and turn, and the trunk lean and sway."""
     time = np.arange(round(seconds * RATE)) / RATE
     phase = 2.0 * np.pi * pace * time
     values = np.zeros((len(time), len(model.coordinates)))

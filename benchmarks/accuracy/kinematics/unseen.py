@@ -1,5 +1,6 @@
-"""Bodies whose trunk, arms and head no marker shows: full-body recordings without these markers,
-against themselves with all.
+"""Bodies whose trunk, arms and head no marker shows.
+
+Full-body recordings without these markers, against themselves with all.
 """
 
 from __future__ import annotations
@@ -70,8 +71,10 @@ CASES = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracked:
-    """Inverse kinematics of a recording: of all markers, and without those of the upper body, with
-    the trunk fixed to the pelvis and upright.
+    """Inverse kinematics of a recording.
+
+    `full`: of all markers; `fixed`, `upright`: without those of the upper body, with the trunk
+    fixed to the pelvis and upright.
     """
 
     model: mm.Model
@@ -115,7 +118,7 @@ def _recorded(folder: Path, case: Case) -> tuple[mm.Model, mm.Markers]:
 
 
 def measure_posture(folder: Path) -> Iterator[Row]:
-    """A row a recording: how far the assumed trunk is from the one that markers show."""
+    """Yield a row a recording: how far the assumed trunk is from the one that markers show."""
     for case in CASES:
         found = tracked(folder, case)
         fixed = _leaning(found.model, found.full, found.fixed)
@@ -153,7 +156,7 @@ def _leaning(model: mm.Model, full: KinematicsFit, other: KinematicsFit) -> Arra
 
 
 def _trunk_sizes(fit: KinematicsFit) -> Array:
-    """Standard deviations (frames, 3) of an upright trunk [rad]."""
+    """Stack the standard deviations (frames, 3) of an upright trunk [rad]."""
     trunk = [mode for mode in fit.modes if mode.name.startswith("upper_trunk")]
     sizes = [np.hypot(mode.lasting, mode.changing) for mode in trunk]
     return np.column_stack(sizes)[fit.seen]
@@ -164,8 +167,9 @@ def _rms(values: Array) -> float:
 
 
 def measure_forces(folder: Path) -> Iterator[Row]:
-    """A row a recording: forces and torques beside those of all markers, which have the same
-    external forces, so that these do not count.
+    """Yield a row a recording: forces and torques beside those of all markers.
+
+    External forces are the same for both, so they do not count.
     """
     for case in CASES:
         found = tracked(folder, case)
@@ -241,7 +245,7 @@ MOVING = 0.02  # Standard deviation of an angle that counts [rad]
 
 
 def measure_gaps(folder: Path) -> Iterator[Row]:
-    """A row for what is hidden for how long: errors of acceleration over the motion's own."""
+    """Yield a row for what is hidden for how long: errors of acceleration over the own ones."""
     cases = [case for case in CASES if case.recording in GAPS_IN]
     for what, segments in HIDDEN.items():
         for duration in GAPS:

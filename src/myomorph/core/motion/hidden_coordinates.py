@@ -19,7 +19,7 @@ WEAK = 0.03
 that skin moves by 1 cm beside a joint whose angle is known to 0.3 rad beforehand [m/rad].
 """
 PART = 0.3  # Share of hidden directions from which a coordinate is hidden with them
-SAMPLES = 3  # Frames with the same markers whose slopes are looked at
+SAMPLES = 2  # Frames with the same markers whose slopes are looked at
 AT_ONCE = 128  # Frames whose slopes are held at once
 
 
@@ -95,26 +95,50 @@ def hidden_coordinates(
     pulled = problem.coordinates.weight[problem.free] > 0.0
     always = hidden_by(usual, faint) & ~pulled
 
-    flags = np.zeros((len(sets), len(root)), bool)
-    lost: np.ndarray = np.asarray(~sets.any(axis=1))
-    others = [number for number in range(len(sets)) if not lost[number]]
-    for start in range(0, len(others), AT_ONCE):
-        some = others[start : start + AT_ONCE]
-        informations = _information(tree, problem, values, _samples(groups, known, some))
-        for number, information in zip(some, informations, strict=True):
-            whole = sets[number].sum() == sets[most].sum()
-            blind = hidden_by(information, faint) & ~pulled
-            lost[number] = (blind & root & ~always).any()
-            flags[number] = blind if whole else hidden_by(information, weak) & ~pulled
+    whole = np.asarray(sets.sum(axis=1) == sets[most].sum())
+    # By set: what its markers hide whatever is known, and while others are hidden.
+    blind = always[None]
+    flags = always[None]
+    if len(sets) > 1:
+        samples = _samples(groups, known, list(range(len(sets))))
+        limits = np.where(whole, faint, weak)
+        blind = _hidden_in_sets(tree, problem, values, samples, np.full(len(sets), faint)) & ~pulled
+        flags = _hidden_in_sets(tree, problem, values, samples, limits) & ~pulled
+    lost = np.asarray((blind & root & ~always).any(axis=1) | ~sets.any(axis=1))
     return Hidden(
         flags=flags[groups] & known[:, None],
         always=always,
         lost=lost[groups] | ~known,
-        whole=np.asarray(sets.sum(axis=1) == sets[most].sum())[groups] & known,
+        whole=whole[groups] & known,
         groups=groups,
         faint=faint,
         weak=weak,
     )
+
+
+def _hidden_in_sets(
+    tree: Tree, problem: PoseProblem, values: Array, samples: list[Ints], limits: Array
+) -> np.ndarray:
+    """Find the coordinates that sets of markers hide.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    problem : of all frames
+    values : (frames, coordinates) [rad or m]
+    samples : frames of each set
+    limits : (sets,) movement of the markers below which a direction is hidden [m]
+
+    Returns
+    -------
+    (sets, variables)
+    """
+    hidden = np.zeros((len(samples), len(problem.free)), bool)
+    for start in range(0, len(samples), AT_ONCE):
+        each = _information(tree, problem, values, samples[start : start + AT_ONCE])
+        for number, information in enumerate(each, start):
+            hidden[number] = hidden_by(information, limits[number])
+    return hidden
 
 
 def _marker_sets(seen: np.ndarray) -> tuple[np.ndarray, Ints]:
@@ -136,7 +160,7 @@ def _marker_sets(seen: np.ndarray) -> tuple[np.ndarray, Ints]:
 
 
 def _fullest(sets: np.ndarray, groups: Ints, known: np.ndarray) -> int:
-    """Number of the set with most markers, of those with as many that of most frames."""
+    """Find the set with most markers, of those with as many that of most frames."""
     frames = np.bincount(groups[known], minlength=len(sets))
     counts = np.where(frames > 0, sets.sum(axis=1), -1)
     return int(np.lexsort((frames, counts))[-1])

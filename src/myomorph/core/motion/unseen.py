@@ -211,14 +211,17 @@ def _vigor(tree: Tree, problem: PoseProblem, time: Array, values: Array) -> floa
 
 
 def _trunk_sizes(trunk: UprightTrunk, vigor: float) -> Iterator[tuple[Array, Array]]:
-    """Standard deviations (frames,) of each way a trunk may lean: lasting and changing [rad]."""
+    """Yield standard deviations (frames,) of each way a trunk may lean, two of each [rad].
+
+    The first is of what lasts, the other of what changes.
+    """
     for index, (lasting, changing) in enumerate(zip(LEAN, SWAY, strict=True)):
         bending = BENDING * trunk.tilt if index == 0 else np.zeros_like(trunk.tilt)
         yield np.hypot(lasting, bending), np.full_like(trunk.tilt, vigor * changing)
 
 
 def _chain_sd(trunk: UprightTrunk, vigor: float) -> Array:
-    """Standard deviation (frames, variables of the chain) of an upright trunk's angles [rad]."""
+    """Add up standard deviations (frames, variables of the chain) of an upright trunk [rad]."""
     squares = [
         np.multiply.outer(lasting**2 + changing**2, shape**2)
         for shape, (lasting, changing) in zip(trunk.shapes, _trunk_sizes(trunk, vigor), strict=True)
@@ -299,7 +302,8 @@ class _Search:
         offsets[hidden.lost] = 0.0
         targets = values[:, free] + offsets
         sd = np.zeros_like(targets)
-        for i in np.flatnonzero(hidden.flags.any(axis=0)):
+        sd[:, self._solved] = np.where(hidden.flags, self.likely.sd, 0.0)[:, self._solved]
+        for i in np.flatnonzero(hidden.flags.any(axis=0) & ~self._solved):
             known = np.asarray(~hidden.flags[:, i] & ~hidden.lost)
             likely = self.likely.values[:, i]
             bridge = bridged(time, targets[:, i], known, likely, self.likely.sd[:, i])
@@ -311,6 +315,17 @@ class _Search:
         poses[np.ix_(shifted, free)] += offsets[shifted]
         poses[shifted] = self._within(poses[shifted])
         return poses, sd
+
+    @property
+    def _solved(self) -> np.ndarray:
+        """(variables,) which are at the default pose as far as markers let them, as solved."""
+        default = np.array([how == DEFAULT for how in self.likely.how])
+        return np.asarray(self.hidden.always & default)
+
+    @property
+    def _filled_in(self) -> np.ndarray:
+        """(frames, variables) which are hidden and not as solved."""
+        return np.asarray(self.hidden.flags & ~self._solved)
 
     def _how(self) -> tuple[str, ...]:
         """By coordinate, what is assumed."""
@@ -380,10 +395,11 @@ class _Search:
         """
         free = self.problem.free
         poses = values.copy()
-        frames = np.flatnonzero(self.hidden.flags.any(axis=1) & ~self.hidden.lost)
+        filled = self._filled_in
+        frames = np.flatnonzero(filled.any(axis=1) & ~self.hidden.lost)
         for start in range(0, len(frames), AT_ONCE):
             some = frames[start : start + AT_ONCE]
-            flags = self.hidden.flags[some]
+            flags = filled[some]
             wanted = poses[some]
             wanted[:, free] = np.where(flags, targets[some], wanted[:, free])
             poses[some] = self._within(wanted)
@@ -419,7 +435,7 @@ class _Search:
         problem = part_of(self.problem, frames)
         free = problem.free
         unit = problem.unit[free]
-        flags = self.hidden.flags[frames]
+        flags = self._filled_in[frames]
         whole = self.hidden.whole[frames]
         limit = np.where(whole, self.hidden.faint, self.hidden.weak)
         poses = values.copy()
@@ -441,7 +457,7 @@ class _Search:
         return poses
 
     def _jumps(self, values: Array) -> Array:
-        """Jumps of the poses as markers go and come, by which they are put off afterwards.
+        """Find how far poses jump as markers go and come, by which they are put off afterwards.
 
         Between two frames with other markers, the markers of both give poses c' of the one before
         and of the one after, which do not jump; what these hide stays. What the others add changes
@@ -466,24 +482,36 @@ class _Search:
             return jumps
         pairs = np.stack([after - 1, after], axis=1).ravel()
         seen = seen_markers(self.problem)
-        common: np.ndarray = np.repeat(seen[after - 1] & seen[after], 2, axis=0)
-        problem = part_of(self.problem, pairs)
-        observed = np.where(common[:, :, None], problem.markers.observed, np.nan)
-        problem = problem.with_markers(observed=np.ascontiguousarray(observed))
-        flags = self._hidden_at(problem, values[pairs], hidden.flags[pairs])
-        weight = np.maximum(np.where(common, problem.markers.weight, 0.0).sum(axis=1), 1e-300)
-        pull = np.where(flags, (hidden.weak**2 / weight)[:, None], 0.0)
-        drawn = problem._replace(posture=values[pairs], pull=self._of_all(pull))
-        solved = solve_poses(self.tree, drawn, values[pairs], self.settings._replace(chained=False))
-        shares = (values[pairs] - solved.values)[:, free].reshape(-1, 2, len(free))
-        sizes = shares[:, 0] - shares[:, 1]
-        sure: np.ndarray = np.asarray(
-            solved.converged.reshape(-1, 2).all(axis=1) & common[::2].any(axis=1)
-        )
-        sizes[~sure] = 0.0
-        sizes[np.abs(sizes / problem.unit[free]) > MAX_JUMP] = 0.0
+        common = np.repeat(seen[after - 1] & seen[after], 2, axis=0)
+        shares = self._shares(values[pairs], pairs, common)[:, free].reshape(-1, 2, len(free))
+        sizes = np.nan_to_num(shares[:, 0] - shares[:, 1])
+        sizes[np.abs(sizes / self.problem.unit[free]) > MAX_JUMP] = 0.0
         jumps[after] = sizes
         return jumps
+
+    def _shares(self, values: Array, frames: Ints, common: np.ndarray) -> Array:
+        """Find what markers other than the common ones have made of poses.
+
+        Parameters
+        ----------
+        values : (frames, coordinates) poses [rad or m]
+        frames : their numbers
+        common : (frames, markers) which markers are common
+
+        Returns
+        -------
+        (frames, coordinates) [rad or m], NaN where the common markers give no pose
+        """
+        problem = part_of(self.problem, frames)
+        observed = np.where(common[:, :, None], problem.markers.observed, np.nan)
+        problem = problem.with_markers(observed=np.ascontiguousarray(observed))
+        flags = self._hidden_at(problem, values, self.hidden.flags[frames])
+        weight = np.maximum(np.where(common, problem.markers.weight, 0.0).sum(axis=1), 1e-300)
+        pull = np.where(flags, (self.hidden.weak**2 / weight)[:, None], 0.0)
+        drawn = problem._replace(posture=values, pull=self._of_all(pull))
+        solved = solve_poses(self.tree, drawn, values, self.settings._replace(chained=False))
+        sure = np.asarray(solved.converged & common.any(axis=1))
+        return np.where(sure[:, None], values - solved.values, np.nan)
 
     def _hidden_at(self, problem: PoseProblem, values: Array, flags: np.ndarray) -> np.ndarray:
         """Add to flags (pairs, variables) what the common markers of both frames hide."""

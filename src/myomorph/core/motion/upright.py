@@ -323,7 +323,7 @@ class _ChainSearch:
         return rotations[0], np.moveaxis(steps, 0, 2)
 
     def shapes(self, up: Array) -> Array:
-        """Changes (3, variables) that lean the end by 1 rad forward, to a side, and turn it."""
+        """Find changes (3, variables) that lean the end by 1 rad ahead, to a side, and turn it."""
         _, slopes = self._slopes(self.tree.defaults[None])
         ahead = forward_axis(self.tree, up)
         axes = np.stack([np.cross(up, ahead), ahead, up])
