@@ -58,6 +58,7 @@ PAGES: dict[str, dict[str, str]] = {
         "vendors": "accuracy.laboratory.vendors:measure",
         "laboratories": "accuracy.laboratory.laboratories:measure",
         "weighing": "accuracy.laboratory.analyze:measure_weighing",
+        "warnings_clean": "accuracy.laboratory.warnings_clean:measure",
         "session": "accuracy.laboratory.sessions:measure",
         "session_movements": "accuracy.laboratory.sessions:measure_movements",
         "session_people": "accuracy.laboratory.sessions:measure_people",

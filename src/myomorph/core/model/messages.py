@@ -8,6 +8,7 @@ wanted, and carries its cause through results, files and pages.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypeAlias, get_args
@@ -133,6 +134,51 @@ class Message(str):
     def _facts(self) -> dict[str, Any]:
         """All but the text, as plain keywords."""
         return {name: getattr(self, name) for name in self.__slots__}
+
+    @property
+    def text(self) -> str:
+        """The sentence alone, in one line."""
+        return " ".join(self.split())
+
+    @property
+    def cause_name(self) -> str:
+        """Name of its cause in files."""
+        return self.cause.key
+
+    @property
+    def cause_title(self) -> str:
+        """What is the matter."""
+        return self.cause.title
+
+    @property
+    def effect(self) -> str:
+        """On which results, and how."""
+        return self.cause.effect
+
+    @property
+    def remedy(self) -> str:
+        """What to do, "" where nothing needs to be done."""
+        return self.cause.remedy
+
+    @property
+    def start(self) -> float:
+        """First time concerned [s], NaN where all of it is."""
+        return min((start for start, _ in self.times), default=math.nan)
+
+    @property
+    def stop(self) -> float:
+        """Last time concerned [s], NaN where all of it is."""
+        return max((stop for _, stop in self.times), default=math.nan)
+
+    @property
+    def stretches(self) -> int:
+        """Number of stretches of time."""
+        return len(self.times)
+
+    @property
+    def touches(self) -> str:
+        """Quantities that its cause touches."""
+        return " ".join(self.cause.quantities)
 
     def changed(self, text: str | None = None, **facts: Any) -> Message:
         """Return the same with another text, or other values."""

@@ -12,6 +12,7 @@ from myomorph.core.io.c3d.emg import emg_channels
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.causes import HIDDEN, MARKERS, PLATES, READING, UNITS
 from myomorph.core.model.errors import counted
+from myomorph.core.model.message_groups import grouped_messages
 from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Markers, Series, Table, Trial
 from myomorph.core.motion.crossings import crossings
@@ -388,4 +389,7 @@ class Inspection:
         """Write the inspection as text, a fact or a warning a line."""
         width = max((len(label) for label, _ in self.facts), default=0)
         shown = [self.kind, *(f"  {label:<{width}}  {text}" for label, text in self.facts)]
-        return shown + [f"  warning: {line}" for line in self.warnings]
+        for group in grouped_messages(self.warnings):
+            word = "warning" if group.is_warning else "note"
+            shown += [f"  {word}: {line}" for line in group.messages]
+        return shown

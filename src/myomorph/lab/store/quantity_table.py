@@ -15,6 +15,7 @@ from myomorph.core.model.registry import extensions
 PLACES: tuple[str, ...] = (
     "myomorph.core.model.series_quantities",
     "myomorph.core.model.contact_quantities",
+    "myomorph.core.model.message_quantities",
     "myomorph.core.motion.quantities",
     "myomorph.core.rigid.quantities",
     "myomorph.core.muscles.quantities",

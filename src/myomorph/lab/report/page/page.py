@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.resources import files
 from typing import get_args
@@ -11,7 +11,7 @@ from typing import get_args
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.page.parts import Link, PageHead, Reference, Section, State, Verdict
+from myomorph.lab.report.page.parts import Link, Note, PageHead, Reference, Section, State, Verdict
 from myomorph.lab.report.scene.pictures import Picture
 
 _KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
@@ -68,7 +68,7 @@ def rendered(
     judged = sum(1 for verdict in verdicts if verdict.limit is not None)
     return page_text(
         "report.html.j2",
-        head=head,
+        head=replace(head, notes=_simulated_first(head.notes)),
         date=_date(head.date),
         script=_text("report.js"),
         facts=facts,
@@ -88,6 +88,11 @@ def rendered(
         first=first,
         checks_note=_checks_note(verdicts, judged, over),
     )
+
+
+def _simulated_first(notes: Iterable[Note]) -> tuple[Note, ...]:
+    """Order notes so that a page of simulated data does not begin with what was measured."""
+    return tuple(sorted(notes, key=lambda note: note.kind != "simulated"))
 
 
 def _checks_note(verdicts: Sequence[Verdict], judged: int, over: int) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.messages import Message
 from myomorph.lab.analysis.conditions import Condition
 from myomorph.lab.analysis.groups import Comparison
 
@@ -114,6 +115,8 @@ class StudyInput:
     differences: tuple[ValueDifference, ...] = ()
     # what made steps be computed again, each with the trials it concerns
     changes: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    # of each trial, by subject and trial
+    messages: tuple[tuple[str, tuple[Message, ...]], ...] = ()
     notes: tuple[str, ...] = ()
     files: tuple[tuple[str, str], ...] = ()  # tables beside the page, place and what they hold
 

@@ -10,6 +10,8 @@ from itertools import islice
 import numpy as np
 
 from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.message_groups import grouped_messages
+from myomorph.core.model.messages import Gravity
 from myomorph.lab.analysis.conditions import OUTLIER_SCORE, Condition
 from myomorph.lab.analysis.groups import Comparison
 from myomorph.lab.report.charts.axis import number
@@ -58,7 +60,9 @@ def study_page(study: StudyInput) -> str:
     curves = (pair for condition in study.conditions for pair in condition.curves.items())
     families = dict.fromkeys(name for name, curve in curves if curve.names)
     parts = [
-        part for sections in (_gone, _changes, _quality, _described) for part in sections(study)
+        part
+        for sections in (_gone, _changes, _causes, _quality, _described)
+        for part in sections(study)
     ]
     parts += [_family(study, family) for family in families]
     parts += [
@@ -159,6 +163,31 @@ def _changes(study: StudyInput) -> list[Section]:
             "changes", "Changes since the last run", lead, grids=(Grid(("Change", "Trials"), rows),)
         )
     ]
+
+
+def _causes(study: StudyInput) -> list[Section]:
+    """Warnings of all trials by their cause, the gravest first."""
+    trials: dict[tuple[Gravity, str], list[str]] = {}
+    for trial, messages in study.messages:
+        for message in dict.fromkeys((each.gravity, each.cause_title) for each in messages):
+            trials.setdefault(message, []).append(trial)
+    groups = grouped_messages(message for _, messages in study.messages for message in messages)
+    rows = tuple(
+        (
+            group.gravity,
+            group.cause.title,
+            _named(trials[group.gravity, group.cause.title]),
+            group.messages[0].text,
+            f"{group.cause.effect} {group.cause.remedy}".strip(),
+        )
+        for group in groups
+        if group.is_warning
+    )
+    if not rows:
+        return []
+    head = ("What it does", "Cause", "Trials", "Largest, as written", "Effect, and what to do")
+    lead = "Each trial's page has where and how much; messages.csv has every message."
+    return [Section("causes", "Warnings by cause", lead, grids=(Grid(head, rows),))]
 
 
 def _named(names: Sequence[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import get_args
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from myomorph.core.model.series import Motion
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.pictures import nearest_frames
 from myomorph.lab.report.page.page import Instant, Tile, rendered
-from myomorph.lab.report.page.parts import Link, Quantity, listed
+from myomorph.lab.report.page.parts import Link, Quantity, State, listed
 from myomorph.lab.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.lab.report.scene.scene import make_scene
 from myomorph.lab.report.trial.answer.answer import Answer, answer_of
@@ -142,6 +143,10 @@ def _by_whom(movement: Known[Movement]) -> str:
     return f"{movement} ({movement.sentence})" if movement.sentence else str(movement)
 
 
+OF_MARKERS = (Quantity.MARKER_RMS, Quantity.MARKER_LARGEST)
+"""Checks of what the tile of markers says: it is not green while one of them is over its limit."""
+
+
 def _tiles(prepared: Prepared) -> list[Tile]:
     """The few numbers to see first."""
     results = prepared.results
@@ -149,9 +154,7 @@ def _tiles(prepared: Prepared) -> list[Tile]:
     fit = results.kinematics.fit
     if fit is not None and np.isfinite(fit.marker_error).any():
         rms = 100 * float(np.sqrt(np.nanmean(fit.marker_error**2)))
-        tiles.append(
-            Tile(f"{number(rms)} cm", "marker error, RMS", _state(prepared, Quantity.MARKER_RMS))
-        )
+        tiles.append(Tile(f"{number(rms)} cm", "marker error, RMS", _state(prepared, *OF_MARKERS)))
         done = int(np.sum(fit.converged))
         shown = int(np.sum(fit.seen))
         tiles.append(
@@ -176,10 +179,10 @@ def _tiles(prepared: Prepared) -> list[Tile]:
     return tiles
 
 
-def _state(prepared: Prepared, quantity: Quantity) -> str:
-    return next(
-        (verdict.state for verdict in prepared.verdicts if verdict.quantity == quantity), "note"
-    )
+def _state(prepared: Prepared, *quantities: Quantity) -> str:
+    """The worst state of some checks, "note" where none was made."""
+    states = {verdict.state for verdict in prepared.verdicts if verdict.quantity in quantities}
+    return next((state for state in get_args(State) if state in states), "note")
 
 
 def _body(prepared: Prepared) -> tuple[list[Instant], str]:

@@ -33,6 +33,7 @@ OF_STUDY = (
     "results.parquet",
     "results_tidy.csv",
     "quality.csv",
+    "messages.csv",
     "condition_curves.csv",
     "condition_values.csv",
     "differences.csv",

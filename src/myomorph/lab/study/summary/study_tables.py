@@ -9,6 +9,7 @@ import importlib.util
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,7 @@ from myomorph.lab.study.summary.value_differences import (
     differences,
 )
 from myomorph.lab.study.trial import tidy
+from myomorph.lab.study.trial.message_table import HEAD, read_messages
 from myomorph.lab.study.trial.reporting import REPORT
 from myomorph.lab.study.trial.trial_inputs import Value
 from myomorph.lab.uncertainty.spread import ValueErrors
@@ -64,6 +66,7 @@ PAGE = "study.html"
 TIDY = "results_tidy.csv"
 PARQUET = "results.parquet"
 TRIAL_QUALITY = "quality.csv"
+TRIAL_MESSAGES = tidy.MESSAGES
 OUTLIERS = "outliers.csv"
 DIFFERENCES = "differences.csv"
 CONDITION_VALUES = "condition_values.csv"
@@ -82,6 +85,10 @@ FILES = (
     (
         TRIAL_QUALITY,
         "of every trial what is held against a limit, warnings, what failed and what was left out",
+    ),
+    (
+        TRIAL_MESSAGES,
+        "of every trial what may be wrong: cause, gravity, place, size, effect, remedy",
     ),
     (
         CONDITION_VALUES,
@@ -245,6 +252,7 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Pat
             each for each in compared if each.quantity in shown and np.isfinite(each.measured_sd)
         ),
         changes=_changes(trials),
+        messages=_write_messages(trials, folder),
         notes=(*signs.notes(), *texts),
         files=(
             *groups,
@@ -320,6 +328,24 @@ def _write_quality(
         )
     write_csv(folder / TRIAL_QUALITY, (*WHOSE, *tidy.QUALITY_COLUMNS), cells)
     return lines
+
+
+def _write_messages(
+    trials: Sequence[_Trial], folder: Path
+) -> tuple[tuple[str, tuple[Message, ...]], ...]:
+    """Write the messages of all trials as one table; return them by trial."""
+    found = []
+    cells: list[tuple[str, ...]] = []
+    for trial in trials:
+        path = trial.outcome.folder / tidy.MESSAGES
+        messages = read_messages(path) if trial.has_values else ()
+        if not messages:
+            continue
+        found.append(("/".join(filter(None, trial.outcome.key)), messages))
+        with path.open(newline="", encoding="utf-8") as stream:
+            cells += [(*trial.whose, *row) for row in islice(csv.reader(stream), 1, None)]
+    write_csv(folder / TRIAL_MESSAGES, (*WHOSE, *HEAD), cells)
+    return tuple(found)
 
 
 def _line(trial: _Trial, rows: Sequence[Mapping[str, str]], out: Path) -> TrialLine:

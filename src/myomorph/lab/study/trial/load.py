@@ -14,6 +14,7 @@ from myomorph.core.model.errors import MyomorphError, check_name, from_extra
 from myomorph.core.model.frames import columns_frame
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.labelled import AXES, AXIS
+from myomorph.core.model.message_groups import CauseGroup, grouped_messages
 from myomorph.core.model.model import Model
 from myomorph.core.model.plots import Limits, plot_over_time
 from myomorph.core.model.provenance import Provenance
@@ -55,6 +56,7 @@ class TrialResult:
     markers, emg : as recorded and used
     model : that the results were made with
     steps : strides of the motion, None where it is no walk
+    causes : messages by their cause, the gravest first
     """
 
     path: Path
@@ -76,6 +78,13 @@ class TrialResult:
         who = self.facts.get("subject", "")
         of = f" of '{who}'" if who else ""
         return f"'{name}'{of}: {', '.join(parts) or 'nothing'}"
+
+    @cached_property
+    def causes(self) -> tuple[CauseGroup, ...]:
+        """What may be wrong, by cause, the gravest first, as on the trial's page."""
+        from myomorph.lab.study.trial.reporting import report_input
+
+        return grouped_messages(report_input(self.stored, self.model, drawn=False).head.warnings)
 
     @cached_property
     def fit(self) -> KinematicsFit | None:

@@ -15,6 +15,8 @@ from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.cycle_samples import SAMPLES
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.message_groups import grouped_messages
+from myomorph.core.model.message_quantities import MESSAGE_TABLE
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Series
 from myomorph.lab.analysis.cycles import Cycles, over_cycles
@@ -30,6 +32,7 @@ from myomorph.lab.study.step.step import trial_steps
 from myomorph.lab.study.step.step_table import REPORT
 from myomorph.lab.study.trial.labelled_result import labelled_signals
 from myomorph.lab.study.trial.movement_values import movement_values, write_movement
+from myomorph.lab.study.trial.message_table import write_messages
 from myomorph.lab.study.trial.reporting import TrialResults
 from myomorph.lab.study.trial.stride_table import write_stride_table
 from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, LOADED, Signals, Value, statistics_of
@@ -38,6 +41,7 @@ from myomorph.lab.study.trial.trial_strides import TrialStrides, by_side
 VALUES = "values.csv"
 CURVES = "curves.csv"
 QUALITY = "quality.csv"
+MESSAGES = MESSAGE_TABLE
 OF_STRIDE = "percent_of_stride"
 OF_TRIAL = "percent_of_trial"
 STRIDE_COLUMNS = ("stride_sd", "mean_low", "mean_high", "strides")
@@ -50,12 +54,12 @@ QUALITY_COLUMNS = ("quantity", "value", "unit", "limit", "state", "worst", "time
 
 
 def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
-    """Write `values.csv`, `curves.csv`, `strides.csv` and `quality.csv` beside a trial's results.
+    """Write `values.csv`, `curves.csv`, `strides.csv`, `quality.csv`, `messages.csv`.
 
     They are made from these alone. Where every step was reused from an earlier run and the files
     are there, they stay.
     """
-    names = (VALUES, CURVES, QUALITY)
+    names = (VALUES, CURVES, QUALITY, MESSAGES)
     steps = [step for step in outcome.done if step != REPORT]
     if set(steps) <= set(outcome.reused) and all(
         (outcome.folder / name).is_file() for name in names
@@ -82,6 +86,7 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     )
     numbers = shown_numbers(prepared, judgement_of(prepared).use)
     write_movement(outcome.folder, numbers)
+    write_messages(outcome.folder / MESSAGES, prepared.results.head.warnings)
     # Last, so that where there are values there is everything.
     write_csv(
         outcome.folder / VALUES,
@@ -169,8 +174,9 @@ def _signal_values(signal: Signals, cycle: Cycles | None) -> Iterator[Value]:
 
 
 def quality_rows(verdicts: Sequence[Verdict], warnings: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Rows of the table of quality: what is held against a limit, then what files and steps had to
-    say.
+    """Rows of the table of quality: what is held against a limit, then what files and steps said.
+
+    What may change a number of the page is a warning, the rest a remark; `messages.csv` has causes.
     """
     for verdict in verdicts:
         limit = "" if verdict.limit is None else f"{verdict.limit:.6g}"
@@ -186,8 +192,10 @@ def quality_rows(verdicts: Sequence[Verdict], warnings: Sequence[str]) -> Iterat
             time,
             verdict.detail,
         )
-    for text in warnings:
-        yield ("warning", "", "", "", "note", "", "", " ".join(text.split()))
+    for group in grouped_messages(warnings):
+        word = "warning" if group.is_warning else "remark"
+        for message in group.messages:
+            yield (word, "", "", "", "note", "", "", message.text)
 
 
 def _cycles(signal: Signals, strides: TrialStrides | None) -> Cycles | None:
