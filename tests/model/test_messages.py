@@ -16,6 +16,8 @@ from myomorph.core.model.messages import (
     located,
     messages_of,
     messages_text,
+    summarized,
+    together,
     unique,
 )
 
@@ -109,3 +111,19 @@ def test_texts_are_said_once() -> None:
 
 def test_a_cause_is_equal_by_its_words() -> None:
     assert replace(FEET_BESIDE, title="x") != FEET_BESIDE
+
+
+def test_alike_messages_are_one_with_the_worst_and_their_number() -> None:
+    left = OTHER_FOOT.changed(place="calcn_r", times=((0.0, 0.1),))
+    one = together((left, FOOT))
+    assert one == f"{FOOT}; and 1 more alike: calcn_r"
+    assert one.size == 40.0
+    assert one.place == "calcn_l, calcn_r"
+    assert one.times == ((0.0, 0.1), *FOOT.times)
+    assert together((FOOT,)) is FOOT
+
+
+def test_kinds_and_causes_stay_apart() -> None:
+    said = summarized((("load", OTHER_FOOT), ("axes", AXES), ("load", FOOT), ("load", AXES)))
+    assert [message.cause for message in said] == [FEET_BESIDE, READING, READING]
+    assert said[0].startswith(FOOT)

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from myomorph.core.model.arrays import Array, runs
-from myomorph.core.model.messages import Gravity, Message, as_message
+from myomorph.core.model.messages import Gravity, Message, as_message, summarized
 from myomorph.core.model.messages import Span as Span
 
 INSTANT = 0.005  # Longest stretch that is written as one time [s]
@@ -114,8 +114,8 @@ def _repaired_text(finding: Finding, repair: Repair, mend: bool) -> Message:
 
 
 def messages_of_findings(findings: Iterable[Finding]) -> tuple[Message, ...]:
-    """Messages of findings, in their order."""
-    return tuple(finding.message for finding in findings)
+    """Messages of findings, one for each kind of fault: the worst, and how many are alike."""
+    return summarized(((finding.kind, finding.mended), finding.message) for finding in findings)
 
 
 def spans_of(time: Array, flags: np.ndarray) -> tuple[Span, ...]:

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypeAlias, get_args
+
+from myomorph.core.model.errors import few
 
 Span: TypeAlias = tuple[float, float]
 """First and last time of a stretch of frames [s]."""
@@ -214,6 +216,41 @@ def _of_facts(text: str, facts: dict[str, Any]) -> Message:
 def as_message(text: str) -> Message:
     """Return a message itself; a text of unknown cause becomes one of `OTHER`."""
     return text if isinstance(text, Message) else OTHER.message(text)
+
+
+def together(messages: Sequence[Message]) -> Message:
+    """Say alike messages of one cause as one: the worst, and how many others there are where.
+
+    Parameters
+    ----------
+    messages : one or more of one cause, such as of several markers
+    """
+    worst = max(messages, key=lambda each: (-GRAVITIES.index(each.gravity), abs(each.size or 0.0)))
+    others = [message for message in messages if message is not worst]
+    if not others:
+        return worst
+    places = [message.place for message in others if message.place]
+    where = f": {few(places)}" if places else ""
+    shares = [message.share for message in messages if message.share is not None]
+    return worst.changed(
+        f"{worst}; and {len(others)} more alike{where}",
+        place=few(dict.fromkeys([worst.place, *places])) if places else worst.place,
+        times=tuple(sorted(span for message in messages for span in message.times)),
+        share=max(shares, default=None),
+    )
+
+
+def summarized(messages: Iterable[tuple[Hashable, Message]]) -> tuple[Message, ...]:
+    """Say messages of one kind and cause as one each, in the order of the first.
+
+    Parameters
+    ----------
+    messages : with the kind of fault that each is of
+    """
+    alike: dict[Hashable, list[Message]] = {}
+    for kind, message in messages:
+        alike.setdefault((kind, message.cause.key), []).append(message)
+    return tuple(map(together, alike.values()))
 
 
 def located(place: str, messages: Iterable[str]) -> tuple[Message, ...]:

@@ -11,7 +11,8 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import POSES, UNSEEN
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.findings import Finding, spans_of
-from myomorph.core.model.gravity import gravity_of_share
+from myomorph.core.model.gravity import ANGLE_ERROR, gravity_of, gravity_of_share
+from myomorph.core.model.messages import Gravity
 from myomorph.core.model.model import GROUND, Coordinate, Model
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
@@ -110,9 +111,15 @@ def _bound_findings(
         text = POSES.message(
             f"coordinate '{name}' is held at its bound of {bound} in {int(at[:, i].sum())} of"
             f" {len(fit.motion)} frames ({first}); the markers ask for about {further} more: check"
-            " the bound, the markers there and the model's size"
+            " the bound, the markers there and the model's size",
+            gravity=_bound_gravity(bound, beyond),
         )
         yield Finding(kind="at its bound", place=name, text=text, times=spans)
+
+
+def _bound_gravity(bound: _Bound, beyond: float) -> Gravity:
+    """Gravity of a bound that the markers would pass by so much [rad or m]."""
+    return gravity_of(np.degrees(beyond), ANGLE_ERROR) if bound.turns else POSES.gravity
 
 
 def _unclamped(model: Model, names: Sequence[str]) -> Model:

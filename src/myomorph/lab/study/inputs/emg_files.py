@@ -17,7 +17,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import EMG
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.messages import Message, located
+from myomorph.core.model.messages import Message, located, summarized
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.series import Emg, Series, Table
 from myomorph.core.motion import emg_checks
@@ -140,7 +140,7 @@ def open_emg(
     scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
     notes = (
         EMG.message(f"{name}: raw EMG, made into envelopes and {scaled}", gravity="good to know"),
-        *(fault.message for fault in faults),
+        *summarized((fault.kind, fault.message) for fault in faults),
     )
     at_maximum = FrozenMap(dict.fromkeys(whole.names, 1.0) if reference else {})
     scale = FrozenMap(
@@ -160,10 +160,13 @@ def _without_noise(opened: RecordedEmg, named: Mapping[str, tuple[str, ...]]) ->
     if not found:
         return opened
     left = {one.channel for one in found} - set(named)
-    notes = tuple(
-        one.message.changed(
-            f"{one.text}; it takes"
-            f" {'no part' if one.channel in left else 'part, as its muscles are named'}"
+    notes = summarized(
+        (
+            one.channel in left,
+            one.message.changed(
+                f"{one.text}; it takes"
+                f" {'no part' if one.channel in left else 'part, as its muscles are named'}"
+            ),
         )
         for one in found
     )
@@ -277,7 +280,11 @@ def _as_envelopes(
         )
     emg = Emg(series.time, series.names, values / scale)
     faults = emg_checks.envelope_faults(emg)
-    used = [fault.message for fault in faults if not measured_on or fault.channel in measured_on]
+    used = summarized(
+        (fault.kind, fault.message)
+        for fault in faults
+        if not measured_on or fault.channel in measured_on
+    )
     divided = FrozenMap(dict(zip(series.names, scale.tolist(), strict=True)))
     return RecordedEmg(
         emg=emg_checks.without_faults(emg, faults),
