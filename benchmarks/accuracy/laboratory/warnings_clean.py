@@ -36,14 +36,14 @@ class CleanWalk:
     ----------
     laboratory : where it was recorded, as far as its set says it
     file : below the collection
-    mass : of the set [kg], 0 for that in the file
+    mass : of the set [kg], 0 for that in the file, None for what the plates weigh
     static : static trial, "" for one that is found
     span : the part that is used [s], None for all
     """
 
     laboratory: str
     file: str
-    mass: float
+    mass: float | None = None
     static: str = ""
     span: tuple[float, float] | None = None
 
@@ -78,11 +78,8 @@ WALKS = (
     CleanWalk(
         laboratory="OpenSim's C3D walk",
         file="c3d-opensim-walking/walking5.c3d",
-        mass=70.0,
     ),
-    CleanWalk(
-        laboratory="vendors' samples, six plates", file=f"{VENDORS}/others/Gait.c3d", mass=70.0
-    ),
+    CleanWalk(laboratory="vendors' samples, six plates", file=f"{VENDORS}/others/Gait.c3d"),
 )
 
 
@@ -105,8 +102,9 @@ def measure(folder: Path) -> Iterator[Row]:
 def typed(walk: CleanWalk, folder: Path, out: Path) -> list[str]:
     """The command on a walk."""
     path = folder / walk.file
-    mass = walk.mass or c3d_mass(path)
-    words = ["analyze", str(path), "--mass", f"{mass:g}", "--out", str(out), "--workers", "1"]
+    words = ["analyze", str(path), "--out", str(out), "--workers", "1"]
+    if walk.mass is not None:
+        words += ["--mass", f"{walk.mass or c3d_mass(path):g}"]
     if walk.static:
         words += ["--static", str(folder / walk.static)]
     if walk.span is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
@@ -403,7 +404,9 @@ def contact_notes(tension: Tension) -> tuple[Message, ...]:
     )
 
 
-def missing_support(tension: Tension, weight: float) -> tuple[Finding, ...]:
+def missing_support(
+    tension: Tension, weight: float, infeasible: Sequence[Message] = ()
+) -> tuple[Finding, ...]:
     """Warn where contacts do not carry the body and much of what moves it comes from nowhere.
 
     What comes from nowhere are residuals; a moment counts as a force at 1 m.
@@ -412,6 +415,8 @@ def missing_support(tension: Tension, weight: float) -> tuple[Finding, ...]:
     ----------
     tension : result with contacts
     weight : of the body [N]
+    infeasible : what was found of frames whose contacts cannot carry the motion, which is the same
+        fault and becomes a part of the finding
     """
     columns = [tension.reserve_names.index(name) for name in tension.residual_names]
     residuals = np.linalg.norm(tension.actuator_force[:, columns], axis=1)
@@ -427,4 +432,8 @@ def missing_support(tension: Tension, weight: float) -> tuple[Finding, ...]:
         " support missing, --contacts, or the motion too noisy, --cutoff?)",
         size=float(residuals[worst]),
     )
-    return (Finding("missing support", "contacts", text, size=size),)
+    times = tuple(span for message in infeasible for span in message.times)
+    if infeasible:
+        share = max(message.share or 0.0 for message in infeasible)
+        text = text.changed(f"{text}; {'; '.join(infeasible)}", share=share)
+    return (Finding(kind="missing support", place="contacts", text=text, times=times, size=size),)

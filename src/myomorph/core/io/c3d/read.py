@@ -287,7 +287,8 @@ def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[Mes
     notes.append(
         LABELS.message(
             "the labels are cut to four letters and repeat: markers were named by their"
-            " descriptions"
+            " descriptions",
+            gravity="good to know",
         )
     )
     return full

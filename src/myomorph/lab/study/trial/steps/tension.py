@@ -160,13 +160,15 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         return Tensions(tension, notes=notes)
     loads, carried = _write_contacts(task, tension, plan.situation, output)
     notes += task.setting.notes
+    infeasible: tuple[Message, ...] = ()
     if solution is not None:
-        notes += _write_warnings(trial, solution, output)
+        infeasible = _write_warnings(trial, solution, output)
         # Where the tensions have passive force too, their own notes say it.
         notes = (*(() if tension.options.passive else contact_notes(solution.tension)), *notes)
     findings = missing_support(
-        tension, trial.model.mass * float(np.linalg.norm(trial.model.gravity))
+        tension, trial.model.mass * float(np.linalg.norm(trial.model.gravity)), infeasible
     )
+    notes += () if findings else infeasible
     put_findings(output.writer, FINDINGS, findings)
     return Tensions(
         tension=tension,
