@@ -346,7 +346,7 @@ def check_mass(inspection: Inspection) -> Iterator[Finding]:
         size=difference,
         gravity=gravity_of(difference, 100.0 * FORCE_ERROR),
     )
-    yield Finding("mass", model.name, text)
+    yield Finding("mass", ", ".join(map(inspection.name, inspection.numbers)), text)
 
 
 class Lag(NamedTuple):

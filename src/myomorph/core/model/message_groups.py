@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from myomorph.core.model.errors import counted
+from myomorph.core.model.errors import counted, few
 from myomorph.core.model.findings import times_text
 from myomorph.core.model.messages import GRAVITIES, Cause, Gravity, Message, Span, unique
 
 APART = 0.1
 """Stretches of time closer than this are one [s]."""
-MAX_PLACES = 4
+MAX_PLACES = 3
 """Places that are named of one cause."""
+EVERYWHERE = frozenset({"contacts", "frames", "markers", "all markers"})
+"""Places of findings that name no single thing."""
 MAX_SHOWN = 2
 """Messages that are printed of one cause; the others stand in a file that is named."""
 NOTE: Gravity = "good to know"
@@ -46,16 +48,15 @@ class CauseGroup:
     @property
     def places(self) -> tuple[str, ...]:
         """Plates, markers, muscles or files, each once."""
-        return tuple(dict.fromkeys(message.place for message in self.messages if message.place))
+        named = (place for message in self.messages for place in message.place.split(", "))
+        return tuple(dict.fromkeys(name for name in named if name and name not in EVERYWHERE))
 
     @property
     def where(self) -> str:
         """Places and times, "" where the whole recording is concerned."""
         spans = self.spans
         times = times_text(spans) if spans else ""
-        names = self.places
-        more = f" and {len(names) - MAX_PLACES} more" if len(names) > MAX_PLACES else ""
-        parts = (", ".join(names[:MAX_PLACES]) + more, times)
+        parts = (few(self.places, MAX_PLACES), times)
         return "; ".join(part for part in parts if part)
 
     @property
@@ -71,10 +72,10 @@ class CauseGroup:
 
     @property
     def size(self) -> str:
-        """How much it is, in words."""
+        """How much it is, in words; "" where one message says it itself."""
         sized = next((each.size for each in self.messages if each.size is not None), None)
         if not self.cause.size or sized is None:
-            return counted(len(self.messages), "message")
+            return "" if len(self.messages) == 1 else counted(len(self.messages), "message")
         return self.cause.size.format(size=f"{sized:.3g}")
 
 
@@ -116,7 +117,8 @@ def outcome_lines(messages: Iterable[str], listed: str) -> list[str]:
             known.append(group)
             continue
         where = f" ({group.where})" if group.where else ""
-        lines.append(f"{group.gravity}: {group.cause.title}{where}: {group.size}")
+        size = f": {group.size}" if group.size else ""
+        lines.append(f"{group.gravity}: {group.cause.title}{where}{size}")
         lines += [f"  {' '.join(text.split())}" for text in group.messages[:MAX_SHOWN]]
         rest = len(group.messages) - MAX_SHOWN
         if rest > 0:
