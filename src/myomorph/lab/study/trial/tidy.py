@@ -31,8 +31,8 @@ from myomorph.lab.store.uncertainty_store import get_value_limits
 from myomorph.lab.study.step.step import trial_steps
 from myomorph.lab.study.step.step_table import REPORT
 from myomorph.lab.study.trial.labelled_result import labelled_signals
-from myomorph.lab.study.trial.movement_values import movement_values, write_movement
 from myomorph.lab.study.trial.message_table import write_messages
+from myomorph.lab.study.trial.movement_values import movement_values, write_movement
 from myomorph.lab.study.trial.reporting import TrialResults
 from myomorph.lab.study.trial.stride_table import write_stride_table
 from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, LOADED, Signals, Value, statistics_of
