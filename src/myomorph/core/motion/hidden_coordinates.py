@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import partial
+
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
@@ -100,10 +103,11 @@ def hidden_coordinates(
     blind = always[None]
     flags = always[None]
     if len(sets) > 1:
-        samples = _samples(groups, known, list(range(len(sets))))
-        limits = np.where(whole, faint, weak)
-        blind = _hidden_in_sets(tree, problem, values, samples, np.full(len(sets), faint)) & ~pulled
-        flags = _hidden_in_sets(tree, problem, values, samples, limits) & ~pulled
+        hidden = partial(
+            _hidden_in_sets, tree, problem, values, _samples(groups, known, range(len(sets)))
+        )
+        blind = hidden(np.full(len(sets), faint)) & ~pulled
+        flags = hidden(np.where(whole, faint, weak)) & ~pulled
     lost = np.asarray((blind & root & ~always).any(axis=1) | ~sets.any(axis=1))
     return Hidden(
         flags=flags[groups] & known[:, None],
@@ -166,7 +170,7 @@ def _fullest(sets: np.ndarray, groups: Ints, known: np.ndarray) -> int:
     return int(np.lexsort((frames, counts))[-1])
 
 
-def _samples(groups: Ints, known: np.ndarray, numbers: list[int]) -> list[Ints]:
+def _samples(groups: Ints, known: np.ndarray, numbers: Iterable[int]) -> list[Ints]:
     """Choose at most `SAMPLES` frames of each set."""
     samples = []
     for number in numbers:

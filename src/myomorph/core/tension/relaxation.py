@@ -714,7 +714,7 @@ def relaxation_messages(
 
 
 def _neighbors(relaxations: Sequence[Relaxation]) -> list[list[Relaxation]]:
-    """Runs of neighboring frames."""
+    """Join neighboring frames to runs."""
     runs: list[list[Relaxation]] = []
     for relaxation in relaxations:
         if runs and relaxation.frame == runs[-1][-1].frame + 1:
