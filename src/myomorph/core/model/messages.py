@@ -11,7 +11,7 @@ import json
 import math
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 from myomorph.core.model.errors import few
 
@@ -45,7 +45,7 @@ class Cause:
     quantities: tuple[str, ...] = ()
     size: str = ""
 
-    def message(
+    def message(  # page: what is known of a message, all of it optional
         self,
         text: str,
         *,
@@ -55,16 +55,16 @@ class Cause:
         share: float | None = None,
         gravity: Gravity | None = None,
     ) -> Message:
-        """Make a message of this cause; for the values see `Message`."""
-        return Message(
-            text,
+        """Make a message of this cause; for the values see `Facts`."""
+        facts = Facts(
             cause=self,
             place=place,
-            times=times,
+            times=tuple(times),
             size=size,
             share=share,
-            gravity=gravity,
+            gravity=self.gravity if gravity is None else gravity,
         )
+        return Message(text, facts)
 
 
 OTHER = Cause(
@@ -77,10 +77,8 @@ OTHER = Cause(
 """Of messages whose cause is not known, as those of files that an older version wrote."""
 
 
-class Message(str):
-    """A sentence about what may be wrong, with its cause.
-
-    It equals its text, and does not change.
+class Facts(NamedTuple):
+    """What is known of a message beside its sentence.
 
     Attributes
     ----------
@@ -92,8 +90,6 @@ class Message(str):
     gravity : what it does to a number of the first screen
     """
 
-    __slots__ = ("cause", "gravity", "place", "share", "size", "times")
-
     cause: Cause
     place: str
     times: tuple[Span, ...]
@@ -101,41 +97,62 @@ class Message(str):
     share: float | None
     gravity: Gravity
 
-    def __new__(
-        cls,
-        text: str,
-        *,
-        cause: Cause,
-        place: str = "",
-        times: Sequence[Span] = (),
-        size: float | None = None,
-        share: float | None = None,
-        gravity: Gravity | None = None,
-    ) -> Message:
+
+class Message(str):
+    """A sentence about what may be wrong, with its cause.
+
+    It equals its text, and does not change.
+
+    Attributes
+    ----------
+    facts : what is known of it; each is an attribute of the message as well
+    """
+
+    __slots__ = ("facts",)
+
+    facts: Facts
+
+    def __new__(cls, text: str, facts: Facts) -> Message:
         """Make a message; its cause's own `message` is shorter."""
         made = super().__new__(cls, text)
-        values = {
-            "cause": cause,
-            "place": place,
-            "times": tuple(times),
-            "size": size,
-            "share": share,
-            "gravity": cause.gravity if gravity is None else gravity,
-        }
-        for name, value in values.items():
-            object.__setattr__(made, name, value)
+        object.__setattr__(made, "facts", facts)
         return made
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a message does not change: make another one ({name})")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _of_facts, (str(self), self._facts)
+        return Message, (str(self), self.facts)
 
     @property
-    def _facts(self) -> dict[str, Any]:
-        """All but the text, as plain keywords."""
-        return {name: getattr(self, name) for name in self.__slots__}
+    def cause(self) -> Cause:
+        """What it comes of."""
+        return self.facts.cause
+
+    @property
+    def place(self) -> str:
+        """A plate, force, marker, coordinate, muscle or file; "" for none."""
+        return self.facts.place
+
+    @property
+    def times(self) -> tuple[Span, ...]:
+        """Each stretch of time concerned (start, stop) [s]; empty where all of it is."""
+        return self.facts.times
+
+    @property
+    def size(self) -> float | None:
+        """Number of the cause's sentence of size, None where nothing is measured."""
+        return self.facts.size
+
+    @property
+    def share(self) -> float | None:
+        """Share of the frames concerned, 0 to 1; None where it is not known."""
+        return self.facts.share
+
+    @property
+    def gravity(self) -> Gravity:
+        """What it does to a number of the first screen."""
+        return self.facts.gravity
 
     @property
     def text(self) -> str:
@@ -184,7 +201,7 @@ class Message(str):
 
     def changed(self, text: str | None = None, **facts: Any) -> Message:
         """Return the same with another text, or other values."""
-        return Message(str(self) if text is None else text, **(self._facts | facts))
+        return Message(str(self) if text is None else text, self.facts._replace(**facts))
 
     def within(self, place: str) -> Message:
         """Return the same, said of a file, trial or other place: 'walk.c3d: ...'."""
@@ -193,24 +210,31 @@ class Message(str):
     @property
     def record(self) -> dict[str, Any]:
         """Fields as plain values, for files; a cause is there with its words."""
-        return {"text": str(self), **(self._facts | {"cause": asdict(self.cause)})}
+        return {"text": str(self), **self.facts._asdict(), "cause": asdict(self.cause)}
 
     @staticmethod
     def of_record(record: str | dict[str, Any]) -> Message:
         """Read what `record` wrote; of older versions a text, whose cause is not known."""
         if isinstance(record, str):
             return OTHER.message(record)
-        facts = dict(record)
-        text = facts.pop("text")
-        cause = facts.pop("cause")
-        known = Cause(**(cause | {"quantities": tuple(cause["quantities"])}))
-        times = tuple((start, stop) for start, stop in facts.pop("times"))
-        return Message(text, cause=known, times=times, **facts)
-
-
-def _of_facts(text: str, facts: dict[str, Any]) -> Message:
-    """Make a message again where it was pickled."""
-    return Message(text, **facts)
+        cause = record["cause"]
+        known = Cause(
+            key=cause["key"],
+            title=cause["title"],
+            gravity=cause["gravity"],
+            effect=cause["effect"],
+            remedy=cause["remedy"],
+            quantities=tuple(cause["quantities"]),
+            size=cause["size"],
+        )
+        return known.message(
+            record["text"],
+            place=record["place"],
+            times=[(start, stop) for start, stop in record["times"]],
+            size=record["size"],
+            share=record["share"],
+            gravity=record["gravity"],
+        )
 
 
 def as_message(text: str) -> Message:
