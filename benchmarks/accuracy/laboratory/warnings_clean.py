@@ -1,5 +1,4 @@
-"""Messages of `myomorph analyze` on clean walks: how many sentences there are, and how many causes
-may change a number of the page.
+"""Messages of `myomorph analyze` on clean walks, and causes that may change a number of the page.
 
 A walk is clean where markers and plates were recorded as they should be: whoever reads the page of
 one must not have to search for the warning that counts. One sentence was said for each stretch of
@@ -79,12 +78,15 @@ WALKS = (
         laboratory="OpenSim's C3D walk",
         file="c3d-opensim-walking/walking5.c3d",
     ),
-    CleanWalk(laboratory="vendors' samples, six plates", file=f"{VENDORS}/others/Gait.c3d"),
+    # Its set states no mass: this is a guess.
+    CleanWalk(
+        laboratory="vendors' samples, six plates", file=f"{VENDORS}/others/Gait.c3d", mass=70.0
+    ),
 )
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row a walk: sentences as they were said before, messages, warnings and their causes."""
+    """Count, a row a walk, sentences as they were said before, messages, warnings and causes."""
     for walk in WALKS:
         with tempfile.TemporaryDirectory() as name:
             out = Path(name) / "out"
@@ -100,7 +102,7 @@ def measure(folder: Path) -> Iterator[Row]:
 
 
 def typed(walk: CleanWalk, folder: Path, out: Path) -> list[str]:
-    """The command on a walk."""
+    """Return the command on a walk."""
     path = folder / walk.file
     words = ["analyze", str(path), "--out", str(out), "--workers", "1"]
     if walk.mass is not None:

@@ -27,7 +27,7 @@ def write_messages(path: Path, messages: Iterable[str]) -> None:
 
 
 def _cell(value: object) -> object:
-    """A number to six digits, nothing where it is not known, else the value itself."""
+    """Write a number to six digits, nothing where it is not known, else the value itself."""
     if not isinstance(value, float):
         return "" if value is None else value
     return f"{value:.6g}" if math.isfinite(value) else ""
@@ -42,7 +42,7 @@ def read_messages(path: Path) -> tuple[Message, ...]:
 
 
 def _message(row: Mapping[str, str]) -> Message:
-    """A message of its row; of its stretches the first and last time are known."""
+    """Make a message of its row; of its stretches the first and last time are known."""
     cause = Cause(
         key=row["cause_name"],
         title=row["cause_title"],
