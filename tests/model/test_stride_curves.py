@@ -109,5 +109,5 @@ def test_vectors_have_one_column_an_axis():
     )
     curves = loads.strides(strikes(), "external_force_vector")
     assert curves.names == ("right foot_x", "right foot_y", "right foot_z")
-    assert curves.unit == "N"
+    assert curves.units == ("N", "N", "N")
     np.testing.assert_allclose(curves.values[0, -1], PERIOD)

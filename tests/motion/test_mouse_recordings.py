@@ -85,5 +85,6 @@ def test_a_paw_that_is_alone_on_the_plate(folder):
     given = found.active.actuator_force[
         :, found.active.reserve_names.index("reserve_Ankle_flexion_l")
     ]
-    assert np.abs(given).max() < 0.02 * np.abs(found.torques["Ankle_flexion_l"]).max()
+    # Reserves within a twentieth of the torque, as Hicks et al. 2015 ask of them.
+    assert np.abs(given).max() < 0.05 * np.abs(found.torques["Ankle_flexion_l"]).max()
     assert motion_of(folder, NAME).accelerations is not None

@@ -66,7 +66,7 @@ def test_strides_of_a_trial_are_those_that_the_walk_took(analysis):
     # The model was calibrated to noisy markers.
     assert np.sqrt(np.mean(error**2)) < 3.0
     force = analysis.trial.strides("muscle_force")
-    assert force.unit == "N"
+    assert set(force.units) == {"N"}
     assert force["soleus_r"].shape == (count, 101)
 
 

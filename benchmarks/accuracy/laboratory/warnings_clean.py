@@ -35,14 +35,14 @@ class CleanWalk:
     ----------
     laboratory : where it was recorded, as far as its set says it
     file : below the collection
-    mass : of the set [kg], 0 for that in the file, None for what the plates weigh
+    mass : of the set [kg], 0 for that in the file
     static : static trial, "" for one that is found
     span : the part that is used [s], None for all
     """
 
     laboratory: str
     file: str
-    mass: float | None = None
+    mass: float
     static: str = ""
     span: tuple[float, float] | None = None
 
@@ -74,11 +74,8 @@ WALKS = (
     ),
     CleanWalk(laboratory="instrumented knee, first walk", file=f"{KNEE}/walk1.c3d", mass=75.0),
     CleanWalk(laboratory="instrumented knee, third walk", file=f"{KNEE}/walk3.c3d", mass=75.0),
-    CleanWalk(
-        laboratory="OpenSim's C3D walk",
-        file="c3d-opensim-walking/walking5.c3d",
-    ),
-    # Its set states no mass: this is a guess.
+    # Sets of the last two state no mass: it is a guess.
+    CleanWalk(laboratory="OpenSim's C3D walk", file="c3d-opensim-walking/walking5.c3d", mass=70.0),
     CleanWalk(
         laboratory="vendors' samples, six plates", file=f"{VENDORS}/others/Gait.c3d", mass=70.0
     ),
@@ -104,9 +101,8 @@ def measure(folder: Path) -> Iterator[Row]:
 def typed(walk: CleanWalk, folder: Path, out: Path) -> list[str]:
     """Return the command on a walk."""
     path = folder / walk.file
-    words = ["analyze", str(path), "--out", str(out), "--workers", "1"]
-    if walk.mass is not None:
-        words += ["--mass", f"{walk.mass or c3d_mass(path):g}"]
+    mass = walk.mass or c3d_mass(path)
+    words = ["analyze", str(path), "--out", str(out), "--workers", "1", "--mass", f"{mass:g}"]
     if walk.static:
         words += ["--static", str(folder / walk.static)]
     if walk.span is not None:

@@ -24,9 +24,10 @@ from myomorph.lab.study.run.run import run_study
 from myomorph.lab.study.summary import study_tables
 from myomorph.lab.study.summary.condition_values import GrowingCondition, RunningMeans, described
 from myomorph.lab.study.summary.study_tables import FILES, PAGE, SignSearch, gather_study
-from myomorph.lab.study.trial.tidy import OF_STRIDE, OF_TRIAL
+from myomorph.lab.study.trial.tidy import OF_STRIDE, OF_TRIAL, STRIDE_COLUMNS
 from myomorph.lab.study.trial.trial_inputs import Value
 
+NUMBERS = ("value", *STRIDE_COLUMNS)
 SUBJECT = """[[subject]]
 name = "{0}"
 model = "walker.osim"
@@ -73,6 +74,10 @@ def study(tmp_path_factory):
     return SimpleNamespace(plan=plan, outcomes=outcomes, out=home / "out")
 
 
+def _number(cell):
+    return float(cell) if cell else None
+
+
 def test_all_values_in_one_table(study):
     rows = table(study.out / "results_tidy.csv")
     assert list(rows[0]) == [
@@ -86,6 +91,7 @@ def test_all_values_in_one_table(study):
         "low",
         "high",
         "sd",
+        *STRIDE_COLUMNS,
     ]
     trials = list(dict.fromkeys((row["subject"], row["trial"]) for row in rows))
     assert trials == [(one.subject, one.trial) for one in study.outcomes if not one.error]
@@ -106,7 +112,7 @@ def test_all_values_in_one_table(study):
             assert np.isnan(whole[name].to_numpy()).all()
             assert {row[name] for row in rows} == {""}
             continue
-        told = [float(row[name]) if name == "value" else row[name] for row in rows]
+        told = [_number(row[name]) if name in NUMBERS else row[name] for row in rows]
         assert whole[name].to_pylist() == told
 
 

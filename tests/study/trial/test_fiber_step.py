@@ -19,6 +19,7 @@ from myomorph.core.tension.dual import STALLED
 from myomorph.core.tension.fiber_quantities import FIBER_WORK, WORK_TABLE
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import Tension, TensionOptions
+from myomorph.lab.analysis.muscle_names import muscle_words
 from myomorph.lab.report.page.parts import PageHead
 from myomorph.lab.report.trial.muscle_sections import _fiber_lines, fiber_section
 from myomorph.lab.report.trial.prepared import prepare
@@ -216,7 +217,7 @@ def test_the_report_shows_fibers_and_lists_rigid_tendons(solved):
     assert len(section.figures) == 15
     assert "near an end" in section.figures[0].svg
     (grid,) = section.grids
-    assert grid.rows[0][0] == model.muscles[0].name
+    assert grid.rows[0][0] == muscle_words(model.muscles[0].name)
     assert "shorter than the slack tendon" in grid.rows[0][3]
     assert "In 2 frames" in section.lead
     assert fiber_section(prepare(replace(given, tension=replace(tension, fibers=None)))) is None

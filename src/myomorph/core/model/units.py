@@ -53,7 +53,9 @@ def unit_by_motion(unit: str, motion: MotionKind) -> str:
 
 def written_unit(unit: str, product: str = "·") -> str:
     """Return a unit for people: "N m" with a sign between its parts, nothing for "1"."""
-    return "" if unit == "1" else unit.replace(" ", product)
+    if unit == "1":
+        return ""
+    return OR.join(each.replace(" ", product) for each in unit.split(OR))
 
 
 def shown_unit(unit: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from myomorph.core.model.arrays import Array, read_only, runs
 
@@ -170,32 +171,76 @@ def _eased(time: Array, end: _End, likely: Array) -> Array:
     return np.asarray(likely + (away + (rate + away / EASE) * since) * np.exp(-since / EASE))
 
 
-def without_drift(time: Array, offsets: Array, whole: np.ndarray) -> Array:
-    """Let offsets that jumps add up to come back to 0 where all markers are seen.
+def eased_offsets(time: Array, jumps: Array, whole: np.ndarray, lost: np.ndarray) -> Array:
+    """Find offsets that take jumps off a motion, and ease back to 0.
 
-    Between two whole parts what is left at the end is taken off smoothly, u^2 (3 - 2 u) of it; at
-    the beginning of a recording all of it; at its end the offset stays, as the marker's does.
+    Offsets o_k undo the jumps J_k between two frames where o_k - o_(k-1) = J_k. Summed up over a
+    long time they would lead away, as each is known to its error only. With d_k what is left of a
+    jump, d_k = o_k - o_(k-1) - J_k, they minimize
+
+        sum_k (d_(k+1) - d_k)^2 + (h / EASE)^4 sum_k o_k^2
+
+    h being the time between frames: within a gap that is short beside `EASE` a jump is undone, in a
+    longer one what is left of it changes slowly. They are 0 where all markers are seen.
 
     Parameters
     ----------
     time : (frames,) [s]
-    offsets : (frames, columns) sums of the jumps since the beginning
-    whole : (frames,) in which offsets are 0
+    jumps : (frames, columns) before each frame
+    whole : (frames,) in which all markers are seen
+    lost : (frames,) in which no pose is known
+
+    Returns
+    -------
+    (frames, columns), 0 in frames that are whole or lost
+    """
+    result = np.zeros_like(jumps)
+    if not jumps.any():
+        return result
+    pull = (float(np.median(np.diff(time))) / EASE) ** 4
+    for start, stop in runs(~whole & ~lost):
+        before = start > 0 and bool(whole[start - 1])
+        after = stop < len(time) and bool(whole[stop])
+        inner = np.zeros((stop - start + 1, jumps.shape[1]))
+        inner[: len(jumps) - start] = jumps[start : stop + 1]
+        result[start:stop] = _eased_run(inner, before, after, pull)
+    return result
+
+
+def _eased_run(jumps: Array, before: bool, after: bool, pull: float) -> Array:
+    """Find the offsets of a run of frames as `eased_offsets` does.
+
+    Parameters
+    ----------
+    jumps : (frames + 1, columns) before each frame, and after the last
+    before, after : whether offsets are 0 in the frames beside the run
+    pull : weight of an offset's square
 
     Returns
     -------
     (frames, columns)
     """
-    result = np.zeros_like(offsets)
-    for start, stop in runs(~whole):
-        inside = slice(start, stop)
-        first = offsets[start - 1] if start > 0 else np.zeros(offsets.shape[1])
-        part = offsets[inside] - first
-        if stop < len(time):
-            left = offsets[stop] - first
-            begin = time[start - 1] if start > 0 else -np.inf
-            share = (time[inside] - begin) / (time[stop] - begin) if start > 0 else 1.0
-            blend = share**2 * (3.0 - 2.0 * share)
-            part = part - np.multiply.outer(blend, left)
-        result[inside] = part
-    return result
+    count = len(jumps) - 1
+    steps = np.diff(jumps, axis=0)
+    right = np.zeros((count, jumps.shape[1]))
+    # Rows of the symmetric band matrix: its diagonal, and those one and two beside it.
+    band = np.zeros((3, count))
+    band[0] = pull
+    for center in range(-1 if before else 1, count + (1 if after else -1)):
+        # d_(c+1) - d_c = o_(c-1) - 2 o_c + o_(c+1) - (J_(c+1) - J_c)
+        places = [(center - 1, 1.0), (center, -2.0), (center + 1, 1.0)]
+        inside = [(place, factor) for place, factor in places if 0 <= place < count]
+        wanted = _step_of_jumps(jumps, steps, center)
+        for place, factor in inside:
+            right[place] += factor * wanted
+            for other, weight in inside:
+                if other >= place:
+                    band[other - place, place] += factor * weight
+    return np.asarray(scipy.linalg.solveh_banded(band, right, lower=True))
+
+
+def _step_of_jumps(jumps: Array, steps: Array, center: int) -> Array:
+    """J_(c+1) - J_c (columns,) of a run, whose jumps are 0 in the frames beside it."""
+    if center < 0:
+        return np.asarray(jumps[0])
+    return np.asarray(steps[center] if center < len(steps) else -jumps[-1])

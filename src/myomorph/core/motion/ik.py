@@ -28,7 +28,13 @@ from myomorph.core.motion.tasks.markers import MarkerTask
 from myomorph.core.motion.tasks.orientations import OrientationTask
 from myomorph.core.motion.tasks.task import Task
 from myomorph.core.motion.turns import floating_coordinates, of_one_branch, of_one_turn
-from myomorph.core.motion.unseen import AssumedMode, assumed_poses, marker_errors, part_of
+from myomorph.core.motion.unseen import (
+    AssumedMode,
+    assumed_poses,
+    marker_errors,
+    part_of,
+    posture_near,
+)
 from myomorph.core.rigid.coordinates import Ints, couple_frames
 from myomorph.core.rigid.loops import closure, free_coordinates
 from myomorph.core.rigid.tree import Tree, compile_tree
@@ -318,11 +324,11 @@ def poses_near(
     tree = compile_tree(model)
     names, weights = tracked_markers(model, markers, options)
     problem = pose_problem(tree, names, weights, options, markers)
-    # Every frame by itself, from where the motion is, and there what no marker shows.
+    # Every frame by itself, from where the motion is; what no marker shows stays there.
     starts = np.array(motion.values)
     blank = ~(np.isfinite(starts).all(axis=1) & frames_shown(problem))
     starts[blank] = tree.defaults
-    problem = problem._replace(posture=starts.copy())
+    problem = problem._replace(posture=posture_near(tree, problem, starts))
     settings = options.settings._replace(chained=False)
     values = solve_poses(tree, problem, starts, settings).values
     values[blank] = np.nan

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.motion.gap_bridges import bridged, usual_acceleration, without_drift
+from myomorph.core.motion.gap_bridges import bridged, eased_offsets, usual_acceleration
 from myomorph.core.motion.hidden_coordinates import (
     Hidden,
     along_hidden,
@@ -64,6 +64,7 @@ WALKING = 2.0
 """
 SWAY_TIME = 0.1  # Over which a sway keeps its place, as of `Sources.skin_time` [s]
 MAX_JUMP = 0.5  # A jump beyond it is no marker's share in a pose, in units [rad]
+USUAL = 0.5  # Least share of the frames that show all markers, for a hidden one to leave a share
 ROUNDS = 2  # Of taking the hidden part of a change, which is curved
 AT_ONCE = 128  # Frames whose slopes are held at once
 
@@ -148,13 +149,39 @@ def assumed_poses(
     """
     if not _markers_alone(problem):
         return None
-    root = np.isin(problem.free, root_coordinates(tree))
-    hidden = hidden_coordinates(tree, problem, values, root, length_unit(tree))
+    hidden = _hidden(tree, problem, values)
     if not hidden.flags.any() and hidden.whole.all():
         return None
     likely = _likely(tree, problem, hidden, time, values)
     search = _Search(tree=tree, problem=problem, settings=settings, hidden=hidden, likely=likely)
     return search.assumed(time, values)
+
+
+def posture_near(tree: Tree, problem: PoseProblem, values: Array) -> Array:
+    """Find what coordinates are weakly drawn to near known poses.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    problem : of all frames
+    values : (frames, coordinates) the poses [rad or m]
+
+    Returns
+    -------
+    (frames, coordinates) the poses' own values of hidden coordinates, else the default pose
+        [rad or m]
+    """
+    posture = np.tile(tree.defaults, (len(values), 1))
+    flags = np.zeros(values.shape, dtype=bool)
+    flags[:, problem.free] = _hidden(tree, problem, values).flags
+    posture[flags] = values[flags]
+    return posture
+
+
+def _hidden(tree: Tree, problem: PoseProblem, values: Array) -> Hidden:
+    """Find the hidden coordinates of poses (frames, coordinates) [rad or m]."""
+    root = np.isin(problem.free, root_coordinates(tree))
+    return hidden_coordinates(tree, problem, values, root, length_unit(tree))
 
 
 def _markers_alone(problem: PoseProblem) -> bool:
@@ -297,9 +324,7 @@ class _Search:
         """
         free = self.problem.free
         hidden = self.hidden
-        offsets = without_drift(time, np.cumsum(self._jumps(values), axis=0), hidden.whole)
-        offsets[:, hidden.always] = 0.0
-        offsets[hidden.lost] = 0.0
+        offsets = self._offsets(time, values)
         targets = values[:, free] + offsets
         sd = np.zeros_like(targets)
         sd[:, self._solved] = np.where(hidden.flags, self.likely.sd, 0.0)[:, self._solved]
@@ -315,6 +340,29 @@ class _Search:
         poses[np.ix_(shifted, free)] += offsets[shifted]
         poses[shifted] = self._within(poses[shifted])
         return poses, sd
+
+    def _offsets(self, time: Array, values: Array) -> Array:
+        """Find what takes off the jumps of poses as markers go and come.
+
+        Where all markers are seen in fewer than `USUAL` of the frames there is no usual set, whose
+        share a hidden marker could leave behind: nothing is taken off.
+
+        Parameters
+        ----------
+        time : (frames,) [s]
+        values : (frames, coordinates) [rad or m]
+
+        Returns
+        -------
+        (frames, variables) [rad or m]
+        """
+        hidden = self.hidden
+        shown = ~hidden.lost
+        if hidden.whole.sum() < USUAL * shown.sum():
+            return np.zeros((len(values), len(self.problem.free)))
+        offsets = eased_offsets(time, self._jumps(values), hidden.whole, hidden.lost)
+        offsets[:, hidden.always] = 0.0
+        return offsets
 
     @property
     def _solved(self) -> np.ndarray:
@@ -415,7 +463,8 @@ class _Search:
         there = forward_kinematics(self.tree, after).points(markers.body, markers.location)
         seen = seen_markers(self.problem)[frames]
         moved = np.where(seen, np.abs(there - here).max(axis=2), 0.0)
-        return np.asarray(moved.max(axis=1, initial=0.0) > self.settings.tolerance)
+        still = self.settings.tolerance * length_unit(self.tree)
+        return np.asarray(moved.max(axis=1, initial=0.0) > still)
 
     def _along(self, frames: Ints, values: Array, targets: Array) -> Array:
         """Move hidden coordinates towards targets along directions that move no seen marker.
