@@ -64,7 +64,7 @@ WALKING = 2.0
 """
 SWAY_TIME = 0.1  # Over which a sway keeps its place, as of `Sources.skin_time` [s]
 MAX_JUMP = 0.5  # A jump beyond it is no marker's share in a pose, in units [rad]
-USUAL = 0.5  # Least share of the frames that show all markers, for a hidden one to leave a share
+USUAL = 0.2  # Least share of the frames that show all markers, for a hidden one to leave a share
 ROUNDS = 2  # Of taking the hidden part of a change, which is curved
 AT_ONCE = 128  # Frames whose slopes are held at once
 
