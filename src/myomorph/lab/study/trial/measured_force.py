@@ -41,5 +41,7 @@ def vertical_forces(wrenches: Wrenches, model: Model) -> Series:
     upward = np.nan_to_num(wrenches.forces @ np.asarray(model.up))
     owners = [body or name for name, body in zip(wrenches.names, wrenches.bodies, strict=True)]
     names = tuple(dict.fromkeys(owners))
-    sums = [upward[:, [owner == name for owner in owners]].sum(axis=1) for name in names]
-    return Series(wrenches.time, names, np.array(sums).reshape(len(names), -1).T)
+    sums = np.zeros((len(wrenches.time), len(names)))
+    for column, owner in zip(upward.T, owners, strict=True):
+        sums[:, names.index(owner)] += column
+    return Series(wrenches.time, names, sums)
