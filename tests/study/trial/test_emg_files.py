@@ -136,7 +136,7 @@ def test_noise_of_a_real_recording_takes_no_part(data, walker):
     path = data("c3d-gait-plugingait/HC030A/Straight/HC030A05.c3d")
     opened = open_emg(path, walker, {})
     noise = [text for text in opened.notes if "noise throughout" in text]
-    assert any("'Voltage.R Gast'" in text and text.endswith("takes no part") for text in noise)
+    assert any("Voltage.R Gast" in text and "takes no part" in text for text in noise)
     assert "Voltage.R Gast" not in opened.muscles
     assert {"Voltage.L Gast", "Voltage.R Hams", "Voltage.L Tib Ant"} <= set(opened.muscles)
     # Who names its muscles has seen it.

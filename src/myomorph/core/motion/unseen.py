@@ -168,10 +168,12 @@ def posture_near(tree: Tree, problem: PoseProblem, values: Array) -> Array:
 
     Returns
     -------
-    (frames, coordinates) the poses' own values of hidden coordinates, else the default pose
-        [rad or m]
+    (frames, coordinates) the poses' own values of hidden coordinates, else the default pose, as of
+        all where something else than markers is measured [rad or m]
     """
     posture = np.tile(tree.defaults, (len(values), 1))
+    if not _markers_alone(problem):
+        return posture
     flags = np.zeros(values.shape, dtype=bool)
     flags[:, problem.free] = _hidden(tree, problem, values).flags
     posture[flags] = values[flags]
