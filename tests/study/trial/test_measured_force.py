@@ -16,7 +16,9 @@ def loads(*bodies):
     forces[:, :, 1] = 1.0 + np.arange(len(bodies))
     names = tuple(f"plate {number}" for number in range(len(bodies)))
     nothing = np.zeros_like(forces)
-    return Wrenches(TIME, names, bodies, forces, nothing, nothing)
+    return Wrenches(
+        time=TIME, names=names, bodies=bodies, forces=forces, points=nothing, torques=nothing
+    )
 
 
 def test_forces_on_a_body_add_up(arm):
