@@ -4,21 +4,49 @@ a paw on a plate.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from myomorph.core.motion.ik import inverse_kinematics
 from myomorph.core.motion.lengths import length_unit
+from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.analysis.cycles import band
-from truths.mouse_motion import alone, held_out, lengths_of, motion_of, mouse, rms, strides_of
+from truths.mouse_motion import (
+    TRACKING,
+    alone,
+    held_out,
+    lengths_of,
+    motion_of,
+    mouse,
+    rms,
+    strides_of,
+)
 
 NAME = "1R_12_01_26"
+GAP = 10  # Frames at 200 Hz
 
 
 @pytest.fixture(scope="module")
 def folder(data):
     data("mouse-hindlimb-muscles/mouse_hindlimb.json")
     return data("mouse-gait-c3d-force").parent
+
+
+def hidden_again_and_again(values, columns):
+    """Frames of gaps of `GAP`, 25 apart, in and beside which all these markers were seen."""
+    seen = np.isfinite(values[:, columns]).all(axis=(1, 2))
+    frames = []
+    frame = 20
+    while frame < len(values) - GAP - 3:
+        if seen[frame - 3 : frame + GAP + 3].all():
+            frames += range(frame, frame + GAP)
+            frame += GAP + 25
+        else:
+            frame += 1
+    return np.array(frames)
 
 
 def test_residuals_are_those_of_skin_on_a_mouse(folder):
@@ -88,3 +116,30 @@ def test_a_paw_that_is_alone_on_the_plate(folder):
     # Reserves within a twentieth of the torque, as Hicks et al. 2015 ask of them.
     assert np.abs(given).max() < 0.05 * np.abs(found.torques["Ankle_flexion_l"]).max()
     assert motion_of(folder, NAME).accelerations is not None
+
+
+@pytest.mark.parametrize("side", ["Left", "Right"])
+def test_hidden_markers_are_nearer_with_gaps_bridged(folder, side):
+    """Knee and ankle are hidden for 50 ms again and again: where their markers were is nearer to
+    the bridged pose than to the one of each frame by itself.
+    """
+    one = mouse(folder, NAME)
+    columns = [one.used.names.index(f"{side}_{joint}") for joint in ("Knee", "Ankle")]
+    hidden = hidden_again_and_again(one.used.values, columns)
+    values = one.used.values.copy()
+    values[np.ix_(hidden, columns)] = np.nan
+    missed = {}
+    for unseen in ("default", "upright"):
+        fit = inverse_kinematics(
+            one.model, replace(one.used, values=values), replace(TRACKING, unseen=unseen)
+        )
+        tree = compile_tree(one.model)
+        by_name = {marker.name: marker for marker in one.model.markers}
+        markers = [by_name[one.used.names[column]] for column in columns]
+        places = forward_kinematics(tree, fit.motion.values[hidden]).points(
+            np.array([tree.body_number(marker.body) for marker in markers]),
+            np.array([marker.location for marker in markers]),
+        )
+        apart = np.linalg.norm(places - one.used.values[np.ix_(hidden, columns)], axis=2)
+        missed[unseen] = float(np.sqrt(np.nanmean(apart**2)))
+    assert missed["upright"] < 0.7 * missed["default"]

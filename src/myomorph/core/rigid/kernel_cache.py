@@ -177,12 +177,15 @@ class _Locator(_CacheLocator):  # type: ignore[misc]
         """Do nothing: the folder is made where a kernel is saved."""
 
     def get_cache_path(self) -> str:
+        """Return the folder in which kernels are saved."""
         return str(kernel_folder())
 
     def get_source_stamp(self) -> str:
+        """Return what changes where the source of a kernel does."""
         return _fingerprint(self._module)
 
     def get_disambiguator(self) -> str:
+        """Return what distinguishes kernels of one module: the line."""
         return str(self._line)
 
 

@@ -199,6 +199,7 @@ class _Body:
 
     @classmethod
     def of(cls, model: Model, motion: Motion, limbs: Mapping[str, str]) -> _Body:
+        """Find pelvis and feet in every frame; frames without a pose are NaN."""
         tree = compile_tree(model)
         values = tree.coordinates_of(motion)
         known = np.asarray(np.isfinite(values).all(axis=1), np.bool_)

@@ -154,6 +154,7 @@ class _Trial:
 
     @property
     def whose(self) -> tuple[str, str, str]:
+        """Subject, condition and trial."""
         return self.outcome.subject, self.condition, self.outcome.trial
 
     @property
@@ -165,6 +166,7 @@ class _Trial:
 
     @property
     def has_values(self) -> bool:
+        """Whether the trial was done, and has a table of values."""
         return (
             bool(self.outcome.trial and self.outcome.done)
             and (self.outcome.folder / tidy.VALUES).is_file()
