@@ -45,7 +45,7 @@ PHASE = "phase, "  # With which the names of parameters begin that are shares of
 
 LONGEST_HIDDEN = 0.25  # A recording in which the body is not seen for longer is cut there [s].
 SHORTEST_PART = 16  # Frames of a part from which strides are looked for.
-PARAMETERS = (
+PARAMETERS: tuple[tuple[str, str, str], ...] = (
     ("stride duration", "s", "duration"),
     ("stride length", "m", "length"),
     ("speed", "m/s", "speed"),
