@@ -105,6 +105,14 @@ COMPARISONS = {
         "benchmarks.page",
         "how hard the code is to read, by wing; --before REVISION",
     ),
+    "first_result": (
+        "benchmarks.first_result",
+        "from nothing installed to the report of a recording: seconds",
+    ),
+    "pages": (
+        "benchmarks.pages",
+        "pages of results on two screens, light and dark, and what axe finds in them",
+    ),
     "trial_path": (
         "benchmarks.trial_path",
         "through how many files the inputs of a trial pass; --tree PATH",
