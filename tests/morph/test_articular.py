@@ -151,10 +151,11 @@ def test_a_cylinder_is_recovered_exactly(turn):
     assert found.length == pytest.approx(np.ptp(along), abs=1e-9)
 
 
-def test_a_cylinder_with_noise_and_wrong_points():
-    for seed in range(10):
+@pytest.mark.parametrize(("turn", "off"), [(0.35, 4e-4), (0.2, 1.5e-3)])
+def test_a_cylinder_with_noise_and_wrong_points(turn, off):
+    for seed in range(50):
         random = np.random.default_rng(seed)
-        direction, along = around_axis(0.35, seed=seed)
+        direction, along = around_axis(turn, seed=seed)
         points = (
             CENTER
             + np.outer(along, AXIS)
@@ -163,7 +164,7 @@ def test_a_cylinder_with_noise_and_wrong_points():
         points[::7] += 0.008 * random.normal(size=points[::7].shape)
         found = fit_cylinder(points, direction, ONES, AXIS)
         beside = found.point - CENTER
-        assert np.linalg.norm(beside - beside @ AXIS * AXIS) < 4e-4
+        assert np.linalg.norm(beside - beside @ AXIS * AXIS) < off
         assert np.arccos(min(1.0, abs(found.axis @ AXIS))) < np.radians(1.0)
 
 

@@ -3,10 +3,14 @@
 The distance of a point from a sphere is d = |x - c| - r, from a cylinder d = |(1 - u u^T)(x - p)| -
 r. Gauss-Newton on the sum of rho(d) with Tukey's rho, whose width follows the median of |d| (Beaton
 and Tukey 1974). The start of a sphere is where the normals' lines meet, that of a cylinder the
-linear problem |x|^2 = 2 c.x + k across an axis that is given.
+linear problem |x|^2 = 2 c.x + k across an axis that is given, and where the normals' lines meet as
+well: points far off pull the first one to a cylinder that is none.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +25,7 @@ ITERATIONS = 100
 SETTLED = 1e-9  # Step, as a share of the size, that ends the iteration.
 # Ratio of the eigenvalues of the normal equations below which an unknown is not determined.
 FLAT = 1e-11
+SAME = 1e-6  # Two starts ended at the same cylinder where its distances differ by a smaller share.
 TOGETHER = 0.3
 """Errors of a surface go together over so much of the radius: one observation in covariances is a
 patch as wide.
@@ -111,9 +116,15 @@ def fit_cylinder(
     hole; `weights`: area of each point; `axis`: (3,) along which its axis is, about.
     """
     x, share, middle, size = _scaled(points, weights, 6, "cylinder")
-    best = _cylinder_from(x, share, np.asarray(axis, dtype=np.float64) / np.linalg.norm(axis))
-    if best is None:
+    first = np.asarray(axis, dtype=np.float64) / np.linalg.norm(axis)
+    looks = np.asarray(normals, dtype=np.float64)
+    starts = (_circle_start, partial(_normals_start, looks))
+    found = [one for start in starts if (one := _cylinder_from(x, share, first, start))]
+    if not found:
         raise BadData("the points do not determine a cylinder: give more of its turn")
+    best = min(found, key=lambda one: one.rms)
+    if found[0].rms < (1.0 + SAME) * best.rms:
+        best = found[0]
     along = x @ best.axis
     kept = best.counts > 0
     ends = along[kept].min(), along[kept].max()
@@ -162,20 +173,39 @@ class _Cylinder:
     slopes: Array
 
 
-def _cylinder_from(x: Array, share: Array, axis: Array) -> _Cylinder | None:
+def _circle_start(x: Array, share: Array, across: Array) -> tuple[Array, float]:
+    """Center and radius of the circle that fits the points seen along the axis, as squares (Kasa
+    1976). Points far off pull it.
+    """
+    flat = x @ across
+    slopes = np.hstack([2.0 * flat, np.ones((len(x), 1))])
+    solution = _solved(slopes, np.sum(flat**2, axis=1), share, "cylinder")
+    radius = float(np.sqrt(max(solution[2] + solution[:2] @ solution[:2], 1e-12)))
+    return across @ solution[:2], radius
+
+
+def _normals_start(normals: Array, x: Array, share: Array, across: Array) -> tuple[Array, float]:
+    """Where lines along the normals, seen along the axis, come nearest to each other, and the
+    mean distance from there.
+    """
+    flat = x @ across
+    looks = normals @ across
+    size = np.maximum(np.linalg.norm(looks, axis=1), 1e-12)
+    turned = np.stack([-looks[:, 1], looks[:, 0]], axis=1) / size[:, None]
+    center = _solved(turned, np.sum(turned * flat, axis=1), share, "cylinder")
+    radius = float(share @ np.linalg.norm(flat - center, axis=1))
+    return across @ center, radius
+
+
+def _cylinder_from(
+    x: Array, share: Array, axis: Array, start: Callable[..., tuple[Array, float]]
+) -> _Cylinder | None:
     """Gauss-Newton over place (2), direction (2) and radius; None where the points leave one of
     them open.
     """
-    point = np.zeros(3)
-    radius = 0.0
     counts = share
     try:
-        across = _across(axis)
-        flat = x @ across
-        slopes = np.hstack([2.0 * flat, np.ones((len(x), 1))])
-        solution = _solved(slopes, np.sum(flat**2, axis=1), share, "cylinder")
-        point = across @ solution[:2]
-        radius = float(np.sqrt(max(solution[2] + solution[:2] @ solution[:2], 1e-12)))
+        point, radius = start(x, share, _across(axis))
         for _ in range(ITERATIONS):
             across = _across(axis)
             away = x - point
