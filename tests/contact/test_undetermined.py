@@ -38,6 +38,9 @@ def stance(places, foot):
 
 def loads(time, places, size=1.0, feet=("calcn_r", "calcn_l")):
     """A plate for each foot that carries half the weight in its stance, under its middle."""
+    if not feet:
+        none = np.zeros((len(time), 0, 3))
+        return Wrenches(time=time, names=(), bodies=(), forces=none, points=none, torques=none)
     forces = np.stack([0.5 * WEIGHT * stance(places, foot)[:, None] * UP for foot in feet], axis=1)
     points = np.stack([places[foot].mean(axis=1) for foot in feet], axis=1)
     return Wrenches(
@@ -115,3 +118,8 @@ def test_another_body_beside_the_foot_that_has_the_force_is_seen():
     )
     assert {finding.place for finding in found} == {"calcn_r", "calcn_l"}
     assert all("not under it alone" in finding.text for finding in found)
+
+
+def test_without_any_loaded_plate_nothing_is_found():
+    time, places = walk()
+    assert undetermined_loads(loads(time, places, feet=()), places, WEIGHT, UP) == ()

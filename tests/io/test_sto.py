@@ -265,3 +265,17 @@ def test_a_table_of_another_model_is_named():
     table = Table(np.zeros(1), ("hip",), np.zeros((1, 1)))
     with pytest.raises(BadData, match=r"'hip'.*'reach'"):
         motion_from_table(table, two_joints())
+
+
+def test_tabs_and_blanks_mixed_are_cells_as_storage_reads_them(tmp_path):
+    path = tmp_path / "mixed.sto"
+    path.write_text(
+        "mixed\nnRows=3\nnColumns=4\nendheader\n\t\ntime\tone   two\tthree\n"
+        "0.0\t1.0  2.0\t3.0\n0.1   1.5\t2.5  3.5\n0.2 1.75\t2.75\t\t3.75\n",
+        encoding="utf-8",
+    )
+    table = read_sto(path)
+    assert table.names == ("one", "two", "three")
+    np.testing.assert_array_equal(table.time, [0.0, 0.1, 0.2])
+    np.testing.assert_array_equal(table["two"], [2.0, 2.5, 2.75])
+    assert table.warnings == ()

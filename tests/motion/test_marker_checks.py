@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from tests.motion.test_turns import bounded_walker, recorded
 
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Markers
 from myomorph.core.motion.ik import (
     InverseKinematicsOptions,
     inverse_kinematics,
@@ -298,3 +300,12 @@ def test_few_markers_that_match_are_told_and_enough_are_not():
     (finding,) = name_findings(missing, unused, 10)
     assert "only 10 of the model's 66 markers" in finding.text
     assert name_findings(missing[:20], unused, 30) == ()
+
+
+def test_next_to_no_marker_of_the_model_is_an_error_and_no_perfect_fit():
+    model = bounded_walker()
+    names = model.marker_names
+    labels = (names[0], *(f"other_{i}" for i in range(11)))
+    markers = Markers(np.arange(5) / 100.0, labels, np.zeros((5, 12, 3)))
+    with pytest.raises(BadData, match=rf"only 1 of the model's {len(names)} markers"):
+        checked_kinematics(model, markers)

@@ -305,3 +305,14 @@ def test_the_command_refuses_another_ending(arm, command, tmp_path):
     done = command("export", arm.model, "--mjcf", tmp_path / "arm.osim")
     assert done.status == 2
     assert "expected .xml" in done.err
+
+
+def test_a_segment_that_is_a_thin_rod_is_written_and_named(arm, tmp_path):
+    model = mm.read_model(arm.model)
+    rod = replace(model.bodies[1], inertia=np.diag([0.013, 0.0, 0.013]))
+    thin = replace(model, bodies=(model.bodies[0], rod))
+    certificate = mm.write_mjcf(thin, tmp_path / "rod.xml")
+    assert certificate.steps
+    assert certificate.torque < 1e-6
+    (note,) = [note for note in certificate.notes if "thin rod" in note]
+    assert f"'{rod.name}'" in note

@@ -16,6 +16,7 @@ from myomorph.exchange.opensim.outputs import write_outputs
 from myomorph.exchange.opensim.run import run_tool
 from myomorph.exchange.opensim.states import stepped
 from myomorph.lab.cli.program import main
+from myomorph.show.demo.arm import example_files
 
 ANALYZE = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm">\
 <model_file>arm26.osim</model_file>
@@ -353,3 +354,26 @@ def test_the_command_tells_what_it_wrote(arm, capsys):
     analysis = '<MuscleAnalysis name="m"><compute_moments>false</compute_moments></MuscleAnalysis>'
     assert main(["run-tool", str(arm(analysis))]) == 0
     assert "arm_m_Length.sto" in capsys.readouterr().out
+
+
+def test_muscles_that_are_too_weak_are_named_and_the_run_is_no_success(tmp_path, capsys):
+    files = example_files(tmp_path)
+    text = files.model.read_text(encoding="utf-8")
+    weak = "<max_isometric_force>8</max_isometric_force>"
+    assert "<max_isometric_force>800</max_isometric_force>" in text
+    files.model.write_text(
+        text.replace("<max_isometric_force>800</max_isometric_force>", weak), encoding="utf-8"
+    )
+    setup = tmp_path / "setup.xml"
+    setup.write_text(
+        ANALYZE.format(analyses="<StaticOptimization name='so'><on>true</on></StaticOptimization>")
+        .replace("arm26.osim", files.model.name)
+        .replace("arm26_InverseKinematics.mot", files.motion.name),
+        encoding="utf-8",
+    )
+    assert main(["run-tool", str(setup)]) == 2
+    printed = capsys.readouterr()
+    said = printed.out + printed.err
+    assert "cannot hold 'shoulder_flexion'" in said
+    assert "N m are missing" in said
+    assert (tmp_path / "Results" / "arm_so_activation.sto").exists()

@@ -24,3 +24,12 @@ DATASETS = Cause(
     gravity="good to know",
     effect="As each says.",
 )
+TOO_WEAK = Cause(
+    key="too_weak",
+    title="Muscles that cannot give the torque",
+    gravity="changes results",
+    size="up to {size} N m are missing",
+    effect="Activations of those frames are no solution.",
+    remedy="Add actuators (force_set_files), or check strengths, moment arms and torques.",
+    quantities=("activation", "muscle_force"),
+)

@@ -7,6 +7,8 @@ from pathlib import Path
 from myomorph.lab.cli.options import Threads, documented, use_threads
 from myomorph.lab.cli.output import said, warn
 
+UNSOLVED = 2  # Exit status where frames of a tool have no solution, as for other faults of inputs.
+
 
 @documented
 def export_command(
@@ -70,6 +72,8 @@ def _mjcf(model: Path, mjcf: Path, geometry: Path | None) -> int:
 def run_tool_command(setup: Path, /, *, threads: Threads = None) -> int:
     """Run an OpenSim setup file.
 
+    Where frames have no solution, files are written, and the exit status is 2.
+
     Parameters
     ----------
     setup : OpenSim setup file (.xml) of one of the four tools
@@ -84,4 +88,4 @@ def run_tool_command(setup: Path, /, *, threads: Threads = None) -> int:
         said(f"{result.tool}: {line}")
     for path in result.written:
         said(f"wrote {path}")
-    return 0
+    return 0 if result.solved else UNSOLVED

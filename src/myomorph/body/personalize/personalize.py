@@ -32,9 +32,10 @@ from myomorph.body.personalize.recordings import PersonalTrial, Windows, torque_
 from myomorph.core.fit.estimation import Estimate, estimate_of
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import MUSCLES
-from myomorph.core.model.errors import BadData, check_choices, check_name
+from myomorph.core.model.errors import BadData, BadModel, check_choices, check_name, quoted
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
+from myomorph.core.model.paths import impossible_fibers
 
 STILL_MOVING = 0.5  # Last step in standard deviations from which on a fit is reported as unfinished
 MAX_SHOWN = 5  # Parameters at a bound that are named
@@ -157,6 +158,12 @@ def personalize(
     if not trials and generic is None:
         raise BadData(
             "nothing to fit muscles to: give a motion with torques, a generic model, or both"
+        )
+    if impossible := impossible_fibers(model.muscles):
+        raise BadModel(
+            f"{len(impossible)} muscles have no fibers that could be ({quoted(impossible, 3)}:"
+            " longer than the muscle, or a tendon shorter than 0), so there is nothing to"
+            " personalize: take a model whose fibers were measured"
         )
     mapped = None if generic is None else map_generic(generic, model)
     if not trials:

@@ -117,7 +117,7 @@ def undetermined_loads(
         up=up,
     )
     loaded = np.nan_to_num(np.linalg.norm(wrenches.forces, axis=2)) > LOADED * weight
-    owned = np.array([[body == foot for body in wrenches.bodies] for foot in feet.names])
+    owned = np.equal.outer(np.array(feet.names, object), np.array(wrenches.bodies, object))
     carried = (loaded[:, None] & owned).any(axis=2)
     if len(feet.time) < 3 or not np.isfinite(feet.heights[carried]).any():
         return ()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.io.delsys import is_delsys, read_delsys_emg
 from myomorph.core.io.parsing.text import file_text, quick_numbers, rising, unique_names
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.errors import BadFile
@@ -64,7 +65,8 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
 def read_csv_table(path: Path) -> Table:
     """Read a CSV file as a table; lines before the one of the names are passed over.
 
-    With semicolons between cells a comma is a decimal point.
+    With semicolons between cells a comma is a decimal point. Of Delsys' files, in which each
+    channel has its own times, all channels come to those of the fastest.
 
     Parameters
     ----------
@@ -79,7 +81,10 @@ def read_csv_table(path: Path) -> Table:
     BadFile : it has no line of names with the time, a row that is not of numbers, no row at all, or
         times that do not rise
     """
-    lines = [line for line in file_text(path, HINT).splitlines() if line.strip()]
+    text = file_text(path, HINT)
+    if is_delsys(text):
+        return read_delsys_emg(path)
+    lines = [line for line in text.splitlines() if line.strip()]
     mark, names, start = _heading(lines, path)
     values = quick_numbers("\n".join(lines[start:]), mark, len(names))
     if values is None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.io.angle_units import unit_of_angles
 from myomorph.core.io.parsing.text import (
     TableBody,
     file_text,
@@ -227,13 +228,30 @@ def _numbers(body: TableBody, labels: list[str], kind: str, notes: list[Message]
         time, *columns = labels
         labels = [time, *(f"{name}_{part + 1}" for name in columns for part in range(width))]
         body = replace(body, text=body.text.replace(",", "\t"), delimiter="\t")
-    named = [label for label in labels if label]
-    quick = quick_numbers(body.text, body.delimiter, len(named))
+    quick = _quickly(body, [label for label in labels if label])
     if quick is not None:
-        return _Numbers(names=named, values=quick)
+        return quick
     body, labels = _fitted(body, labels, first, notes)
     names = [label or f"unnamed_{column}" for column, label in enumerate(labels)]
     return _Numbers(names=names, values=parse_cells(body, len(names), notes))
+
+
+def _quickly(body: TableBody, named: list[str]) -> _Numbers | None:
+    """Read a table at once; None where cells are blank or odd.
+
+    Where tabs and blanks are mixed, every word is a cell, as OpenSim's `Storage` has it.
+
+    Parameters
+    ----------
+    body : text below the line of names
+    named : names of the columns
+    """
+    values = quick_numbers(body.text, body.delimiter, len(named))
+    if values is not None:
+        return _Numbers(names=named, values=values)
+    words = " ".join(named).split()
+    values = quick_numbers(body.text, None, len(words)) if len(words) > len(named) else None
+    return None if values is None else _Numbers(names=words, values=values)
 
 
 def _fitted(
@@ -401,7 +419,8 @@ def motion_from_table(table: Table, model: Model) -> Motion:
 
     Columns are found as `hip_flexion_r` or as a state, `/jointset/hip_r/hip_flexion_r/value`;
     speeds (`.../speed`, `hip_flexion_r_u`) and other columns are left out. Degrees become radians
-    for rotational coordinates only, as OpenSim does.
+    for rotational coordinates only, as OpenSim does. Where the head of a file does not state the
+    unit and the ranges of the coordinates do, it follows from these (`angle_units`).
 
     Parameters
     ----------
@@ -424,9 +443,20 @@ def motion_from_table(table: Table, model: Model) -> Motion:
             f" {quoted(table.names)}; the model has {quoted(model.coordinate_names)}"
         )
     names = [name for name in model.coordinate_names if name in columns]
-    factors = np.array([_factor(model, name, table.in_degrees) for name in names])
+    in_degrees = unit_of_angles(table, model, columns).in_degrees
+    factors = np.array([_factor(model, name, in_degrees) for name in names])
     values = table.values[:, [columns[name] for name in names]] * factors
     return Motion(table.time, tuple(names), values, motion_kinds=model.motion_kinds)
+
+
+def motion_notes(table: Table, model: Model) -> tuple[Message, ...]:
+    """List what was assumed of a table of angles when it became a motion.
+
+    Parameters
+    ----------
+    table, model : as of `motion_from_table`
+    """
+    return unit_of_angles(table, model, coordinate_columns(table.names, model)).notes
 
 
 def coordinate_columns(names: Sequence[str], model: Model) -> dict[str, int]:
@@ -442,12 +472,18 @@ def coordinate_columns(names: Sequence[str], model: Model) -> dict[str, int]:
     index of the first column of each coordinate that has one, by the coordinate's name
     """
     coordinates = set(model.coordinate_names)
+    owned = {joint.name: joint.coordinates for joint in model.joints}
     columns: dict[str, int] = {}
     for column, name in enumerate(names):
         *owners, last = name.split("/")
         if owners and last != "value":
             continue
         coordinate = owners[-1] if owners else name
+        own = owned.get(owners[-2], ()) if len(owners) > 1 else ()
+        if own and coordinate not in own:
+            # Of two coordinates of one name the later one has a number.
+            numbered = re.compile(re.escape(coordinate) + r"_\d+")
+            coordinate = next(filter(numbered.fullmatch, own), coordinate)
         if coordinate in coordinates:
             columns.setdefault(coordinate, column)
     return columns

@@ -112,6 +112,24 @@ class SineProduct:
             total = total * np.sin(frequency * np.asarray(argument, dtype=np.float64) + phase)
         return total + self.offset
 
+    def slope(self, *x: ArrayLike, index: int = 0) -> Array:
+        """Evaluate the derivative in one coordinate.
+
+        The derivative of sin(w x + p) is w sin(w x + p + pi / 2).
+
+        Parameters
+        ----------
+        x : x_1, ..., x_n, of any common shape
+        index : of the coordinate
+
+        Returns
+        -------
+        values of that shape
+        """
+        quarter = 0.5 * np.pi * np.eye(self.arity)[index]
+        factor = self.factor * self.frequencies[index]
+        return replace(self, factor=factor, phases=self.phases + quarter, offset=0.0)(*x)
+
     def scaled(self, factor: float) -> SineProduct:
         """Multiply the function by a factor."""
         return replace(self, factor=self.factor * factor, offset=self.offset * factor)

@@ -13,6 +13,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadModel, UnknownName
 from myomorph.core.model.messages import located
 from myomorph.core.model.model import GROUND, Kept, Model
+from myomorph.core.model.paths import PathFunction
 from myomorph.core.model.series import Motion, Series, Wrenches
 
 SIDES = ("r", "l", "right", "left")
@@ -295,13 +296,17 @@ def renamed_model(model: Model, new_name: Callable[[str], str]) -> Model:
         """Rename what a part of the model holds."""
         changes: dict[str, Any] = {}
         for field in {part.name for part in fields(item)} & (
-            ONE_NAME | SEVERAL_NAMES | PARTS | {"path"}
+            ONE_NAME | SEVERAL_NAMES | PARTS | {"path", "function"}
         ):
             value = getattr(item, field)
             if field in ONE_NAME:
                 changes[field] = new_name(value)
             elif field == "path":
                 changes[field] = renamed(value)
+            elif field == "function":
+                # That of an axis or a coupler holds no name.
+                if isinstance(value, PathFunction):
+                    changes[field] = renamed(value)
             else:
                 changes[field] = tuple(map(new_name if field in SEVERAL_NAMES else renamed, value))
         return replace(item, **changes)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array, freeze, read_only
+from myomorph.core.model.errors import BadModel, quoted
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.functions import Function
+from myomorph.core.model.polynomial import Polynomial
 from myomorph.core.model.shown import shown
 from myomorph.core.model.spatial import Transform
 
@@ -137,20 +139,54 @@ class TendonWrap:
 
 @shown
 @dataclass(frozen=True, eq=False)
+class PathFunction:
+    """Length of a path as a function of coordinates (OpenSim's FunctionBasedPath).
+
+        r_i = -dl/dc_i,   ldot = -sum_i r_i cdot_i
+
+    where the file brings no functions of these.
+
+    Attributes
+    ----------
+    coordinates : names that the functions take, in order
+    length : of the coordinates [m]
+    moment_arms : one per coordinate, of the coordinates [m/rad or m/m]; () without
+    velocity : lengthening, of the coordinates and then of their rates [m/s]; None without
+    """
+
+    coordinates: tuple[str, ...]
+    length: Polynomial | Function
+    moment_arms: tuple[Polynomial | Function, ...] = ()
+    velocity: Polynomial | Function | None = None
+
+    def scaled(self, factor: float) -> PathFunction:
+        """Multiply length, moment arms and velocity by a factor, as in a larger body."""
+        return replace(
+            self,
+            length=self.length.scaled(factor),
+            moment_arms=tuple(function.scaled(factor) for function in self.moment_arms),
+            velocity=None if self.velocity is None else self.velocity.scaled(factor),
+        )
+
+
+@shown
+@dataclass(frozen=True, eq=False)
 class Path:
     """A muscle's way from origin to insertion.
 
     Attributes
     ----------
-    points : at least two, origin first
+    points : at least two, origin first; none where a function gives the length
     wraps : all `PathWrap` (OpenSim) or all `TendonWrap` (MuJoCo)
     divisors : one per segment between points: its share in the length is 1 / divisor, 0 where the
         path has a gap (MuJoCo pulleys); () means all 1
+    function : gives the length instead of points
     """
 
     points: tuple[PathPoint | MovingPathPoint, ...]
     wraps: tuple[PathWrap | TendonWrap, ...] = ()
     divisors: tuple[float, ...] = ()
+    function: PathFunction | None = None
 
 
 @shown
@@ -287,3 +323,46 @@ class Bushing:
     def __post_init__(self) -> None:
         freeze(self, rotational_stiffness=(3,), rotational_damping=(3,))
         freeze(self, translational_stiffness=(3,), translational_damping=(3,))
+
+
+def refuse_path_functions(muscles: Iterable[Muscle], use: str) -> None:
+    """Refuse muscles whose paths have no points.
+
+    Parameters
+    ----------
+    muscles : of a model
+    use : what needs the points, for the message
+
+    Raises
+    ------
+    BadModel : a function of coordinates gives the length of one
+    """
+    names = [muscle.name for muscle in muscles if muscle.path.function is not None]
+    if names:
+        raise BadModel(
+            f"functions of coordinates give the lengths of {quoted(names, 3)} (FunctionBasedPath),"
+            f" and {use} needs points of paths: use the model from which they were fitted"
+        )
+
+
+def impossible_fibers(muscles: Iterable[Muscle]) -> tuple[str, ...]:
+    """Find muscles whose optimal fiber is longer than the muscle, or whose tendon is negative.
+
+    MuJoCo states no fiber: its length follows from two numbers of each muscle, its length range and
+    its operating range. Where a modeller has set these for the force alone, the length is no
+    length of fibers.
+
+    Parameters
+    ----------
+    muscles : of a model
+
+    Returns
+    -------
+    their names
+    """
+    return tuple(
+        muscle.name
+        for muscle in muscles
+        if muscle.tendon_slack_length < 0.0
+        or muscle.optimal_fiber_length > muscle.parameters.get("lengthrange1", np.inf)
+    )

@@ -77,6 +77,7 @@ def scale(  # page: what OpenSim's tool has as settings
     """
     sizes = _checked(model, factors, mass)
     travel = _dependent_travel(model, sizes)
+    homes = {name: joint.child for joint in model.joints for name in joint.coordinates}
     bodies = tuple(
         _body(body, sizes[body.name], preserve_mass_distribution, inertia) for body in model.bodies
     )
@@ -94,12 +95,15 @@ def scale(  # page: what OpenSim's tool has as settings
             replace(frame, pose=_shifted(frame.pose, sizes[frame.body])) for frame in model.frames
         ),
         wrap_objects=tuple(_wrap(item, sizes[item.body]) for item in model.wrap_objects),
-        muscles=tuple(replace(muscle, path=_path(muscle.path, sizes)) for muscle in model.muscles),
+        muscles=tuple(
+            replace(muscle, path=_path(muscle.path, sizes, homes)) for muscle in model.muscles
+        ),
         actuators=tuple(_actuator(actuator, sizes) for actuator in model.actuators),
         loops=tuple(_tied(loop, sizes) for loop in model.loops),
         bushings=tuple(_tied(bushing, sizes) for bushing in model.bushings),
         ligaments=tuple(
-            replace(ligament, path=_path(ligament.path, sizes)) for ligament in model.ligaments
+            replace(ligament, path=_path(ligament.path, sizes, homes))
+            for ligament in model.ligaments
         ),
     )
     if path_lengths is None:
@@ -338,8 +342,21 @@ def _wrap(wrap: WrapObject, size: Array) -> WrapObject:
     return replace(wrap, pose=_shifted(wrap.pose, size), size=grown)
 
 
-def _path(path: Path, sizes: Mapping[str, Array]) -> Path:
-    """Move a path with its stretched bodies."""
+def _path(path: Path, sizes: Mapping[str, Array], homes: Mapping[str, str]) -> Path:
+    """Move a path with its stretched bodies.
+
+    A function that gives the length names no body: it grows with the mean of the factors of the
+    bodies that its coordinates move, which is exact where all have one.
+
+    Parameters
+    ----------
+    path : to move
+    sizes : (3,) factors by body
+    homes : by coordinate, the body that its joint leads to
+    """
+    if path.function is not None:
+        moved = [sizes[homes[name]] for name in path.function.coordinates]
+        return replace(path, function=path.function.scaled(float(np.mean(moved))))
     wraps = list(path.wraps)
     for i, wrap in enumerate(wraps):
         if isinstance(wrap, TendonWrap) and wrap.side is not None:

@@ -18,6 +18,7 @@ from myomorph.core.model.labelled import AXES, Labelled
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import index_of
 from myomorph.core.model.quantity import Quantity
+from myomorph.core.model.segment_poses import SegmentPoses
 from myomorph.core.model.series_quantities import (
     COORDINATE_ACCELERATION,
     COORDINATE_VALUE,
@@ -459,6 +460,7 @@ class Trial:
     events : named instants [s]
     other_points : points a program computed that are no places (angles, moments, powers), in the
         file's units
+    segments : poses of segments, of programs that need no markers
     facts : what the file says of itself: subject, maker, units, rates
     warnings : what looks wrong, one line each
     source : path of the file, "" for a recording made in memory
@@ -472,6 +474,7 @@ class Trial:
     emg: Emg | None = None
     events: tuple[Event, ...] = ()
     other_points: Series | None = None
+    segments: SegmentPoses | None = None
     facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     warnings: tuple[Message, ...] = ()
     source: str = ""
@@ -505,6 +508,7 @@ class Trial:
             markers=self.markers.rotated(matrix) if self.markers is not None else None,
             plates=tuple(plate.rotated(matrix) for plate in self.plates),
             plate_recordings=tuple(recordings),
+            segments=self.segments.rotated(matrix) if self.segments is not None else None,
         )
 
 

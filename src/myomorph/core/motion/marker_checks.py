@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import LABELS, MARKERS
-from myomorph.core.model.errors import quoted
+from myomorph.core.model.errors import BadData, quoted
 from myomorph.core.model.findings import Finding, Repair, Span, pairs_text, repaired, times_text
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.model import Model
@@ -35,6 +35,8 @@ from myomorph.core.motion.lengths import length_unit
 from myomorph.core.motion.marker_influence import hidden_findings, place_findings
 from myomorph.core.motion.pose_checks import pose_findings
 from myomorph.core.motion.sensors.sensor_fit import SensorFit
+from myomorph.core.motion.tasks.coordinates import CoordinateTask
+from myomorph.core.rigid.loops import free_coordinates
 from myomorph.core.rigid.tree import compile_tree
 
 FEW = 0.5  # Share of the model's markers, and of those recorded, below which too few match
@@ -95,11 +97,13 @@ def checked_kinematics(
 
     Raises
     ------
-    BadData : model and recording share no marker that has a weight; see `inverse_kinematics`
+    BadData : model and recording share no marker that has a weight, or so few that they cannot
+        determine the pose while the others have other names; see `inverse_kinematics`
     """
     options = options or InverseKinematicsOptions()
     checks = checks or MarkerCheckOptions()
     unit = length_unit(compile_tree(model))
+    _check_matched(model, markers, options)
     used, in_time = repaired(markers, time_findings(model, markers, unit), checks.mend)
     fit = inverse_kinematics(model, used, options, progress)
     fit, swapped = swap_findings(model, used, fit, options, SwapSearch(mend=checks.mend))
@@ -119,6 +123,30 @@ def checked_kinematics(
         findings += place_findings(model, used, fit, problem, unit)
         findings += pose_findings(model, used, fit, problem, options)
     return CheckedFit(fit, used, tuple(findings))
+
+
+def _check_matched(model: Model, markers: Markers, options: InverseKinematicsOptions) -> None:
+    """Refuse a recording of which next to no marker is the model's, so that any pose fits it.
+
+    Parameters
+    ----------
+    model : with markers
+    markers : as recorded
+    options : with tasks that may show the pose besides
+
+    Raises
+    ------
+    BadData : fewer than half of both are matched, with fewer coordinates than the pose has
+    """
+    matched = [name for name in model.marker_names if name in set(markers.names)]
+    few = len(matched) < FEW * len(model.marker_names) and len(matched) < FEW * len(markers.names)
+    shown = 3 * len(matched) + sum(not isinstance(task, CoordinateTask) for task in options.tasks)
+    if not matched or not few or shown >= len(free_coordinates(compile_tree(model))):
+        return
+    missing = [name for name in model.marker_names if name not in matched]
+    unused = [name for name in markers.names if name not in matched]
+    (finding,) = name_findings(missing, unused, len(matched))
+    raise BadData(f"{finding.text}; so few show no pose")
 
 
 def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding, ...]:

@@ -20,19 +20,11 @@ from myomorph.core.model.shown import shown
 from myomorph.core.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.core.muscles.model_paths import Paths, compile_paths
 from myomorph.core.muscles.path_arrays import ARMS
-from myomorph.core.muscles.path_frame import coupler_slopes
+from myomorph.core.muscles.path_functions import slopes_of_couplers
 from myomorph.core.muscles.quantities import MOMENT_ARM, MUSCLE_VELOCITY, PATHS
 from myomorph.core.rigid.coordinates import Ints
-from myomorph.core.rigid.kernels import kernel
 
 AT_ONCE = 64  # Frames whose moment arms stand in one dense table
-
-
-@kernel
-def _slopes(paths, c, slopes):
-    """`coupler_slopes` of frames: c (frames, coordinates), slopes (frames, couplers, 2) filled."""
-    for frame in range(c.shape[0]):
-        coupler_slopes(paths, c[frame], slopes[frame])
 
 
 @shown
@@ -245,7 +237,7 @@ def muscle_kinematics(
         raise BadData("the motion has values that are not finite")
     lengths, lengthening, arms = paths.evaluate(coordinates, speeds, progress)
     slopes = np.zeros((len(coordinates), len(paths.tree.arrays.coupler_coordinate), 2))
-    _slopes(paths.arrays, coordinates, slopes)
+    slopes_of_couplers(paths.arrays, coordinates, slopes)
     loops = tuple(
         (group, loop_couplings(paths.tree, group, coordinates))
         for group in loop_groups(paths.tree)

@@ -31,6 +31,7 @@ from myomorph.core.muscles.path import (
     path_frames,
 )
 from myomorph.core.muscles.path_arrays import PathArrays, moved_paths, path_arrays
+from myomorph.core.muscles.path_functions import has_functions, put_path_functions
 from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.frames import over_frames
 from myomorph.core.rigid.tree import Flags, Tree, compile_tree
@@ -167,6 +168,9 @@ class Paths:
             path_frames(tree, self.arrays, rules, part, results.part(start, stop))
 
         over_frames(run, frames, progress)
+        model = self.tree.model
+        if has_functions(model):
+            put_path_functions(model, self.arrays, motion, values)
         return results
 
     def _at_rest(self, coordinates: Coordinates) -> PathMotion:

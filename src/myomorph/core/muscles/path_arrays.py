@@ -160,6 +160,12 @@ class _Builder:
     def add(self, muscle: Muscle) -> None:
         """Add the path of a muscle: bodies, axes between them, points, then wraps."""
         path = muscle.path
+        if path.function is not None:
+            # The kernel sees no point of it: `path_functions` puts its values in.
+            names = path.function.coordinates
+            self._add_axes([], {self._coordinate(name) for name in names})
+            self._end_muscle()
+            return
         if len(path.points) < 2:
             raise BadModel(
                 f"the path of muscle '{muscle.name}' has {len(path.points)} points: expected two or"
@@ -182,6 +188,12 @@ class _Builder:
             side = wrap.side if isinstance(wrap, TendonWrap) else None
             self.wrap_side.append(np.zeros(3) if side is None else np.asarray(side))
         self.bodies += len(bodies)
+        self._end_muscle()
+        here = (len(path.points) + 2 * len(path.wraps), len(path.wraps), len(bodies))
+        self.most = [max(have, new) for have, new in zip(self.most, here, strict=True)]
+
+    def _end_muscle(self) -> None:
+        """Note where the rows of the next muscle begin."""
         counts = (
             len(self.point),
             len(self.wrap),
@@ -191,8 +203,6 @@ class _Builder:
             len(self.follow),
         )
         self.start.append(list(counts))
-        here = (len(path.points) + 2 * len(path.wraps), len(path.wraps), len(bodies))
-        self.most = [max(have, new) for have, new in zip(self.most, here, strict=True)]
 
     def _moving_coordinates(self, muscle: Muscle) -> set[int]:
         """Numbers of the coordinates that move points of a path in their bodies."""

@@ -73,7 +73,9 @@ def write_mjcf(
     (True, ['flexor', 'extensor'])
     """
     path = Path(path)
+    model, left_out = _without_path_functions(model)
     copied, cams, notes = mujoco_model(model)
+    notes = (*left_out, *notes)
     folders = [Path(folder) for folder in geometry]
     if model.source:
         beside = Path(model.source).parent
@@ -91,6 +93,19 @@ def write_mjcf(
     copy = MujocoCopy(path, copied)
     there = in_copy(copied, model, coordinates)
     return certify(model, copy, coordinates, there, swept, (*notes, *document.warnings))
+
+
+def _without_path_functions(model: Model) -> tuple[Model, tuple[Message, ...]]:
+    """The model without muscles whose length a function gives, which no tendon has, and a note."""
+    names = [muscle.name for muscle in model.muscles if muscle.path.function is not None]
+    if not names:
+        return model, ()
+    muscles = tuple(muscle for muscle in model.muscles if muscle.path.function is None)
+    note = COPIES.message(
+        f"{len(names)} muscles are left out, as functions of coordinates give their lengths and"
+        f" MuJoCo's tendons have points: {quoted(names, 3)}"
+    )
+    return replace(model, muscles=muscles), (note,)
 
 
 def _drawn_by(model: Model, document: MjcfDocument) -> Model:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.messages import Message
+from myomorph.exchange.causes import TOO_WEAK
 
 # What writes each file under the name that it is given.
 Writers = Mapping[Path, Callable[[Path], object]]
@@ -23,6 +24,11 @@ class ToolResult:
     lines: tuple[str, ...]  # what was found, one line each
     written: tuple[Path, ...]  # the files
     warnings: tuple[Message, ...] = ()  # what looked wrong but did not stop the work, one line each
+
+    @property
+    def solved(self) -> bool:
+        """Whether every frame that was asked for has a solution."""
+        return not any(warning.cause is TOO_WEAK for warning in self.warnings)
 
 
 def check_outputs(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> None:

@@ -44,6 +44,7 @@ from myomorph.exchange.opensim.forces import (
     reported_forces,
     reported_states,
 )
+from myomorph.exchange.opensim.missing_torque import missing_torques
 from myomorph.exchange.opensim.outputs import (
     ToolResult,
     Writers,
@@ -154,7 +155,7 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
 
     model = reading.open_model(model_path)
     reading.has_mass(model, "inverse dynamics")
-    recorded = reading.read_motion(motion_path, model)
+    recorded, odd = reading.read_noted_motion(motion_path, model)
     motion = indexed_frames(differentiate(recorded, setup.cutoff), setup.time_range, motion_path)
     wrenches = loads_at(setup.loads, model, recorded, motion)
     torques, warnings = net_torques(model, motion, wrenches, setup.excluded)
@@ -170,7 +171,7 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
         tool="InverseDynamicsTool",
         lines=(lines,),
         written=written,
-        warnings=(*notes, *setup.warnings, *of_model, *warnings),
+        warnings=(*odd, *notes, *setup.warnings, *of_model, *warnings),
     )
 
 
@@ -312,13 +313,13 @@ def _optimized(here: Analyzed, analysis: Analysis) -> Result:
     torques = inverse_dynamics(here.model, here.motion, here.wrenches)
     settings = analysis.static_optimization
     actuators = here.actuators
-    tables, text = static_optimization(
+    tables, text, weak = static_optimization(
         here.model, here.motion, torques, settings, actuators, analysis.name
     )
     forces = tables["force"]
     names, values, notes = force_columns(here, Series(forces.time, forces.names, forces.values))
     tables["force"] = replace(forces, names=names, values=values)
-    return tables, text, located(analysis.name, notes)
+    return tables, text, (*weak, *located(analysis.name, notes))
 
 
 ANALYSES: dict[str, Callable[[Analyzed, Analysis], Result]] = {
@@ -346,9 +347,9 @@ def static_optimization(
     settings: StaticOptimizationSettings,
     actuators: Sequence[Actuator],
     name: str,
-) -> tuple[Tables, str]:
+) -> tuple[Tables, str, list[Message]]:
     """Activations and forces of muscles and actuators: OpenSim's problem, so without the muscles'
-    passive force.
+    passive force; and what is missing where muscles are too weak.
     """
     if not settings.use_model_forces:
         raise BadData(
@@ -380,4 +381,5 @@ def static_optimization(
             tension.time, names, np.hstack([pulls, tension.actuator_force]), facts=facts
         ),
     }
-    return tables, f"static optimization: {tension_line(model, tension)}"
+    weak = missing_torques(model, motion, torques, tension, actuators)
+    return tables, f"static optimization: {tension_line(model, tension)}", weak

@@ -192,7 +192,8 @@ def analyzed(
     notes = []
     if setup.states is not None and setup.coordinates is not None:
         notes.append(SETUPS.message("coordinates_file is left out: there is a states_file"))
-    everything = reading.read_motion(path, model)
+    everything, odd = reading.read_noted_motion(path, model)
+    notes += odd
     # Integrators log frames at the time of the one before, which no spline bears.
     steps = np.diff(everything.time)
     kept = (

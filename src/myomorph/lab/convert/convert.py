@@ -176,7 +176,9 @@ def _write_markers(markers: Markers, path: Path, units: str) -> str:
 
 def _write_forces(wrenches: Wrenches, path: Path) -> list[tuple[Path, str]]:
     """Write a table of forces, and an external loads file where the bodies are known."""
-    known = bool(wrenches.bodies) and all(wrenches.bodies)
+    if not wrenches.names:
+        raise BadData(f"{path}: there are no forces to write: no plate of the recording is loaded")
+    known = all(wrenches.bodies)
     table = path if path.suffix.lower() in (".mot", ".sto") else path.with_suffix(".mot")
     if not known:
         plain = replace(wrenches, bodies=("unknown",) * len(wrenches.names))

@@ -14,6 +14,7 @@ from myomorph.core.model.causes import HIDDEN, MARKERS, PLATES, READING, UNITS
 from myomorph.core.model.errors import counted
 from myomorph.core.model.message_groups import grouped_messages
 from myomorph.core.model.messages import Message
+from myomorph.core.model.segment_poses import SegmentPoses
 from myomorph.core.model.series import Markers, Series, Table, Trial
 from myomorph.core.motion.crossings import crossings
 from myomorph.lab.causes import FILE_SHAPE
@@ -47,6 +48,8 @@ def inspect_trial(trial: Trial, kind: str) -> Inspection:
                 f"{len(trial.other_points.names)}: {listed(trial.other_points.names)}",
             )
         )
+    if trial.segments is not None:
+        facts += _segment_facts(trial.segments)
     if trial.plate_recordings or trial.plates:
         _plate_findings(trial, size, facts, warnings)
     if trial.analog is not None:
@@ -60,6 +63,19 @@ def inspect_trial(trial: Trial, kind: str) -> Inspection:
         if label not in ("point rate", "analog rate")
     ]
     return Inspection(kind, tuple(facts), tuple(warnings))
+
+
+def _segment_facts(segments: SegmentPoses) -> list[tuple[str, str]]:
+    """Names, frames and use of segments whose poses a recording holds."""
+    rate = (len(segments) - 1) / max(float(np.ptp(segments.time)), 1e-9)
+    return [
+        ("segments with poses", f"{len(segments.names)}: {listed(segments.names)}"),
+        ("frames of segments", f"{len(segments)} at {rate:.4g} Hz"),
+        (
+            "use",
+            "their orientations are taken by `ik --imu` (--imu-bodies SEGMENT=BODY names bodies)",
+        ),
+    ]
 
 
 def _marker_findings(

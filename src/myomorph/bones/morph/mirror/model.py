@@ -28,7 +28,13 @@ from myomorph.bones.morph.mirror.sides import OtherSide, Reflection, flip, other
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadModel
 from myomorph.core.model.model import GROUND, Body, Model
-from myomorph.core.model.paths import MovingPathPoint, Muscle, PathPoint, TendonWrap
+from myomorph.core.model.paths import (
+    MovingPathPoint,
+    Muscle,
+    PathPoint,
+    TendonWrap,
+    refuse_path_functions,
+)
 from myomorph.core.model.series import Motion
 from myomorph.core.model.sides import other_side, split_side
 from myomorph.core.model.spatial import Transform
@@ -90,6 +96,7 @@ def mirrored(
     >>> model.markers[1].location.tolist(), found.markers[1].location.tolist()
     ([-0.05, -0.2, 0.03], [-0.05, -0.2, -0.03])
     """
+    refuse_path_functions(model.muscles, "the mirror image")
     side = other_side_of(model, axis, point, middle)
     copied = mirrored_parts(model, side)
     kept = tuple(part for part in model.kept if part.room == "Model")

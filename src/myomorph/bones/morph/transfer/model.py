@@ -39,7 +39,13 @@ from myomorph.bones.morph.transfer.virtual_links import (
 from myomorph.core.model.errors import BadData, UnknownName, quoted
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import GROUND, Model, index_of
-from myomorph.core.model.paths import Ligament, Muscle, PathPoint, PathWrap
+from myomorph.core.model.paths import (
+    Ligament,
+    Muscle,
+    PathPoint,
+    PathWrap,
+    refuse_path_functions,
+)
 from myomorph.core.model.scale import taut_ligaments
 from myomorph.core.muscles.kinematics import default_path_lengths
 from myomorph.core.rigid.kinematics import standing_poses
@@ -100,6 +106,7 @@ def morph_model(
     [0.048, -0.12]
     """
     options = options or MorphOptions()
+    refuse_path_functions(model.muscles, "morphing")
     _check(model, bones)
     transfers = {body: Transfer(bone, body) for body, bone in with_neighbors(model, bones).items()}
     joints = transferred_joints(

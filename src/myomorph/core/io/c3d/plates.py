@@ -27,6 +27,8 @@ FORCE_UNITS = {
 }
 LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "meter": 1.0}
 FORCE_OF_MOMENT = (1, 6, 7)  # Letters of "n", "newton" and "newtons" before the unit of length.
+USUAL_EDGES = (0.15, 4.0)  # Of force plates and treadmills [m].
+PLATE_UNITS = {"mm": 1e-3, "m": 1.0, "cm": 1e-2, "in": 0.0254}  # In order of preference [m].
 MIN_LOAD = 50.0  # A plate that carries more is loaded [N].
 
 
@@ -135,6 +137,7 @@ def plate_recordings(
             PLATES.message(f"the file describes {count} force plates, but holds no analog samples")
         )
         return ()
+    meters = _plate_unit(raw.numbers(group, "CORNERS"), meters, notes)
     plates = []
     for index in range(count):
         parameters = _PlateParameters(
@@ -144,6 +147,69 @@ def plate_recordings(
         if plate is not None:
             plates.append(plate)
     return tuple(plates)
+
+
+def unit_of_plates(raw: RawC3d) -> str:
+    """Guess the unit of length of a file by the size of its plates.
+
+    Parameters
+    ----------
+    raw : parameters of the file
+
+    Returns
+    -------
+    the first of `PLATE_UNITS` in which the plates have the size of plates; "" where none does
+    """
+    for group in ("FORCE_PLATFORM", "FORCE_PLATEFORM"):
+        edges = _edges(raw.numbers(group, "CORNERS"))
+        for unit, meters in PLATE_UNITS.items():
+            if len(edges) and _are_usual(edges * meters):
+                return unit
+    return ""
+
+
+def _plate_unit(corners: Array, meters: float, notes: list[Message]) -> float:
+    """Return the unit of length of the plates [m], another one where they cannot be in the file's.
+
+    Parameters
+    ----------
+    corners : (12 plates,) as the file has them
+    meters : the file's unit of length [m]
+    notes : gets a warning where another unit is taken
+    """
+    edges = _edges(corners)
+    if not len(edges) or _are_usual(edges * meters):
+        return meters
+    for unit, other in PLATE_UNITS.items():
+        if _are_usual(edges * other):
+            longest = float(edges.max())
+            notes.append(
+                UNITS.message(
+                    f"force plates would be {longest * meters:.3g} m long in the file's unit of"
+                    f" length: their corners were taken as {unit}",
+                    gravity="may change results",
+                )
+            )
+            return other
+    return meters
+
+
+def _edges(corners: Array) -> Array:
+    """Lengths of the edges of all plates (edges,), in the file's unit; those of no length left out.
+
+    Parameters
+    ----------
+    corners : (12 plates,) as the file has them
+    """
+    whole = corners[: 12 * (len(corners) // 12)].reshape(-1, 4, 3)
+    lengths = np.linalg.norm(whole - np.roll(whole, 1, axis=1), axis=2).ravel()
+    return lengths[np.isfinite(lengths) & (lengths > 0.0)]
+
+
+def _are_usual(edges: Array) -> bool:
+    """Return whether all edges [m] are as long as those of plates can be."""
+    low, high = USUAL_EDGES
+    return bool((edges >= low).all() and (edges <= high).all())
 
 
 def _plate(parameters: _PlateParameters, notes: list[Message]) -> PlateRecording | None:

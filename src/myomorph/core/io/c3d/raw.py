@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,8 @@ SGI = 86
 EVENT_KEY = 12345
 MAX_EVENTS = 18
 MAX_DIMENSIONS = 7
+
+WORDS_OF_POSE = 17  # Of a segment: a matrix (4, 4) and its reliability.
 
 # Types of parameters.
 CHARACTERS = -1
@@ -53,6 +55,9 @@ class RawC3d:
     points : (frames, points, 3), NaN where the file calls them invalid
     residuals : (frames, points), negative where invalid
     analog : (samples, channels), offset and scale applied
+    rotations : (samples, segments, 4, 4) poses of segments, positions in the file's unit of length,
+        NaN where the program saw none
+    rotation_rate : of these samples [Hz]
     events : (label, time [s]) of the header's own list
     remarks : what was repaired or left out, one line each
     """
@@ -64,6 +69,8 @@ class RawC3d:
     points: Array
     residuals: Array
     analog: Array
+    rotations: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 4)))
+    rotation_rate: float = 0.0
     events: tuple[tuple[str, float], ...] = ()
     remarks: tuple[Message, ...] = ()
 
@@ -501,8 +508,11 @@ def _samples(
     BadFile : the file holds no samples, or no whole frame
     """
     about = _without_samples(header, groups)
+    about = _with_rotations(about, data, header, order)
     layout = _frame_layout(about, header, remarks)
     start = _data_start(about, header)
+    if layout.size == 0 and about.rotations.size:
+        return replace(about, events=header.events, remarks=tuple(remarks))
     if layout.size == 0 or start <= 0 or start >= len(data):
         raise BadFile(
             path, "holds neither points nor analog samples", "the recording may have been cut off"
@@ -537,8 +547,48 @@ def _samples(
         points=points,
         residuals=residuals,
         analog=_scaled(about, analog_words.reshape(samples, layout.channels), layout.real),
+        rotations=about.rotations,
+        rotation_rate=about.rotation_rate,
         events=header.events,
         remarks=tuple(remarks),
+    )
+
+
+def _with_rotations(about: RawC3d, data: bytes, header: _Header, order: _Order) -> RawC3d:
+    """Add the poses of segments that the group ROTATION describes (Theia3D writes them).
+
+    They stand behind points and analog samples: for each sample and segment a matrix (4, 4), column
+    by column, and its reliability, below 0 where the segment was not seen; all as reals.
+
+    Source: C3D.org, ROTATION group; ezc3d.
+
+    Parameters
+    ----------
+    about : parameters of the file
+    data : the file
+    header : count of frames
+    order : how numbers are written
+
+    Returns
+    -------
+    the same with `rotations`, of as many whole samples as the file holds
+    """
+    count = int(_first(about, "ROTATION", "USED", 0.0))
+    start = (int(_first(about, "ROTATION", "DATA_START", 0.0)) - 1) * BLOCK
+    size = 4 * WORDS_OF_POSE * count
+    if count <= 0 or not 0 < start < len(data):
+        return about
+    ratio = max(1, int(_first(about, "ROTATION", "RATIO", 1.0)))
+    held = (len(data) - start) // size
+    samples = min(held, ratio * max(0, _claimed_frames(about, header, held // ratio)))
+    words = order.floats(data[start : start + samples * size])
+    table = words.reshape(samples, count, WORDS_OF_POSE)
+    poses = table[:, :, :16].reshape(samples, count, 4, 4).swapaxes(2, 3)
+    finite = np.asarray(np.isfinite(poses).all(axis=(2, 3)))
+    seen = finite & (table[:, :, 16] >= 0.0)
+    rate = _first(about, "ROTATION", "RATE", ratio * header.rate)
+    return replace(
+        about, rotations=np.where(seen[:, :, None, None], poses, np.nan), rotation_rate=rate
     )
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.core.io.c3d.plates import plate_recordings
+from myomorph.core.io.c3d.plates import plate_recordings, unit_of_plates
 from myomorph.core.io.c3d.raw import RawC3d, read_raw_c3d
 from myomorph.core.io.parsing.text import unique_names, without_far_away
 from myomorph.core.model.arrays import Array
@@ -19,6 +19,7 @@ from myomorph.core.model.causes import LABELS, READING, UNITS
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
+from myomorph.core.model.segment_poses import SegmentPoses
 from myomorph.core.model.series import Analog, Event, Markers, Series, Trial
 
 # Parameters of a recording's date, in the groups of several makers; C3D itself has none.
@@ -37,6 +38,9 @@ LENGTH_UNITS = {
 """Unit of length [m] by the letters with which its name begins."""
 MAX_METERS = 20.0  # Median of positions, above which a unit without a name is taken as mm.
 MAX_TIME = 1e6  # Of an event [s].
+MAX_RATE = 1e6  # Of frames [Hz].
+MAX_SKEW = 1e-2  # Of a rotation matrix R, of an entry of R R^T - 1.
+POSE_LABEL = re.compile(r"_4x4$", re.IGNORECASE)  # Ends the names of Theia3D's segments.
 HINT = "try to open it in the program that wrote it and save it again as C3D"
 QUANTITIES = ("ANGLES", "MOMENTS", "POWERS", "FORCES", "SCALARS", "REACTIONS", "USERMOS")
 QUANTITY_NAME = re.compile(r"(angles?|moments?|powers?|forces?|grf)$", re.IGNORECASE)
@@ -47,8 +51,9 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
     """Read a C3D file: lengths in meters, a hidden marker as NaN, time 0 at frame 1.
 
     Points that a program computed (angles, moments, powers, forces) are in `other_points`; computed
-    positions stay among the markers, as OpenSim has it. Force plates are `plate_recordings`:
-    `contact.plates` makes forces of them. EMG stays in `analog`; see `c3d.emg`.
+    positions stay among the markers, as OpenSim has it. Poses of segments (Theia3D) are `segments`.
+    Force plates are `plate_recordings`: `contact.plates` makes forces of them. EMG stays in
+    `analog`; see `c3d.emg`.
 
     Parameters
     ----------
@@ -66,7 +71,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
     """
     path = Path(path)
     raw = read_raw_c3d(path)
-    if not 0.0 < raw.point_rate < 1e6:
+    if not 0.0 < raw.point_rate < MAX_RATE:
         raise BadFile(path, f"states a frame rate of {raw.point_rate:g} Hz", HINT)
     notes = list(raw.remarks)
     facts = _facts(raw)
@@ -76,6 +81,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
     markers, others = _points(raw, time, meters, facts, notes)
     analog = _analog(raw, start, notes)
     plates = plate_recordings(raw, meters, notes)
+    segments = _segments(raw, meters, start)
     return Trial(
         markers=markers,
         plate_recordings=plates,
@@ -83,6 +89,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
         analog=analog,
         events=_events(raw, notes),
         other_points=others,
+        segments=segments,
         facts=FrozenMap(facts),
         warnings=tuple(notes),
         source=str(path),
@@ -90,7 +97,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
 
 
 def _meters(raw: RawC3d, notes: list[Message]) -> float:
-    """Find the length of the file's unit, by its name or by the median of the positions.
+    """Find the length of the file's unit, by its name, the median of the positions or the plates.
 
     Parameters
     ----------
@@ -105,12 +112,41 @@ def _meters(raw: RawC3d, notes: list[Message]) -> float:
     for begin, meters in LENGTH_UNITS.items():
         if text.startswith(begin):
             return meters
-    median = float(np.nanmedian(np.abs(raw.points))) if np.isfinite(raw.points).any() else 0.0
-    unit = "mm" if median > MAX_METERS else "m"
+    if np.isfinite(raw.points).any():
+        unit = "mm" if float(np.nanmedian(np.abs(raw.points))) > MAX_METERS else "m"
+    else:
+        # Without points only plates, or segments that stand in a laboratory, have a size.
+        unit = unit_of_plates(raw) or ("mm" if raw.rotations.size else "m")
     notes.append(
         UNITS.message(f"the file names no unit of length that is known ('{text}'): taken as {unit}")
     )
     return LENGTH_UNITS[unit]
+
+
+def _segments(raw: RawC3d, meters: float, start: float) -> SegmentPoses | None:
+    """Read poses of segments, None where the file holds none.
+
+    Parameters
+    ----------
+    raw : poses (samples, segments, 4, 4)
+    meters : the file's unit of length [m]
+    start : time of the first sample [s]
+    """
+    samples, count = raw.rotations.shape[:2]
+    if not samples or not 0.0 < raw.rotation_rate < MAX_RATE:
+        return None
+    labels = _filled(raw.texts("ROTATION", "LABELS"), count)
+    names = [POSE_LABEL.sub("", label) or f"segment_{i + 1}" for i, label in enumerate(labels)]
+    rotations = raw.rotations[:, :, :3, :3]
+    # A matrix that does not rotate marks a segment that was not seen.
+    gram = rotations @ rotations.swapaxes(2, 3)
+    odd = ~(np.abs(gram - np.eye(3)).max(axis=(2, 3)) < MAX_SKEW)
+    return SegmentPoses(
+        time=start + np.arange(samples) / raw.rotation_rate,
+        names=unique_names(names, "segment", []),
+        rotations=np.where(odd[:, :, None, None], np.nan, rotations),
+        origins=np.where(odd[:, :, None], np.nan, raw.rotations[:, :, :3, 3] * meters),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

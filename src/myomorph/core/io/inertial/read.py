@@ -8,19 +8,25 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from myomorph.core.io.c3d.read import read_c3d
 from myomorph.core.io.inertial.channels import sensors_of_channels
 from myomorph.core.model.errors import BadData, BadFile, MyomorphError
 from myomorph.core.model.extension import Format
 from myomorph.core.model.inertial_sensors import InertialSensors, beside
 from myomorph.core.model.registry import extensions
+from myomorph.core.model.segment_poses import SegmentPoses
 from myomorph.core.model.series import Trial
+from myomorph.core.model.spatial import quaternion_from_rotation
 
 SENSORS: tuple[Format, ...] = (
     Format("OpenSim orientations", (".sto",), "myomorph.core.io.inertial.tables:read_orientations"),
     Format("Xsens MVN", (".mvnx",), "myomorph.core.io.inertial.xsens:read_mvnx"),
     Format("Xsens MT Manager", (".txt",), "myomorph.core.io.inertial.xsens:read_xsens_text"),
-    Format("Movella DOT or Delsys", (".csv",), "myomorph.core.io.inertial.tables:read_sensor_csv"),
+    Format(
+        "Movella DOT, APDM or Delsys", (".csv",), "myomorph.core.io.inertial.tables:read_sensor_csv"
+    ),
     Format("APDM", (".h5", ".hdf5"), "myomorph.core.io.inertial.apdm:read_apdm"),
     Format("C3D channels", (".c3d",), "myomorph.core.io.inertial.read:read_c3d_sensors"),
     *(kind for extension in extensions() for kind in extension.sensors),
@@ -74,7 +80,8 @@ def read_inertial(
     """Read the inertial sensors of a recording, of one file or of one file for each sensor.
 
     Knows OpenSim's tables of orientations (.sto), Xsens (.mvnx, .txt), Movella DOT and Delsys
-    (.csv), APDM (.h5) and C3D files with channels of accelerometers and gyroscopes (.c3d).
+    (.csv), APDM (.h5, .csv) and C3D files with channels of accelerometers and gyroscopes, or with
+    segments of Theia3D (.c3d).
 
     Source: see docs/inertial-sensors.md for what each format means.
 
@@ -153,15 +160,19 @@ def read_c3d_sensors(path: Path) -> InertialSensors:
 def sensors_of_trial(trial: Trial) -> InertialSensors | None:
     """Find the inertial sensors among the analog channels of a recording.
 
+    Segments with poses (Theia3D) count as sensors of orientation.
+
     Parameters
     ----------
-    trial : its analog channels are read
+    trial : its segments and analog channels are read
 
     Returns
     -------
     accelerations [m/s^2], angular velocities [rad/s] and other signals (frames, sensors, 3 or 4);
     None where there are none
     """
+    if trial.segments is not None:
+        return _sensors_of_segments(trial.segments, trial.source)
     analog = trial.analog
     sensors = (
         None
@@ -169,3 +180,16 @@ def sensors_of_trial(trial: Trial) -> InertialSensors | None:
         else sensors_of_channels(analog.time, analog.names, analog.values, analog.units)
     )
     return None if sensors is None else replace(sensors, source=trial.source)
+
+
+def _sensors_of_segments(segments: SegmentPoses, source: str) -> InertialSensors:
+    """Take the rotations of segments for orientations of sensors; the laboratory's z points up."""
+    known = np.asarray(np.isfinite(segments.rotations).all(axis=(2, 3)))
+    rotations = np.where(known[:, :, None, None], segments.rotations, np.eye(3))
+    orientations = quaternion_from_rotation(rotations)
+    return InertialSensors(
+        time=segments.time,
+        names=segments.names,
+        orientations=np.where(known[:, :, None], orientations, np.nan),
+        source=source,
+    )

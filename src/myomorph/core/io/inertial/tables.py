@@ -1,28 +1,28 @@
-"""Tables of inertial sensors: OpenSim's orientations, and CSV files of Movella DOT and Delsys."""
+"""Tables of inertial sensors: OpenSim's orientations, CSV files of Movella DOT, APDM and Delsys."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.io.delsys import Channel, read_delsys
+from myomorph.core.io.inertial.apdm_csv import is_apdm_csv, read_apdm_csv
 from myomorph.core.io.inertial.channels import sensors_of_channels
 from myomorph.core.io.inertial.xsens import COLUMNS, HEAD_LINES, read_dot
-from myomorph.core.io.parsing.text import file_text, number
+from myomorph.core.io.parsing.text import file_text
 from myomorph.core.io.sto import read_sto
-from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import SENSORS
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.inertial_sensors import InertialSensors
 
 HINT = (
-    "expected a CSV export of Movella DOT, or of Delsys with a column of times before the channels"
+    "expected a CSV export of Movella DOT, of APDM, or of Delsys with a column of times before the"
+    " channels"
 )
-TIME = re.compile(r"^(x\s*\[s\]|x\s*\(s\)|time.*)$", re.IGNORECASE)
-UNIT = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
 MIN_NORM = 0.5  # Of a quaternion.
 MAX_NORM_ERROR = 0.01
 # In the name of a channel.
@@ -70,7 +70,7 @@ def read_orientations(path: Path) -> InertialSensors:
 
 
 def read_sensor_csv(path: Path) -> InertialSensors:
-    """Read a CSV file of Movella DOT (one sensor) or of Delsys (several sensors).
+    """Read a CSV file of Movella DOT (one sensor), of APDM or of Delsys (several sensors).
 
     Parameters
     ----------
@@ -88,103 +88,16 @@ def read_sensor_csv(path: Path) -> InertialSensors:
     lines = file_text(path, HINT).splitlines()
     if any(COLUMNS.match(line) for line in lines[:HEAD_LINES]):
         return read_dot(path)
-    for start, line in enumerate(lines[:HEAD_LINES]):
-        delimiter = _delimiter(line)
-        titles = [cell.strip().strip('"') for cell in line.split(delimiter)]
-        if len(titles) > 3 and any(TIME.match(title) for title in titles):
-            values = _values(path, titles, delimiter, lines[start + 1 :])
-            return _delsys(path, _channels(titles, values))
-    raise BadFile(path, "has no line of column names with a time", HINT)
+    if is_apdm_csv(lines):
+        return read_apdm_csv(path)
+    try:
+        channels = read_delsys(path)
+    except BadFile as error:
+        raise BadFile(path, error.problem, HINT) from None
+    return _delsys(path, channels)
 
 
-def _delimiter(line: str) -> str:
-    """Find what stands between the cells of a line: a semicolon, a tab, or else a comma."""
-    for delimiter in ";\t":
-        if delimiter in line:
-            return delimiter
-    return ","
-
-
-@read_only
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Channel:
-    """A channel with a clock of its own.
-
-    Attributes
-    ----------
-    name, unit : by its title; "" for no unit
-    time : (samples,) [s]
-    values : (samples,) in that unit
-    """
-
-    name: str
-    unit: str
-    time: Array
-    values: Array
-
-
-def _values(path: Path, titles: Sequence[str], delimiter: str, lines: Iterable[str]) -> Array:
-    """Read the numbers of a table.
-
-    Parameters
-    ----------
-    path : of the file, for messages
-    titles : of the columns
-    delimiter : between cells; with ";" a comma is a decimal point
-    lines : below the titles
-
-    Returns
-    -------
-    (rows, columns), NaN where a cell is missing
-
-    Raises
-    ------
-    BadFile : a cell is no number
-    """
-    lines = [line for line in lines if line.strip(" ,;\t")]
-    if delimiter == ";":
-        lines = [line.replace(",", ".") for line in lines]
-    values = np.full((len(lines), len(titles)), np.nan)
-    for index, line in enumerate(lines):
-        for column, cell in enumerate(line.split(delimiter)[: len(titles)]):
-            try:
-                values[index, column] = number(cell)
-            except ValueError:
-                text = f"row {index + 1} holds '{cell.strip()}' in column '{titles[column]}'"
-                raise BadFile(path, text, HINT) from None
-    return values
-
-
-def _channels(titles: Sequence[str], values: Array) -> list[_Channel]:
-    """Read the channels, each at the times that stand before it.
-
-    Parameters
-    ----------
-    titles : of the columns; a column of times stands before its channels
-    values : (rows, columns)
-    """
-    channels = []
-    clock: int | None = None
-    for column, title in enumerate(titles):
-        if TIME.match(title):
-            clock = column
-            continue
-        if not title or clock is None:
-            continue
-        unit = UNIT.search(title)
-        known = np.isfinite(values[:, clock]) & np.isfinite(values[:, column])
-        channels.append(
-            _Channel(
-                name=title[: unit.start()].strip() if unit else title,
-                unit=unit.group(1) if unit else "",
-                time=values[known, clock],
-                values=values[known, column],
-            )
-        )
-    return channels
-
-
-def _delsys(path: Path, channels: Sequence[_Channel]) -> InertialSensors:
+def _delsys(path: Path, channels: Sequence[Channel]) -> InertialSensors:
     """Bring the channels of Delsys to the clock of the fastest inertial channel.
 
     Parameters
@@ -211,14 +124,9 @@ def _delsys(path: Path, channels: Sequence[_Channel]) -> InertialSensors:
     sensors = sensors_of_channels(
         time,
         names=[channel.name for channel in inertial],
-        values=np.column_stack([_at_times(channel, time) for channel in inertial]),
+        values=np.column_stack([channel.at_times(time) for channel in inertial]),
         units=[channel.unit for channel in inertial],
     )
     if sensors is None:
         raise BadFile(path, "has no sensor with all axes of an accelerometer and a gyroscope", HINT)
     return replace(sensors, source=str(path))
-
-
-def _at_times(channel: _Channel, time: Array) -> Array:
-    """Interpolate a channel at times (samples,) [s], NaN beyond its first and last."""
-    return np.interp(time, channel.time, channel.values, left=np.nan, right=np.nan)

@@ -22,9 +22,10 @@ from myomorph.core.io.parsing.xml import read_xml
 from myomorph.core.model.errors import BadFile, quoted
 from myomorph.core.model.model import Kept
 
-DEFAULT_TIME_LIMIT = 15.0
+DEFAULT_TIME_LIMIT = 60.0  # Of processor time, of all threads together [s].
+WALL_SHARE = 4.0  # Of that limit, after which the process is stopped on a busy machine too.
 MAX_FILES = 200
-MAX_MEMORY = 16.0  # Of the process that compiles [GiB].
+MAX_MEMORY = 8.0  # Of the process that compiles [GiB].
 MAX_ASSET_BYTES = 512 * 1024 * 1024
 LICENSES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt")
 TEXTURE_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
@@ -79,7 +80,7 @@ def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[A
     ----------
     path : of the MJCF file
     root : top folder of the model's files; None finds it
-    time_limit : for compiling [s]
+    time_limit : of processor time for compiling; of time by the clock four times as much [s]
 
     Returns
     -------
@@ -97,10 +98,17 @@ def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[A
         job.write_text(
             json.dumps({"path": str(path.resolve()), "missing": missing}), encoding="utf-8"
         )
-        outcome = run_guarded(f"{__name__}:_compile", [job, binary, answer], time_limit, MAX_MEMORY)
+        outcome = run_guarded(
+            f"{__name__}:_compile",
+            [job, binary, answer],
+            WALL_SHARE * time_limit,
+            MAX_MEMORY,
+            time_limit,
+        )
         if outcome.status == "hung":
             hint = "is a mesh very large, or a length range not given for its muscles?"
-            raise BadFile(path, f"MuJoCo did not compile it within {time_limit:g} s", hint)
+            problem = f"MuJoCo did not compile it within {time_limit:g} s of processor time"
+            raise BadFile(path, problem, hint)
         if outcome.status == "failed":
             raise BadFile(path, f"MuJoCo stopped while compiling it ({outcome.message})")
         result = json.loads(answer.read_text(encoding="utf-8"))

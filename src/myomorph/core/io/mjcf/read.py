@@ -30,9 +30,12 @@ from myomorph.core.io.mjcf.muscles import actuators_of, muscles_of
 from myomorph.core.io.mjcf.original import original_of
 from myomorph.core.io.mjcf.write import MARKERS
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.errors import BadData, BadFile, BadModel
+from myomorph.core.model.causes import MUSCLES
+from myomorph.core.model.errors import BadData, BadFile, BadModel, quoted
 from myomorph.core.model.inertia import made_up_inertias
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Frame, Kept, Marker, Model
+from myomorph.core.model.paths import Muscle, impossible_fibers
 from myomorph.core.model.spatial import euler_xyz_from_rotation, rotation_from_quaternion
 
 WIDTHS = {"free": (7, 6), "ball": (4, 3), "slide": (1, 1), "hinge": (1, 1), "weld": (0, 0)}
@@ -48,12 +51,12 @@ def read_mjcf(
     """Read the model of an MJCF file.
 
     The text is checked before MuJoCo sees it, in a process of its own that is stopped after
-    `time_limit`. Files that the model names (includes, meshes, height fields, textures, skins,
-    attached models) must lie inside the model's folder tree: `root`, or the folder of the file or,
-    where that belongs to a Python package, a git checkout or a folder with a LICENSE file, the top
-    folder of that. A relative path that leaves the tree is refused by name, and so is an absolute
-    path to an existing file outside. A mesh that is missing is left out with its geoms and listed
-    in `Model.kept`.
+    `time_limit`, and that gets 8 GiB of memory. Files that the model names (includes, meshes,
+    height fields, textures, skins, attached models) must lie inside the model's folder tree:
+    `root`, or the folder of the file or, where that belongs to a Python package, a git checkout or
+    a folder with a LICENSE file, the top folder of that. A relative path that leaves the tree is
+    refused by name, and so is an absolute path to an existing file outside. A mesh that is missing
+    is left out with its geoms and listed in `Model.kept`.
 
     A file that `write_mjcf` wrote gives the model that it was written from, unless it was edited
     since or `marker_sites` is given: then it is read as MuJoCo has it.
@@ -66,7 +69,7 @@ def read_mjcf(
     root : top folder of the model's files; None finds it
     marker_sites : regular expression; sites whose whole name matches become markers, instead of
         those of a tuple named "markers"
-    time_limit : for compiling [s]
+    time_limit : of processor time for compiling; of time by the clock four times as much [s]
 
     Returns
     -------
@@ -154,7 +157,23 @@ def model_from_mujoco(
         ground_meshes=meshes[0],
         kept=(*kept, *left_out(compiled, names), *lost_equalities, *lost_tendons, *lost_actuators),
         source=source,
-        warnings=made_up_inertias(bodies),
+        warnings=(*made_up_inertias(bodies), *_of_fibers(muscles)),
+    )
+
+
+def _of_fibers(muscles: Sequence[Muscle]) -> tuple[Message, ...]:
+    """Warn of muscles whose fibers cannot be as long as the file makes them."""
+    names = impossible_fibers(muscles)
+    if not names:
+        return ()
+    return (
+        MUSCLES.message(
+            f"the fibers of {len(names)} of {len(muscles)} muscles would be longer than the"
+            f" muscles, or their tendons shorter than 0 ({quoted(names, 3)}): the numbers of the"
+            " file give their forces and no length of fibers, so none is reported, stretched or"
+            " personalized",
+            gravity="may change results",
+        ),
     )
 
 

@@ -25,6 +25,9 @@ from myomorph.core.model.surface import Surface
 
 MASSLESS = 1e-9  # Mass of a body that moves and has none: MuJoCo wants some [kg].
 SMALLEST_INERTIA = 1e-12  # [kg m^2]
+SMALLEST_SHARE = (
+    1e-6  # Of a body's largest principal moment: MuJoCo takes no smaller ones for sure.
+)
 # Of the slides of points that move: what lets their constraints carry a muscle's force [kg].
 ARMATURE = 0.01
 TIMESTEP = 0.001  # [s]
@@ -189,7 +192,8 @@ class _Writer:
             inertia = proper_inertia(body.inertia) + (
                 SMALLEST_INERTIA * np.eye(3) if not body.inertia.any() else 0.0
             )
-            full = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+            thin = with_least_moments(inertia)
+            full = thin[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
             mass = body.mass or MASSLESS
             center = body.mass_center
             put(element, "inertial", pos=text(center), mass=text(mass), fullinertia=text(full))
@@ -199,6 +203,14 @@ class _Writer:
                         f"inertia of '{body.name}' is written with principal moments"
                         f" {moments(inertia)} kg m^2 instead of {moments(body.inertia)}: no rigid"
                         " body has these, and MuJoCo refuses them"
+                    )
+                )
+            if thin is not inertia:
+                self.warnings.append(
+                    MODEL.message(
+                        f"inertia of '{body.name}' is written with principal moments"
+                        f" {moments(thin)} kg m^2 instead of {moments(inertia)}: a thin rod has one"
+                        " of 0, and MuJoCo wants all above 0"
                     )
                 )
         if joint.kind == "free":
@@ -587,6 +599,24 @@ def proper_inertia(inertia: ArrayLike) -> np.ndarray:
     # A little more than needed: rounding would break it again.
     share = lack * (1.0 + 1e-9) / 3.0
     return (axes * (values + share * np.array([1.0, 1.0, -1.0]))) @ axes.T
+
+
+def with_least_moments(inertia: np.ndarray) -> np.ndarray:
+    """Raise principal moments to the least that MuJoCo takes.
+
+    Parameters
+    ----------
+    inertia : (3, 3) about the center of mass [kg m^2]
+
+    Returns
+    -------
+    (3, 3) [kg m^2] with the same principal axes; the very same where nothing is raised
+    """
+    values, axes = np.linalg.eigh(inertia)
+    least = SMALLEST_SHARE * values[2]
+    if values[0] >= least:
+        return inertia
+    return np.asarray((axes * np.maximum(values, least)) @ axes.T)
 
 
 def moments(inertia: ArrayLike) -> str:

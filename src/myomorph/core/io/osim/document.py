@@ -17,7 +17,7 @@ from lxml import etree
 from numpy.typing import ArrayLike
 
 from myomorph.core.io.parsing.text import written
-from myomorph.core.io.parsing.xml import read_xml
+from myomorph.core.io.parsing.xml import read_xml, with_colons
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadFile
@@ -539,6 +539,6 @@ def write_document(root: etree._Element, path: str | os.PathLike[str]) -> None:
     BadFile : the file cannot be written
     """
     etree.indent(root, space="\t")
-    text = etree.tostring(root, encoding="unicode")
+    text = with_colons(etree.tostring(root, encoding="unicode"))
     with written(path) as stream:
         stream.write(f'<?xml version="1.0" encoding="UTF-8" ?>\n{text}\n')

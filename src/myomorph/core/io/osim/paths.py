@@ -11,6 +11,8 @@ from myomorph.core.io.osim.document import Node, child, legal, number, put
 from myomorph.core.io.osim.frames import Frames, body_path
 from myomorph.core.io.osim.functions import read_function, write_function
 from myomorph.core.io.osim.joints import plain_name
+from myomorph.core.io.osim.path_functions import KIND as FUNCTION_KIND
+from myomorph.core.io.osim.path_functions import read_path_function, write_path_function
 from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadModel, UnknownName, check_name
 from myomorph.core.model.frozen_map import FrozenMap
@@ -54,15 +56,18 @@ class PathReader:
 
         Returns
         -------
-        points in their bodies [m] and wraps
+        points in their bodies [m] and wraps, or a function of coordinates
 
         Raises
         ------
-        BadFile : it has fewer than two points, or a wrap's method is none
+        BadFile : it has fewer than two points, a wrap's method is none, or a function is broken
         BadModel : a point or the path is of a class that is not supported
         UnknownName : it names a frame, coordinate or wrap object that does not exist
         """
         path = node.child("GeometryPath")
+        function = node.child(FUNCTION_KIND)
+        if path is None and function is not None:
+            return Path((), function=read_path_function(function, node, self._coordinates))
         if path is None:
             other = next(
                 (str(element.tag) for element in node.element if str(element.tag).endswith("Path")),
@@ -186,6 +191,8 @@ def write_path(
     -------
     the path's element
     """
+    if way.function is not None:
+        return write_path_function(element, owner, way.function, joints, warnings)
     path = child(element, "GeometryPath", name="path")
     points = child(child(path, "PathPointSet"), "objects")
     for i, point in enumerate(way.points):

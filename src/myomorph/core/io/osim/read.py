@@ -13,6 +13,7 @@ import numpy as np
 
 from myomorph.core.io.osim.actuators import KINDS, placed_actuator, read_actuator
 from myomorph.core.io.osim.bodies import read_body, read_meshes, read_wrap_objects
+from myomorph.core.io.osim.components import gather_components, name_coordinates_apart
 from myomorph.core.io.osim.constraints import read_bushings, read_constraints, read_passive_torques
 from myomorph.core.io.osim.document import NEWEST, OLDEST, Document, Node, read_document
 from myomorph.core.io.osim.frames import OFFSET_KINDS, Frames
@@ -175,6 +176,8 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
     document = node.document
     _check_version(document)
     _check_units(node)
+    gather_components(node)
+    name_coordinates_apart(node)
     frames = Frames(node)
     parts = _body_nodes(node)
     joints = _joints(node, parts.bodies, frames)

@@ -2,13 +2,15 @@
 
 C3D, MJCF and HDF5 are read by libraries of others.
 
-`python -m myomorph.core.io.parsing.guard MODULE FUNCTION GIGABYTES TEXT...` is the child's side.
+`python -m myomorph.core.io.parsing.guard MODULE FUNCTION GIGABYTES SECONDS TEXT...` is the child's
+side.
 """
 
 from __future__ import annotations
 
 import importlib
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -18,9 +20,21 @@ from typing import Literal
 
 import myomorph
 
+try:
+    import resource
+except ImportError:  # Windows has no such limits.
+    resource = None  # type: ignore[assignment]
+
 GIGABYTE = 1 << 30
 BYTES_PER_SECOND = 20e6  # The slowest at which a sound file is read.
 LONGEST = 300  # Characters of a message.
+# Ends of a process by its processor time: the signals for it, as a parent or a shell sees them.
+_OUT_OF_TIME = tuple(
+    sign * int(number) + offset
+    for name in ("SIGXCPU", "SIGKILL")
+    if (number := getattr(signal, name, None)) is not None
+    for sign, offset in ((-1, 0), (1, 128))
+)
 
 
 @dataclass(frozen=True)
@@ -52,6 +66,7 @@ def run_guarded(
     arguments: Sequence[str | os.PathLike[str]],
     seconds: float,
     gigabytes: float = 16.0,
+    processor_seconds: float = 0.0,
 ) -> Outcome:
     """Call a function with texts in a child process, which is stopped when its time is over.
 
@@ -64,10 +79,12 @@ def run_guarded(
     arguments : texts or absolute paths
     seconds : time allowed [s]
     gigabytes : limit of the child's address space, where the system has such limits [GiB]
+    processor_seconds : limit of the child's processor time, of all its threads together, where the
+        system has such limits; 0 for none [s]
 
     Returns
     -------
-    "done", "failed" with a message, or "hung" where the time was over
+    "done", "failed" with a message, or "hung" where either time was over
     """
     home = Path(myomorph.__file__).resolve().parents[1]
     # The child does no linear algebra: one thread makes its start shorter.
@@ -85,6 +102,7 @@ def run_guarded(
                 __name__,
                 *function.split(":"),
                 str(gigabytes),
+                str(processor_seconds),
                 *(os.fspath(argument) for argument in arguments),
             ],
             cwd=home,
@@ -102,12 +120,30 @@ def run_guarded(
         return Outcome("failed", f"could not be started ({error})")
     if child.returncode == 0:
         return Outcome("done")
+    if processor_seconds and child.returncode in _OUT_OF_TIME:
+        return Outcome("hung", f"took more than {processor_seconds:.0f} s of processor time")
     lines = [
         line.strip()
         for line in child.stderr.decode("utf-8", errors="replace").splitlines()
         if line.strip()
     ]
     return Outcome("failed", lines[-1] if lines else f"ended with status {child.returncode}")
+
+
+def limit_processor_time(seconds: float) -> None:
+    """Limit the processor time of this process, where the system can do that.
+
+    Parameters
+    ----------
+    seconds : of all threads together [s]; 0 for no limit
+    """
+    if resource is None or seconds <= 0.0:
+        return
+    whole = max(1, round(seconds))
+    _, hard = resource.getrlimit(resource.RLIMIT_CPU)
+    # A second after the signal that it may catch, the process is killed.
+    if hard == resource.RLIM_INFINITY or whole < hard:
+        resource.setrlimit(resource.RLIMIT_CPU, (whole, whole + 1))
 
 
 def limit_memory(gigabytes: float) -> None:
@@ -117,10 +153,7 @@ def limit_memory(gigabytes: float) -> None:
     ----------
     gigabytes : largest address space [GiB]; a lower limit that exists stays
     """
-    try:
-        # Not on every system.
-        import resource
-    except ImportError:
+    if resource is None:
         return
     size = int(gigabytes * GIGABYTE)
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
@@ -128,10 +161,11 @@ def limit_memory(gigabytes: float) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (size, hard))
 
 
-def _main(module: str, name: str, gigabytes: str, *arguments: str) -> int:
+def _main(module: str, name: str, gigabytes: str, seconds: str, *arguments: str) -> int:
     """Run the child's side: the function's error becomes one line and exit status 1."""
     function = getattr(importlib.import_module(module), name)
     limit_memory(float(gigabytes))
+    limit_processor_time(float(seconds))
     try:
         function(*arguments)
     except MemoryError:

@@ -17,6 +17,12 @@ LARGEST = 256 * 1024 * 1024
 ENTITIES = re.compile(rb"<!\s*(ENTITY|DOCTYPE[^>]*\[)", re.IGNORECASE)
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 COMMENT = re.compile("<!--.*?-->", re.DOTALL)
+TAG = re.compile(r"</?[A-Za-z_][\w.:-]*")
+TAG_BYTES = re.compile(TAG.pattern.encode("ascii"))
+COLONS = ".colons."
+"""Stands for the two colons of OpenSim's inner classes (`HuntCrossleyForce::ContactParameters`),
+which no name in XML may have.
+"""
 AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9a-fA-F]+);)")
 
 
@@ -59,6 +65,8 @@ def read_xml(path: str | os.PathLike[str]) -> XmlFile:
             "declares XML entities, which could expand without end",
             "remove its <!DOCTYPE ...> part",
         )
+    if b"::" in content:
+        content = TAG_BYTES.sub(_without_colons, content)
     try:
         return XmlFile(_parse(content), path)
     except etree.XMLSyntaxError as error:
@@ -72,6 +80,23 @@ def read_xml(path: str | os.PathLike[str]) -> XmlFile:
         path,
         (READING.message(f"not well-formed XML ({_said(problem)}): that was overlooked"),),
     )
+
+
+def with_colons(text: str) -> str:
+    """Write the names of OpenSim's inner classes with their colons again.
+
+    Parameters
+    ----------
+    text : of a document whose elements come of `read_xml`
+    """
+    if COLONS not in text:
+        return text
+    return TAG.sub(lambda tag: tag.group().replace(COLONS, "::"), text)
+
+
+def _without_colons(tag: re.Match[bytes]) -> bytes:
+    """Replace two colons in the name of a tag."""
+    return tag.group().replace(b"::", COLONS.encode("ascii"))
 
 
 def _tidied(content: bytes) -> bytes:

@@ -13,6 +13,7 @@ from myomorph.body.calibrate.calibration import SOURCES, Calibration
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import few
 from myomorph.core.model.model import Model
+from myomorph.core.model.paths import impossible_fibers
 from myomorph.core.model.series import Markers, Motion, Series, Wrenches
 from myomorph.core.motion.ik import KinematicsFit
 from myomorph.core.tension.dual import MISSING
@@ -281,7 +282,13 @@ def muscles_line(model: Model, time: Array, lengths: Array, velocities: Array) -
     """
     text = f"{len(time)} frames, {len(model.muscles)} muscles"
     known = np.isfinite(lengths).all(axis=1)
-    optimal = np.array([muscle.optimal_fiber_length for muscle in model.muscles])
+    no_fibers = set(impossible_fibers(model.muscles))
+    optimal = np.array(
+        [
+            0.0 if muscle.name in no_fibers else muscle.optimal_fiber_length
+            for muscle in model.muscles
+        ]
+    )
     slack = np.array([muscle.tendon_slack_length for muscle in model.muscles])
     sine = np.sin([muscle.pennation_at_optimal for muscle in model.muscles])
     fibers = np.hypot(
@@ -289,6 +296,8 @@ def muscles_line(model: Model, time: Array, lengths: Array, velocities: Array) -
     )
     if not known.any() or not np.isfinite(fibers).any():
         return text
+    if no_fibers:
+        text += f", {len(no_fibers)} of them without a length of fibers"
     parts = (
         _range(model, time, fibers),
         _fastest(model, time, velocities),

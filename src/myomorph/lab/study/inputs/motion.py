@@ -34,9 +34,10 @@ def _open(settings: MotionFile, opening: Opening) -> Opened:
     model = opening.model
     if path is None:
         return Opened()
-    recorded, lacking = reading.whole_motion(reading.read_motion(path, model), model)
+    read = reading.read_noted_motion(path, model)
+    recorded, lacking = reading.whole_motion(read.motion, model)
     recorded, apart = reading.coupled_motion(recorded, model)
-    warnings = located(path.name, apart)
+    warnings = (*read.notes, *located(path.name, apart))
     if lacking:
         warnings = (
             *warnings,

@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from myomorph.core.contact.plates import force_plates
 from myomorph.core.io.formats import read_model, read_trial
 from myomorph.core.io.osim.document import legal
-from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.io.sto import motion_from_table, motion_notes, read_sto
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import LABELS, LOOPS, READING, SETTINGS
 from myomorph.core.model.errors import (
@@ -26,7 +26,7 @@ from myomorph.core.model.errors import (
     listing,
     quoted,
 )
-from myomorph.core.model.messages import Message
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial
 
@@ -280,13 +280,26 @@ def read_motion(path: str | Path, model: Model) -> Motion:
     >>> len(motion), motion.names
     (61, ('shoulder_flexion', 'elbow_flexion'))
     """
+    return read_noted_motion(path, model).motion
+
+
+class NotedMotion(NamedTuple):
+    """Coordinates of a file, and what was assumed or repaired when it was read."""
+
+    motion: Motion
+    notes: tuple[Message, ...]
+
+
+def read_noted_motion(path: str | Path, model: Model) -> NotedMotion:
+    """Coordinates over time for a model, with notes; see `read_motion`."""
     ending = Path(path).suffix.lower()
     if ending not in TABLE_FILES:
         raise BadFile(
             path, f"is not a motion: its name ends in '{ending}'", "expected .mot or .sto"
         )
     with about(path):
-        motion = motion_from_table(read_sto(path), model)
+        table = read_sto(path)
+        motion = motion_from_table(table, model)
     missing = np.isnan(motion.values)
     partly = missing.any(axis=1) & ~missing.all(axis=1)
     if partly.any():
@@ -297,7 +310,8 @@ def read_motion(path: str | Path, model: Model) -> Motion:
             f" ({int(partly.sum())} such frames); fill the gap, or leave those frames out with"
             " --time START END"
         )
-    return motion
+    notes = (*motion_notes(table, model), *table.warnings)
+    return NotedMotion(motion, located(Path(path).name, notes))
 
 
 def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:

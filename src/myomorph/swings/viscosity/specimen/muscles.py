@@ -18,6 +18,7 @@ from myomorph.core.model.paths import (
     PathWrap,
     TendonWrap,
     WrapObject,
+    refuse_path_functions,
 )
 from myomorph.swings.viscosity.specimen.bodies import Anatomy
 
@@ -99,6 +100,7 @@ def kept_muscles(
     BadModel : a muscle that is named runs over what is no part of the specimen
     """
     model = source.model
+    refuse_path_functions(model.muscles, "a specimen")
     base = source.bones[0]
     wanted = names or {
         muscle.name: (muscle.name,) for muscle in model.muscles if _crosses(source, muscle, base)

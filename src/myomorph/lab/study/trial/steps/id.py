@@ -25,6 +25,7 @@ from myomorph.core.model.series_quantities import (
 from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.core.motion.automatic_cutoff import automatic_cutoff
 from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.root_chart import root_chart
 from myomorph.core.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.core.motion.turns import floating_coordinates
 from myomorph.core.rigid.dynamics import inverse_dynamics
@@ -162,9 +163,10 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tupl
     """The motion with velocities and accelerations, cut to the time that is used, with closed loops
     closed; and notes. Where soft tissue is known, it is that of the body's mass; a refined motion
     is that already. Derivatives are taken of all frames first, as OpenSim does, so the cut leaves
-    no edges.
+    no edges; those of a body that turns over, in angles that do not jump (`root_chart`).
     """
-    motion = differentiate(recorded, cutoff_of(trial, recorded))
+    chart = root_chart(trial.model, recorded)
+    motion = chart.back(differentiate(chart.motion, cutoff_of(trial, chart.motion)))
     tissue = trial.get(SoftTissue)
     if tissue is not None and trial.get(RefinedMotion) is None:
         motion = tissue.of(motion)
@@ -198,7 +200,8 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torqu
     motion = motion.frames(slice(None, None, step))
     wrenches = None
     if loads is not None:
-        wrenches = resample_wrenches(loads.of(recorded), motion.time, cutoff_of(trial, recorded))
+        cutoff = cutoff_of(trial, root_chart(trial.model, recorded).motion)
+        wrenches = resample_wrenches(loads.of(recorded), motion.time, cutoff)
         notes = (*wrenches.notes, *notes)
     return Torques(
         motion=motion,
