@@ -72,6 +72,8 @@ from .core.motion.filters import differentiate as differentiate
 from .core.motion.ik import InverseKinematicsOptions as InverseKinematicsOptions
 from .core.motion.ik import KinematicsFit as KinematicsFit
 from .core.motion.ik import inverse_kinematics as inverse_kinematics
+from .core.motion.smoother import SmoothedMotion as SmoothedMotion
+from .core.motion.smoother import smooth_motion as smooth_motion
 from .core.motion.sync import cut as cut
 from .core.motion.sync import resample_wrenches as resample_wrenches
 from .core.motion.tasks.coordinates import CoordinateTask as CoordinateTask
