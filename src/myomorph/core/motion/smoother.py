@@ -145,7 +145,8 @@ class _Errors:
 
     Attributes
     ----------
-    decay : (coordinates,) all alike, with which accelerations are drawn to nothing, over 2 pi cutoff [-]
+    decay : (coordinates,) all alike, with which accelerations are drawn to nothing, over
+        2 pi cutoff [-]
     sd : (3, coordinates) standard deviations of values, velocities, accelerations
     """
 
