@@ -19,7 +19,7 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.accuracy.identification.identification import GAIT, OPENCAP, RAJAGOPAL, RUN
-from benchmarks.results import Row
+from benchmarks.results import Row, provenance
 from data_collection import data_folder
 from myomorph.body.identify.subject import GENERIC
 from myomorph.body.shape.regions import regions_of
@@ -376,13 +376,13 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 
 HOME = Path(tempfile.gettempdir()) / "myomorph_chapter3"
-"""Where the sets that were run are kept, as one takes many minutes; remove it to run them anew."""
+"""Where the sets that were run are kept, by commit, as one takes many minutes."""
 SETS = (SIMULATED, "runner", "OpenCap", "walk", "gait2354")
 
 
 def found(name: str) -> Found:
     """A set, run where it was not yet."""
-    folder = HOME / name
+    folder = HOME / provenance()["commit"] / name
     data = data_folder()
     kept = folder / "found.json"
     if not kept.is_file():
@@ -403,9 +403,8 @@ def found(name: str) -> Found:
 
 
 def sets() -> Iterator[tuple[str, Found]]:
-    """Those that were run, all where none was."""
-    run_before = [name for name in SETS if (HOME / name / "found.json").is_file()]
-    for name in run_before or SETS:
+    """Every set, run where this commit did not yet."""
+    for name in SETS:
         yield name, found(name)
 
 
