@@ -7,6 +7,6 @@ may move from version to version.
 
 from myomorph.lazy_names import lazy_names
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __getattr__, __dir__, __all__ = lazy_names(__name__, __file__)
