@@ -298,6 +298,7 @@ PAGES: dict[str, dict[str, str]] = {
     },
     "animals": {
         "strides": "accuracy.kinematics.strides:measure",
+        "strides_turning": "accuracy.kinematics.turning_gaits:measure",
         "strides_duty": "accuracy.kinematics.strides:measure_duty",
         "strides_mouse": "accuracy.kinematics.strides:measure_mouse",
         "mouse_markers": "accuracy.mouse:measure_markers",

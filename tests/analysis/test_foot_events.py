@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.lab.analysis.foot_events import CLEAR, direction_of
+from myomorph.lab.analysis.travel import CLEAR, FootPaths, travel_of
 
 X, Y, Z = np.eye(3)
 TIME = np.arange(0.0, 4.0, 0.01)
@@ -22,12 +22,10 @@ def directed(unevenness: float, size: float) -> tuple[np.ndarray, str]:
         size * np.outer(np.sin(phase) + 0.5 * unevenness * np.sin(2.0 * phase), X)
         for phase in phases
     ]
-    notes: list[str] = []
-    direction, travels = direction_of(
-        TIME, np.zeros((len(TIME), 3)), feet, Z, None, notes, facing=-X
-    )
-    assert not travels
-    return direction, notes[0]
+    paths = FootPaths(time=TIME, trunk=np.zeros((len(TIME), 3)), feet=tuple(feet), up=Z)
+    travel = travel_of(paths, facing=-X)
+    assert not travel.over_ground
+    return travel.direction, travel.notes[0]
 
 
 @pytest.mark.parametrize("size", [0.02, 0.3, 20.0])

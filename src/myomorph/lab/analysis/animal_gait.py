@@ -12,8 +12,9 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.known import Known
 from myomorph.core.model.movement import Movement
-from myomorph.lab.analysis.foot_events import FootTrack, StrideOptions, direction_of, foot_track
+from myomorph.lab.analysis.foot_events import FootTrack, StrideOptions, foot_track
 from myomorph.lab.analysis.seen_body import SIDES, SeenBody
+from myomorph.lab.analysis.travel import FootPaths, travel_of
 
 Gait = Literal["walk", "trot", "pace", "gallop", "bound"]
 GAIT_MOVEMENTS: Mapping[Gait, Movement] = {
@@ -152,15 +153,13 @@ def _tracks(body: SeenBody) -> dict[tuple[str, str], FootTrack]:
         return {}
     places = {key: body.smooth(place) for key, place in feet.items()}
     trunk = body.smooth(trunk)
+    paths = FootPaths(time=body.time, trunk=trunk, feet=tuple(places.values()), up=UP)
     try:
-        along, _ = direction_of(body.time, trunk, list(places.values()), UP, None, [])
+        travel = travel_of(paths)
     except BadData:
         return {}
     options = StrideOptions()
-    return {
-        key: foot_track(body.time, place, place, trunk, along, options)
-        for key, place in places.items()
-    }
+    return {key: foot_track(place, place, trunk, travel, options) for key, place in places.items()}
 
 
 def _phases(of: Array, strikes: Array) -> Array:

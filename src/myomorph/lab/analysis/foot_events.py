@@ -1,4 +1,4 @@
-"""Strikes and lifts of one foot, seen from the trunk, and which way and over what the body goes."""
+"""Strikes and lifts of one foot, seen from the trunk, and the speed of the ground under it."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ import numpy as np
 import scipy
 
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.errors import BadData
-from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Event, Wrenches
 from myomorph.core.model.sides import split_side
 from myomorph.core.model.stride_curves import STRIKES
 from myomorph.lab.analysis.phases import contacts
-from myomorph.lab.causes import STRIDES
+from myomorph.lab.analysis.travel import Travel
 
 NEAREST = 0.4
 """An event that is known better replaces the nearest one within this share of a stride; a runner's
 foot is farthest ahead a quarter of a stride before it strikes.
 """
-CLEAR = 0.4  # Skewness of the speeds of feet from which on their swing shows the direction
+MIN_SEPARATION = 0.6
+"""Strikes of a foot, and its lifts, are apart by this share of a stride at least: a foot that drags
+stops on its way ahead, and plates, events and points may differ by more than `NEAREST`.
+"""
 MIN_FRAMES = 8  # Frames in which trunk and foot must be seen
 
 
@@ -76,91 +77,74 @@ class FootTrack:
     lifts: Array
     seen: np.ndarray  # (frames,)
     source: str = "markers"  # "markers", "running", "events" or "plates"
+    period: float = float("nan")  # usual duration of a stride [s], NaN where it was not seen
 
-
-def direction_of(
-    time: Array,
-    trunk: Array,
-    feet: Sequence[Array],
-    up: Array,
-    direction: Array | None,
-    notes: list[Message],
-    facing: Array | None = None,
-) -> tuple[Array, bool]:
-    """Direction of travel, and whether the body goes over the ground rather than in place on a
-    belt. `facing` (3,) where the feet point, for a body in place whose feet are as fast backward as
-    forward, as a sprinter's.
-    """
-    flat = np.eye(3) - np.outer(up, up)
-    seen = np.isfinite(trunk[:, 0])
-    span = time[seen] - time[seen].mean()
-    slope = span @ (trunk[seen] @ flat) / max(float(span @ span), 1e-12)
-    relative = [(foot - trunk) @ flat for foot in feet]
-    speeds = np.concatenate([np.gradient(track, time, axis=0) for track in relative])
-    speeds = speeds[np.isfinite(speeds[:, 0])]
-    if not len(speeds):
-        raise BadData(
-            "no foot is seen in frames in which the trunk is: there is no direction of travel"
-        )
-    # Over ground the trunk is as fast as feet that stand are seen from it; on a belt it only
-    # drifts.
-    travels = bool(np.linalg.norm(slope) > 0.3 * np.median(np.linalg.norm(speeds, axis=1)))
-    if direction is not None:
-        slope = direction @ flat
-        if not np.linalg.norm(slope) > 0.0:
-            raise BadData("the direction of travel is vertical, or no direction at all")
-    if travels or direction is not None:
-        return slope / np.linalg.norm(slope), travels
-    seen_feet = [track[np.isfinite(track[:, 0])] for track in relative]
-    swept = np.concatenate([track - np.median(track, axis=0) for track in seen_feet if len(track)])
-    # A marker that was taken for another one for a while does not turn the way.
-    swept = swept[
-        np.linalg.norm(swept, axis=1) <= np.percentile(np.linalg.norm(swept, axis=1), 95.0)
-    ]
-    axis = np.linalg.svd(swept, full_matrices=False)[2][0]
-    # In place: swing is faster than stance.
-    forward = speeds @ axis
-    away = forward - forward.mean()
-    skew = float(np.mean(away**3)) / max(float(np.mean(away**2)) ** 1.5, 1e-12)
-    reason = "feet swing fastest"
-    if facing is not None and abs(skew) < CLEAR:
-        skew = float(facing @ axis)
-        reason = "feet point"
-    axis = axis if skew > 0.0 else -axis
-    notes.append(
-        STRIDES.message(
-            f"direction of travel {np.round(axis, 2).tolist()} is where {reason}; give it if it is"
-            " not"
-        )
-    )
-    return axis, False
+    @property
+    def usual(self) -> float:
+        """Usual time from strike to strike [s], NaN where it was not seen."""
+        if np.isfinite(self.period):
+            return self.period
+        return float(np.median(np.diff(self.strikes))) if len(self.strikes) > 1 else float("nan")
 
 
 def foot_track(
-    time: Array, foot: Array, lifting: Array, trunk: Array, along: Array, options: StrideOptions
+    foot: Array, lifting: Array, trunk: Array, travel: Travel, options: StrideOptions
 ) -> FootTrack:
-    """Strikes where the foot is farthest ahead of the trunk, lifts where it is farthest behind."""
-    ahead = (foot - trunk) @ along
-    behind = (lifting - trunk) @ along
-    strikes = _extremes(time, ahead, options)
-    lifts = _extremes(time, -behind, options)
+    """Strikes where the foot is farthest ahead of the trunk, lifts where it is farthest behind.
+
+    Where the body stops or turns on the spot it has neither.
+
+    Parameters
+    ----------
+    foot, lifting, trunk : paths (frames, 3) [m] of what shows strikes, lifts, and of the trunk, NaN
+        where unseen
+    travel : of the body, at the same times
+    options : how far a foot must go, and be seen
+
+    Returns
+    -------
+    the foot's path and events
+    """
+    time = travel.time
+    ahead = _along(foot - trunk, travel)
+    behind = _along(lifting - trunk, travel)
+    strikes = _extremes(travel, ahead, options)
+    lifts = _extremes(travel, -behind, options)
     both = np.concatenate([np.diff(strikes), np.diff(lifts)])
     usual = float(np.median(both)) if len(both) else np.inf
-    strikes = (
-        strikes[[_is_seen(time, ahead, at, options.gap * usual) for at in strikes]]
-        if len(strikes)
-        else strikes
+    return FootTrack(
+        place=foot,
+        strikes=_seen_events(time, ahead, strikes, options.gap * usual),
+        lifts=_seen_events(time, behind, lifts, options.gap * usual),
+        seen=np.isfinite(foot[:, 0] - trunk[:, 0]),
+        period=travel.period,
     )
-    lifts = (
-        lifts[[_is_seen(time, behind, at, options.gap * usual) for at in lifts]]
-        if len(lifts)
-        else lifts
-    )
-    return FootTrack(place=foot, strikes=strikes, lifts=lifts, seen=np.isfinite(ahead))
 
 
-def _extremes(time: Array, values: Array, options: StrideOptions) -> Array:
-    """Times of the maxima that stand out, between samples by the parabola around each."""
+def _along(relative: Array, travel: Travel) -> Array:
+    """Part (frames,) of a foot's path (frames, 3) along the travel [m], NaN where there is none."""
+    along = np.einsum("fi,fi->f", relative, travel.along)
+    return np.where(travel.goes, along, np.nan)
+
+
+def _seen_events(time: Array, values: Array, events: Array, within: float) -> Array:
+    """Select the events (events,) [s] about which values (frames,) were seen `within` [s]."""
+    return np.array([at for at in events if _is_seen(time, values, at, within)])
+
+
+def _extremes(travel: Travel, values: Array, options: StrideOptions) -> Array:
+    """Find times of the maxima that stand out, between samples by the parabola around each.
+
+    Parameters
+    ----------
+    travel : at the times of the values
+    values : (frames,) NaN where unknown
+
+    Returns
+    -------
+    (maxima,) [s]
+    """
+    time = travel.time
     known = np.isfinite(values)
     if known.sum() < MIN_FRAMES:
         return np.zeros(0)
@@ -168,12 +152,16 @@ def _extremes(time: Array, values: Array, options: StrideOptions) -> Array:
     way = float(np.ptp(np.percentile(values[known], (5.0, 95.0))))
     if not way > 0.0:
         return np.zeros(0)
+    step = float(np.median(np.diff(time)))
+    apart = MIN_SEPARATION * travel.period / step if np.isfinite(travel.period) else 1.0
     # A foot that begins or ends at its extreme has not been seen to turn there.
-    peaks, _ = scipy.signal.find_peaks(filled, prominence=options.prominence * way, plateau_size=1)
+    peaks, _ = scipy.signal.find_peaks(
+        filled, prominence=options.prominence * way, plateau_size=1, distance=max(apart, 1.0)
+    )
     if not len(peaks):
         return np.zeros(0)
     usual = float(np.median(np.diff(time[peaks]))) if len(peaks) > 1 else 0.2 * float(np.ptp(time))
-    reach = max(1, round(0.02 * usual / float(np.median(np.diff(time)))))
+    reach = max(1, round(0.02 * usual / step))
     return np.array([_vertex(time, filled, int(peak), reach) for peak in peaks])
 
 
@@ -214,11 +202,7 @@ def on_plates(
     columns = [index for index, body in enumerate(wrenches.bodies) if body in limb.bodies]
     if not columns:
         return track
-    usual = (
-        float(np.median(np.diff(track.strikes)))
-        if len(track.strikes) > 1
-        else float(np.ptp(wrenches.time))
-    )
+    usual = track.usual if np.isfinite(track.usual) else float(np.ptp(wrenches.time))
     force = np.nan_to_num(wrenches.forces[:, columns] @ up).sum(axis=1)
     touches = contacts(wrenches.time, force, threshold, options.shortest * usual)
     inner = len(wrenches) - 1
@@ -253,7 +237,7 @@ def on_events(
     ]
     if not strikes and not lifts:
         return track
-    usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else np.inf
+    usual = track.usual
     if not np.isfinite(usual):
         usual = (
             float(np.median(np.diff(sorted(strikes))))
@@ -266,41 +250,70 @@ def on_events(
 def _with_events(
     track: FootTrack, strikes: Sequence[float], lifts: Sequence[float], usual: float, source: str
 ) -> FootTrack:
-    near = NEAREST * usual
     return FootTrack(
         place=track.place,
-        strikes=_replaced(track.strikes, strikes, near),
-        lifts=_replaced(track.lifts, lifts, near),
+        strikes=_replaced(track.strikes, strikes, usual),
+        lifts=_replaced(track.lifts, lifts, usual),
         seen=track.seen,
         source=source,
+        period=track.period,
     )
 
 
-def _replaced(events: Array, better: Sequence[float], near: float) -> Array:
-    """Better events in place of the nearest ones; the others are shifted by as much as those were
-    off in the middle. A stride from an event of one kind to one of the other would be too long or
-    too short by that.
+def _replaced(events: Array, better: Sequence[float], usual: float) -> Array:
+    """Put better events in the place of the nearest ones.
+
+    The others are shifted by as much as those were off in the middle: a stride from an event of one
+    kind to one of the other would be too long or too short by that.
+
+    Parameters
+    ----------
+    events : (events,) [s]
+    better : [s]
+    usual : duration of a stride [s]
+
+    Returns
+    -------
+    (events,) in order of time [s]
     """
-    kept = [event for event in events if all(abs(event - other) > near for other in better)]
     off = (
         [other - events[int(np.argmin(np.abs(events - other)))] for other in better]
         if len(events)
         else []
     )
-    off = [difference for difference in off if abs(difference) <= near]
+    off = [difference for difference in off if abs(difference) <= NEAREST * usual]
     shift = float(np.median(off)) if off else 0.0
-    return np.array(sorted([*(time + shift for time in kept), *better]))
+    shifted = [float(event) + shift for event in events]
+    kept = [
+        event
+        for event in shifted
+        if all(abs(event - other) > MIN_SEPARATION * usual for other in better)
+    ]
+    return np.array(sorted([*kept, *better]))
 
 
 def ground_speed_of(
-    time: Array, tracks: Mapping[str, FootTrack], trunk: Array, along: Array, options: StrideOptions
+    tracks: Mapping[str, FootTrack], trunk: Array, travel: Travel, options: StrideOptions
 ) -> float:
-    """How fast feet that stand move along the travel: the belt's speed, 0 over ground."""
+    """How fast feet that stand move along the travel: the belt's speed, 0 over ground.
+
+    Parameters
+    ----------
+    tracks : of the feet
+    trunk : (frames, 3) its path [m], NaN where unseen
+    travel : of the body
+    options : from which share of the speed of travel on the ground moves
+
+    Returns
+    -------
+    [m/s], negative on a belt
+    """
+    time = travel.time
     standing = []
     traveling = []
-    trunk_speed = np.gradient(trunk @ along, time)
+    trunk_speed = _speed(trunk, travel)
     for track in tracks.values():
-        speed = np.gradient(track.place @ along, time)
+        speed = _speed(track.place, travel)
         for strike in track.strikes:
             lift = next((time for time in track.lifts if time > strike), np.nan)
             middle = (time > strike + 0.25 * (lift - strike)) & (
@@ -312,8 +325,10 @@ def ground_speed_of(
     if not np.isfinite(stood).any():
         return 0.0
     ground = float(np.nanmedian(stood))
-    return (
-        ground
-        if abs(ground) > options.belt * abs(float(np.nanmedian(np.concatenate(traveling))))
-        else 0.0
-    )
+    moves = abs(ground) > options.belt * abs(float(np.nanmedian(np.concatenate(traveling))))
+    return ground if moves else 0.0
+
+
+def _speed(path: Array, travel: Travel) -> Array:
+    """Speed (frames,) of a path (frames, 3) along the travel [m/s]."""
+    return np.asarray(np.einsum("fi,fi->f", np.gradient(path, travel.time, axis=0), travel.along))

@@ -294,6 +294,8 @@ def _ways(body: _Body, strides: Strides, own: Sequence[Stride]) -> Array:
     time = body.motion.time
     flat = np.eye(3) - np.outer(body.axes[:, 1], body.axes[:, 1])
     ways = np.tile(strides.direction, (len(time), 1))
+    if strides.travel is not None:
+        ways = np.array(strides.travel.along_at(time))
     if strides.ground_speed != 0.0:
         return ways
     step = float(np.median(np.diff(time)))

@@ -19,6 +19,7 @@ _SIDE_WORD = re.compile(r"(?<![a-z])(right|left)(?![a-z])", re.IGNORECASE)
 STANDING = 0.2  # How far the force of one who stands may be from a known weight, as a share of it
 THRESHOLD = 0.03  # Vertical force that is contact, as a share of body weight (0.03 is about 20 N)
 SHORTEST_CONTACT = 0.03  # Contacts and gaps shorter than this are noise [s]
+MAX_STRIDE = 5.0  # A stride is at most so many times as long as its stance
 SHORTEST_FLIGHT = 0.12  # A jump flies at least so long [s]
 QUIET_TIME = 0.3  # A jump starts from standing still so long [s]
 # Standard deviation of the force that is still standing, as a share of body weight
@@ -117,19 +118,18 @@ def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float) -> 
     known = [side for side in ("Right", "Left") if side in sides]
     for side in known or [""]:
         force = vertical[:, [i for i, other in enumerate(sides) if other == side]].sum(axis=1)
-        strikes = []
         stances = []
-        for start, stop in contacts(time, force, THRESHOLD * weight, SHORTEST_CONTACT):
+        touches = contacts(time, force, THRESHOLD * weight, SHORTEST_CONTACT)
+        for start, stop in touches:
             if start > 0:
                 events.append(Event(float(time[start]), "Foot Strike" if side else "Contact", side))
-                strikes.append(time[start])
             if stop < len(time) - 1:
                 events.append(Event(float(time[stop]), "Foot Off" if side else "Release", side))
             if start > 0 and stop < len(time) - 1:
                 stances.append(time[stop] - time[start])
         for name, times, plates in (
             ("stance", stances, ", from the plates"),
-            ("stride", np.diff(strikes), ""),
+            ("stride", _stride_times(time, touches), ""),
         ):
             if side and len(times):
                 mean = float(np.mean(times))
@@ -145,6 +145,27 @@ def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float) -> 
     if events:
         kind = "gait" if known else "contact"
     return GroundPhases(kind, tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
+
+
+def _stride_times(time: Array, touches: Sequence[tuple[int, int]]) -> list[float]:
+    """Times from a strike of a foot to its next, where it was on plates in both stances.
+
+    Who comes back over the same plate has taken strides between that nobody measured.
+
+    Parameters
+    ----------
+    time : (samples,) [s]
+    touches : first and last sample of each contact of the foot
+
+    Returns
+    -------
+    [s]
+    """
+    return [
+        float(time[after] - time[start])
+        for (start, stop), (after, _) in itertools.pairwise(touches)
+        if start > 0 and time[after] - time[start] < MAX_STRIDE * (time[stop] - time[start])
+    ]
 
 
 def _jump(

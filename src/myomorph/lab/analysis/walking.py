@@ -275,8 +275,18 @@ def running_events(model: Model, motion: Motion, limbs: Sequence[Limb]) -> tuple
 
 
 def facing_of(model: Model, motion: Motion, limbs: Sequence[Limb]) -> Array | None:
-    """(3,) mean direction from the feet's joints to their centers of mass; None where they have
-    none.
+    """Return where the feet point, as the root turns.
+
+    Parameters
+    ----------
+    model : of the body
+    motion : coordinates (frames, coordinates) [rad or m]
+    limbs : whose feet they are
+
+    Returns
+    -------
+    (frames, 3) mean direction from the feet's joints to their centers of mass, carried along with
+    the root, NaN in unknown frames; None where feet have none
     """
     tree = compile_tree(model)
     known = np.isfinite(motion.values).all(axis=1)
@@ -287,8 +297,14 @@ def facing_of(model: Model, motion: Motion, limbs: Sequence[Limb]) -> Array | No
         poses.rotations[:, tree.body_index[limb.name]] @ model.body(limb.name).mass_center
         for limb in limbs
     ]
-    mean: Array = np.mean(ways, axis=(0, 1))
-    return mean if np.linalg.norm(mean) > 0.0 else None
+    root = poses.rotations[:, tree.body_index[model.body_names[0]]]
+    seen_from_root = np.einsum("fji,lfj->lfi", root, np.array(ways))
+    mean: Array = seen_from_root.mean(axis=(0, 1))
+    if not np.linalg.norm(mean) > 0.0:
+        return None
+    facing = np.full((len(motion), 3), np.nan)
+    facing[known] = root @ mean
+    return facing
 
 
 def feet_move(points: Series) -> bool:

@@ -126,8 +126,10 @@ def _facing(recording: Recording, forward: Forward) -> Recording:
     middle = np.nanmean(recording.markers.values, axis=1)
     middle = middle[np.isfinite(middle).all(axis=1)]
     level = np.eye(3)["xyz".index(up)]
-    way = middle[-1] - middle[0] if len(middle) else np.zeros(3)
-    way = way - (way @ level) * level
+    # Who walks out and back ends where he began: where he was farthest away counts.
+    away = middle - middle[:1] if len(middle) else np.zeros((1, 3))
+    away = away - np.outer(away @ level, level)
+    way = away[int(np.argmax(np.linalg.norm(away, axis=1)))]
     if np.linalg.norm(way) < WALKED:
         raise BadData(
             f"--forward {forward}: the markers' middle moves by {np.linalg.norm(way):.2f} m only,"
