@@ -17,10 +17,10 @@ from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.errors import BadModel, UnknownName
 from myomorph.core.model.functions import SineProduct, piecewise_linear, simm_spline
 from myomorph.core.model.series import Motion
-from myomorph.core.model.sides import other_side
+from myomorph.core.model.sides import other_side, split_side
 from myomorph.core.model.spatial import Transform, axis_rotation
 from myomorph.core.muscles.kinematics import muscle_kinematics
-from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.kinematics import forward_kinematics, standing_poses
 from myomorph.core.rigid.tree import compile_tree
 
 OSIM = (
@@ -265,6 +265,9 @@ def test_a_reflection_is_its_own_inverse_and_goes_along_with_frames():
         ("r_humerus", "l_humerus"),
         ("glut_med1_r-P1", "glut_med1_l-P1"),
         ("RKnee", "LKnee"),
+        ("mouse__RBPhalange3", "mouse__LBPhalange3"),
+        ("mouse__RBPhalange3_flexion", "mouse__LBPhalange3_flexion"),
+        ("Anna:RThigh", "Anna:LThigh"),
         ("rectus", ""),
         ("Lumbar", ""),
         ("RASI", ""),
@@ -274,6 +277,30 @@ def test_names_of_the_other_side(name, other):
     assert other_side(name) == other
     assert other == "" or other_side(other) == name
     assert other_side("RASI", capitals=True) == "LASI"
+
+
+def test_toes_of_a_mouse_hang_on_the_foot_of_their_own_side(data):
+    """In the mirror image of the whole skeleton each body lies where the plane puts it, on the
+    image of the body that it hung on, and the image of the image is the skeleton.
+    """
+    model = read_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
+    side = other_side_of(model, "x")
+    image = mirrored(model, "x")
+    parents = {joint.child: joint.parent for joint in image.joints}
+    here = standing_poses(model, dict.fromkeys(model.coordinate_names, 0.0))
+    there = standing_poses(image, dict.fromkeys(image.coordinate_names, 0.0))
+    for joint in model.joints:
+        other = side.named("bodies", joint.child)
+        assert parents[other] == side.named("bodies", joint.parent)
+        sides = {split_side(name)[1] for name in (other, parents[other])} - {""}
+        assert len(sides) <= 1
+        place = side.planes["ground"].points(here[joint.child].translation)
+        np.testing.assert_allclose(there[other].translation, place, atol=1e-9)
+    paired = [name for name in model.body_names if split_side(name)[1]]
+    assert {split_side(side.named("bodies", name))[1] for name in paired} == {"right", "left"}
+    again = standing_poses(mirrored(image, "x"), dict.fromkeys(model.coordinate_names, 0.0))
+    for name, pose in here.items():
+        np.testing.assert_allclose(again[name].translation, pose.translation, atol=1e-9)
 
 
 def test_an_axis_that_there_is_not_is_named(data):

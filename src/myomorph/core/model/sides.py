@@ -9,7 +9,8 @@ from myomorph.core.model.frozen_map import FrozenMap
 
 _SUFFIX = re.compile(r"^(.*?)[_. -](r|l|right|left)$", re.IGNORECASE)
 _PREFIX = re.compile(r"^(r|l|right|left)[_. -](.+)$", re.IGNORECASE)
-_LETTER = re.compile(r"^(.*__)?([RL])([A-Z][a-z].*)$")
+# As RFemur, and RBPhalange3 of the hind foot; a prefix may be the name of an animal or of a subject
+_LETTER = re.compile(r"^(.*(?:__|:))?([RL])([A-Z]{1,2}[a-z].*)$")
 _WORD = re.compile(
     r"(?:^|(?<=[_. -]))(right|left|Right|Left|RIGHT|LEFT)(?=$|[_. -]|[A-Z0-9])|(Right|Left)$"
 )
