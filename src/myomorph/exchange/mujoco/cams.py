@@ -180,7 +180,12 @@ class _Curve:
             place = place + LEVER * lever
             direction = np.cross(axis.vector, place - axis.origin)
             direction = direction / np.linalg.norm(direction)
-        far = self.follower.parent_frame.apply(place - REACH * direction)
+        if axis.kind == "rotation" and not same:
+            # A distance turns back a quarter turn from where it changes most: in the middle.
+            rotations, origins = self._poses(self.follower, np.array([self._middle()]))
+            far = rotations[0] @ (place - REACH * direction) + origins[0]
+        else:
+            far = self.follower.parent_frame.apply(place - REACH * direction)
         return Branch(
             weight=1.0,
             body_1=self.follower.parent,
@@ -188,6 +193,12 @@ class _Curve:
             body_2=self.follower.child,
             place_2=place,
         )
+
+    def _middle(self) -> float:
+        """Value of the leader at which the follower is in the middle of its range [rad or m]."""
+        x = np.linspace(self.low, self.high, SAMPLES)
+        y = self.values(x)[self.coupler.dependent]
+        return float(x[int(np.argmin(np.abs(y - 0.5 * (y.min() + y.max()))))])
 
     def _centers(self) -> list[Branch]:
         """Distances to sites that those of the leader's body pass, one center after the other."""
