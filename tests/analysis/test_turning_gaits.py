@@ -1,6 +1,4 @@
-"""Strides of bodies that go out and back, turn, stop, stay on a belt or drag their feet, whatever
-shows their strikes.
-"""
+"""Strides of bodies that turn, stop, stay on a belt or drag their feet, whatever shows them."""
 
 from __future__ import annotations
 

@@ -280,8 +280,9 @@ def test_names_of_the_other_side(name, other):
 
 
 def test_toes_of_a_mouse_hang_on_the_foot_of_their_own_side(data):
-    """In the mirror image of the whole skeleton each body lies where the plane puts it, on the
-    image of the body that it hung on, and the image of the image is the skeleton.
+    """Each body lies where the plane puts it, on the image of the body that it hung on.
+
+    The image of the image is the skeleton.
     """
     model = read_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
     side = other_side_of(model, "x")

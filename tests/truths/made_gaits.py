@@ -127,7 +127,7 @@ class MadeGait:
         return Series(self.points.time, self.points.names, self.points.values - trunk[:, None])
 
     def plates(self) -> Wrenches:
-        """Forces with two humps under feet that stand, on bodies "foot_r" and "foot_l"."""
+        """Press with two humps under feet that stand, on bodies "foot_r" and "foot_l"."""
         time = np.arange(self.points.time[0], self.points.time[-1], 1e-3)
         forces = np.zeros((len(time), 2, 3))
         for column, side in enumerate(SIDES):
@@ -244,30 +244,21 @@ class _Foot:
         own = phase - (0.0 if side == "right" else plan.left)
         stride = np.floor(own).astype(int)
         share = own % 1.0
-        sign = -1.0 if side == "right" else 1.0
-        middle = round(0.5 * plan.duty * plan.period / FINE)
-        first = int(stride[0])
-        numbers = range(first, int(stride[-1]) + 2)
-        starts = [int(np.argmax(stride >= number)) for number in numbers[:-1]]
-        starts.append(len(phase) - 1)
-        spots = np.clip(np.array(starts) + middle, 0, len(phase) - 1)
-        # The stance that goes on at the start began before it.
+        spots = _spots(plan, stride)
         ways = course.heading[spots]
         across = np.stack([-np.sin(ways), np.cos(ways)], axis=1)
-        places = course.place[spots] + 0.5 * sign * plan.width * across
+        aside = 0.5 * plan.width * (-1.0 if side == "right" else 1.0)
+        places = course.place[spots] + aside * across
         swing = np.clip((share - plan.duty) / (1.0 - plan.duty), 0.0, 1.0)
         progress = _progress(swing, plan.drag)
-        now = stride - first
-        place = places[now] + progress[:, None] * (places[now + 1] - places[now])
-        heading = ways[now] + progress * (ways[now + 1] - ways[now])
+        now = stride - stride[0]
         late = np.clip((share / plan.duty - 0.7) / 0.3, 0.0, 1.0)
-        rise = np.where(share < plan.duty, late, 1.0 - swing)
         struck = np.flatnonzero(np.diff(stride) > 0) + 1
         lifted = np.flatnonzero((share[1:] >= plan.duty) & (share[:-1] < plan.duty)) + 1
         return cls(
-            place=place,
-            heading=heading,
-            rise=rise,
+            place=places[now] + progress[:, None] * (places[now + 1] - places[now]),
+            heading=ways[now] + progress * (ways[now + 1] - ways[now]),
+            rise=np.where(share < plan.duty, late, 1.0 - swing),
             height=0.05 * plan.size * np.sin(np.pi * swing),
             strikes=course.time[struck],
             lifts=course.time[lifted],
@@ -285,6 +276,17 @@ class _Foot:
         )
 
 
+def _spots(plan: GaitPlan, stride: Array) -> Array:
+    """Find the steps (strides,) of the course in the middle of each stance of a foot.
+
+    The stance that goes on at the start began before it.
+    """
+    middle = round(0.5 * plan.duty * plan.period / FINE)
+    numbers = range(int(stride[0]), int(stride[-1]) + 1)
+    starts = [int(np.argmax(stride >= number)) for number in numbers]
+    return np.clip(np.array([*starts, len(stride) - 1]) + middle, 0, len(stride) - 1)
+
+
 def _progress(swing: Array, drag: float) -> Array:
     """Share of the way over the share of the swing; one that drags goes back in between."""
     smooth = swing**3 * (10.0 - 15.0 * swing + 6.0 * swing**2)
@@ -300,7 +302,14 @@ def _true_strides(plan: GaitPlan, course: _Course, strikes: Array) -> tuple[True
         straight = np.ptp(course.heading[inside]) < np.radians(30.0)
         goes = course.speed[inside].min() > 0.5 * plan.speed
         length = float(np.trapezoid(course.speed[inside], course.time[inside]))
-        found.append(TrueStride(float(start), float(stop), length, bool(straight and goes)))
+        found.append(
+            TrueStride(
+                start=float(start),
+                stop=float(stop),
+                length=length,
+                is_straight=bool(straight and goes),
+            )
+        )
     return tuple(found)
 
 

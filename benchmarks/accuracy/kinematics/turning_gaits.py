@@ -173,7 +173,7 @@ def _recorded(file: Path) -> Row:
 
 
 def _times(events: tuple[Event, ...], label: str, side: str, span: tuple[float, float]) -> Array:
-    """Times (events,) [s] of one kind within a span."""
+    """Select times (events,) [s] of one kind within a span."""
     return np.array(
         [
             event.time

@@ -18,6 +18,7 @@ def export_command(
     mjcf: Path | None = None,
     bids: Path | None = None,
     geometry: Path | None = None,
+    motion: Path | None = None,
 ) -> int:
     """Export a model for MuJoCo 3 and 4 with a certificate, or a study as a dataset of BIDS.
 
@@ -31,11 +32,12 @@ def export_command(
         beside it
     bids : folder to make: recordings and results as a dataset of BIDS (motion, EMG)
     geometry : folder of the model's meshes; those beside its file and in Geometry there by default
+    motion : with --mjcf, coordinates (.mot, .sto) along which lengths of muscles are compared too
     """
     from myomorph.core.model.errors import BadData
 
     if mjcf is not None and bids is None:
-        return _mjcf(source, mjcf, geometry)
+        return _mjcf(source, mjcf, geometry, motion)
     if bids is None or mjcf is not None:
         which = "both --mjcf and --bids are" if bids is not None else "neither --mjcf nor --bids is"
         raise BadData(
@@ -48,10 +50,11 @@ def export_command(
     return 0
 
 
-def _mjcf(model: Path, mjcf: Path, geometry: Path | None) -> int:
+def _mjcf(model: Path, mjcf: Path, geometry: Path | None, motion: Path | None) -> int:
     from myomorph.core.io.formats import read_model
     from myomorph.core.model.errors import BadFile
     from myomorph.exchange.mujoco.export import write_mjcf, write_tables
+    from myomorph.lab.study.inputs.reading import read_motion
 
     if mjcf.suffix.lower() != ".xml":
         raise BadFile(
@@ -60,7 +63,8 @@ def _mjcf(model: Path, mjcf: Path, geometry: Path | None) -> int:
     if geometry is not None and not geometry.is_dir():
         raise BadFile(geometry, "is not a folder", "give the folder of the model's meshes")
     read = read_model(model)
-    certificate = write_mjcf(read, mjcf, () if geometry is None else (geometry,))
+    moved = None if motion is None else read_motion(motion, read)
+    certificate = write_mjcf(read, mjcf, () if geometry is None else (geometry,), moved)
     for line in certificate.lines:
         said(line)
     tables = write_tables(read, certificate, mjcf)

@@ -1,4 +1,10 @@
-"""What MuJoCo's copy of a model differs by from the model, over the ranges of its coordinates."""
+"""What MuJoCo's copy of a model differs by from the model, over the ranges of its coordinates and
+along recorded motion.
+
+The copy moves from pose to pose, so that what follows a coordinate is where MuJoCo has it, and not
+where the model does. Lengths by the rules of the version of MuJoCo that is not installed follow
+from kernels of our own, which are tested against both.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +13,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.io.mjcf.muscles import VERSION
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
@@ -17,11 +24,31 @@ from myomorph.core.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.exchange.mujoco.copy import MujocoCopy
 from myomorph.exchange.mujoco.muscle_forces import force_differences
+from myomorph.exchange.mujoco.tendon_paths import lengths_of_version
 
 TOLERANCE = 1e-4  # By which lengths [m] and moment arms [m/rad] may differ.
 SLOPE_STEP = 1e-4
 FRAMES = 20
 STEPS = 20
+OTHER_VERSION = 7 - VERSION  # Of MuJoCo, of those with rules of their own, the one not installed
+
+
+@read_only
+class ComparedPoses:
+    """Poses in which a model and its copy are compared.
+
+    Attributes
+    ----------
+    model : (poses, coordinates) in the model's coordinates [rad or m]
+    copy : (poses, coordinates) in those of the copy
+    swept : (poses,) number of the coordinate that moves alone, -1 where all do
+    route : (poses,) number of the pose from which each is reached, -1 for the default one
+    """
+
+    model: Array
+    copy: Array
+    swept: np.ndarray
+    route: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +65,9 @@ class Difference:
         not keep equal [m/rad or m/m]
     length_together, arm_together : largest differences, all coordinates moved together
     share : of those poses, the share in which length and moment arms are within the tolerance
+    other : largest difference of lengths by the rules of the other version of MuJoCo, in all poses
+    along : largest difference of lengths along the recorded motion, nan without one
+    along_at : its time [s]
     force, moving_force : largest differences of MuJoCo's isometric force and of that in motion,
         over the muscle's strength (`force_differences`)
     """
@@ -52,6 +82,9 @@ class Difference:
     length_together: float
     arm_together: float
     share: float
+    other: float
+    along: float
+    along_at: float
     force: float
     moving_force: float
 
@@ -102,6 +135,8 @@ class Certificate:
                 "length together [mm]": 1e3 * one.length_together,
                 "moment arm together [mm]": 1e3 * one.arm_together,
                 "share of poses within": one.share,
+                f"length by MuJoCo {OTHER_VERSION} [mm]": 1e3 * one.other,
+                "length along the motion [mm]": 1e3 * one.along,
                 "isometric force": one.force,
                 "force in motion": one.moving_force,
             }
@@ -150,6 +185,7 @@ class Certificate:
                 f"all coordinates moved together: {len(together)} muscles leave {1e3 * TOLERANCE:g}"
                 f" mm somewhere, '{one.muscle}' in {100.0 * (1.0 - one.share):.0f} % of poses"
             )
+        lines += [*self._of_motion(), *self._of_other_version()]
         lines.append(
             f"MuJoCo {self.version}: mass differs by {self.mass:.1e} kg, inverse dynamics by"
             f" {self.torque:.1e} of {self.largest_torque:.0f} N m; it"
@@ -166,25 +202,76 @@ class Certificate:
             )
         return (*lines, *self.notes)
 
+    def _of_motion(self) -> list[str]:
+        """Say how far lengths differ along the recorded motion."""
+        recorded = [one for one in self.differences if np.isfinite(one.along)]
+        if not recorded:
+            return []
+        worst = max(recorded, key=lambda one: one.along)
+        beyond = sum(one.along > TOLERANCE for one in recorded)
+        if not beyond:
+            return [f"along the motion all lengths are within {1e3 * TOLERANCE:g} mm"]
+        return [
+            f"along the motion {beyond} muscles leave {1e3 * TOLERANCE:g} mm: most"
+            f" '{worst.muscle}', by {1e3 * worst.along:.2f} mm at {worst.along_at:.2f} s"
+        ]
+
+    def _of_other_version(self) -> list[str]:
+        """Say how far lengths differ by the rules of the version that is not installed."""
+        if not self.differences:
+            return []
+        worst = max(self.differences, key=lambda one: one.other)
+        beyond = sum(one.other > TOLERANCE for one in self.differences)
+        if not beyond:
+            return [
+                f"by the rules of MuJoCo {OTHER_VERSION} all lengths are within"
+                f" {1e3 * TOLERANCE:g} mm"
+            ]
+        return [
+            f"by the rules of MuJoCo {OTHER_VERSION} {beyond} muscles leave {1e3 * TOLERANCE:g} mm:"
+            f" most '{worst.muscle}', by {1e3 * worst.other:.2f} mm"
+        ]
+
+
+@read_only
+class RecordedPoses:
+    """Poses of a recorded motion, in the order of time.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    poses : to be compared
+    """
+
+    time: Array
+    poses: ComparedPoses
+
 
 def certify(
     model: Model,
     copy: MujocoCopy,
-    coordinates: Array,
-    copied: Array,
-    swept: Array,
+    poses: ComparedPoses,
+    recorded: RecordedPoses | None = None,
     notes: tuple[Message, ...] = (),
 ) -> Certificate:
-    """Compare MuJoCo's copy with the model. `coordinates`, `copied`: the poses (poses, coordinates)
-    in the model's coordinates and in those of the copy; `swept`: (poses,) as of
-    `poses_over_ranges`.
+    """Compare MuJoCo's copy with the model.
+
+    Parameters
+    ----------
+    model : the model
+    copy : of it
+    poses : over the coordinates' ranges
+    recorded : motion along which lengths are compared as well
+    notes : what is otherwise than in the model
     """
-    differences = _differences(model, copy, coordinates, copied, swept) if model.muscles else ()
-    torque, largest = _torques(copy, copied)
+    differences: tuple[Difference, ...] = ()
+    if model.muscles:
+        differences = _differences(model, copy, poses, recorded)
+    torque, largest = _torques(copy, poses.copy)
     mass = float(copy.m.body_mass.sum()) - model.mass
     return Certificate(
         version=mujoco.__version__,
-        poses=len(coordinates),
+        poses=len(poses.model),
         differences=differences,
         mass=mass,
         torque=torque,
@@ -194,12 +281,36 @@ def certify(
     )
 
 
+@read_only
+class _Along:
+    """Largest differences of lengths (muscles,) along a motion [m], nan without one, and when."""
+
+    length: Array
+    time: Array
+
+
+def _along(paths: Paths, copy: MujocoCopy, recorded: RecordedPoses | None, muscles: int) -> _Along:
+    """Compare lengths along a recorded motion, in which the copy moves from frame to frame."""
+    if recorded is None:
+        return _Along(length=np.full(muscles, np.nan), time=np.full(muscles, np.nan))
+    lengths = paths.evaluate(recorded.poses.model)[0]
+    theirs, _ = copy.lengths_and_arms(recorded.poses.copy, recorded.poses.route)
+    off = np.abs(theirs - lengths)
+    return _Along(length=off.max(axis=0), time=recorded.time[off.argmax(axis=0)])
+
+
 def _differences(
-    model: Model, copy: MujocoCopy, coordinates: Array, copied: Array, swept: Array
+    model: Model, copy: MujocoCopy, poses: ComparedPoses, recorded: RecordedPoses | None
 ) -> tuple[Difference, ...]:
+    """Compare lengths, moment arms and forces of each muscle."""
+    coordinates = poses.model
+    swept = poses.swept
     paths = compile_paths(model)
     lengths, _, pairs = paths.evaluate(coordinates)
-    theirs, their_arms = copy.lengths_and_arms(copied)
+    theirs, their_arms = copy.lengths_and_arms(poses.copy, poses.route)
+    others = lengths_of_version(copy.model, OTHER_VERSION, poses.copy)
+    others_off = np.abs(others - lengths).max(axis=0)
+    along = _along(paths, copy, recorded, len(model.muscles))
     dense = np.zeros((*lengths.shape, len(model.coordinates)))
     dense[:, paths.arm_muscle, paths.arm_coordinate] = pairs
     free = [i for i, name in enumerate(copy.free) if name in model.coordinate_names]
@@ -235,6 +346,9 @@ def _differences(
                 length_together=float(off[together, m].max(initial=0.0)),
                 arm_together=float(arms_off[together, m].max(initial=0.0)),
                 share=float(within.mean()),
+                other=float(others_off[m]),
+                along=float(along.length[m]),
+                along_at=float(along.time[m]),
                 force=float(still[m]),
                 moving_force=float(moving[m]),
             )

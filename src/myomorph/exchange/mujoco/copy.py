@@ -15,8 +15,9 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Model
 from myomorph.core.model.spatial import quaternion_from_rotation, rotation_from_euler_xyz
 
-NEWTON_STEPS = 4
+NEWTON_STEPS = 8
 CLOSED = 1e-10
+STRIDE = 0.1  # By which leaders move at most while followers go on from where they were [rad or m]
 FOLLOWING = (int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON))
 
 
@@ -68,6 +69,8 @@ class MujocoCopy:
         )
         self.free = [name for name in self.simple if name not in self.held]
         self.free_dofs = np.array([self.simple[name][1] for name in self.free], np.int64)
+        led = {name for coupler in self.held.values() for name in coupler.independents}
+        self.leaders = np.array([order[name] for name in led - set(self.held)], np.int64)
         kind = mujoco.mjtObj.mjOBJ_TENDON
         self.tendons = [
             mujoco.mj_name2id(self.m, kind, f"{name}_tendon") for name in model.muscle_names
@@ -78,11 +81,36 @@ class MujocoCopy:
         return int(self.m.jnt_qposadr[number]), int(self.m.jnt_dofadr[number])
 
     def place(self, coordinates: Array) -> None:
-        """Put MuJoCo's copy into a pose (coordinates,), where followers are as its own constraints
-        hold them.
+        """Put MuJoCo's copy into a pose, followers where its own constraints hold them nearest to
+        the model's.
+
+        Parameters
+        ----------
+        coordinates : (coordinates,) [rad or m]
         """
-        d = self.d
         self._put(coordinates)
+        self._close()
+
+    def move(self, start: Array, stop: Array) -> None:
+        """Move MuJoCo's copy from one pose, in which it is, to another.
+
+        Followers go on from where they were. So those that fold back on the way are where MuJoCo
+        has them, which `place` would not see.
+
+        Parameters
+        ----------
+        start, stop : (coordinates,) [rad or m]
+        """
+        steps = max(1, int(np.ceil(np.abs(stop - start)[self.leaders].max(initial=0.0) / STRIDE)))
+        for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
+            followers = self.d.qpos[self.follower_qpos].copy()
+            self._put(start + share * (stop - start))
+            self.d.qpos[self.follower_qpos] = followers
+            self._close()
+
+    def _close(self) -> None:
+        """Move followers until their constraints hold."""
+        d = self.d
         for _ in range(NEWTON_STEPS):
             mujoco.mj_fwdPosition(self.m, d)
             rows, gap = self._following()
@@ -110,24 +138,47 @@ class MujocoCopy:
         rows = np.reshape(d.efc_J, (-1, self.m.nv))[:count]
         return np.array(rows[used]), np.array(d.efc_pos[:count][used])
 
-    def lengths_and_arms(self, coordinates: Array) -> tuple[Array, Array]:
-        """Lengths (poses, muscles) and moment arms (poses, muscles, `free`) [m, m/rad or m/m]."""
+    def lengths_and_arms(self, coordinates: Array, route: np.ndarray) -> tuple[Array, Array]:
+        """Lengths and moment arms in poses that are reached by continuous movement.
+
+        Parameters
+        ----------
+        coordinates : (poses, coordinates) [rad or m]
+        route : (poses,) number of the pose before, from which each is reached; -1 for the default
+            one
+
+        Returns
+        -------
+        (poses, muscles) [m] and (poses, muscles, `free`) [m/rad or m/m]
+        """
         lengths = np.empty((len(coordinates), len(self.tendons)))
         arms = np.empty((len(coordinates), len(self.tendons), len(self.free)))
+        default = np.array([coordinate.default for coordinate in self.model.coordinates])
+        reached = np.empty((len(coordinates), self.m.nq))
         # MuJoCo warns of poses in which two axes of a joint are in line.
         with silent_mujoco():
-            for pose, row in enumerate(coordinates):
-                self.place(row)
+            self.place(default)
+            start = self.d.qpos.copy()
+            for pose in np.argsort(_depths(route), kind="stable"):
+                before = int(route[pose])
+                self.d.qpos[:] = start if before < 0 else reached[before]
+                self.move(default if before < 0 else coordinates[before], coordinates[pose])
+                reached[pose] = self.d.qpos
                 lengths[pose] = self.d.ten_length[self.tendons]
-                jacobian = tendon_jacobian(self.m, self.d)[self.tendons]
-                arms[pose] = -jacobian[:, self.free_dofs]
-                rows, _ = self._following()
-                if len(rows):
-                    slopes = -np.linalg.lstsq(
-                        rows[:, self.followers], rows[:, self.free_dofs], rcond=None
-                    )[0]
-                    arms[pose] -= jacobian[:, self.followers] @ slopes
+                arms[pose] = self._arms()
         return lengths, arms
+
+    def _arms(self) -> Array:
+        """Moment arms (muscles, `free`) in the pose in which it is [m/rad or m/m]."""
+        jacobian = tendon_jacobian(self.m, self.d)[self.tendons]
+        arms = -jacobian[:, self.free_dofs]
+        rows, _ = self._following()
+        if len(rows):
+            slopes = -np.linalg.lstsq(rows[:, self.followers], rows[:, self.free_dofs], rcond=None)[
+                0
+            ]
+            arms -= jacobian[:, self.followers] @ slopes
+        return np.asarray(arms)
 
     def muscle_forces(self, lengths: Array, speeds: Array) -> tuple[Array, Array]:
         """Active forces of full activation and passive ones, (samples, muscles), of tendons as long
@@ -181,6 +232,16 @@ class MujocoCopy:
                 mujoco.mj_step(self.m, self.d)
         lost = int(self.d.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number)
         return bool(np.isfinite(self.d.qpos).all() and np.isfinite(self.d.qvel).all() and not lost)
+
+
+def _depths(route: np.ndarray) -> np.ndarray:
+    """How many poses (poses,) are passed on the way to each, see `lengths_and_arms`."""
+    depths = np.zeros(len(route), np.int64)
+    waiting = np.array(route)
+    while (waiting >= 0).any():
+        depths[waiting >= 0] += 1
+        waiting = np.where(waiting >= 0, np.asarray(route)[waiting], -1)
+    return depths
 
 
 def tendon_jacobian(m: Any, d: Any) -> Array:

@@ -19,13 +19,19 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.messages import Message, located
 from myomorph.core.model.model import Mesh, Model
+from myomorph.core.model.series import Motion
 from myomorph.core.rigid.coordinates import couple_frames
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.exchange.causes import COPIES
 from myomorph.exchange.mujoco.cams import cams_of
-from myomorph.exchange.mujoco.certificate import Certificate, certify
+from myomorph.exchange.mujoco.certificate import (
+    Certificate,
+    ComparedPoses,
+    RecordedPoses,
+    certify,
+)
 from myomorph.exchange.mujoco.copy import MujocoCopy
-from myomorph.exchange.mujoco.joints import mujoco_joints, poses_over_ranges
+from myomorph.exchange.mujoco.joints import mujoco_joints, poses_over_ranges, routes
 from myomorph.exchange.mujoco.muscle_forces import LENGTHS, SPEEDS, curves_of, mujoco_muscles
 from myomorph.exchange.mujoco.tendon_paths import tendon_paths
 
@@ -36,14 +42,17 @@ CERTIFIED_SEED = 1
 
 
 def write_mjcf(
-    model: Model, path: str | os.PathLike[str], geometry: Sequence[str | os.PathLike[str]] = ()
+    model: Model,
+    path: str | os.PathLike[str],
+    geometry: Sequence[str | os.PathLike[str]] = (),
+    motion: Motion | None = None,
 ) -> Certificate:
     """Write a model as MJCF for MuJoCo 3 and 4, and say how far MuJoCo's copy is the model.
 
     Masses, inertias, joints and points of paths are the model's; what MuJoCo lacks (joints that
-    follow splines, points that move, surfaces, curves of muscles) is replaced, and the certificate
-    holds the result against the model over the coordinates' ranges. Meshes go into a folder beside
-    the file.
+    follow splines, points that move, surfaces, curves of muscles) is replaced. The certificate
+    compares the result with the model over the coordinates' ranges, moving from pose to pose, and
+    by the rules of both versions. Meshes go into a folder beside the file.
 
     Source: Todorov, Erez and Tassa 2012, MuJoCo.
 
@@ -52,6 +61,7 @@ def write_mjcf(
     model : to write
     path : of the new file (.xml), replaced where it exists
     geometry : folders of its meshes, besides those beside the model's own file
+    motion : coordinates [rad or m] along which lengths are compared as well
 
     Returns
     -------
@@ -90,9 +100,29 @@ def write_mjcf(
         notes += located("read back", put_original(document.root, _drawn_by(model, document)))
     write_document(document.root, path)
     coordinates, swept = poses_over_ranges(model, CERTIFIED_POSES, CERTIFIED_SEED)
+    poses = ComparedPoses(
+        model=coordinates,
+        copy=in_copy(copied, model, coordinates),
+        swept=swept,
+        route=routes(model, coordinates, swept),
+    )
+    recorded = None if motion is None else _recorded(model, copied, motion)
     copy = MujocoCopy(path, copied)
-    there = in_copy(copied, model, coordinates)
-    return certify(model, copy, coordinates, there, swept, (*notes, *document.warnings))
+    return certify(model, copy, poses, recorded, (*notes, *document.warnings))
+
+
+def _recorded(model: Model, copied: Model, motion: Motion) -> RecordedPoses:
+    """Poses of a motion in both models; frames without a pose are left out."""
+    known = np.isfinite(motion.values).all(axis=1)
+    coordinates = compile_tree(model).coordinates_of(motion)[known]
+    count = len(coordinates)
+    poses = ComparedPoses(
+        model=coordinates,
+        copy=in_copy(copied, model, coordinates),
+        swept=np.full(count, -1),
+        route=np.arange(-1, count - 1),
+    )
+    return RecordedPoses(time=motion.time[known], poses=poses)
 
 
 def _without_path_functions(model: Model) -> tuple[Model, tuple[Message, ...]]:

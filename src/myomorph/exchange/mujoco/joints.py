@@ -66,6 +66,30 @@ def poses_over_ranges(model: Model, count: int, seed: int = 0) -> tuple[Array, A
     return coordinates, np.array(swept + [-1] * count)
 
 
+def routes(model: Model, coordinates: Array, swept: np.ndarray) -> np.ndarray:
+    """How poses of `poses_over_ranges` are reached by continuous movement.
+
+    Parameters
+    ----------
+    model : whose poses they are
+    coordinates : (poses, coordinates) [rad or m]
+    swept : (poses,) number of the coordinate that moves alone, -1 where all do
+
+    Returns
+    -------
+    (poses,) number of the pose before: of one coordinate its neighbor towards the default; -1 for
+    the default pose
+    """
+    route = np.full(len(coordinates), -1, np.int64)
+    for j in np.unique(swept[swept >= 0]):
+        own = np.flatnonzero(swept == j)
+        values = coordinates[own, j]
+        nearest = int(np.argmin(np.abs(values - model.coordinates[j].default)))
+        route[own[nearest + 1 :]] = own[nearest:-1]
+        route[own[:nearest]] = own[1 : nearest + 1]
+    return route
+
+
 MAX_AXES = 6  # Degrees of freedom that MuJoCo allows a body.
 
 OWN_KINDS = {"free", "ball", "hinge", "slide", "weld"}

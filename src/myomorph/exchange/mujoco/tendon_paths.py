@@ -40,6 +40,9 @@ EVERY = 3  # Of the poses, those in which side sites are tried.
 USUAL = 1.0  # Distance from the default pose within which poses count most [rad or m].
 # Of a length, beyond which it does not matter how large it is: the path is another [m].
 LARGEST_ERROR = 0.02
+VERSIONS = (3, 4)  # Of MuJoCo, with rules of their own for side sites: 3 for all before 4
+OTHER = {3: 4, 4: 3}
+AGREEMENT = 1e-4  # By which lengths of both versions may differ [m]
 SLACK = 1e-5
 
 
@@ -103,11 +106,9 @@ def _with_sides(model: Model, translator: _Translator, coordinates: Array) -> Mo
     for direction in (None, *spread_directions(DIRECTIONS)):
         turned = [_turned(model.muscles[m], translator.sided, direction) for m in sided]
         wrong = np.zeros(len(sided))
-        for version in (3, 4):
-            tried = replace(
-                model, muscles=tuple(_of_version(muscle, version) for muscle in turned), markers=()
-            )
-            errors = np.abs(compile_paths(tried).evaluate(coordinates)[0] - lengths)
+        tried = replace(model, muscles=tuple(turned))
+        for version in VERSIONS:
+            errors = np.abs(lengths_of_version(tried, version, coordinates) - lengths)
             wrong += (weights * np.minimum(errors, LARGEST_ERROR)).sum(axis=0)
         for i in np.flatnonzero(wrong < least):
             least[i] = wrong[i]
@@ -115,6 +116,82 @@ def _with_sides(model: Model, translator: _Translator, coordinates: Array) -> Mo
     return replace(
         model, muscles=tuple(muscles.get(m, muscle) for m, muscle in enumerate(model.muscles))
     )
+
+
+def _in_agreement(model: Model, translator: _Translator, coordinates: Array) -> Model:
+    """Turn side sites that a model of MuJoCo has itself, where versions differ by more than a bit.
+
+    Only sites that change nothing by the rules that the model was read by are taken, and of these
+    those by which the other version is nearest. Sites inside of a surface stay.
+
+    Parameters
+    ----------
+    model : with paths of MuJoCo
+    translator : that translated it
+    coordinates : (poses, coordinates) [rad or m]
+
+    Returns
+    -------
+    the model with other side sites
+    """
+    coordinates = coordinates[::EVERY]
+    lengths = translator.paths.evaluate(coordinates)[0]
+    off = np.array(
+        [
+            np.abs(lengths_of_version(model, version, coordinates) - lengths).max(axis=0)
+            for version in VERSIONS
+        ]
+    )
+    own = off.min(axis=0) < AGREEMENT
+    differing = [int(m) for m in np.flatnonzero(own & (off.max(axis=0) > AGREEMENT))]
+    if not differing:
+        return model
+    versions = [VERSIONS[int(np.argmin(off[:, m]))] for m in differing]
+    other = np.array([off[:, m].max() for m in differing])
+    muscles = [model.muscles[m] for m in differing]
+    wanted = lengths[:, differing]
+    for number in range(max(len(muscle.path.wraps) for muscle in muscles)):
+        for direction in spread_directions(DIRECTIONS):
+            tried = [_beside(translator, muscle, number, direction) for muscle in muscles]
+            errors = {
+                version: np.abs(
+                    lengths_of_version(replace(model, muscles=tuple(tried)), version, coordinates)
+                    - wanted
+                ).max(axis=0)
+                for version in VERSIONS
+            }
+            for i, version in enumerate(versions):
+                there = errors[OTHER[version]][i]
+                if errors[version][i] < AGREEMENT and there < other[i]:
+                    other[i] = there
+                    muscles[i] = tried[i]
+    found = dict(zip(differing, muscles, strict=True))
+    return replace(
+        model, muscles=tuple(found.get(m, muscle) for m, muscle in enumerate(model.muscles))
+    )
+
+
+def _beside(translator: _Translator, muscle: Muscle, number: int, direction: Array) -> Muscle:
+    """Put the side site of a muscle's wrap in one direction from its surface.
+
+    Parameters
+    ----------
+    number : of the wrap; a muscle that has no such wrap stays
+    direction : (3,) unit vector in the body of the surface
+    """
+    wraps = list(muscle.path.wraps)
+    wrap = wraps[number] if number < len(wraps) else None
+    if not isinstance(wrap, TendonWrap) or wrap.side is None:
+        return muscle
+    item = translator.surfaces[wrap.wrap_object]
+    if wrap.side_body == item.body:
+        inside = surface_level(item, item.pose.inverse().apply(wrap.side)[None])[0] < 1.0
+        if inside:
+            return muscle
+    distance = translator.sided.get(item.name, SIDE_DISTANCE * item.size[0])
+    site = item.pose.translation + distance * direction
+    wraps[number] = replace(wrap, side=site, side_body=item.body)
+    return replace(muscle, path=replace(muscle.path, wraps=tuple(wraps)))
 
 
 def _turned(muscle: Muscle, sided: dict[str, float], direction: Array | None) -> Muscle:
@@ -132,8 +209,26 @@ def _turned(muscle: Muscle, sided: dict[str, float], direction: Array | None) ->
     return replace(muscle, path=replace(muscle.path, wraps=tuple(wraps)))
 
 
+def lengths_of_version(model: Model, version: int, coordinates: Array) -> Array:
+    """Lengths of a model's tendons by the rules of a version of MuJoCo.
+
+    Parameters
+    ----------
+    model : whose paths follow MuJoCo's rules
+    version : 3 for all before 4, or 4
+    coordinates : (poses, coordinates) [rad or m]
+
+    Returns
+    -------
+    (poses, muscles) [m]
+    """
+    muscles = tuple(_of_version(muscle, version) for muscle in model.muscles)
+    tried = replace(model, muscles=muscles, markers=())
+    return np.asarray(compile_paths(tried).evaluate(coordinates)[0])
+
+
 def _of_version(muscle: Muscle, version: int) -> Muscle:
-    """The muscle by the rules of a version of MuJoCo."""
+    """Put the muscle's path under the rules of a version of MuJoCo."""
     wraps = tuple(
         replace(wrap, version=version) for wrap in muscle.path.wraps if isinstance(wrap, TendonWrap)
     )
@@ -174,7 +269,7 @@ class _Translator:
         self.nodes = self.paths.nodes(coordinates)
         muscles = tuple(self.translated(m, muscle) for m, muscle in enumerate(model.muscles))
         made = replace(model, muscles=muscles, wrap_objects=tuple(self.surfaces.values()))
-        self.made = _with_sides(made, self, coordinates)
+        self.made = _in_agreement(_with_sides(made, self, coordinates), self, coordinates)
 
     def translated(self, m: int, muscle: Muscle) -> Muscle:
         """The muscle with MuJoCo's path."""

@@ -148,7 +148,7 @@ def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float) -> 
 
 
 def _stride_times(time: Array, touches: Sequence[tuple[int, int]]) -> list[float]:
-    """Times from a strike of a foot to its next, where it was on plates in both stances.
+    """Measure times from strike to strike of a foot that is on plates in both stances.
 
     Who comes back over the same plate has taken strides between that nobody measured.
 

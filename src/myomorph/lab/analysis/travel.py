@@ -180,7 +180,18 @@ class FootPaths:
         return mean_rate(self.time, self.trunk @ self.level, self.period)
 
     def one_way(self, direction: Array, over_ground: bool, *notes: Message) -> Travel:
-        """Travel in one direction (3,) in all frames."""
+        """Go in one direction in all frames.
+
+        Parameters
+        ----------
+        direction : (3,) unit vector
+        over_ground : whether the body goes over the ground
+        notes : what was guessed
+
+        Returns
+        -------
+        the travel
+        """
         return Travel(
             time=self.time,
             along=np.tile(direction, (len(self.time), 1)),
