@@ -145,11 +145,14 @@ def result_pages(work: Path) -> Mapping[str, str]:
         "report of a walk": "tasks/walking1/report.html",
         "report of a jump": "tasks/DJ1/report.html",
         "report of rising from a seat": "tasks/STS1/report.html",
-        "report of a run": "run/report.html",
+        "report of a run": "run/run200/report.html",
         "gait page": "first/s01/walk/gait.html",
         "two sessions compared": "compare.html",
         "study": "tasks/study.html",
     }
+    missing = [place for place in places.values() if not (work / place).is_file()]
+    if missing:
+        raise RuntimeError(f"no page at {', '.join(missing)}")
     return {name: (work / place).as_uri() for name, place in places.items()}
 
 

@@ -74,7 +74,7 @@ def marker_figures(
     labels = ["largest", "RMS"]
     bars = []
     for place, part in enumerate(columns):
-        words = (title, "cm") if place == 0 else ("", "")
+        words = (title, "cm") if place == 0 else (f"{title}, the next", "")
         names = [fit.marker_names[i] for i in part]
         values = [largest[part], rms[part]]
         bars.append(bar_plot(*words, names, values, styles, labels, limits, width=505, peak=peak))

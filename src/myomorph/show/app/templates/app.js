@@ -372,7 +372,7 @@ function personBox(person, number) {
   return made("fieldset", { class: "person" },
     made("legend", {}, people.length > 1 ? `${kind} ${number + 1}: ${person.name}` : kind),
     person.why ? made("p", { class: "hint" }, `Another one than before: ${person.why}.`) : "",
-    personFields(person, number, trials.length ? trials : state.found.trials), trials.length ? made("div", { class: "scroll" }, table) : "");
+    personFields(person, number, trials.length ? trials : state.found.trials), trials.length ? made("div", { class: "scroll", tabindex: "0" }, table) : "");
 }
 
 function labelsBox(labels) {
@@ -392,7 +392,7 @@ function labelsBox(labels) {
       ? "Too few markers have names that are known. Say where each one sits; proposals come from how the body stands, so look over each. With a model that has these markers nothing is needed."
       : "They are not used. Say where one sits, and it is."),
     labels.needed ? made("p", { class: "soft" }, labels.why) : "",
-    made("div", { class: "scroll" }, made("table", {}, made("thead", {}, made("tr", {}, ...["Marker", "Sits on", "How near"].map((text) => made("th", { scope: "col" }, text)))), made("tbody", {}, ...rows))));
+    made("div", { class: "scroll", tabindex: "0" }, made("table", {}, made("thead", {}, made("tr", {}, ...["Marker", "Sits on", "How near"].map((text) => made("th", { scope: "col" }, text)))), made("tbody", {}, ...rows))));
   return box;
 }
 
