@@ -13,10 +13,11 @@ from myomorph.bones.morph.mirror.model import mirrored, mirrored_motion
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.join import renamed_model
-from myomorph.core.model.series import Motion
+from myomorph.core.model.series import Motion, Series
 from myomorph.core.model.spatial import Transform
 from myomorph.core.motion.filters import differentiate
 from myomorph.lab.analysis.gait_curves import ANGLES, KEYS, SIDES, gait_curves
+from myomorph.lab.analysis.gait_extremes import gait_extremes
 from myomorph.lab.analysis.gait_parameters import gait_parameters
 from myomorph.lab.analysis.walking import walking_strides
 
@@ -112,3 +113,28 @@ def test_a_model_without_the_names_of_the_field_has_none(walk):
     )
     strides = walking_strides(other, moved)
     assert gait_curves(other, moved, strides) is None
+
+
+def test_peaks_of_the_force_are_those_measured_between_samples(walk):
+    """A spike of 4 ms, which no sample of the curve meets, is the largest value of its stride."""
+    model, motion = walk
+    strides = walking_strides(model, motion)
+    time = np.arange(motion.time[0], motion.time[-1], 0.001)
+    force = np.full((len(time), 2), 0.8 * model.weight)
+    bodies = ("calcn_r", "calcn_l")
+    # Half way between two of the 51 samples.
+    spikes = {}
+    for column, side in enumerate(SIDES):
+        limb = next(name for name in strides.strikes if name.endswith(f"_{side[0]}"))
+        stride = strides.of(limb)[0]
+        at = stride.start + 0.11 * stride.duration
+        force[:, column] += 0.9 * model.weight * np.exp(-(((time - at) / 0.002) ** 2))
+        spikes[side] = force[:, column].max() / model.weight
+    measured = Series(time, bodies, force)
+    curves = gait_curves(model, motion, strides, measured=measured)
+    for side in SIDES:
+        known = curves.peak_force[side]
+        assert known[0] == pytest.approx(spikes[side], rel=1e-9)
+        largest = gait_extremes(curves, side)["vertical_force", "largest"]
+        assert largest.mean == pytest.approx(np.nanmean(known))
+        assert curves.of(side)[0, :, KEYS.index("vertical_force")].max() < 0.9 * spikes[side]

@@ -196,3 +196,22 @@ def test_contacts_last_as_long_as_they_must_whenever_the_clock_begins(begin: flo
     force = sum(np.where((time >= start) & (time < stop), 50.0, 0.0) for start, stop in spans)
     found = contacts(begin + time, force, 10.0, 0.06)
     np.testing.assert_allclose(time[np.array(found)], [[0.3, 0.37], [0.6, 0.8]], atol=0.006)
+
+
+def test_peaks_of_a_jump_are_those_of_the_force_as_measured() -> None:
+    """A landing's spike of 20 ms that the filter takes away is in the peak."""
+    wrenches, _, known = jump()
+    time = wrenches.time
+    whole = wrenches.forces @ UP
+    spike = 800.0 * np.exp(-(((time - known["Landing"] - 0.05) / 0.01) ** 2))
+    measured = Series(time, ("foot",), whole.sum(axis=1, keepdims=True) + spike[:, None])
+    filtered = ground_phases(wrenches, UP, 75.0 * G)
+    found = ground_phases(wrenches, UP, 75.0 * G, measured=measured)
+    peaks = {one.name: one.value for one in found.measures}
+    inside = (time >= known["Landing"]) & (time <= known["Landing"] + 0.5)
+    assert peaks["Peak force of landing"] == pytest.approx(measured.values[inside].max(), rel=1e-9)
+    before = {one.name: one.value for one in filtered.measures}
+    assert peaks["Peak force before take-off"] == pytest.approx(
+        before["Peak force before take-off"], rel=1e-9
+    )
+    assert found.events == filtered.events

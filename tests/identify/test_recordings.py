@@ -169,7 +169,8 @@ def test_free_fall_is_used_and_counted(opencap):
         points=none,
         torques=none,
     )
-    found = usable(model, replace(motion, values=values), empty)
+    exact = RecordingOptions(cutoff=0.0)
+    found = usable(model, replace(motion, values=values), empty, options=exact)
     assert found.flight == found.use.sum() > 0.9 * len(motion)
 
 
@@ -196,3 +197,29 @@ def test_forces_of_another_place_are_refused(opencap):
     away = replace(wrenches, points=np.array(wrenches.points) + np.array([0.5, 0.0, 0.0]))
     with pytest.raises(BadData, match="belong to this recording"):
         usable(model, motion, away, name="walk", options=OPTIONS)
+
+
+def test_forces_are_not_blamed_for_noise_of_the_motion(opencap):
+    """With 0.3 degrees of noise nothing is refused, and whoever names no cutoff gets a filter."""
+    model, trial = opencap
+    motion, wrenches = trial("walking1")
+    noise = np.radians(0.3) * np.random.default_rng(3).normal(size=motion.values.shape)
+    turning = [model.coordinate(name).motion == "rotational" for name in motion.names]
+    noisy = replace(motion, values=motion.values + noise * turning)
+    found = usable(model, noisy, wrenches)
+    assert 2.0 < found.cutoff < 12.0
+    assert found.use.sum() > 60
+    unfiltered = usable(model, noisy, wrenches, options=RecordingOptions(cutoff=0.0))
+    assert unfiltered.cutoff is None
+    assert unfiltered.use.sum() > 60
+
+
+def test_forces_of_another_place_are_refused_behind_noise_too(opencap):
+    model, trial = opencap
+    motion, wrenches = trial("walking1")
+    noise = np.radians(0.3) * np.random.default_rng(3).normal(size=motion.values.shape)
+    turning = [model.coordinate(name).motion == "rotational" for name in motion.names]
+    noisy = replace(motion, values=motion.values + noise * turning)
+    elsewhere = replace(wrenches, points=wrenches.points + np.array([0.0, 0.0, 1.5]))
+    with pytest.raises(BadData, match="do they belong to this recording"):
+        usable(model, noisy, elsewhere, options=RecordingOptions(cutoff=0.0))

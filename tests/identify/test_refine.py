@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.accuracy.identification.refine import simulated
-from test_simulated_subject import person
 
 from myomorph.body.identify.pseudo_inertia import tangents
 from myomorph.body.identify.soft_tissue import usual_tissue
@@ -46,6 +45,7 @@ from truths.simulated_subject import (
     random_subject,
     record,
 )
+from truths.small_person import person
 
 OPTIONS = RefineOptions(cutoff=5.0, check=False)
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_simulated_subject import person
 
 from myomorph.body.refine import kinds
 from myomorph.body.refine.fit import refine
@@ -32,6 +31,7 @@ from truths.simulated_subject import (
     random_subject,
     record,
 )
+from truths.small_person import person
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "adding.md"
 OPTIONS = RefineOptions(cutoff=5.0, check=False, soft_tissue="never")

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_simulated_subject import person
 
 from myomorph.body.refine import fit
 from myomorph.body.refine.fit import refine
@@ -24,6 +23,7 @@ from myomorph.core.motion.filters import differentiate
 from myomorph.core.rigid.kinematics import marker_positions
 from myomorph.core.rigid.regressor import base_regressor, reference_points
 from truths.simulated_bodies import TETRAHEDRON
+from truths.small_person import person
 
 ALPHA = 4e-4
 CUTOFF = 8.0

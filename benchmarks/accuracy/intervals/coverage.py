@@ -41,7 +41,7 @@ from benchmarks.recordings import RECORDINGS
 from data_collection import data_folder
 from myomorph.body.identify import base
 from myomorph.body.identify.least_squares import Recording
-from myomorph.body.identify.motion_noise import coordinate_noise, with_noise
+from myomorph.body.identify.motion_noise import coordinate_noise
 from myomorph.body.identify.recordings import RecordingOptions, Usable
 from myomorph.body.identify.subject import IdentificationOptions
 from myomorph.body.refine.options import RefineOptions
@@ -284,7 +284,10 @@ def identified(folder: Path) -> Iterator[Case]:
         truth, seen = _drawn_body(model, trials, seed)
         recordings = [one.recording for one in seen]
         unknown = [replace(one, noise=None) for one in recordings]
-        white = [with_noise(one, COORDINATE_SD, identification.CUTOFF) for one in unknown]
+        white = [
+            replace(one, noise=coordinate_noise(one.motion, COORDINATE_SD, identification.CUTOFF))
+            for one in unknown
+        ]
         fitted[GIVEN].append(_base_covered(model, truth, recordings))
         fitted[ASSUMED].append(_base_covered(model, truth, white))
         fitted[NOT_GIVEN].append(_base_covered(model, truth, unknown))

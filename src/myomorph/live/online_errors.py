@@ -14,6 +14,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers
+from myomorph.core.model.spatial import rotation_from_vector
 from myomorph.core.motion.causal import CausalFilter, CausalStream
 from myomorph.core.motion.ik import InverseKinematicsOptions, pose_problem, tracked_markers
 from myomorph.core.rigid.coordinates import couple_frames
@@ -203,6 +204,7 @@ class OnlineInputs:
         self._shifts = shifts - (shifts @ up)[..., None] * up
         self._up = up
         self._gains = np.exp(_each(draws, bodies, "plate_gain"))
+        self._rotations = rotation_from_vector(_each(draws, bodies, "plate_rotation"))
         self._late = np.array([draw.of("clock", "forces")[0] for draw in draws])
         # A filter with a delay r T passes exp(-w^2 T^2 (r^2 - 1) / 14) of what one with T does: for
         # slow motion the second derivative, times this share of T^2.
@@ -229,8 +231,10 @@ class OnlineInputs:
         points = np.where(
             acts[..., None], np.cross(self._up, moments) / np.where(acts, lift, 1.0)[..., None], 0.0
         )
-        other = self._gains * forces
-        moments = moments + np.cross(points, other - forces) + np.cross(self._shifts, other)
+        torques = moments - np.cross(points, forces)
+        other = np.einsum("dbij,dbj->dbi", self._rotations, self._gains * forces)
+        turned = np.einsum("dbij,dbj->dbi", self._rotations, torques)
+        moments = turned + np.cross(points + self._shifts, other)
         return np.concatenate([moments, other], axis=2)
 
 

@@ -173,16 +173,17 @@ def coordinate_noise(motion: Motion, sd: float, cutoff: float | None = None) -> 
     )
 
 
-def with_noise(recording: Recording, sd: float, cutoff: float | None = None) -> Recording:
-    """Give a recording the noise of its coordinates, unless it has one.
+def with_noise(recording: Recording, sd: float) -> Recording:
+    """Give a recording the noise that its filter leaves in its coordinates, unless it has one.
 
     Parameters
     ----------
     recording : with a motion
-    sd, cutoff : of `coordinate_noise`
+    sd : standard deviation after the filter [rad or m]
     """
     if recording.noise is not None:
         return recording
+    cutoff = None if recording.finer is None else recording.finer.cutoff
     return replace(recording, noise=coordinate_noise(recording.motion, sd, cutoff))
 
 

@@ -21,6 +21,7 @@ from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.automatic_cutoff import automatic_cutoff
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.sync import cut, resample_wrenches
 from myomorph.core.rigid.kinematics import forward_kinematics
@@ -58,7 +59,9 @@ class RecordingOptions:
 
     Attributes
     ----------
-    cutoff : low-pass filter of coordinates and forces alike [Hz]; none by default, as in OpenSim
+    cutoff : low-pass filter of coordinates and forces alike [Hz]; 0 for none, as in OpenSim; by
+        default the one that the motion asks for, none where it is smooth already
+        (`automatic_cutoff`)
     min_duration : of what can be used, all recordings together [s]
     """
 
@@ -66,8 +69,14 @@ class RecordingOptions:
     min_duration: float = 0.5
 
     def __post_init__(self) -> None:
-        if self.cutoff is not None and not 0.0 < self.cutoff < float("inf"):
-            raise BadData(f"cutoff {self.cutoff} Hz: expected a positive frequency")
+        if self.cutoff is not None and not 0.0 <= self.cutoff < float("inf"):
+            raise BadData(
+                f"cutoff {self.cutoff} Hz: expected a positive frequency, or 0 for no filter"
+            )
+
+    def cutoff_of(self, motion: Motion) -> float | None:
+        """Return the cutoff for a motion as recorded [Hz]; None filters nothing."""
+        return automatic_cutoff(motion) if self.cutoff is None else self.cutoff or None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +101,11 @@ class Usable:
     weighs: float
     name: str = ""
     notes: tuple[Message, ...] = field(default=())
+
+    @property
+    def cutoff(self) -> float | None:
+        """Of the filter of motion and forces [Hz]; None where nothing was filtered."""
+        return None if self.recording.finer is None else self.recording.finer.cutoff
 
     @property
     def use(self) -> np.ndarray:
@@ -199,14 +213,15 @@ def usable(  # page: a recording, and what is known of it, all of it optional
     """
     options = options or RecordingOptions()
     mass = model.mass if mass is None else mass
-    whole = differentiate(motion, options.cutoff)
+    cutoff = options.cutoff_of(motion)
+    whole = differentiate(motion, cutoff)
     if time is not None:
         whole = cut(whole, *time)
-    recording = _on_one_clock(name, motion, whole, wrenches, options.cutoff)
+    recording = _on_one_clock(name, motion, whole, wrenches, cutoff)
     outside = {OUTSIDE: len(whole) - len(recording.motion)}
     balance = Balance.of(model, recording, mass)
 
-    marks = _marked(motion, wrenches, recording, balance, options.cutoff)
+    marks = _marked(motion, wrenches, recording, balance, cutoff)
     so_far = ~np.any(list(marks.values()), axis=0)
     if not so_far.any():
         left_out = _listed(_counted(outside, marks))
@@ -216,7 +231,9 @@ def usable(  # page: a recording, and what is known of it, all of it optional
     clock = recording.motion.time
     marks[UNMEASURED] = _unmeasured(clock, balance.missing_up, known, balance.weight)
     use = ~np.any(list(marks.values()), axis=0)
-    _refuse_elsewhere(name, model, recording.motion, balance, use)
+    filtered = _filtered(name, motion, recording, wrenches)
+    judged = balance if filtered is recording else Balance.of(model, filtered, mass)
+    _refuse_elsewhere(name, model, recording.motion, judged, use)
 
     flight = use & (np.abs(balance.measured_up) < FLIGHT * balance.weight)
     # Where every frame seems to lack a contact, the best carried ones say what the mass may be.
@@ -265,6 +282,28 @@ def _on_one_clock(
     fine_wrenches = resample_wrenches(filled, common.time, little)
     finer = Finer(motion=fine, wrenches=fine_wrenches, cutoff=cutoff)
     return Recording(motion=common, wrenches=at, finer=finer)
+
+
+def _filtered(name: str, motion: Motion, recording: Recording, wrenches: Wrenches) -> Recording:
+    """Filter what nobody filtered, so that forces are not blamed for noise of the motion.
+
+    Parameters
+    ----------
+    name : of the recording
+    motion : coordinates as recorded
+    recording : on one clock
+    wrenches : as recorded, on their own clock; NaN where missing
+
+    Returns
+    -------
+    the recording itself where it is filtered or smooth
+    """
+    asked = automatic_cutoff(motion) if recording.finer is None else None
+    if asked is None:
+        return recording
+    clock = recording.motion.time
+    filtered = cut(differentiate(motion, asked), float(clock[0]), float(clock[-1]))
+    return _on_one_clock(name, motion, filtered, wrenches, asked)
 
 
 def _marked(
@@ -536,7 +575,7 @@ def _refuse_elsewhere(
     if not use.any():
         return
     missing_moments = (balance.needed - balance.measured)[use, :3]
-    arm = float(np.median(np.linalg.norm(missing_moments, axis=1))) / balance.weight
+    arm = float(np.nanmedian(np.linalg.norm(missing_moments, axis=1))) / balance.weight
     tree = compile_tree(model)
     first = tree.coordinates_of(motion)[np.flatnonzero(use)[:1]]
     origins = forward_kinematics(tree, first).origins[0, 1:]

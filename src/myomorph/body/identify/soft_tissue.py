@@ -1,19 +1,22 @@
 """Soft tissue: how much more the markers move than the body's mass.
 
-It is found together with masses, and taken where that predicts unseen parts better.
+It is found together with masses, and taken where measured forces show it (`tissue_evidence`) and
+unseen parts are predicted better.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
+from myomorph.body.identify.fitted import Fitted
 from myomorph.body.identify.least_squares import Recording
-from myomorph.body.identify.parts import Parts, TissueColumns, held_out, parts_of
-from myomorph.body.identify.unseen import ChosenPrior, Strength
-from myomorph.core.model.arrays import Array, read_only
+from myomorph.body.identify.parts import TissueColumns, parts_of
+from myomorph.body.identify.tissue_evidence import TissueEvidence, tissue_evidence
+from myomorph.body.identify.unseen import Strength
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import Model
 from myomorph.core.model.soft_tissue import SoftTissue, coordinate_groups
 
@@ -46,45 +49,23 @@ says nothing of the next walk.
 Use = Literal["auto", "always", "never"]
 
 
-@read_only
-class Fitted:
-    """Parts of recordings, with the noise and strength of the prior that were chosen on them.
+class TissueChoice(NamedTuple):
+    """Recordings with the motion that masses are fitted to.
 
     Attributes
     ----------
-    recordings : whose motion is that of the body's mass
-    parts : of these recordings
-    tissue : that was taken from the motion of the markers; None for none
-    choice : on those parts
+    fitted : without soft tissue, where that was taken
+    evidence : what measured forces show of it; None where nobody asked
     """
 
-    recordings: tuple[Recording, ...]
-    parts: Parts
-    tissue: SoftTissue | None
-    choice: ChosenPrior
-
-    def misfits(self, strength: Strength) -> Array:
-        """Compute the misfit on each unseen part.
-
-        Parameters
-        ----------
-        strength : problem of choosing how far data may move masses
-
-        Returns
-        -------
-        (folds, 2) root mean square of moment [N m] and force [N]
-        """
-        noise, _, sd = self.choice
-        parts = self.parts
-        return np.sqrt(
-            held_out(parts, lambda fold: strength.fit(parts, noise, sd, parts.without(fold)), noise)
-        )
+    fitted: Fitted
+    evidence: TissueEvidence | None
 
 
 def with_soft_tissue(
     model: Model, markers: Fitted, strength: Strength, use: Use = "auto"
-) -> Fitted:
-    """Give recordings the motion of the body's mass, where that predicts unseen parts better.
+) -> TissueChoice:
+    """Give recordings the motion of the body's mass, where forces show another than the markers'.
 
     Coordinates of the mass are those of the markers through 1 / (1 + alpha w^2), which leaves q =
     q_body - alpha q_body''; see docs/identification.md, "Soft tissue". Alphas of groups of
@@ -96,15 +77,35 @@ def with_soft_tissue(
     model : whose masses the prior is about
     markers : fitted to the motion of the markers
     strength : problem of choosing how far data may move masses
-    use : "auto" takes it where it makes the misfit on unseen parts smaller by `GAIN`, and no force
-        or moment of a whole recording larger by `LOSS`
+    use : "auto" takes it where measured forces show it, and where it makes the misfit on unseen
+        parts smaller by `GAIN` and no force or moment of a whole recording larger by `LOSS`
 
     Returns
     -------
-    `markers` itself, or the same with soft tissue
+    `markers`, or the same without soft tissue; and what forces show of it
     """
     if use == "never":
-        return markers
+        return TissueChoice(markers, None)
+    evidence = tissue_evidence(model, markers, usual_tissue(model), strength)
+    if use == "auto" and not evidence.shown:
+        return TissueChoice(markers, evidence)
+    fitted = _fitted_tissue(model, markers, strength)
+    if use == "always":
+        return TissueChoice(fitted, evidence)
+    ratios = fitted.misfits(strength) / markers.misfits(strength)
+    taken = predicts_better(ratios, fitted.parts.several)
+    return TissueChoice(fitted if taken else markers, evidence)
+
+
+def _fitted_tissue(model: Model, markers: Fitted, strength: Strength) -> Fitted:
+    """Estimate alphas beside the masses, and give recordings the motion of the body's mass.
+
+    Parameters
+    ----------
+    model : whose masses the prior is about
+    markers : fitted to the motion of the markers
+    strength : problem of choosing how far data may move masses
+    """
     groups = coordinate_groups(model)
     names = tuple(dict.fromkeys(groups))
     member = np.array([names.index(group) for group in groups])
@@ -136,16 +137,12 @@ def with_soft_tissue(
         if np.abs(change).max() < SETTLED:
             break
         sizes = sizes + change
-    fitted = Fitted(
+    return Fitted(
         recordings=softened,
         parts=parts,
         tissue=replace(tissue, sd=ALPHA_SD * sds[member]),
         choice=choice,
     )
-    if use == "always":
-        return fitted
-    ratios = fitted.misfits(strength) / markers.misfits(strength)
-    return fitted if predicts_better(ratios, parts.several) else markers
 
 
 def predicts_better(ratios: Array, several: bool) -> bool:

@@ -21,6 +21,7 @@ from myomorph.body.identify.determined import (
     prior_covariance,
 )
 from myomorph.body.identify.estimate import mass_problem
+from myomorph.body.identify.fitted import Fitted
 from myomorph.body.identify.least_squares import Recording
 from myomorph.body.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
 from myomorph.body.identify.motion_noise import MotionNoise, motion_noise, with_noise
@@ -32,7 +33,8 @@ from myomorph.body.identify.pseudo_inertia import (
     solve_pseudo_inertia,
 )
 from myomorph.body.identify.recordings import RecordingOptions, Usable, all_left_out, check_excited
-from myomorph.body.identify.soft_tissue import Fitted, Use, with_soft_tissue
+from myomorph.body.identify.soft_tissue import Use, with_soft_tissue
+from myomorph.body.identify.tissue_evidence import TissueEvidence
 from myomorph.body.identify.unseen import (
     KINDS,
     ChosenPrior,
@@ -94,8 +96,9 @@ class IdentificationOptions:
     if_worse : masses of the model where identified ones predict recordings that were not used worse
         than the generic model's do: "generic" keeps those, "identified" takes the identified ones
         all the same and warns
-    soft_tissue : whether markers move more than the body's mass: "auto" where that predicts unseen
-        parts of the recordings better, "always" or "never"; never with prior "paper"
+    soft_tissue : whether markers move more than the body's mass: "auto" where measured forces show
+        it and unseen parts of the recordings are predicted better, "always" or "never"; never with
+        prior "paper"
     """
 
     method: Literal["points", "pseudo-inertia"] = "points"
@@ -166,6 +169,7 @@ class Identification:
     recordings : what was used of each, and why not more
     soft_tissue : that was taken from the motion before masses were fitted, which the masses are
         for; None for none
+    tissue_evidence : what measured forces show of soft tissue; None where nobody asked
     notes : what looks wrong, one line each
     """
 
@@ -184,6 +188,7 @@ class Identification:
     consistency: Mapping[str, Consistency]
     recordings: tuple[Usable, ...]
     soft_tissue: SoftTissue | None = None
+    tissue_evidence: TissueEvidence | None = None
     notes: tuple[Message, ...] = field(default=())
 
     @property
@@ -275,8 +280,9 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
     (`if_worse`) and the first note says so.
 
     Where markers move more than the body's mass, coordinates are filtered by 1 / (1 + alpha w^2)
-    before accelerations count, if that predicts unseen parts better (`soft_tissue`): masses then
-    explain forces that soft tissue does not.
+    before accelerations count, if measured forces show it beside noise of the motion and that
+    predicts unseen parts better (`soft_tissue`): masses then explain forces that soft tissue does
+    not.
 
     Source: [D], chapter 3; Ayusawa, Venture and Nakamura 2014; Lee, Wensing and Park 2020; see
     docs/identification.md.
@@ -326,8 +332,7 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
     check_excited(model, tuple(recordings), recording)
     body = _Body.of(model, points, model.mass if mass is None else mass)
     strength = body.strength(options)
-    cutoff = recording.cutoff if recording else None
-    equations = _equations(body, recordings, strength, options, cutoff)
+    equations = _equations(body, recordings, strength, options)
 
     # Every way to identify, beside the shape alone and the generic model.
     solved = _solved(body, equations, strength, options, advance)
@@ -352,6 +357,7 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
             model, parameters[chosen][:, 0], parameters[SHAPE][:, 0], equations.choice.mass_sd
         ),
     ]
+    notes += _not_shown(equations, options)
     for one in recordings:
         notes += one.notes
     return Identification(
@@ -370,6 +376,7 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
         consistency=_consistency(body, parameters, inside),
         recordings=tuple(recordings),
         soft_tissue=equations.fitted.tissue if chosen == identified else None,
+        tissue_evidence=equations.evidence,
         notes=tuple(notes),
     )
 
@@ -435,7 +442,8 @@ class _Equations:
     Attributes
     ----------
     markers : parts of the motion as markers show it
-    fitted : without soft tissue, where that predicts better
+    fitted : without soft tissue, where forces show it and that predicts better
+    evidence : what forces show of soft tissue; None where nobody asked
     noise : of the motion; None where there is none
     parts : without soft tissue and, on the mean, without noise of the motion
     choice : noise and strength of the prior on these parts
@@ -443,6 +451,7 @@ class _Equations:
 
     markers: Parts
     fitted: Fitted
+    evidence: TissueEvidence | None
     noise: MotionNoise | None
     parts: Parts
     choice: ChosenPrior
@@ -458,7 +467,6 @@ def _equations(
     recordings: Sequence[Usable],
     strength: Strength,
     options: IdentificationOptions,
-    cutoff: float | None,
 ) -> _Equations:
     """Condense recordings: as markers show them, without soft tissue, without noise of the motion.
 
@@ -468,29 +476,34 @@ def _equations(
     recordings : with frames that can be used
     strength : problem of choosing how far data may move masses
     options : of identification
-    cutoff : of the recordings' filter [Hz], None for the usual one
     """
     model = body.generic
     used = [one.recording for one in recordings]
     by_paper = strength.paper is not None
     exact = by_paper or not options.motion_sd
     if not exact:
-        used = [with_noise(one, options.motion_sd, cutoff) for one in used]
+        used = [with_noise(one, options.motion_sd) for one in used]
     base = base_parameters(model, held=held_in(model, [one.motion for one in used]))
     markers = parts_of(model, used, base)
     fitted = Fitted(
         recordings=tuple(used), parts=markers, tissue=None, choice=strength.choose(markers)
     )
-    if not by_paper:
-        fitted = with_soft_tissue(model, fitted, strength, options.soft_tissue)
+    use: Use = "never" if by_paper else options.soft_tissue
+    fitted, evidence = with_soft_tissue(model, fitted, strength, use)
     if exact:
         return _Equations(
-            markers=markers, fitted=fitted, noise=None, parts=fitted.parts, choice=fitted.choice
+            markers=markers,
+            fitted=fitted,
+            evidence=evidence,
+            noise=None,
+            parts=fitted.parts,
+            choice=fitted.choice,
         )
     noise = _noise_of_motion(model, fitted, strength)
     return _Equations(
         markers=markers,
         fitted=fitted,
+        evidence=evidence,
         noise=noise,
         parts=noise.corrected,
         choice=strength.choose(noise.corrected),
@@ -598,6 +611,14 @@ def _base_fit(body: _Body, equations: _Equations) -> BaseFit:
     recordings = equations.fitted.recordings
     base = equations.parts.base
     return fit_base(body.generic, recordings, base, options, motion=equations.noise)
+
+
+def _not_shown(equations: _Equations, options: IdentificationOptions) -> tuple[Message, ...]:
+    """Report soft tissue that was taken because it was asked for, and that forces do not show."""
+    evidence = equations.evidence
+    if options.soft_tissue != "always" or evidence is None or evidence.shown:
+        return ()
+    return (MASSES.message(f'{evidence.sentence}; taken all the same, soft_tissue = "always"'),)
 
 
 def _not_converged(solved: Mapping[str, MassPointFit | PseudoInertiaFit]) -> list[Message]:

@@ -118,6 +118,37 @@ class SoftTissue:
         return replace(motion, values=values, velocities=velocities, accelerations=accelerations)
 
 
+def slow_part(time: Array, values: Array, alpha: float) -> Array:
+    """Pass signals through 1 / (1 + alpha w^2), each unbroken run of frames by itself.
+
+    Parameters
+    ----------
+    time : (frames,) evenly spaced [s]
+    values : (frames, columns), NaN where missing
+    alpha : [s^2]
+
+    Returns
+    -------
+    (frames, columns)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from myomorph.core.model.soft_tissue import slow_part
+    >>> time = np.arange(0.0, 4.0, 0.005)
+    >>> fast = np.sin(40.0 * time)[:, None]
+    >>> round(float(slow_part(time, fast, 4e-4)[200:600].max()), 2)
+    0.61
+    """
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    slow = np.array(values)
+    for column in range(values.shape[1]):
+        for start, stop in runs(np.isfinite(values[:, column])):
+            frames = slice(start, stop)
+            slow[frames, column] = _smoothed(values[frames, column], alpha / step**2)
+    return slow
+
+
 def _smoothed(values: Array, stiffness: float) -> Array:
     """Solve y - stiffness y'' = values, with differences of neighbors for y'', level at both ends.
 

@@ -9,7 +9,7 @@ are those of muscles, per body mass.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -98,11 +98,20 @@ MOMENTS: Mapping[str, str] = {
 class GaitCurves:
     """Curves of both sides over their strides, (strides, SAMPLES, `KEYS`) each, NaN where not
     known.
+
+    Attributes
+    ----------
+    right, left : curves
+    strides : by side
+    peak_force : by side (strides,) the largest vertical force of each stride as measured, which
+        lies between samples of the curve [body weights]; NaN where the foot was not on plates, {}
+        without forces as measured
     """
 
     right: Cycles
     left: Cycles
-    strides: Mapping[str, tuple[Stride, ...]]  # by side
+    strides: Mapping[str, tuple[Stride, ...]]
+    peak_force: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
 
     def of(self, side: str) -> Array:
         """(strides, samples, variables) of a side."""
@@ -121,7 +130,10 @@ def joined_curves(parts: Sequence[GaitCurves]) -> GaitCurves:
     strides = {
         side: tuple(stride for part in parts for stride in part.strides[side]) for side in SIDES
     }
-    return GaitCurves(cycles["right"], cycles["left"], strides)
+    peaks = {}
+    if all(part.peak_force for part in parts):
+        peaks = {side: np.concatenate([part.peak_force[side] for part in parts]) for side in SIDES}
+    return GaitCurves(cycles["right"], cycles["left"], strides, FrozenMap(peaks))
 
 
 def known_mean(values: Array) -> Array:
@@ -136,11 +148,23 @@ def gait_curves(
     strides: Strides,
     torques: Series | None = None,
     wrenches: Wrenches | None = None,
+    measured: Series | None = None,
 ) -> GaitCurves | None:
-    """Curves of a walk; None for a model whose hips and knees have no coordinates that the field
-    knows. `motion`: with the velocities of powers, else their differences are taken; `torques`
-    (frames, coordinates) [N m]; `wrenches`: on the feet; a stride whose foot did not stand on
-    plates has angles alone.
+    """Curves of a walk.
+
+    Parameters
+    ----------
+    model : of the body
+    motion : with the velocities of powers, else their differences are taken
+    strides : of both feet
+    torques : (frames, coordinates) [N m]
+    wrenches : on the feet; a stride whose foot did not stand on plates has angles alone
+    measured : (samples, bodies) vertical force on each body as measured [N], which the curve of
+        the force is of; by default it is that of the wrenches, which may be filtered
+
+    Returns
+    -------
+    None for a model whose hips and knees have no coordinates that the field knows
     """
     limbs = {split_side(limb)[1]: limb for limb in strides.strikes}
     wanted = [
@@ -152,23 +176,81 @@ def gait_curves(
         return None
     body = _Body.of(model, motion, limbs)
     cycles = {}
+    peaks = {}
     for side in SIDES:
         own = strides.of(limbs[side])
-        series = Series(motion.time, KEYS, _columns(body, strides, side, torques, wrenches))
-        values = np.array(
-            over_cycles(series, [(stride.start, stride.stop) for stride in own], SAMPLES).values
-        )
-        force = values[..., KEYS.index("vertical_force")]
-        for index, stride in enumerate(own):
-            duty = stride.duty if np.isfinite(stride.duty) else MIN_STANCE
-            stance = force[index, : max(int(duty * len(force[index])), 1)]
-            # The foot was not on plates for its stance.
-            if not np.mean(np.nan_to_num(stance) > LOADED) >= STOOD:
-                values[index, :, ANGLES:] = np.nan
+        spans = [(stride.start, stride.stop) for stride in own]
+        series = Series(motion.time, KEYS, _columns(body, strides, side, torques))
+        values = np.array(over_cycles(series, spans, SAMPLES).values)
+        force = _foot_force(body, side, wrenches, measured)
+        if force is not None:
+            over_strides = over_cycles(force, spans, SAMPLES).values
+            values[..., KEYS.index("vertical_force")] = over_strides[..., 0]
+        stood = _stood(own, values[..., KEYS.index("vertical_force")])
+        values[~stood, :, ANGLES:] = np.nan
         cycles[side] = Cycles(KEYS, values)
-    return GaitCurves(
-        cycles["right"], cycles["left"], {side: strides.of(limbs[side]) for side in SIDES}
-    )
+        if force is not None and measured is not None:
+            peaks[side] = np.where(stood, _largest(force, spans), np.nan)
+    own_strides = {side: strides.of(limbs[side]) for side in SIDES}
+    by_side = FrozenMap(peaks if len(peaks) == len(SIDES) else {})
+    return GaitCurves(cycles["right"], cycles["left"], own_strides, by_side)
+
+
+def _stood(strides: Sequence[Stride], force: Array) -> np.ndarray:
+    """Strides whose foot was on plates for its stance.
+
+    Parameters
+    ----------
+    strides : of one foot
+    force : (strides, samples) vertical force on it [body weights], NaN where not known
+
+    Returns
+    -------
+    (strides,)
+    """
+    stood = np.zeros(len(strides), bool)
+    for index, stride in enumerate(strides):
+        duty = stride.duty if np.isfinite(stride.duty) else MIN_STANCE
+        stance = force[index, : max(int(duty * len(force[index])), 1)]
+        stood[index] = np.mean(np.nan_to_num(stance) > LOADED) >= STOOD
+    return stood
+
+
+def _foot_force(
+    body: _Body, side: str, wrenches: Wrenches | None, measured: Series | None
+) -> Series | None:
+    """Vertical force on a leg over its own time [body weights]; None without plates.
+
+    Parameters
+    ----------
+    body : whose leg it is
+    side : "right" or "left"
+    wrenches : external forces, maybe filtered
+    measured : (samples, bodies) as measured [N]
+    """
+    model = body.model
+    if not model.weight > 0.0:
+        return None
+    bodies = chains(model, walking_limbs(model))[body.limbs[side]]
+    if measured is not None:
+        columns = [index for index, name in enumerate(measured.names) if name in bodies]
+        force = np.nan_to_num(measured.values[:, columns]).sum(axis=1)
+        return Series(measured.time, (side,), force[:, None] / model.weight)
+    if wrenches is None:
+        return None
+    columns = [index for index, carrier in enumerate(wrenches.bodies) if carrier in bodies]
+    force = np.nan_to_num(wrenches.forces[:, columns] @ np.asarray(model.up)).sum(axis=1)
+    return Series(wrenches.time, (side,), force[:, None] / model.weight)
+
+
+def _largest(force: Series, spans: Sequence[tuple[float, float]]) -> Array:
+    """Largest sample (spans,) of a force within each span of time [s], NaN where there is none."""
+    largest = np.full(len(spans), np.nan)
+    for index, (start, stop) in enumerate(spans):
+        inside = (force.time >= start) & (force.time <= stop)
+        if inside.any():
+            largest[index] = force.values[inside, 0].max()
+    return largest
 
 
 def joint_coordinate(model: Model, key: str, side: str) -> str:
@@ -232,10 +314,8 @@ class _Body:
         return cls(model, motion, FrozenMap(limbs), turned(pelvis), place, feet, axes)
 
 
-def _columns(
-    body: _Body, strides: Strides, side: str, torques: Series | None, wrenches: Wrenches | None
-) -> Array:
-    """(frames, `KEYS`) of one side."""
+def _columns(body: _Body, strides: Strides, side: str, torques: Series | None) -> Array:
+    """(frames, `KEYS`) of one side, but for the force."""
     model = body.model
     motion = body.motion
     out = {key: np.full(len(motion), np.nan) for key in KEYS}
@@ -279,11 +359,6 @@ def _columns(
         works = [moments[angle] * rates[angle] for angle in angles if angle in moments]
         if works:
             out[key] = np.sum(works, axis=0)
-    if wrenches is not None and model.weight > 0.0:
-        bodies = chains(model, walking_limbs(model))[body.limbs[side]]
-        columns = [index for index, carrier in enumerate(wrenches.bodies) if carrier in bodies]
-        force = np.nan_to_num(wrenches.forces[:, columns] @ np.asarray(model.up)).sum(axis=1)
-        out["vertical_force"] = np.interp(motion.time, wrenches.time, force) / model.weight
     return np.stack([out[key] for key in KEYS], axis=1)
 
 

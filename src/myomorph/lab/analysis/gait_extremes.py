@@ -32,6 +32,8 @@ def gait_extremes(curves: GaitCurves, side: str) -> ExtremeTable:
     those that are known in at least one stride
     """
     largest, smallest = _ends(curves.of(side))
+    if side in curves.peak_force:
+        largest[:, KEYS.index("vertical_force")] = curves.peak_force[side]
     values = {"largest": largest, "smallest": smallest, "range": largest - smallest}
     spreads = {extreme: stride_spreads(values[extreme]) for extreme in EXTREMES}
     return FrozenMap(

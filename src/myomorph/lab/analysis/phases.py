@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,11 @@ QUIET_SPREAD = 0.03
 # A jump begins where the force leaves body weight by so many SDs of quiet standing (Owen 2014)
 ONSET_SPREAD = 5.0
 ONSET_LEAD = 0.03  # The movement has begun so long before that [s] (the same)
+LANDING = 0.5  # The peak of a landing is looked for within so long [s]
+PEAK_FORCE = "Peak force"
+BEFORE_TAKE_OFF = "before take-off"
+OF_LANDING = "of landing"
+ON_THE_PLATES = "Body weight on the plates"
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,11 @@ def side_of(name: str, body: str = "") -> str:
 
 
 def ground_phases(
-    wrenches: Wrenches, up: Array, weight: float | None = None, height: Series | None = None
+    wrenches: Wrenches,
+    up: Array,
+    weight: float | None = None,
+    height: Series | None = None,
+    measured: Series | None = None,
 ) -> GroundPhases:
     """Events of a walk, a run or a jump from the ground forces.
     A jump is a flight of the whole body that follows standing still; it gets the phases of McMahon
@@ -68,7 +77,7 @@ def ground_phases(
     touches and leaves the ground gets foot strikes and foot offs. `up` (3,) unit vector against
     gravity; `weight`: of the body [N]; without it, the largest quiet force or a third of the peak
     stands in; `height`: center of mass over time; its largest column along `up` gives the lowest
-    point.
+    point; `measured`: (samples, bodies) vertical forces without a filter, of which peaks are [N].
     """
     vertical = np.nan_to_num(wrenches.forces @ up)
     if len(wrenches) < 3 or not vertical.size or np.max(vertical) <= 0.0:
@@ -80,7 +89,7 @@ def ground_phases(
         com = np.interp(wrenches.time, height.time, height.values @ up, left=np.nan, right=np.nan)
     jump = _jump(wrenches.time, total, scale, com, weight is not None)
     if jump:
-        return jump
+        return jump if measured is None else replace(jump, measures=_peaks_of(jump, measured))
     sides = [
         side_of(name, body) for name, body in zip(wrenches.names, wrenches.bodies, strict=True)
     ]
@@ -271,7 +280,7 @@ def _jump_phases(
     flight = float(time[land] - time[off])
     height = max(speed[-1], 0.0) ** 2 / (2 * gravity)
     measures = [
-        Measure(name="Body weight on the plates", value=weight, unit="N", source="quiet standing"),
+        Measure(name=ON_THE_PLATES, value=weight, unit="N", source="quiet standing"),
         Measure(
             name="Flight time",
             value=flight,
@@ -305,20 +314,48 @@ def _jump_phases(
         events.append(Event(float(time[onset + slowest]), "Braking"))
         events.append(Event(float(time[onset + turn]), "Lowest point"))
     events += [Event(float(time[off]), "Take-off"), Event(float(time[land]), "Landing")]
-    settled = min(last, land + max(1, int(np.searchsorted(time[land:], time[land] + 0.5))))
-    for when, part in (("before take-off", total[push]), ("of landing", total[land : settled + 1])):
-        peak = float(part.max())
-        measures.append(
-            Measure(
-                name=f"Peak force {when}",
-                value=peak,
-                unit="N",
-                source=f"{peak / weight:.2f} body weights",
-            )
-        )
+    settled = min(last, land + max(1, int(np.searchsorted(time[land:], time[land] + LANDING))))
+    measures += [
+        _peak(BEFORE_TAKE_OFF, float(total[push].max()), weight),
+        _peak(OF_LANDING, float(total[land : settled + 1].max()), weight),
+    ]
     return GroundPhases(
         "jump", tuple(sorted(events, key=lambda event: event.time)), tuple(measures)
     )
+
+
+def _peak(when: str, force: float, weight: float) -> Measure:
+    """State a peak of the vertical force [N] of a jump of a body of some weight [N]."""
+    text = f"{force / weight:.2f} body weights"
+    return Measure(name=f"{PEAK_FORCE} {when}", value=force, unit="N", source=text)
+
+
+def _peaks_of(jump: GroundPhases, measured: Series) -> tuple[Measure, ...]:
+    """Replace the peaks of a jump by those of the forces as measured.
+
+    Parameters
+    ----------
+    jump : as forces that may be filtered show it
+    measured : (samples, bodies) vertical forces [N]
+
+    Returns
+    -------
+    its measures in the same order
+    """
+    total = np.nan_to_num(measured.values).sum(axis=1)
+    times = {event.label: event.time for event in jump.events}
+    weight = next(measure.value for measure in jump.measures if measure.name == ON_THE_PLATES)
+    spans = {
+        BEFORE_TAKE_OFF: (times["Onset"], times["Take-off"]),
+        OF_LANDING: (times["Landing"], times["Landing"] + LANDING),
+    }
+    peaks = {}
+    for when, (start, stop) in spans.items():
+        inside = (measured.time >= start) & (measured.time <= stop)
+        if inside.any():
+            peak = _peak(when, float(total[inside].max()), weight)
+            peaks[peak.name] = peak
+    return tuple(peaks.get(measure.name, measure) for measure in jump.measures)
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,7 @@ ERRORS = (
     "angle",
     "sensor-noise",
     "sensor-mounting",
+    "plate-rotation",
     "plate-gain",
     "contact-time",
     "contact-point",

@@ -213,6 +213,9 @@ def free_angles(model: Model) -> tuple[str, ...]:
 def drawn_wrenches(wrenches: Wrenches, up: Array, draw: Draw) -> Wrenches:
     """External forces of plates that stand elsewhere, with other gains and another clock.
 
+    A plate that is turned turns its forces and free torques; how far that moves where they act is
+    part of the error of its position.
+
     Parameters
     ----------
     wrenches : as recorded
@@ -239,11 +242,15 @@ def drawn_wrenches(wrenches: Wrenches, up: Array, draw: Draw) -> Wrenches:
     """
     points = np.array(wrenches.points)
     forces = np.array(wrenches.forces)
+    torques = np.array(wrenches.torques)
     for index, name in enumerate(wrenches.names):
         shift = draw.of("plate_position", name, 3)
         points[:, index] += shift - (shift @ up) * up
         forces[:, index] *= np.exp(draw.of("plate_gain", name, 3))
-    moved = replace(wrenches, points=points, forces=forces)
+        rotation = rotation_from_vector(draw.of("plate_rotation", name, 3))
+        forces[:, index] = forces[:, index] @ rotation.T
+        torques[:, index] = torques[:, index] @ rotation.T
+    moved = replace(wrenches, points=points, forces=forces, torques=torques)
     late = float(draw.of("clock", "forces")[0])
     return shifted(moved, late) if late else moved
 

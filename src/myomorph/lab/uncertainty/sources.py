@@ -25,7 +25,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "placement": ("placement",),
     "sensors": ("sensor_noise", "sensor_mounting"),
     "unseen": ("unseen",),
-    "forces": ("plate_position", "plate_gain", "clock"),
+    "forces": ("plate_position", "plate_rotation", "plate_gain", "clock"),
     "contacts": ("contact_time", "contact_point"),
     "masses": ("body_mass", "segment_mass", "mass_center", "inertia"),
     "joints": ("joint_center", "joint_axis", "leg_alignment"),
@@ -62,6 +62,8 @@ class Sources:
     unseen : of coordinates that no marker shows, relative to the standard deviation of what inverse
         kinematics assumes of them
     plate_position : of a plate, along both horizontal axes [m] (Collins et al. 2009)
+    plate_rotation : of a plate among the markers about each axis, which turns its forces [rad]:
+        root mean square of the plates whose corners were surveyed in c3d.org's sample files
     plate_gain : of each axis of a plate's force, as a share of it (Collins et al. 2009)
     clock : of the forces against the motion [s]; checks find no less than 12 ms
     contact_time : at which a contact whose force is estimated begins, and ends [s] (Zeni et al.
@@ -107,6 +109,7 @@ class Sources:
     sensor_mounting: float = 1.0
     unseen: float = 1.0
     plate_position: float = 0.003
+    plate_rotation: float = 0.0087
     plate_gain: float = 0.01
     clock: float = 0.005
     contact_time: float = 0.02

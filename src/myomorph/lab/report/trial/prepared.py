@@ -141,7 +141,12 @@ class Prepared:
             return None
         dynamics = self.results.dynamics
         return gait_curves(
-            model, dynamics.motion or motion, self.strides, dynamics.torques, dynamics.wrenches
+            model,
+            dynamics.motion or motion,
+            self.strides,
+            torques=dynamics.torques,
+            wrenches=dynamics.wrenches,
+            measured=dynamics.measured,
         )
 
     @cached_property
@@ -227,7 +232,9 @@ def prepare(results: ReportInput) -> Prepared:
     ) and results.contacts.forces is not None:
         pressing = results.contacts.forces.wrenches()
     if pressing is not None and len(pressing.names):
-        ground = ground_phases(pressing, up, whole, com)
+        as_measured = pressing is results.dynamics.wrenches
+        measured = results.dynamics.measured if as_measured else None
+        ground = ground_phases(pressing, up, whole, com, measured)
     if results.recorded.events is not None:
         kind = ground.kind if not results.recorded.events else ground.kind or "movement"
         events = tuple(sorted(results.recorded.events, key=lambda event: event.time))

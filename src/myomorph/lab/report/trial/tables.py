@@ -172,7 +172,7 @@ def residual_verdicts(
     rows = []
     for what, values, scale in (("force", root[0], peak), ("moment", root[1], peak * height)):
         for row, at in judged_residual(what, values, torques.time, scale):
-            detail = f"; F = {peak:.4g} N"
+            detail = f"; F = {peak:.4g} N, filtered as the torques are"
             if what == "force" and at is not None:
                 detail += _support(wrenches, float(torques.time[at]), weight, values[at])
             rows.append(replace(row, detail=row.detail + detail))

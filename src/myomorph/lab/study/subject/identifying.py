@@ -24,12 +24,13 @@ from myomorph.core.model.causes import FILTER
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import with_inertial_parameters
-from myomorph.core.model.messages import located
+from myomorph.core.model.messages import Message, located
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.provenance import Provenance, Source
 from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.core.model.surface import Surface
+from myomorph.core.motion.automatic_cutoff import automatic_cutoff
 from myomorph.lab.report.page.parts import Note, PageHead
 from myomorph.lab.report.trial.identification_tables import identification_tables
 from myomorph.lab.report.trial.report_input import IdentificationInput, Recorded, ReportInput
@@ -200,18 +201,9 @@ def identify_subject(
     force_notes = (
         note for motion in motions for note in located(motion.name, motion.wrenches.notes)
     )
-    unfiltered = (
-        (
-            FILTER.message(
-                "no low-pass filter: noise of markers grows with the square of frequency in"
-                " accelerations; where the motion is not filtered already, give a cutoff, as 6 Hz"
-                " for walking"
-            )
-        ),
-    )
     # What identification says of itself comes first: whether its masses may be believed.
     notes = (*identification.notes, *force_notes, *notes_of_points)
-    notes += unfiltered if options.recording.cutoff is None else ()
+    notes += _unfiltered(motions, options.recording)
     identification = replace(identification, notes=notes)
     models = {
         name: with_inertial_parameters(model, identification.parameters[name])
@@ -224,6 +216,22 @@ def identify_subject(
     }
     made = provenance_of("identify", sources, {"mass": mass, **options.plain()})
     return Identified(identification, made, validation=FrozenMap(validation))
+
+
+def _unfiltered(motions: Sequence[SubjectMotion], options: RecordingOptions) -> tuple[Message, ...]:
+    """Report motions that ask for a filter and got none."""
+    if options.cutoff != 0.0:
+        return ()
+    asked = {part.name: automatic_cutoff(part.motion) for part in motions}
+    noisy = ", ".join(f"{name} for {cutoff:.2g} Hz" for name, cutoff in asked.items() if cutoff)
+    if not noisy:
+        return ()
+    return (
+        FILTER.message(
+            "no low-pass filter: noise of markers grows with the square of frequency in"
+            f" accelerations, and motions ask for one ({noisy}): leave --cutoff 0 out"
+        ),
+    )
 
 
 def input_sources(
@@ -265,6 +273,8 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
     notes.append(Note("assumed", f"Shape of the body: {identification.points.source}."))
     if identification.soft_tissue is not None:
         notes.append(Note("assumed", f"Soft tissue: {tissue_line(identification.soft_tissue)}."))
+    elif identification.tissue_evidence is not None:
+        notes.append(Note("assumed", f"{identification.tissue_evidence.sentence.capitalize()}."))
     page = report_page(
         ReportInput(
             PageHead.of(
@@ -307,6 +317,7 @@ def summary(identified: Identified) -> list[str]:
         f"{used} of {total} frames used"
         + "".join(f"; {n} {reason}" for reason, n in identification.left_out.items())
     ]
+    lines[0] += _filters(identification.recordings)
     flight = sum(recording.flight for recording in identification.recordings)
     if flight:
         lines[0] += f"; {flight} of those used without contact"
@@ -323,6 +334,8 @@ def summary(identified: Identified) -> list[str]:
     )
     if identification.chosen == GENERIC:
         lines[-1] += "; the generic masses are kept"
+    if identification.tissue_evidence is not None:
+        lines.append(identification.tissue_evidence.sentence)
     if identification.soft_tissue is not None:
         lines.append(tissue_line(identification.soft_tissue))
     data = identification.known.data
@@ -340,6 +353,14 @@ def summary(identified: Identified) -> list[str]:
             f" {generic[0]:.1f} N m)"
         )
     return lines
+
+
+def _filters(recordings: Sequence[Usable]) -> str:
+    """Low-pass filters of recordings, as the end of a line; "" where nothing was filtered."""
+    cutoffs = dict.fromkeys(
+        f"{recording.cutoff:.3g}" for recording in recordings if recording.cutoff is not None
+    )
+    return f"; low-pass filter at {', '.join(cutoffs)} Hz" if cutoffs else ""
 
 
 def tissue_line(tissue: SoftTissue) -> str:

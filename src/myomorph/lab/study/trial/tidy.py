@@ -36,7 +36,7 @@ from myomorph.lab.study.trial.movement_values import movement_values, write_move
 from myomorph.lab.study.trial.reporting import TrialResults
 from myomorph.lab.study.trial.stride_table import write_stride_table
 from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, LOADED, Signals, Value, statistics_of
-from myomorph.lab.study.trial.trial_strides import TrialStrides, by_side
+from myomorph.lab.study.trial.trial_strides import TrialStrides, by_side, maxima_by_side
 
 VALUES = "values.csv"
 CURVES = "curves.csv"
@@ -140,18 +140,25 @@ def trial_values(
         if not step.numbers_last:
             yield from step.numbers(stored, model, strides)
     for signal, cycle in zip(signals, cycles, strict=True):
-        yield from _signal_values(signal, cycle if strides is not None else None)
+        yield from _signal_values(signal, cycle, strides)
     for step in steps:
         if step.numbers_last:
             yield from step.numbers(stored, model, strides)
 
 
-def _signal_values(signal: Signals, cycle: Cycles | None) -> Iterator[Value]:
+def _signal_values(
+    signal: Signals, cycle: Cycles | None, strides: TrialStrides | None
+) -> Iterator[Value]:
     """Yield extremes and means of the columns of a signal: over the trial, and where there are
     strides the mean over these of each stride's own, with how strides differ.
     """
     whole = statistics_of(signal.series.values)
-    each = {} if cycle is None else statistics_of(cycle.values, axis=1)
+    each = {}
+    if cycle is not None and strides is not None:
+        each = statistics_of(cycle.values, axis=1)
+        if signal.as_measured:
+            known = np.isfinite(each["maximum"])
+            each["maximum"] = np.where(known, maxima_by_side(signal.series, strides), np.nan)
     means = {what: statistics_of(each[what])["mean"] for what in signal.statistics if each}
     spreads = {what: stride_spreads(each[what]) for what in signal.statistics if each}
     for index, name in enumerate(signal.series.names):

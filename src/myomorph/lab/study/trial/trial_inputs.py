@@ -223,7 +223,8 @@ class Signals:
 
     In tables of values each name gets its ending, unit, and statistics, some of `EXTREMES`; `curve`
     is what the curves over the cycle of the columns `drawn` are called, with their unit ("" where
-    none are), `factor` (names,) from the columns to these.
+    none are), `factor` (names,) from the columns to these. Of signals `as_measured` the largest
+    value in a stride is that of all its samples, not of those that the curve has.
     """
 
     step: str
@@ -234,6 +235,7 @@ class Signals:
     curve: str
     factor: Array
     drawn: tuple[int, ...]
+    as_measured: bool = False
 
 
 def all_drawn(

@@ -331,14 +331,13 @@ def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
     """Each signal over the cycles of its limb; as many rows as the limb with most cycles, the
     others NaN.
     """
-    sides = {split_side(limb)[1]: limb for limb in reversed(strides.limbs)}
     spans = {
         limb: [(stride.start, stride.stop) for stride in strides.of(limb)] for limb in strides.limbs
     }
     most = max((len(span) for span in spans.values()), default=0)
     if not most:
         return None
-    limbs = [sides.get(split_side(name)[1], strides.limbs[0]) for name in series.names]
+    limbs = _limbs_by_side(series, strides)
     values = np.full((most, SAMPLES, len(series.names)), np.nan)
     for limb in dict.fromkeys(limbs):
         indices = [index for index, other in enumerate(limbs) if other == limb]
@@ -346,6 +345,36 @@ def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
             series.columns(indices), spans[limb]
         ).values
     return Cycles(series.names, values)
+
+
+def maxima_by_side(series: Series, strides: TrialStrides) -> Array:
+    """Find the largest sample of each signal in every stride of its limb.
+
+    Parameters
+    ----------
+    series : (samples, names)
+    strides : of a trial
+
+    Returns
+    -------
+    (strides, names), as many rows as the limb with most strides, NaN where nothing is known
+    """
+    limbs = _limbs_by_side(series, strides)
+    most = max((len(strides.of(limb)) for limb in strides.limbs), default=0)
+    maxima = np.full((most, len(series.names)), np.nan)
+    for column, limb in enumerate(limbs):
+        for row, stride in enumerate(strides.of(limb)):
+            inside = (series.time >= stride.start) & (series.time <= stride.stop)
+            known = series.values[inside, column]
+            known = known[np.isfinite(known)]
+            maxima[row, column] = known.max() if len(known) else np.nan
+    return maxima
+
+
+def _limbs_by_side(series: Series, strides: TrialStrides) -> list[str]:
+    """The limb whose strides each signal is cut at: that of its side, else the first."""
+    sides = {split_side(limb)[1]: limb for limb in reversed(strides.limbs)}
+    return [sides.get(split_side(name)[1], strides.limbs[0]) for name in series.names]
 
 
 def _joined(parts: Sequence[Cycles]) -> Cycles:

@@ -130,11 +130,10 @@ def _values(area: svg.Frame, curve: AnswerCurve) -> list[Printed]:
     for side in curve.sides:
         if side.mark is None:
             continue
-        value = side.value(side.mark)
-        text = f"{value:.{curve.digits}f}".replace("-", "−")
+        text = f"{side.printed(side.mark):.{curve.digits}f}".replace("-", "−")
         text += "°" if curve.unit == "°" else ""
         x = float(area.x.at(curve.at[side.mark]))
-        y = float(area.y.at(value))
+        y = float(area.y.at(side.value(side.mark)))
         found.append(Printed(x=x, y=y, text=text, side=side.side or "middle"))
     if len(found) == 2 and abs(found[0].x - found[1].x) < CLOSE:
         return _around(*found)
@@ -161,7 +160,7 @@ def _value(printed: Printed) -> str:
 def _described(curve: AnswerCurve) -> list[str]:
     """Say what a screen reader says of each side."""
     return [
-        f"{side.label} {number(side.value(side.mark))} at {number(float(curve.at[side.mark]))}"
+        f"{side.label} {number(side.printed(side.mark))} at {number(float(curve.at[side.mark]))}"
         for side in curve.sides
         if side.mark is not None
     ]

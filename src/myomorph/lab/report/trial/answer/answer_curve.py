@@ -24,12 +24,15 @@ class SideCurve:
     label : word at the end of the line
     cycles : (cycles, samples) values in the curve's unit, NaN where unknown
     mark : sample whose value is printed, None for none
+    peak : mean of the largest values of the cycles, which lie between samples and at other times
+        in each; where it is known it is printed in the place of the mean curve's own largest value
     """
 
     side: Side
     label: str
     cycles: Array
     mark: int | None = None
+    peak: float | None = None
 
     @property
     def mean(self) -> Array:
@@ -52,9 +55,18 @@ class SideCurve:
         """Sample where the mean is largest."""
         return int(np.nanargmax(self.mean))
 
+    @property
+    def highest_value(self) -> float:
+        """Largest value: the mean of the cycles' own where these are known, else of the mean."""
+        return self.value(self.highest) if self.peak is None else self.peak
+
     def value(self, sample: int) -> float:
         """Mean at a sample."""
         return float(self.mean[sample])
+
+    def printed(self, sample: int) -> float:
+        """What is printed at a sample: the largest value where it is the highest, else the mean."""
+        return self.highest_value if sample == self.highest else self.value(sample)
 
 
 @read_only

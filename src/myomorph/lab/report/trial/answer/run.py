@@ -36,7 +36,14 @@ def run(prepared: Prepared, use: Use) -> MainResult | None:
     if results.model is None or motion is None or strides is None:
         return None
     dynamics = results.dynamics
-    gait = gait_curves(results.model, motion, strides, dynamics.torques, dynamics.wrenches)
+    gait = gait_curves(
+        results.model,
+        motion,
+        strides,
+        torques=dynamics.torques,
+        wrenches=dynamics.wrenches,
+        measured=dynamics.measured,
+    )
     if gait is None:
         return None
     knee = stride_curve(gait, "knee_flexion")
@@ -85,7 +92,9 @@ def _force_curve(prepared: Prepared, gait: GaitCurves) -> AnswerCurve | None:
             continue
         series = Series(force.time, (side,), own[:, None] / force.weight)
         cycles = over_cycles(series, spans, SAMPLES).values[:, :, 0]
-        curve = SideCurve(side=cast(Side, side), label=side, cycles=cycles)
+        peaks = [part.number(PEAK_VERTICAL_FORCE) for part in numbers.parts if part.side == side]
+        peak = float(np.nanmean(peaks))
+        curve = SideCurve(side=cast(Side, side), label=side, cycles=cycles, peak=peak)
         sides.append(replace(curve, mark=curve.highest))
     if not sides:
         return None
@@ -101,7 +110,7 @@ def _force_curve(prepared: Prepared, gait: GaitCurves) -> AnswerCurve | None:
 def _of_force(force: AnswerCurve) -> Sentence:
     """With how many body weights each foot meets the ground."""
     first, *second = force.sides
-    peak = f"{first.value(first.highest):.1f}"
+    peak = f"{first.highest_value:.1f}"
     begin = Phrase(f"The {first.label} foot lands with {peak} body weights", first.side)
     if not second:
         return Sentence.of(begin, " at most.")
@@ -109,7 +118,7 @@ def _of_force(force: AnswerCurve) -> Sentence:
     return Sentence.of(
         begin,
         " at most, ",
-        Phrase(f"the {other.label} with {other.value(other.highest):.1f}", other.side),
+        Phrase(f"the {other.label} with {other.highest_value:.1f}", other.side),
         ".",
     )
 

@@ -45,7 +45,7 @@ from myomorph.lab.study.inputs.reading import has_mass
 from myomorph.lab.study.inputs.refined import RefinedMotion
 from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
-from myomorph.lab.study.trial.measured_force import put_measured
+from myomorph.lab.study.trial.measured_force import put_measured, vertical_forces
 from myomorph.lab.study.trial.steps.ik import Poses
 from myomorph.lab.study.trial.trial_inputs import (
     Signals,
@@ -315,20 +315,22 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
             curve = made.curve.replace("N·m", "N·m/kg")
             made = replace(made, curve=curve, factor=made.factor / mass)
         signals.append(made)
-    return *signals, *_ground_forces(store.get_wrenches(stored), model)
+    return *signals, *_ground_forces(stored, model)
 
 
-def _ground_forces(wrenches: Wrenches | None, model: Model) -> Sequence[Signals]:
-    if wrenches is None or not len(wrenches.names) or not model.weight > 0.0:
+def _ground_forces(stored: Stored, model: Model) -> Sequence[Signals]:
+    """Vertical force on each body as measured; as filtered in results without it, of older runs."""
+    measured = store.get_measured_force(stored)
+    wrenches = store.get_wrenches(stored)
+    series = measured
+    if series is None and wrenches is not None:
+        series = vertical_forces(wrenches, model)
+    if series is None or not len(series.names) or not model.weight > 0.0:
         return ()
-    bodies = tuple(dict.fromkeys(wrenches.bodies))
-    upward = np.nan_to_num(wrenches.forces @ np.asarray(model.up))
-    sums = [upward[:, [body == other for other in wrenches.bodies]].sum(axis=1) for body in bodies]
-    series = Series(wrenches.time, bodies, np.column_stack(sums))
     made = all_drawn(
         "id", series, "_vertical_force", "N", ("maximum", "mean"), "vertical force [body weight]"
     )
-    return (replace(made, factor=made.factor / model.weight),)
+    return (replace(made, factor=made.factor / model.weight, as_measured=measured is not None),)
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
