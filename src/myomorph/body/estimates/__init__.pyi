@@ -7,6 +7,7 @@ from ..identify.base import BaseFit as BaseFit
 from ..identify.determined import Determined as Determined
 from ..identify.least_squares import Recording as Recording
 from ..identify.recordings import Usable as Usable
+from ..identify.tissue_evidence import TissueEvidence as TissueEvidence
 from ..identify.transfer import MassMatch as MassMatch
 from ..identify.transfer import Transfer as Transfer
 from ..identify.validation import Consistency as Consistency
