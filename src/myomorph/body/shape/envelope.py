@@ -36,10 +36,23 @@ from myomorph.core.model.surface import (
 )
 
 TISSUE = 1050.0  # Density of solids whose size the inertia does not show [kg/m^3]
-PLAUSIBLE = (400.0, 3000.0)
-"""Densities between which a body's inertia is believed to be that of its soft tissue [kg/m^3]."""
+MAX_DENSITY = 3000.0
+"""Density of a ball of a body's mass that turns as easily as the body [kg/m^3]: above it the
+inertia was only guessed.
+"""
+MIN_DENSITY = 400.0
+"""Density down to which a thinner ellipsoid has a wider grid, not more points [kg/m^3]."""
 MIN_MASS = 1e-3  # Bodies below this mass are frames between joints and get no points [kg]
 MIN_POINTS = 40
+MIN_GYRATION = 0.01
+"""Least radius of gyration along a principal axis of light bodies whose inertia no body can have
+[m].
+"""
+MAX_IMPOSSIBLE = 0.01
+MAX_LIFT = 0.2
+"""Share of the whole mass up to which a body counts little, and of its second moments by which
+points may miss those of a heavier one whose inertia no body can have.
+"""
 
 
 class EnvelopePoints(NamedTuple):
@@ -84,6 +97,7 @@ class Solid(NamedTuple):
 
 
 INERTIA = "ellipsoids of uniform density with the bodies' own mass, center and inertia"
+REPAIRED = "ellipsoids of the nearest inertia that a body can have"
 HULL = "convex hulls of the bodies' meshes, grown or shrunk to their mass"
 BONE = "ellipsoids along the bones with the bodies' mass"
 
@@ -97,10 +111,13 @@ def envelope_points(
     """Fill a solid around every body that has mass with points of a regular grid.
 
     A body of mass m, mass center c and central second moments S fills the ellipsoid of half axes
-    sqrt(5 s_k / m) along the eigenvectors of S, which has exactly these. Where that would be no
-    soft tissue (its density is not `PLAUSIBLE`: inertias that were only guessed), it fills the
-    convex hull of its meshes, and where it has none, an ellipsoid along its bones, each of density
-    `TISSUE`.
+    sqrt(5 s_k / m) along the eigenvectors of S. Its points have exactly these moments, whatever
+    the density that comes of it: a torso that stands for head and arms too fills more space than
+    its mass would. Only a body that turns more easily than any tissue of its mass, whose inertia
+    was guessed, fills the convex hull of its meshes, and where it has none, an ellipsoid along its
+    bones, each of density `TISSUE`. Points in these can be as compact as the guess says.
+
+    An inertia that no body can have is replaced by the nearest possible one.
 
     Parameters
     ----------
@@ -115,7 +132,8 @@ def envelope_points(
 
     Raises
     ------
-    BadData : the spacing is not above 0 or has too many points, or no body has mass
+    BadData : the spacing is not above 0 or has too many points, no body has mass, or a body
+        that counts has an inertia far from any that a body can have
     """
     if not spacing > 0.0:
         raise BadData(f"a spacing of {spacing:g} m: expected above 0")
@@ -127,8 +145,13 @@ def envelope_points(
             " points"
         )
     moments = pseudo_inertias(inertial_parameters(model))
+    _refuse_impossible(model, moments)
     solids = [_solid(model.bodies[i], i, moments[i], links, surfaces or {}) for i in heavy]
-    if sum(solid.volume for solid in solids) / spacing**3 > MAX_GRID_POINTS / 4:
+    filled = [
+        min(solid.volume, model.bodies[i].mass / MIN_DENSITY)
+        for i, solid in zip(heavy, solids, strict=True)
+    ]
+    if sum(filled) / spacing**3 > MAX_GRID_POINTS / 4:
         raise BadData(
             f"a {1000 * spacing:g} mm grid has over {MAX_GRID_POINTS // 4:,} points: give a wider"
             " spacing"
@@ -137,8 +160,9 @@ def envelope_points(
     points = []
     owners = []
     masses = []
-    for i, solid in zip(heavy, solids, strict=True):
-        inside = _grid(solid, links.rotations[i], links.origins[i], spacing)
+    for i, solid, volume in zip(heavy, solids, filled, strict=True):
+        size = spacing * (solid.volume / volume) ** (1.0 / 3.0)
+        inside = _grid(solid, links.rotations[i], links.origins[i], size)
         points.append(inside)
         owners.append(np.full(len(inside), i))
         masses.append(np.full(len(inside), model.bodies[i].mass / len(inside)))
@@ -192,6 +216,54 @@ def own_points(
     )
 
 
+def _refuse_impossible(model: Model, moments: Array) -> None:
+    """Refuse a model in which a body that counts has an inertia that no points come near.
+
+    Parameters
+    ----------
+    moments : (bodies, 4, 4) pseudo-inertias
+
+    Raises
+    ------
+    BadData : a principal second moment of mass about the mass center is far below 0
+    """
+    for body, own in zip(model.bodies, moments, strict=True):
+        if body.mass < max(MAX_IMPOSSIBLE * model.mass, MIN_MASS):
+            continue
+        second = np.linalg.eigvalsh(_central(body.mass, own))
+        size = float(np.abs(second).sum())
+        if size >= _ball_moments(body.mass) and second[0] < -MAX_LIFT * size:
+            raise BadData(
+                f"'{body.name}' ({body.mass:.3g} kg) has an inertia that no body can have: its"
+                f" least second moment of mass is {second[0]:.3g} kg m^2, so no mass points come"
+                " near it; correct it in the file, or give the body's shape (--skin, or --height"
+                " and --chest)"
+            )
+
+
+def _ball_moments(mass: float) -> float:
+    """Sum the second moments of a ball of `MAX_DENSITY` about its center, 3/5 m r^2 [kg m^2]."""
+    radius = (3.0 * mass / (4.0 * np.pi * MAX_DENSITY)) ** (1.0 / 3.0)
+    return float(0.6 * mass * radius**2)
+
+
+def _central(mass: float, moments: Array) -> Array:
+    """Compute second moments of mass about the mass center.
+
+    Parameters
+    ----------
+    mass : of the body [kg]
+    moments : (4, 4) its pseudo-inertia
+
+    Returns
+    -------
+    (3, 3) [kg m^2]
+    """
+    center = moments[:3, 3] / mass
+    central: Array = moments[:3, :3] - mass * np.outer(center, center)
+    return central
+
+
 def _solid(
     body: Body, i: int, moments: Array, links: Links, surfaces: Mapping[str, Surface]
 ) -> Solid:
@@ -202,35 +274,32 @@ def _solid(
     i : number of the body
     moments : (4, 4) its pseudo-inertia
     """
-    semi_axes = _of_inertia(body.mass, moments)
-    if semi_axes is not None:
-        return semi_axes
+    central = _central(body.mass, moments)
+    if np.trace(central) >= _ball_moments(body.mass):
+        return _of_inertia(body.mass, moments[:3, 3] / body.mass, central)
     meshes = body_meshes(body, surfaces)
     hull = _of_hull(body.mass, joined_surfaces(meshes).vertices) if meshes else None
     return hull if hull is not None else _along_bones(body, i, links)
 
 
-def _of_inertia(mass: float, moments: Array) -> Solid | None:
+def _of_inertia(mass: float, center: Array, central: Array) -> Solid:
     """Build the ellipsoid of uniform density with a body's mass, center and inertia.
 
     Parameters
     ----------
     mass : of the body [kg]
-    moments : (4, 4) its pseudo-inertia
+    center : (3,) in the body [m]
+    central : (3, 3) second moments of mass about it [kg m^2]
 
     Returns
     -------
-    None where no body has these moments or the density is not `PLAUSIBLE`
+    the ellipsoid; of the nearest moments that a body can have where these are impossible
     """
-    center = moments[:3, 3] / mass
-    spread, axes = np.linalg.eigh(moments[:3, :3] / mass - np.outer(center, center))
-    if not spread[0] > 0.0:
-        return None
-    half = np.sqrt(5.0 * spread)
-    density = mass / (4.0 / 3.0 * np.pi * half.prod())
-    if not PLAUSIBLE[0] <= density <= PLAUSIBLE[1]:
-        return None
-    return Solid(INERTIA, center, axes * half)
+    spread, axes = np.linalg.eigh(central / mass)
+    if spread[0] > 0.0:
+        return Solid(INERTIA, center, axes * np.sqrt(5.0 * spread))
+    possible = np.maximum(spread, MIN_GYRATION**2)
+    return Solid(REPAIRED, center, axes * np.sqrt(5.0 * possible))
 
 
 def _of_hull(mass: float, corners: Array) -> Solid | None:
@@ -304,6 +373,8 @@ def _along_bones(body: Body, i: int, links: Links) -> Solid:
 def _grid(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array:
     """Fill a solid with grid points; the grid is finer in bodies with few points.
 
+    Points of an ellipsoid have exactly its center and its second moments.
+
     Parameters
     ----------
     rotation, origin : (3, 3), (3,) of the body in ground [m]
@@ -317,13 +388,13 @@ def _grid(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array
     if solid.surface is not None:
         placed = Surface(solid.surface.vertices @ rotation.T + origin, solid.surface.faces)
         return fill(Skin(placed, watertight=True), spacing)
-    center = rotation @ solid.center + origin
-    axes = rotation @ solid.axes
-    extent = np.sqrt(np.square(axes).sum(axis=1))
-    first = np.floor((center - extent) / spacing)
-    last = np.ceil((center + extent) / spacing)
-    spans = [np.arange(low, high + 1) for low, high in zip(first, last, strict=True)]
-    cells = np.stack(np.meshgrid(*spans, indexing="ij"), axis=-1).reshape(-1, 3)
-    points = (cells + 0.5) * spacing
-    in_axes = (points - center) @ np.linalg.inv(axes).T
-    return points[np.square(in_axes).sum(axis=1) <= 1.0]
+    # A grid of the unit ball, stretched with it: by its symmetry the mean of x is 0 and that of
+    # x x^T is the same along all axes, of which a ball has 1/5.
+    step = spacing / abs(np.linalg.det(solid.axes)) ** (1.0 / 3.0)
+    count = int(np.ceil(1.0 / step))
+    ticks = (np.arange(-count, count) + 0.5) * step
+    cells = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)
+    unit = cells[np.square(cells).sum(axis=1) <= 1.0]
+    unit = unit * np.sqrt(0.2 / np.mean(np.square(unit)))
+    points: Array = rotation @ solid.center + origin + unit @ (rotation @ solid.axes).T
+    return points
