@@ -199,6 +199,8 @@ PAGES: dict[str, dict[str, str]] = {
         "identification_intervals": (
             "accuracy.identification.identification_runners:measure_intervals"
         ),
+        "identification_people": "accuracy.identification.independent:measure",
+        "identification_exact": "accuracy.identification.independent:measure_exact",
         "identification_segments": "accuracy.identification.identification:measure_segments",
         "chapter3_wrenches": "accuracy.identification.chapter3:measure_wrenches",
         "chapter3_masses": "accuracy.identification.chapter3:measure_masses",

@@ -12,6 +12,7 @@ import numpy as np
 
 from myomorph.body.identify.estimate import mass_unknowns
 from myomorph.body.identify.mass_points import MassPointOptions, prior_variances
+from myomorph.body.identify.sides import Sides
 from myomorph.body.shape.points import MassPoints, point_moments
 from myomorph.core.fit.posterior import Posterior
 from myomorph.core.fit.unknowns import Unknowns
@@ -31,7 +32,7 @@ Segment masses of cadaver studies differ by 10 to 20 % of themselves at the same
 
 @read_only
 class MeasuredRows:
-    """What was measured of the parameters of all links: A x with noise of 1.
+    """What is known of the parameters of all links beside their shape: A x with noise of 1.
 
     Attributes
     ----------
@@ -41,12 +42,14 @@ class MeasuredRows:
         where None
     scores : (draws, 10 bodies) how noise of the motion pulls at the estimate
         (`MotionNoise.scores`), which adds to its standard deviation; more than three draws
+    sides : left and right alike, which is known and was not measured; None where nothing ties them
     """
 
     A: Array
     samples: float = 1.0
     forces: Array | None = None
     scores: Array | None = None
+    sides: Sides | None = None
 
     def gradient_covariance(self) -> Array:
         """Compute the covariance of A^T r, with the noise r of the rows.
@@ -129,13 +132,54 @@ def determined(
         shares=shares.reshape(table),
         rank=rank,
         data=data.reshape(table),
-        posterior=_posterior(mass_unknowns(names, x, sizes), covariance, measured, mass, mass_sd),
+        posterior=_posterior(
+            mass_unknowns(names, x, sizes),
+            Prior(
+                covariance=covariance,
+                share=(mass_sd / LINK_SD) ** 2,
+                mass=mass,
+                sides=measured.sides,
+            ),
+            measured,
+        ),
     )
 
 
-def _posterior(
-    unknowns: Unknowns, covariance: Array, measured: MeasuredRows, mass: float, mass_sd: float
-) -> Posterior:
+@read_only
+class Prior:
+    """What is known of parameters before anything is measured.
+
+    Attributes
+    ----------
+    covariance : (n, n) of links' parameters of people, the whole mass and both sides free
+    share : of it that the fit holds parameters by
+    mass : of the body, known exactly [kg]
+    sides : left and right alike; None where nothing ties them
+    """
+
+    covariance: Array
+    share: float
+    mass: float
+    sides: Sides | None
+
+    def held(self, share: float) -> Array:
+        """Condition a share of the covariance on the whole mass and on both sides.
+
+        Parameters
+        ----------
+        share : of the covariance
+
+        Returns
+        -------
+        (n, n)
+        """
+        whole = np.zeros((1, len(self.covariance)))
+        whole[0, ::10] = 1.0 / (MASS_ERROR * self.mass)
+        known = conditioned(share * self.covariance, whole)
+        return known if self.sides is None else conditioned(known, self.sides.rows)
+
+
+def _posterior(unknowns: Unknowns, prior: Prior, measured: MeasuredRows) -> Posterior:
     """Make the posterior of parameters whose fit had another prior than bodies have.
 
     The fit leans on its own prior, which may be tighter than what bodies differ by. With its
@@ -148,18 +192,13 @@ def _posterior(
     Parameters
     ----------
     unknowns : the parameters, which start where they were found
-    covariance : (n, n) of links' parameters before anything is measured, the whole mass free
+    prior : of people, and of the fit
     measured : rows and their noise
-    mass : of the body [kg]
-    mass_sd : relative standard deviation of a link's mass in the prior of the fit
     """
     n = len(unknowns)
     A = measured.A
-    whole = np.zeros((1, n))
-    whole[0, ::10] = 1.0 / (MASS_ERROR * mass)
-    truth = conditioned(covariance, whole)
-    own_prior = conditioned((mass_sd / LINK_SD) ** 2 * covariance, whole)
-    after = conditioned(own_prior, A)
+    truth = prior.held(1.0)
+    after = conditioned(prior.held(prior.share), A)
     left = np.eye(n) - after @ A.T @ A
     error = left @ truth @ left.T + after @ measured.gradient_covariance() @ after.T
     return Posterior(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from myomorph.body.identify.sides import Sides
 from myomorph.core.fit.problem import Problem
 from myomorph.core.fit.residuals import Condensed, LinearPrior
 from myomorph.core.fit.unknowns import Block, Unknown, Unknowns
@@ -51,7 +52,11 @@ def mass_unknowns(names: Sequence[str], parameters: Array, sizes: Array) -> Unkn
 
 
 def mass_problem(
-    unknowns: Unknowns, rows: tuple[Array, Array], center: Array, covariance: Array
+    unknowns: Unknowns,
+    rows: tuple[Array, Array],
+    center: Array,
+    covariance: Array,
+    sides: Sides | None = None,
 ) -> Problem:
     """State what is known of masses: the measured wrench, and the body's shape.
 
@@ -67,6 +72,7 @@ def mass_problem(
     rows : (rows, 10 bodies) A and (rows,) b of the wrench, in units of noise
     center : (bodies, 10) parameters of the shape
     covariance : (10 bodies, 10 bodies) C
+    sides : left and right alike; None where nothing ties them
 
     Returns
     -------
@@ -78,15 +84,24 @@ def mass_problem(
     levels, directions = np.linalg.eigh(covariance / scale[:, None] / scale)
     free = levels > SMALLEST * levels.max(initial=0.0)
     whitening = (directions[:, free] / np.sqrt(levels[free])).T / scale
+    priors = [
+        LinearPrior(
+            name="shape of the body",
+            blocks=(MASSES,),
+            rows=whitening,
+            right=whitening @ center.ravel(),
+        )
+    ]
+    if sides is not None:
+        priors.append(
+            LinearPrior(
+                name="both sides alike", blocks=(MASSES,), rows=sides.rows, right=sides.right
+            )
+        )
     return Problem(
         unknowns=unknowns,
         residuals=(
             Condensed(name="wrench on the base", blocks=(MASSES,), rows=A, right=b),
-            LinearPrior(
-                name="shape of the body",
-                blocks=(MASSES,),
-                rows=whitening,
-                right=whitening @ center.ravel(),
-            ),
+            *priors,
         ),
     )

@@ -90,7 +90,7 @@ class MotionNoise:
         pulls = -(squares @ x)[:, :-1]
         if g:
             pulls = pulls[:, g:] - pulls[:, :g] @ self.parts.carried(noise)
-        return pulls - pulls.mean(axis=0)
+        return self.parts.weighed(pulls - pulls.mean(axis=0), noise)
 
     def scores(self, noise: Array, parameters: Array) -> Array:
         """Compute how each draw pulls at the parameters of all links.

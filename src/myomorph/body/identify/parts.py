@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from myomorph.body.identify.base_parameters import BaseParameters
+from myomorph.body.identify.errors_in_rows import SEEN, ReturningErrors, Whitening
 from myomorph.body.identify.least_squares import Recording, RowBlock
 from myomorph.body.identify.triangles import absorb
 from myomorph.core.model.arrays import Array, checked_array, read_only
@@ -25,8 +27,6 @@ MAX_NOISE = 0.5
 """Share of what data say of a combination of parameters that noise of the motion is taken to have
 made, at most.
 """
-# Singular value, of the largest, from which frames show a combination of base parameters at all
-SEEN = 1e-6
 BORDER = -1
 """Fold of frames beside a cut: they are fitted with all others, but neither held out nor fitted
 while others are.
@@ -73,6 +73,8 @@ class Parts:
     added : (parts, 2, g + n + 1, g + n + 1) what noise of the motion added to the squares of [A,
         b], which fits are corrected by (`motion_noise`); None corrects nothing
     tissue : of the first columns; None where there are none
+    skin : errors of the motion that return with the posture (`skin_errors`), which fits are
+        weighed by; None where there are none
     alike : frames that a filter makes say the same, which count as one
     """
 
@@ -85,6 +87,7 @@ class Parts:
     center: Array
     added: Array | None = None
     tissue: TissueColumns | None = None
+    skin: ReturningErrors | None = None
     alike: float = 1.0
 
     def __post_init__(self) -> None:
@@ -158,6 +161,7 @@ class Parts:
             folds=folds,
             pieces=self.pieces[chosen],
             added=None if self.added is None else self.added[chosen],
+            skin=None if self.skin is None else self.skin.only(chosen),
         )
 
     def unknowns(self, parameters: Array, tissue: Array | None = None) -> Array:
@@ -284,7 +288,8 @@ class Parts:
         """Condense chosen parts to |R phi_B - z|^2, their misfit in units of noise.
 
         Soft tissue is what fits phi_B best. Where noise of the motion is known (`added`), R and z
-        are those of the motion without it, on the mean.
+        are those of the motion without it, on the mean. Where its errors return with the posture
+        (`skin`), rows that these move count less.
 
         Parameters
         ----------
@@ -296,6 +301,73 @@ class Parts:
         (n, n) R and (n,) z
         """
         chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
+        R, z = self._independent(noise, chosen)
+        if self.skin is None:
+            return R, z
+        return Whitening.of(R, self._skin_pulls(noise, chosen)).rows(z)
+
+    def weighed(self, scores: Array, noise: Array) -> Array:
+        """Weigh pulls at base parameters as the rows are weighed for errors of the skin.
+
+        Parameters
+        ----------
+        scores : (draws, n) products of rows and errors, of all parts
+        noise : (2,) of moments and forces [N m], [N]
+
+        Returns
+        -------
+        (draws, n)
+        """
+        if self.skin is None:
+            return scores
+        every = np.arange(len(self))
+        R, _ = self._independent(noise, every)
+        return Whitening.of(R, self._skin_pulls(noise, every)).scores(scores)
+
+    def _skin_pulls(self, noise: Array, chosen: np.ndarray) -> Array:
+        """Sum what the skin does over chosen parts, in units of noise.
+
+        Returns
+        -------
+        (n, k)
+        """
+        weights = np.square(self.weights(noise))
+        assert self.skin is not None
+        pulls: Array = np.einsum("pknj,k->nj", self.skin.pulls[chosen], weights)
+        return pulls
+
+    def explained_errors(self, noise: Array) -> Array:
+        """Compute what base parameters explain of errors that return with the posture.
+
+        Parameters
+        ----------
+        noise : (2,) of moments and forces [N m], [N]
+
+        Returns
+        -------
+        (2,) mean square of moment and force [(N m)^2], [N^2]
+        """
+        if self.skin is None:
+            return np.zeros(2)
+        squares = self.skin.squares.sum(axis=0)
+        every = np.arange(len(self))
+        R, _ = self._independent(noise, every)
+        explained = Whitening.of(R, self._skin_pulls(noise, every)).explained
+        share = explained / max(float(np.square(self.weights(noise)) @ squares), 1e-300)
+        return np.asarray(share * squares / self.frames.sum())
+
+    def _independent(self, noise: Array, chosen: np.ndarray) -> tuple[Array, Array]:
+        """Condense chosen parts as if the motion had no errors that return with the posture.
+
+        Parameters
+        ----------
+        noise : (2,) of moments and forces [N m], [N]
+        chosen : (chosen,) numbers of parts
+
+        Returns
+        -------
+        (n, n) R and (n,) z
+        """
         g = self.groups
         factor = self._absorbed(noise, chosen)
         if self.added is not None:
@@ -377,15 +449,9 @@ def parts_of(
     folds = []
     pieces = []
     for number, recording in enumerate(recordings):
-        use = (
-            np.ones(len(recording.motion), bool)
-            if recording.use is None
-            else np.asarray(recording.use)
-        )
-        use = use & np.isfinite(base_wrench(model, recording.motion, recording.wrenches)).all(
-            axis=1
-        )
-        piece = _pieces(recording.motion.time, use, least)
+        cut = pieces_of(model, recording, least)
+        use = cut.use
+        piece = cut.piece
         sums = np.zeros((least + 1, 2, n + 1, n + 1))
         for block in recording.rows(model):
             known = use[block.frames] & np.isfinite(block.wrench).all(axis=1)
@@ -399,13 +465,11 @@ def parts_of(
                 for kind, rows in enumerate((slice(0, 3), slice(3, 6))):
                     table = _table(block, wanted, rows, base.columns, slopes)
                     sums[lag, kind] = absorb(sums[lag, kind], table)
-        for lag in (*range(least), BORDER):
-            count = int((use & (piece == lag)).sum())
-            if count:
-                factors.append(sums[lag])
-                frames.append(count)
-                pieces.append(BORDER if lag == BORDER else number * least + lag)
-                folds.append(number if len(recordings) > 1 else pieces[-1])
+        for lag, count in cut.counts.items():
+            factors.append(sums[lag])
+            frames.append(count)
+            pieces.append(BORDER if lag == BORDER else number * least + lag)
+            folds.append(number if len(recordings) > 1 else pieces[-1])
     if not frames:
         raise BadData("no frame can be used to identify")
     center = base.of(inertial_parameters(model))
@@ -421,6 +485,57 @@ def parts_of(
         tissue=tissue,
         alike=float(np.mean([recording.alike for recording in recordings])),
     )
+
+
+class Pieces(NamedTuple):
+    """A recording cut in time.
+
+    Attributes
+    ----------
+    use : (frames,) which frames are used
+    piece : (frames,) number of the piece, `BORDER` beside a cut
+    counts : used frames by piece, in the order of parts; pieces without any are left out
+    """
+
+    use: np.ndarray
+    piece: np.ndarray
+    counts: dict[int, int]
+
+    def parts(self, first: int) -> np.ndarray:
+        """Find the part that each frame is in.
+
+        Parameters
+        ----------
+        first : number of the recording's first part
+
+        Returns
+        -------
+        (frames,) -1 for frames that are not used
+        """
+        result = np.full(len(self.use), -1)
+        for index, piece in enumerate(self.counts):
+            result[self.use & (self.piece == piece)] = first + index
+        return result
+
+
+def pieces_of(model: Model, recording: Recording, least: int) -> Pieces:
+    """Cut the used frames of a recording in time.
+
+    Parameters
+    ----------
+    model : with the recording's joints
+    recording : with derivatives of the motion
+    least : number of pieces
+    """
+    use = np.ones(len(recording.motion), bool)
+    if recording.use is not None:
+        use = np.asarray(recording.use)
+    measured = base_wrench(model, recording.motion, recording.wrenches)
+    use = use & np.isfinite(measured).all(axis=1)
+    piece = _pieces(recording.motion.time, use, least)
+    every = {lag: int((use & (piece == lag)).sum()) for lag in (*range(least), BORDER)}
+    counts = {lag: count for lag, count in every.items() if count}
+    return Pieces(use=use, piece=piece, counts=counts)
 
 
 def _table(

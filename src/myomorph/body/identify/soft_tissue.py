@@ -131,6 +131,7 @@ def _fitted_tissue(model: Model, markers: Fitted, strength: Strength) -> Fitted:
         )
         softened = tuple(recording.moved(tissue.of) for recording in markers.recordings)
         parts = parts_of(model, softened, markers.parts.base, markers.parts.least, columns)
+        parts = replace(parts, skin=markers.parts.skin)
         choice = strength.choose(parts)
         parameters = strength.fit(parts, choice[0], choice[2])
         change, sds = parts.soft_tissue(parameters, choice[0])

@@ -6,7 +6,7 @@ Forces, motion and the shape of a body in, a model of that body out.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -33,6 +33,8 @@ from myomorph.body.identify.pseudo_inertia import (
     solve_pseudo_inertia,
 )
 from myomorph.body.identify.recordings import RecordingOptions, Usable, all_left_out, check_excited
+from myomorph.body.identify.sides import SIDE_SD, Sides, sides_of
+from myomorph.body.identify.skin_errors import SKIN_SD, skin_errors
 from myomorph.body.identify.soft_tissue import Use, with_soft_tissue
 from myomorph.body.identify.tissue_evidence import TissueEvidence
 from myomorph.body.identify.unseen import (
@@ -93,6 +95,11 @@ class IdentificationOptions:
     motion_sd : standard deviation of the noise that the filter leaves in a coordinate, which
         intervals carry [rad or m]; 0 for a motion without noise. By default that of markers with 2
         mm of noise
+    skin_sd : root mean square by which skin carries a marker along with the joints beside it, and
+        by which joint centers are off [m]: errors of the motion that return with every posture, so
+        that neither time nor held-out parts show them. They are those of the model's markers, and
+        none of a model without
+    side_sd : relative standard deviation of the difference between left and right bodies
     if_worse : masses of the model where identified ones predict recordings that were not used worse
         than the generic model's do: "generic" keeps those, "identified" takes the identified ones
         all the same and warns
@@ -110,6 +117,8 @@ class IdentificationOptions:
     keep_mass: bool = True
     compare: bool = True
     motion_sd: float = 0.002
+    skin_sd: float = SKIN_SD
+    side_sd: float = SIDE_SD
     if_worse: Literal["generic", "identified"] = "generic"
     soft_tissue: Use = "auto"
 
@@ -133,6 +142,10 @@ class IdentificationOptions:
             raise BadData(
                 f"motion_sd is {self.motion_sd:g}: expected radians and metres, 0 to below 0.2"
             )
+        if not 0.0 <= self.skin_sd < 0.2:
+            raise BadData(f"skin_sd is {self.skin_sd:g}: expected metres, 0 to below 0.2")
+        if not self.side_sd > 0.0:
+            raise BadData(f"side_sd is {self.side_sd:g}: expected above 0")
         if self.if_worse not in ("generic", "identified"):
             raise BadData(f"if_worse is '{self.if_worse}': expected 'generic' or 'identified'")
         if self.soft_tissue not in ("auto", "always", "never"):
@@ -349,7 +362,7 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
     kept = verdict.worse and options.if_worse == "generic"
     chosen = GENERIC if kept else identified
 
-    known = _known(body, equations, found)
+    known = _known(body, equations, found, strength.sides)
     notes = [
         *_verdict(verdict, chosen == identified),
         *_not_converged(solved),
@@ -366,7 +379,12 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
         identified=identified,
         parameters=FrozenMap({name: frozen_array(values) for name, values in parameters.items()}),
         residuals=_misfits(equations, parameters),
-        estimate=_estimate(body, equations, known, solved[identified], verdict),
+        estimate=_estimate(
+            body,
+            equations,
+            Judged(known=known, sides=strength.sides, verdict=verdict),
+            solved[identified],
+        ),
         tried=FrozenMap(equations.choice.misfits),
         mass_sd=equations.choice.mass_sd,
         noise=equations.choice.noise,
@@ -431,8 +449,15 @@ class _Body:
             generic=inertial_parameters(self.generic),
             method=options.method,
             mass_sd=options.mass_sd,
+            sides=self.sides(options),
             paper=_paper(self.generic, options, self.mass),
         )
+
+    def sides(self, options: IdentificationOptions) -> Sides | None:
+        """State that both sides are alike; [D] has no such rows."""
+        if options.prior == "paper":
+            return None
+        return sides_of(self.generic, self.few.parameters(self.few.reference), options.side_sd)
 
 
 @read_only
@@ -485,6 +510,8 @@ def _equations(
         used = [with_noise(one, options.motion_sd) for one in used]
     base = base_parameters(model, held=held_in(model, [one.motion for one in used]))
     markers = parts_of(model, used, base)
+    if not by_paper and options.skin_sd:
+        markers = replace(markers, skin=skin_errors(model, used, markers, options.skin_sd))
     fitted = Fitted(
         recordings=tuple(used), parts=markers, tissue=None, choice=strength.choose(markers)
     )
@@ -540,12 +567,27 @@ def _consistency(
     )
 
 
+@read_only
+class Judged:
+    """What is known of identified masses beside their equations.
+
+    Attributes
+    ----------
+    known : which parameters the data determine, with the posterior
+    sides : left and right alike; None where nothing ties them
+    verdict : on what was not used
+    """
+
+    known: Determined
+    sides: Sides | None
+    verdict: Verdict
+
+
 def _estimate(
     body: _Body,
     equations: _Equations,
-    known: Determined,
+    judged: Judged,
     solved: MassPointFit | PseudoInertiaFit,
-    verdict: Verdict,
 ) -> Estimate:
     """State the identified masses with all that certifies them.
 
@@ -553,17 +595,18 @@ def _estimate(
     ----------
     body : before anything is measured
     equations : that were solved
-    known : with the posterior
+    judged : posterior, and verdict on what was not used
     solved : the way that is used
-    verdict : on what was not used
     """
     few = body.few
-    unknowns = known.posterior.unknowns
+    posterior = judged.known.posterior
+    unknowns = posterior.unknowns
     problem = mass_problem(
         unknowns,
         equations.rows,
         few.parameters(few.reference),
         prior_covariance(few, equations.choice.mass_sd),
+        judged.sides,
     )
     at = problem.at(solved.parameters.ravel())
     search = Search(
@@ -572,7 +615,7 @@ def _estimate(
         change=0.0,
     )
     solution = Solution(x=at.x, free=unknowns.free(), at=at, search=search)
-    return estimate_of(solution, posterior=known.posterior, verdict=verdict)
+    return estimate_of(solution, posterior=posterior, verdict=judged.verdict)
 
 
 def _paper(generic: Model, options: IdentificationOptions, mass: float) -> Paper | None:
@@ -646,7 +689,9 @@ def _used(recording: Recording, model: Model, parameters: Array) -> Array:
     return left
 
 
-def _known(body: _Body, equations: _Equations, parameters: Array) -> Determined:
+def _known(
+    body: _Body, equations: _Equations, parameters: Array, sides: Sides | None
+) -> Determined:
     """Judge what the data determine, with noise of the motion apart from other misfit.
 
     Parameters
@@ -654,6 +699,7 @@ def _known(body: _Body, equations: _Equations, parameters: Array) -> Determined:
     body : before anything is measured
     equations : that were solved
     parameters : (bodies, 10) that were identified
+    sides : left and right alike
     """
     parts = equations.parts
     recordings = equations.fitted.recordings
@@ -665,14 +711,18 @@ def _known(body: _Body, equations: _Equations, parameters: Array) -> Determined:
     rows, _ = equations.rows
     motion = equations.noise
     if motion is None:
-        measured = MeasuredRows(A=rows, samples=samples)
+        measured = MeasuredRows(A=rows, samples=samples, sides=sides)
         return determined(body.few, measured, body.mass, mass_sd, parameters)
     # Variances add up: what noise of the motion did not make of the misfit is noise of forces.
     share = np.square(motion.misfit(parameters) / noise)
     force_noise = noise / np.maximum(np.sqrt(np.clip(1.0 - share, 0.0, 1.0)), 1e-9)
     force_rows, _ = motion.parts.rows(force_noise)
     measured = MeasuredRows(
-        A=rows, samples=samples, forces=force_rows, scores=motion.scores(noise, parameters)
+        A=rows,
+        samples=samples,
+        forces=force_rows,
+        scores=motion.scores(noise, parameters),
+        sides=sides,
     )
     return determined(body.few, measured, body.mass, mass_sd, parameters)
 
@@ -781,7 +831,7 @@ def _solved(
     options : of identification
     advance : called with the number of ways solved, as they are
     """
-    A, b = equations.rows
+    A, b = equations.rows if strength.sides is None else strength.sides.beside(equations.rows)
     mass = body.mass
     mass_sd = equations.choice.mass_sd
     solved: dict[str, MassPointFit | PseudoInertiaFit] = {}

@@ -21,6 +21,7 @@ from myomorph.body.identify.pseudo_inertia import (
     possible_reference,
     solve_pseudo_inertia,
 )
+from myomorph.body.identify.sides import Sides
 from myomorph.body.shape.points import MassPoints
 from myomorph.core.fit.verdict import Verdict
 from myomorph.core.model.arrays import Array, read_only
@@ -35,10 +36,23 @@ Looser ones predict more of the same motion and give masses that nobody has: fau
 that come back every step are then blamed on hands and forearms.
 """
 
+MAX_LOSS = 0.1
+"""Share of the least mean square misfit that a tighter prior may lose where errors of the motion
+could have gained it: a twentieth of the misfit itself.
+"""
 POINTS_PER_LINK = 60  # Points a link that stand for all of them while strengths are tried
 ROUNDS = 5  # Times that the noise is taken anew from what the fit leaves of unseen parts
 WHOLE = "recordings held out in turn"
 PIECES = "parts of the recording held out in turn"
+PAPER_SPREAD = 1.0
+"""Standard deviation of a base parameter before anything is measured, over its size, with weights
+as [D]'s.
+
+[D] prints none: its motion of 180 s excites all joints, so that least squares give every base
+parameter, and eq. 3.10 then weighs all of them alike. What another motion does not show has to be
+given a value too. Held so weakly that noise gives it one of a hundred times its size, eq. 3.10
+moves masses to meet noise.
+"""
 PAPER_SD = 0.2
 """Relative standard deviation of a link's mass that stands for [D]'s weights, which state none, in
 intervals.
@@ -53,7 +67,7 @@ class Paper:
 
     Attributes
     ----------
-    model : that holds what no frame shows, by a weak prior of 100 times its size, as in `fit_base`
+    model : that holds what no frame shows, by a prior of `PAPER_SPREAD`
     options : weights of both terms, and the least mass of a point
     mass : of all points, kept exactly [kg]; None leaves it free, as [D] does
     """
@@ -80,7 +94,7 @@ class Paper:
         """
         base: BaseParameters = parts.base
         mean = base.of(inertial_parameters(self.model))
-        spread = 100.0 * base_sizes(self.model, base)
+        spread = PAPER_SPREAD * base_sizes(self.model, base)
         estimate = (parts if others is None else parts.only(others)).estimate(noise, mean, spread)
         return solve_mass_points(
             points, base.combination, estimate, mass=self.mass, options=self.options
@@ -112,6 +126,7 @@ class Strength:
     generic : (bodies, 10) parameters of the scaled model
     method : "points" or "pseudo-inertia"
     mass_sd : the strength to use; None chooses
+    sides : left and right alike; None where nothing ties them
     paper : how base parameters are met with weights as [D]'s; None weighs by noise and prior
     """
 
@@ -119,6 +134,7 @@ class Strength:
     generic: Array
     method: str
     mass_sd: float | None
+    sides: Sides | None = None
     paper: Paper | None = None
 
     def fit(self, parts: Parts, noise: Array, sd: float, others: np.ndarray | None = None) -> Array:
@@ -151,7 +167,7 @@ class Strength:
         -------
         (bodies, 10)
         """
-        A, b = rows
+        A, b = rows if self.sides is None else self.sides.beside(rows)
         mass = float(self.generic[:, 0].sum())
         if self.method == "points":
             return solve_mass_points(
@@ -211,30 +227,38 @@ class Strength:
             if sd not in errors:
                 errors[sd] = held_out(parts, fitting(sd), noise)
             # Every part counts alike, as its misfit relative to the scaled model's.
-            return (errors[sd] / before).mean(axis=1)
+            return errors[sd] / before
 
         if self.mass_sd is not None or self.paper is not None:
             best = self.mass_sd or PAPER_SD
             scores(best)
         else:
-            best = _walk(scores, parts.several)
+            # What returns with the posture is in all folds: a gain up to its size says nothing.
+            returning = (parts.explained_errors(noise) / before).mean(axis=0)
+            best = _walk(scores, parts.several, returning)
         frames = np.array([parts.frames[parts.fold(fold)].sum() for fold in parts.names])
         weights = frames / frames.sum()
         return {sd: np.sqrt(weights @ errors[sd]) for sd in sorted(errors)}, best
 
 
-def _walk(scores: Callable[[float], Array], several: bool) -> float:
-    """Find the strength whose held-out score is the least.
+def _walk(scores: Callable[[float], Array], several: bool, returning: Array) -> float:
+    """Find the tightest strength whose held-out score is as good as the least.
 
-    Of several recordings it is the tightest that is near it, by the rule of one standard error
-    (Breiman et al. 1984): what predicts as well and moves masses less is taken, because faults of
-    the motion that few recordings share pass for masses in all of them. Parts of one recording are
-    too much alike for their differences to tell how sure a score is.
+    What predicts as well and moves masses less is taken, because faults of the motion that all
+    parts share pass for masses in all of them. As good is what loses, in moment and in force, no
+    more than the score of errors that return with the posture, and no more than `MAX_LOSS` of the
+    least; or, of several recordings, no more than one standard error (Breiman et al. 1984). Parts
+    of one recording are too much alike for their differences to tell how sure a score is.
 
     Parameters
     ----------
-    scores : strength to score (parts,)
+    scores : strength to scores (parts, 2) of moment and force
     several : whether the parts are whole recordings
+    returning : (2,) score of what masses explain of errors that return with the posture
+
+    Returns
+    -------
+    the strength
     """
     at = len(STRENGTHS) // 2
 
@@ -246,10 +270,14 @@ def _walk(scores: Callable[[float], Array], several: bool) -> float:
     while 0 <= at + step < len(STRENGTHS) and mean(at + step) < mean(at):
         at += step
     least = scores(STRENGTHS[at])
-    while several and at > 0:
+    allowed = np.minimum(returning, MAX_LOSS * least.mean(axis=0))
+    while at > 0:
         lost = scores(STRENGTHS[at - 1]) - least
-        error = float(lost.std(ddof=1)) / np.sqrt(len(lost)) if len(lost) > 1 else 0.0
-        if lost.mean() > error:
+        of_parts = lost.mean(axis=1)
+        error = 0.0
+        if several and len(lost) > 1:
+            error = float(of_parts.std(ddof=1)) / np.sqrt(len(lost))
+        if of_parts.mean() > error and (lost.mean(axis=0) > allowed).any():
             break
         at -= 1
     return STRENGTHS[at]
