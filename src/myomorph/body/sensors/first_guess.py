@@ -29,6 +29,8 @@ AXES = {
 }
 """Axes of a sensor by the names that a user writes."""
 TRIED = 24  # Headings that are tried round the circle
+NEAR = 6.0  # Of the least cost: lowest points of the circle up to here are solved to their end
+SOLVED = 3  # So many at most
 FLOOR = 0.2  # Added to costs that are compared, in squares of the noise: both may be perfect
 REFINED = 5  # Times that the step between them is halved about the best
 RATE = 100.0  # At which speeds of rotation are compared [Hz]
@@ -65,13 +67,10 @@ class Guess(NamedTuple):
     ----------
     rotations : (sensors, 3, 3) to bodies
     headings : (sensors,) by which each sensor's earth is rotated [rad]
-    ambiguity : the second best heading's cost relative to the best's, infinite where none were
-        tried
     """
 
     rotations: Array
     headings: Array
-    ambiguity: float = np.inf
 
 
 class TriedHeading(NamedTuple):
@@ -211,10 +210,11 @@ def named_headings(
 
 def by_trying(
     tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, cost: Callable[[Guess], float]
-) -> Guess:
-    """Find the heading, the same of all sensors, of least cost.
+) -> tuple[Guess, ...]:
+    """Find headings, each the same of all sensors, about which the cost is least.
 
-    A pose alone says nothing of it.
+    A pose alone says nothing of it. Each is a guess from which the whole problem is solved: what is
+    left at its end decides, and not the cost here.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def by_trying(
 
     Returns
     -------
-    the best heading, and how much worse the best of the others is
+    guesses, the best first
     """
 
     def at(angle: float) -> TriedHeading:
@@ -240,12 +240,16 @@ def by_trying(
         return tried
 
     round_circle = [at(2.0 * np.pi * index / TRIED) for index in range(TRIED)]
-    first = int(np.argmin([tried.cost for tried in round_circle]))
-    best = refined(round_circle[first])
-    away = [round_circle[(first + index) % TRIED] for index in range(3, TRIED - 2)]
-    second = refined(min(away))
-    guess = from_pose(tree, bodies, pose, np.full(len(bodies), best.angle))
-    return guess._replace(ambiguity=(second.cost + FLOOR) / (best.cost + FLOOR))
+    lowest = sorted(
+        tried
+        for index, tried in enumerate(round_circle)
+        if tried <= min(round_circle[index - 1], round_circle[(index + 1) % TRIED])
+    )
+    near = [tried for tried in lowest if tried.cost + FLOOR < NEAR * (lowest[0].cost + FLOOR)]
+    found = sorted(refined(tried) for tried in near[:SOLVED])
+    return tuple(
+        from_pose(tree, bodies, pose, np.full(len(bodies), tried.angle)) for tried in found
+    )
 
 
 def turned_from_others(time: Array, earth: Array, up: Array) -> Array:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.body.sensors.facing import facing_starts
 from myomorph.body.sensors.first_guess import CalibrationPose, Guess
 from myomorph.body.sensors.undetermined import body_slopes, joint_angles
 from myomorph.core.fit.elimination import Eliminated, eliminated
@@ -36,6 +37,7 @@ from myomorph.core.motion.newton import solve_poses
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.sensors.mounting import SensorMounting, SensorOptions, orientation_tasks
 from myomorph.core.rigid.coordinates import Ints, couple_frames
+from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import Tree
 
 STEPS = 30
@@ -50,10 +52,8 @@ FRAMES = 160
 FRAMES_PER_KNOT = 12  # Of a recording that take part
 FREE = 1.5  # Standard deviation of a mounting before anything is known of it [rad]
 POSE_NOISE = 0.02  # Of a sensor against its bone while the body stands still [rad]
-SLIP = 0.1
-"""A sensor that the recording turns further from the pose than this has slipped since: its pose
-counts less [rad].
-"""
+SLIP_COST = 8.0
+"""Of a sensor that slipped after the pose, in squares of the noise: one in fifty does (2 ln 50)."""
 # Standard deviation of the mean of a joint angle about a knot, against that over the recording
 # [rad]
 TREND = 0.07
@@ -137,6 +137,37 @@ class Followed(NamedTuple):
     follows: Array
 
 
+@read_only
+class Misfit:
+    """What a mounting leaves of a recording and of the calibration pose.
+
+    Attributes
+    ----------
+    by_sensor : (sensors,) root mean square of the angle between what each reports and its body
+        [rad], NaN where it reported nothing
+    in_pose : (sensors,) the same angle in the calibration pose [rad], 0 without one
+    noise : standard deviation of these about each axis, freedom of the poses taken off [rad]
+    total : of recording and pose, and `SLIP_COST` for each sensor that slipped, in squares of the
+        noise that the options state
+    frames : as how many independent ones the recording counts
+    freedom : numbers of a frame that its pose does not explain, in the mean
+    slipped : number of sensors that slipped after the pose
+    """
+
+    by_sensor: Array
+    in_pose: Array
+    noise: float
+    total: float
+    frames: float
+    freedom: float
+    slipped: int
+
+    @property
+    def cost(self) -> float:
+        """Of a frame in the mean."""
+        return self.total / self.frames
+
+
 class Knot(NamedTuple):
     """What is seen about a knot of the headings.
 
@@ -163,6 +194,8 @@ class MountingFit:
     options : without tasks of sensors
     sizes : noise of sensors and markers
     pose : calibration pose, if there is one
+    slipped : numbers of sensors that were turned on their bodies after the pose, which says nothing
+        of them
     """
 
     tree: Tree
@@ -172,6 +205,7 @@ class MountingFit:
     options: InverseKinematicsOptions
     sizes: SensorOptions
     pose: CalibrationPose | None
+    slipped: frozenset[int] = frozenset()
 
     def at(self, guess: Guess, delay: float) -> SensorMounting:
         """Build a mounting from a guess, of which everything is open.
@@ -205,8 +239,8 @@ class MountingFit:
         Parameters
         ----------
         mounting : of the sensors
-        starts : (frames, coordinates) where each frame begins [rad or m]; None for the defaults,
-            one frame after the other
+        starts : (frames, coordinates) where each frame begins [rad or m]; None for the default
+            pose as the sensors face, one frame after the other
 
         Returns
         -------
@@ -220,7 +254,7 @@ class MountingFit:
         problem = pose_problem(
             self.tree, chosen.marker_names, chosen.marker_weights, options, chosen.markers
         )
-        first = np.tile(self.tree.defaults, (len(chosen.time), 1)) if starts is None else starts
+        first = facing_starts(self.tree, self.bodies, reported) if starts is None else starts
         settings = options.settings._replace(chained=starts is None)
         solved = solve_poses(self.tree, problem, first, settings)
         values = np.where(np.isfinite(solved.values), solved.values, first)
@@ -267,6 +301,66 @@ class MountingFit:
         problem = Problem(self._unknowns(start), (headings, pose))
         solution = minimize(problem, fit=self._open(), method=Method(iterations=0))
         return self._estimated(start, solution)
+
+    def misfit(self, mounting: SensorMounting, starts: Array | None = None) -> Misfit:
+        """Measure what a mounting leaves, by one measure for all mountings.
+
+        Parameters
+        ----------
+        mounting : of the sensors
+        starts : (frames, coordinates) where each frame begins [rad or m]; None as in `poses`
+        """
+        solved = self.poses(mounting, starts)
+        problem = pose_problem(self.tree, (), np.empty(0), self.options)
+        rotations = self._rotations(solved.values)
+        errors = vector_from_rotation(rotations @ np.swapaxes(solved.reported, 2, 3))
+        squares = (errors**2).sum(axis=2)
+        counts = np.maximum(np.isfinite(squares).sum(axis=0), 1)
+        frames = np.isfinite(solved.cost) & np.isfinite(squares).any(axis=1)
+        of_frames = float(solved.cost[frames].sum()) / self.sizes.imu_marker_noise**2
+        total = self.chosen.share * of_frames + SLIP_COST * len(self.slipped)
+        in_pose = np.zeros(len(self.bodies))
+        if self.pose is not None:
+            eliminated_pose = self.pose_equations(mounting, self.pose.coordinates)[1]
+            total += eliminated_pose.cost
+            in_pose = self._left_in_pose(mounting, eliminated_pose.moved)
+        return Misfit(
+            by_sensor=np.sqrt(np.nansum(squares, axis=0) / counts),
+            in_pose=in_pose,
+            noise=_noise(errors, len(problem.free)),
+            total=total,
+            frames=max(self.chosen.share * int(frames.sum()), 1e-9),
+            freedom=_freedom(errors, len(problem.free)) / len(errors),
+            slipped=len(self.slipped),
+        )
+
+    def _left_in_pose(self, mounting: SensorMounting, moved: Array) -> Array:
+        """Compute the angles between sensors and bodies in the calibration pose.
+
+        Parameters
+        ----------
+        mounting : of the sensors
+        moved : (variables,) coordinates of the pose from those that it states [rad or m]
+
+        Returns
+        -------
+        (sensors,) [rad]
+        """
+        assert self.pose is not None
+        problem = pose_problem(self.tree, (), np.empty(0), self.options)
+        pose = np.array(self.pose.coordinates)
+        pose[problem.free] += moved
+        couple_frames(self.tree.arrays, pose[None])
+        heading = mounting.heading_at(np.array([self.pose.time]))[0]
+        turned = rotation_from_vector(heading[:, None] * mounting.up) @ self.pose.rotations
+        reported = turned @ np.swapaxes(mounting.rotations, 1, 2)
+        between = self._rotations(pose[None])[0] @ np.swapaxes(reported, 1, 2)
+        return np.asarray(np.linalg.norm(vector_from_rotation(between), axis=1))
+
+    def _rotations(self, values: Array) -> Array:
+        """Compute the rotations (frames, sensors, 3, 3) of the sensors' bodies."""
+        numbers = [self.tree.body_number(body) for body in self.bodies]
+        return forward_kinematics(self.tree, values).rotations[:, numbers]
 
     def _estimated(self, start: SensorMounting, solution: Solution) -> MountingEstimate:
         """Build the mounting of a solution, and its estimate."""
@@ -524,13 +618,23 @@ class MountingFit:
         ]
         stiffness = self._pose_stiffness(problem)
         off = stiffness * (pose - self.pose.coordinates)[problem.free]
-        scale = _slip_weights(errors) / POSE_NOISE
+        scale = self._pose_weights()[:, None, None]
         frame = eliminated(
-            np.concatenate([*(scale @ slopes[0]), np.diag(stiffness)]),
-            np.concatenate([*(scale @ np.array(columns)), np.zeros((len(problem.free), width))]),
-            np.concatenate([(scale @ errors[:, :, None]).ravel(), off]),
+            np.concatenate([*(scale * slopes[0]), np.diag(stiffness)]),
+            np.concatenate([*(scale * np.array(columns)), np.zeros((len(problem.free), width))]),
+            np.concatenate([(scale[..., 0] * errors).ravel(), off]),
         )
         return problem.free, frame
+
+    def _pose_weights(self) -> Array:
+        """Compute how well each sensor's rotation against its bone is that of the pose.
+
+        Returns
+        -------
+        (sensors,) inverse standard deviations [1/rad]
+        """
+        numbers = range(len(self.bodies))
+        return np.array([1.0 / (FREE if one in self.slipped else POSE_NOISE) for one in numbers])
 
     def _pose_stiffness(self, problem: PoseProblem) -> Array:
         """Compute how well the coordinates of the calibration pose are known.
@@ -608,23 +712,6 @@ class FrameData:
     noise: float
 
 
-def _slip_weights(errors: Array) -> Array:
-    """Compute Cauchy's weights along the way that a sensor slipped; across it the pose counts.
-
-    Parameters
-    ----------
-    errors : (sensors, 3) rotation vectors [rad]
-
-    Returns
-    -------
-    (sensors, 3, 3)
-    """
-    norms = np.linalg.norm(errors, axis=1)[:, None, None]
-    along = errors[:, :, None] * errors[:, None, :] / np.maximum(norms, 1e-12) ** 2
-    weight = 1.0 / np.sqrt(1.0 + (norms / SLIP) ** 2)
-    return np.eye(3) + (weight - 1.0) * along
-
-
 def _noise(errors: Array, coordinates: int) -> float:
     """Estimate the standard deviation of errors that poses left.
 
@@ -638,11 +725,23 @@ def _noise(errors: Array, coordinates: int) -> float:
     [rad]
     """
     numbers = int(np.isfinite(errors).sum())
+    explained = numbers - _freedom(errors, coordinates)
+    return residual_sd(float(np.nansum(errors**2)), numbers, explained)
+
+
+def _freedom(errors: Array, coordinates: int) -> float:
+    """Count the numbers that poses do not explain.
+
+    Parameters
+    ----------
+    errors : (frames, sensors, 3), NaN where unknown
+    coordinates : number of free coordinates of a pose
+    """
+    numbers = int(np.isfinite(errors).sum())
     # Poses explain as many numbers as they have coordinates, of those that are joints between
     # sensors at most, and never all.
     joints = len(errors) * min(coordinates, 3 * errors.shape[1] - 3)
-    explained = min(joints, 2 * numbers / 3, numbers - 1)
-    return residual_sd(float(np.nansum(errors**2)), numbers, explained)
+    return numbers - min(joints, 2 * numbers / 3, numbers - 1)
 
 
 class MountingEstimate(NamedTuple):

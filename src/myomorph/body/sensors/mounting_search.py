@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from myomorph.body.sensors import first_guess, fit_mounting
+from myomorph.body.sensors.facing import facing_starts
 from myomorph.body.sensors.first_guess import CalibrationPose, Guess
-from myomorph.body.sensors.fit_mounting import Chosen, MountingFit
+from myomorph.body.sensors.fit_mounting import Chosen, Misfit, MountingFit
 from myomorph.body.sensors.sensor_recording import SensorRecording, TrackedMarkers
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import CLOCKS, SENSORS
@@ -45,7 +46,13 @@ MAX_DELAY = 2.0  # The sensors' clock may differ from that of the markers by so 
 # A sensor whose axis of turning is further from that of the others is reported
 APART = np.radians(30.0)
 LEGS = ("thigh", "shank", "foot")
-TRIED_FRAMES = 5  # Each so many of the chosen frames is looked at where headings are tried
+MAX_SLIPS = 2  # Sensors that may have slipped
+TRIED_SLIPS = 3  # Of those that miss the calibration pose most, so many are freed of it in turn
+MIN_SLIP = 0.04  # One that misses it by less did not slip [rad]
+EVIDENCE = 40.0  # By so much, in squares of the noise, a slip has to lower the cost
+TRIED_FRAMES = 32  # So many frames are looked at where headings are tried
+ROUGH_FRAMES = 16  # And where other ways to read a recording are
+ROUGH_HEADINGS = 12
 
 
 class _Begin(NamedTuple):
@@ -63,6 +70,34 @@ class _Begin(NamedTuple):
     azimuth: bool
     anywhere: bool
     notes: tuple[Message, ...]
+
+
+class SolvedMounting(NamedTuple):
+    """A mounting that was solved to its end.
+
+    Attributes
+    ----------
+    mounting : with what looks wrong
+    misfit : what it leaves
+    ambiguous : whether another heading of the calibration pose leaves hardly more
+    """
+
+    mounting: SensorMounting
+    misfit: Misfit
+    ambiguous: bool = False
+
+
+class _Slipped(NamedTuple):
+    """A mounting of which one more sensor has slipped after the pose.
+
+    Attributes
+    ----------
+    fit : setting, with the sensors that slipped
+    solved : to its end
+    """
+
+    fit: MountingFit
+    solved: SolvedMounting
 
 
 class _Delay(NamedTuple):
@@ -107,8 +142,11 @@ class MountingSearch:
         """Noise, and how the mounting is found."""
         return self.recording.sizes
 
-    def mounting(self, anywhere: bool) -> SensorMounting:
+    def solution(self, anywhere: bool) -> SolvedMounting:
         """Find the mounting the way that the options and the recording name.
+
+        Where the heading of the calibration pose is not known, each that may be is solved to its
+        end, and that which leaves least is taken.
 
         Parameters
         ----------
@@ -116,7 +154,7 @@ class MountingSearch:
 
         Returns
         -------
-        the mounting, with what looks wrong
+        the mounting with what looks wrong, and what it leaves
 
         Raises
         ------
@@ -125,32 +163,127 @@ class MountingSearch:
         """
         kind = self.sizes.imu_mounting
         if kind == "model":
-            return self._as_modelled()
+            mounting = self._as_modelled()
+            return SolvedMounting(mounting=mounting, misfit=self._fit(0.0, None).misfit(mounting))
         pose = self._pose()
         delay = self._delay()
-        fit = MountingFit(
+        fit = self._fit(delay.seconds, pose)
+        begins = self._begins(fit, delay.seconds, anywhere)
+        solved = [self._ended(fit, begin, delay.seconds) for begin in begins]
+        solved.sort(key=lambda one: one.misfit.cost)
+        best = solved[0]
+        near = _of_heading(solved)
+        notes = (*delay.notes, *best.mounting.notes, *near)
+        mounting = replace(best.mounting, notes=notes)
+        return best._replace(mounting=mounting, ambiguous=bool(near))
+
+    def rough_cost(self, anywhere: bool, angles: Sequence[float] = ()) -> float:
+        """Compute the least cost of a few frames with mountings where the search would begin.
+
+        Parameters
+        ----------
+        anywhere : whether each sensor has a heading of its own
+        angles : headings of the calibration pose that are tried [rad]; empty for all round the
+            circle
+
+        Returns
+        -------
+        mean of the frames, in squares of the noise
+        """
+        kind = self.sizes.imu_mounting
+        if kind == "model":
+            return self._thin(self._fit(0.0, None), ROUGH_FRAMES).misfit(self._as_modelled()).cost
+        pose = self._pose()
+        delay = self._delay().seconds
+        fit = self._thin(self._fit(delay, pose), ROUGH_FRAMES)
+        if self.tracked.fit is not None and kind == "recording":
+            begin = self._begin_by_markers(self.tracked.fit, delay, anywhere)
+            return fit.misfit(fit.at(begin.guess, delay)).cost
+        named = self._named_headings(pose)
+        if pose is None or named is not None:
+            begins = self._begins_by_pose(fit, delay, anywhere)
+            return min(self._cost(fit, begin.guess, delay) for begin in begins)
+        circle = np.arange(0.0, 2.0 * np.pi, 2.0 * np.pi / ROUGH_HEADINGS)
+        count = len(self.bodies)
+        guesses = [
+            first_guess.from_pose(fit.tree, self.bodies, pose, np.full(count, angle))
+            for angle in (angles or circle)
+        ]
+        return min(self._cost(fit, guess, delay) for guess in guesses)
+
+    def _begins(self, fit: MountingFit, delay: float, anywhere: bool) -> tuple[_Begin, ...]:
+        """Begin with what markers show, or else with the calibration pose."""
+        if self.tracked.fit is not None and self.sizes.imu_mounting == "recording":
+            return (self._begin_by_markers(self.tracked.fit, delay, anywhere),)
+        return self._begins_by_pose(fit, delay, anywhere)
+
+    def _fit(self, delay: float, pose: CalibrationPose | None) -> MountingFit:
+        """Set the problem: frames of the recording, and the calibration pose."""
+        return MountingFit(
             tree=compile_tree(self.model),
             sensors=self.sensors,
             bodies=self.bodies,
-            chosen=self._chosen(delay.seconds),
+            chosen=self._chosen(delay),
             options=self.options,
             sizes=self.sizes,
             pose=pose,
         )
-        if self.tracked.fit is not None and kind == "recording":
-            begin = self._begin_by_markers(self.tracked.fit, delay.seconds, anywhere)
-        else:
-            begin = self._begin_by_pose(fit, delay.seconds, anywhere)
-        start = fit.at(begin.guess, delay.seconds)
-        notes = (*delay.notes, *begin.notes, *_of_heading(begin.guess))
-        if kind == "pose":
-            return replace(fit.by_pose(start).mounting, notes=notes)
+
+    def _ended(self, fit: MountingFit, begin: _Begin, delay: float) -> SolvedMounting:
+        """Solve from one beginning to the end."""
+        start = fit.at(begin.guess, delay)
+        if self.sizes.imu_mounting == "pose":
+            by_pose = replace(fit.by_pose(start).mounting, notes=begin.notes)
+            return SolvedMounting(mounting=by_pose, misfit=fit.misfit(by_pose))
+        solved = self._fitted(fit, begin, delay)
+        if fit.pose is None:
+            return solved
+        for _ in range(MAX_SLIPS):
+            slipped = self._slipped(fit, solved, begin, delay)
+            if slipped is None:
+                break
+            fit = slipped.fit
+            solved = slipped.solved
+        return solved
+
+    def _fitted(self, fit: MountingFit, begin: _Begin, delay: float) -> SolvedMounting:
+        """Fit the mounting to recording and pose."""
+        start = fit.at(begin.guess, delay)
         found = fit.fitted(start, begin.azimuth, begin.anywhere).mounting
         of_pose = None
-        if pose is not None:
-            headings = found.heading_at(np.array([pose.time]))[0]
-            of_pose = first_guess.from_pose(fit.tree, self.bodies, pose, headings)
-        return replace(found, notes=(*notes, *_of_mounting(found, of_pose)))
+        if fit.pose is not None:
+            headings = found.heading_at(np.array([fit.pose.time]))[0]
+            of_pose = first_guess.from_pose(fit.tree, self.bodies, fit.pose, headings)
+        notes = (*begin.notes, *_of_mounting(found, of_pose))
+        return SolvedMounting(mounting=replace(found, notes=notes), misfit=fit.misfit(found))
+
+    def _slipped(
+        self, fit: MountingFit, solved: SolvedMounting, begin: _Begin, delay: float
+    ) -> _Slipped | None:
+        """Find a sensor that slipped after the calibration pose, where that is decisive.
+
+        Parameters
+        ----------
+        fit : with the sensors that are known to have slipped
+        solved : to its end, of these
+        begin : of the search
+        delay : of the sensors' clock [s]
+
+        Returns
+        -------
+        None where none is shown
+        """
+        left = np.array(solved.misfit.in_pose)
+        left[list(fit.slipped)] = 0.0
+        tried = [int(index) for index in np.argsort(-left)[:TRIED_SLIPS] if left[index] > MIN_SLIP]
+        found = list[_Slipped]()
+        for index in tried:
+            freed = replace(fit, slipped=fit.slipped | {index})
+            found.append(_Slipped(fit=freed, solved=self._fitted(freed, begin, delay)))
+        best = min(found, key=lambda one: one.solved.misfit.total, default=None)
+        if best is None or best.solved.misfit.total > solved.misfit.total - EVIDENCE:
+            return None
+        return best
 
     def _begin_by_markers(self, marked: KinematicsFit, delay: float, anywhere: bool) -> _Begin:
         """Begin with the mounting by which sensors follow the bodies that markers show."""
@@ -174,8 +307,15 @@ class MountingSearch:
             )
         return _Begin(guess=guess, azimuth=True, anywhere=anywhere or own, notes=notes)
 
-    def _begin_by_pose(self, fit: MountingFit, delay: float, anywhere: bool) -> _Begin:
-        """Begin with the mounting by which sensors report the calibration pose.
+    def _named_headings(self, pose: CalibrationPose | None) -> Array | None:
+        """Find headings by the axes that the user named, None without."""
+        if pose is None:
+            return None
+        axes = self.recording.headings
+        return first_guess.named_headings(self.model, self.sensors.names, pose, axes)
+
+    def _begins_by_pose(self, fit: MountingFit, delay: float, anywhere: bool) -> tuple[_Begin, ...]:
+        """Begin with mountings by which sensors report the calibration pose.
 
         Raises
         ------
@@ -190,21 +330,24 @@ class MountingSearch:
                 " calibration pose (--imu-pose FILE, or --imu-pose-time START END), markers, or"
                 " use a model with a frame of each sensor's name (--imu-mounting model)"
             )
-        axes = self.recording.headings
-        headings = first_guess.named_headings(self.model, sensors.names, pose, axes)
+        headings = self._named_headings(pose)
         if headings is not None:
             guess = first_guess.from_pose(fit.tree, self.bodies, pose, headings)
-            return _Begin(guess=guess, azimuth=False, anywhere=anywhere, notes=())
+            return (_Begin(guess=guess, azimuth=False, anywhere=anywhere, notes=()),)
         if anywhere:
             raise BadData(
                 f"{sensors.source}: without magnetic fields every sensor has a heading of its"
                 " own: name each sensor's axis that points forward in the calibration pose"
                 " (--imu-heading SENSOR=AXIS ...)"
             )
-        guess = first_guess.by_trying(
-            fit.tree, self.bodies, pose, lambda guess: self._cost(fit, guess, delay)
+        thin = self._thin(fit, TRIED_FRAMES)
+        guesses = first_guess.by_trying(
+            fit.tree, self.bodies, pose, lambda guess: self._cost(thin, guess, delay)
         )
-        return _Begin(guess=guess, azimuth=True, anywhere=False, notes=self._apart())
+        notes = self._apart()
+        return tuple(
+            _Begin(guess=guess, azimuth=True, anywhere=False, notes=notes) for guess in guesses
+        )
 
     def _apart(self) -> tuple[Message, ...]:
         """Warn of sensors of legs that rotate about another axis than the others.
@@ -383,22 +526,37 @@ class MountingSearch:
             usable &= reported
         return np.asarray(usable)
 
+    def _thin(self, fit: MountingFit, frames: int) -> MountingFit:
+        """Take fewer of the chosen frames."""
+        every = max(1, len(fit.chosen.time) // frames)
+        markers = fit.chosen.markers.frames(slice(None, None, every))
+        return replace(fit, chosen=fit.chosen._replace(time=markers.time, markers=markers))
+
     def _cost(self, fit: MountingFit, guess: Guess, delay: float) -> float:
-        """Compute the mean cost of some frames with a guess, in squares of the noise."""
-        markers = fit.chosen.markers.frames(slice(None, None, TRIED_FRAMES))
-        thin = replace(fit, chosen=fit.chosen._replace(time=markers.time, markers=markers))
-        starts = np.tile(fit.tree.defaults, (len(markers.time), 1))
-        cost = thin.poses(thin.at(guess, delay), starts).cost
+        """Compute the mean cost of frames with a guess, in squares of the noise."""
+        mounting = fit.at(guess, delay)
+        reported = mounting.body_rotations(fit.sensors, fit.chosen.time, self.model)
+        starts = facing_starts(fit.tree, self.bodies, reported)
+        cost = fit.poses(mounting, starts).cost
         return float(np.mean(cost[np.isfinite(cost)])) / self.sizes.imu_marker_noise**2
 
 
-def _of_heading(guess: Guess) -> tuple[Message, ...]:
-    """Question a heading that fits hardly better than another one."""
-    if not guess.ambiguity < AMBIGUOUS:
+def _of_heading(solved: Sequence[SolvedMounting]) -> tuple[Message, ...]:
+    """Question a heading that leaves hardly less than another one.
+
+    Parameters
+    ----------
+    solved : the best first
+    """
+    if len(solved) < 2:
+        return ()
+    floor = first_guess.FLOOR
+    ratio = (solved[1].misfit.cost + floor) / (solved[0].misfit.cost + floor)
+    if not ratio < AMBIGUOUS:
         return ()
     text = SENSORS.message(
         "the recording hardly tells which way the body faces in the calibration pose (another"
-        f" heading fits {guess.ambiguity:.2f} times as badly): name a sensor's axis that points"
+        f" heading fits {ratio:.2f} times as badly): name a sensor's axis that points"
         " forward (--imu-heading SENSOR=AXIS)",
         gravity="changes results",
     )

@@ -31,6 +31,7 @@ from myomorph.core.motion.ik import (
     inverse_kinematics,
     pose_problem,
 )
+from myomorph.core.motion.sensors.dropouts import gaps_filled, without_dropouts
 from myomorph.core.motion.sensors.mounting import (
     SensorMounting,
     bodies_of_sensors,
@@ -97,16 +98,18 @@ def sensor_kinematics(
     options = options or InverseKinematicsOptions()
     sizes = recording.sizes
     bodies = bodies_of_sensors(model, recording.sensors.names, recording.bodies)
-    sensors = with_orientations(recording.sensors.only(tuple(bodies)), sizes.imu_magnetometer)
+    recorded = without_dropouts(recording.sensors.only(tuple(bodies)))
+    sensors = with_orientations(recorded, sizes.imu_magnetometer)
     tracked = tracked or _no_markers(sensors)
     markers = tracked.markers
-    mounting = MountingSearch(
+    search = MountingSearch(
         model=model,
         recording=replace(recording, sensors=sensors),
         bodies=tuple(bodies.values()),
         tracked=tracked,
         options=options,
-    ).mounting(_headings_are_anywhere(recording))
+    )
+    mounting = search.solution(_headings_are_anywhere(recording)).mounting
 
     reported = mounting.body_rotations(sensors, markers.time, model)
     marker_weights = weights_seen(model, markers, options.marker_weights, options.only_weighted)
@@ -138,13 +141,15 @@ def sensor_kinematics(
 def _headings_are_anywhere(recording: SensorRecording) -> bool:
     """Whether each sensor has a heading of its own, as raw signals without magnetometer have."""
     sensors = recording.sensors
-    magnetic = recording.sizes.imu_magnetometer and sensors.magnetic_fields is not None
-    return sensors.orientations is None and not magnetic
+    if not recording.sizes.imu_magnetometer:
+        return True
+    return sensors.orientations is None and sensors.magnetic_fields is None
 
 
 def _no_markers(sensors: InertialSensors) -> TrackedMarkers:
-    """Take the times of the sensors for those of the motion."""
-    none = Markers(sensors.time, (), np.empty((len(sensors), 0, 3)))
+    """Take the times of the sensors for those of the motion; what they lack stays empty."""
+    time = gaps_filled(sensors.time)
+    none = Markers(time, (), np.empty((len(time), 0, 3)))
     return TrackedMarkers(markers=none, fit=None)
 
 

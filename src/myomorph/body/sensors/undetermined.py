@@ -168,6 +168,9 @@ def likely_angles(tree: Tree, problem: PoseProblem, seen: Seen, time: Array) -> 
     blind_ever = np.zeros(len(free), dtype=bool)
     spread = np.zeros(len(free))
     for pattern in np.unique(seen.known[~whole], axis=0):
+        # Where no sensor reports, nothing says what the body does.
+        if not pattern.any():
+            continue
         blind = undetermined(tree, problem, seen, pattern, middle) & ~always & seen.joints
         explaining = free[seen.joints & ~always & ~blind]
         X = _explaining(seen.values[:, explaining], time, whole)

@@ -24,6 +24,11 @@ SIGNALS = {
     "orientations": "1",
 }
 """Signals of sensors with their units: fields of `InertialSensors`."""
+MAX_GAP = 0.1
+"""A signal is interpolated between samples that are no further apart than this [s], or than
+`MAX_STEPS` steps where they are rare: what is longer is missing.
+"""
+MAX_STEPS = 1.5
 
 
 @read_only
@@ -68,6 +73,11 @@ class InertialSensors(OverTime):
     def signals(self) -> dict[str, Any]:
         """Recorded arrays by the names of `SIGNALS`."""
         return {name: values for name in SIGNALS if (values := getattr(self, name)) is not None}
+
+    @property
+    def has_raw_signals(self) -> bool:
+        """Whether turns can be integrated: angular velocities and accelerations are there."""
+        return self.angular_velocities is not None and self.accelerations is not None
 
     @property
     def rate(self) -> float:
@@ -169,13 +179,67 @@ def _at(part: InertialSensors, what: str, clock: Array) -> Array:
     values = np.array(part.signals[what])
     if len(clock) == len(part.time) and np.allclose(clock, part.time, rtol=0.0, atol=1e-9):
         return values
-    if what == "orientations":
-        values = steady(values)
-    flat = values.reshape(len(values), -1)
-    result = np.column_stack(
-        [np.interp(clock, part.time, column, np.nan, np.nan) for column in flat.T]
-    )
-    return result.reshape(len(clock), *values.shape[1:])
+    return interpolated(part.time, values, clock)
+
+
+def max_gap(time: Array) -> float:
+    """Return the longest time between samples that may be bridged [s].
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    """
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    return max(MAX_GAP, MAX_STEPS * step)
+
+
+def interpolated(time: Array, values: Array, at: Array) -> Array:
+    """Interpolate signals between the samples that there are; what lies in a gap is missing.
+
+    Parameters
+    ----------
+    time : (frames,) ascending [s]
+    values : (frames, sensors, 3 or 4), NaN where missing; 4 are quaternions, which go the shorter
+        way
+    at : (times,) [s]
+
+    Returns
+    -------
+    (times, sensors, 3 or 4), NaN outside the recording and in gaps longer than `max_gap`
+    """
+    limit = max_gap(time)
+    result = np.full((len(at), *values.shape[1:]), np.nan)
+    for index in range(values.shape[1]):
+        known = np.isfinite(values[:, index]).all(axis=1)
+        if not known.any():
+            continue
+        samples = values[known, index]
+        if values.shape[2] == 4:
+            samples = steady(samples)
+        of_sensor = [np.interp(at, time[known], part, np.nan, np.nan) for part in samples.T]
+        result[:, index] = np.column_stack(of_sensor)
+        result[_in_gap(time[known], at, limit), index] = np.nan
+    return result
+
+
+def _in_gap(time: Array, at: Array, limit: float) -> np.ndarray:
+    """Find times between samples that are further apart than a limit.
+
+    Parameters
+    ----------
+    time : (samples,) ascending [s]
+    at : (times,) [s]
+    limit : longest time between samples [s]
+
+    Returns
+    -------
+    (times,)
+    """
+    after = np.clip(np.searchsorted(time, at), 1, max(len(time) - 1, 1))
+    if len(time) < 2:
+        return np.zeros(len(at), dtype=bool)
+    long = time[after] - time[after - 1] > limit * (1.0 + 1e-9)
+    return np.asarray(long & (at > time[after - 1]) & (at < time[after]))
 
 
 def steady(quaternions: Array) -> Array:

@@ -12,7 +12,12 @@ import numpy as np
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.causes import SENSORS
 from myomorph.core.model.errors import BadData, from_extra, listing, quoted
-from myomorph.core.model.inertial_sensors import InertialSensors, steady
+from myomorph.core.model.inertial_sensors import (
+    InertialSensors,
+    interpolated,
+    max_gap,
+    steady,
+)
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.segments import Segment, segments_if_human, segments_of
@@ -341,6 +346,9 @@ def with_orientations(
 ) -> InertialSensors:
     """Find the orientations of sensors from their raw signals; known orientations are kept.
 
+    Not where magnetic fields may not be used and raw signals are there: known orientations have the
+    fields in them.
+
     The filter is VQF, run forwards and backwards over the whole recording, or forwards alone:
     gyroscopes are integrated, accelerations correct the inclination, magnetic fields the heading
     where they are undisturbed. Without magnetic fields every sensor's heading begins anywhere and
@@ -362,8 +370,14 @@ def with_orientations(
     ------
     BadData : neither orientations nor raw signals, or a rate too low to integrate
     """
-    if sensors.orientations is not None:
+    if sensors.orientations is not None and magnetometer:
         return sensors
+    if sensors.orientations is not None and not sensors.has_raw_signals:
+        kept = SENSORS.message(
+            "magnetic fields are in the orientations of the file, which holds no raw signals: these"
+            " orientations are used, each sensor with a heading of its own"
+        )
+        return replace(sensors, warnings=(*sensors.warnings, kept))
     gyroscopes, accelerations = _raw_signals(sensors)
     vqf = from_extra("sensors", "vqf")
     fields = sensors.magnetic_fields if magnetometer else None
@@ -386,12 +400,27 @@ def with_orientations(
         steps = np.diff(sensors.time)
         gaps = int((steps > (1.5 + STEADY_RATE) / sensors.rate).sum())
         if gaps and index == 0:
-            warnings.append(
-                SENSORS.message(
-                    f"the clock of the sensors has {gaps} gaps: turns are interpolated there"
-                )
-            )
+            warnings.append(_of_gaps(steps, gaps, max_gap(sensors.time)))
     return replace(sensors, orientations=orientations, warnings=tuple(warnings))
+
+
+def _of_gaps(steps: Array, gaps: int, limit: float) -> Message:
+    """Say what gaps of the clock do to integrated turns.
+
+    Parameters
+    ----------
+    steps : (frames - 1,) between samples [s]
+    gaps : how many are longer than usual
+    limit : of what is interpolated [s]
+    """
+    text = f"the clock of the sensors has {gaps} gaps: turns are interpolated there"
+    longest = float(steps.max())
+    if longest > limit:
+        text = (
+            f"the clock of the sensors has {gaps} gaps of up to {longest:.1f} s: no angles there,"
+            " and headings after them are known less well"
+        )
+    return SENSORS.message(text)
 
 
 def _raw_signals(sensors: InertialSensors) -> tuple[Array, Array]:
@@ -495,7 +524,8 @@ def earth_to_ground(model: Model) -> Array:
 def rotations_at(sensors: InertialSensors, time: Array, model: Model) -> Array:
     """Interpolate the sensors' rotations to the model's ground at other times.
 
-    Half a frame beyond either end the sensors are as they were there.
+    Half a frame beyond either end the sensors are as they were there. What lies in a gap longer
+    than `max_gap` is missing.
 
     Parameters
     ----------
@@ -514,11 +544,5 @@ def rotations_at(sensors: InertialSensors, time: Array, model: Model) -> Array:
     time = np.where(
         (time > first - slack) & (time < last + slack), np.clip(time, first, last), time
     )
-    quaternions = steady(sensors.orientations)
-    flat = quaternions.reshape(len(sensors), -1)
-    at = np.column_stack(
-        [np.interp(time, sensors.time, column, np.nan, np.nan) for column in flat.T]
-    )
-    return np.asarray(
-        earth_to_ground(model) @ rotation_from_quaternion(at.reshape(len(time), -1, 4))
-    )
+    quaternions = interpolated(sensors.time, np.asarray(sensors.orientations), time)
+    return np.asarray(earth_to_ground(model) @ rotation_from_quaternion(quaternions))

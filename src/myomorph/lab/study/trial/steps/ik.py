@@ -28,6 +28,7 @@ from myomorph.core.motion.crossings import CrossingOptions, crossings, within_cr
 from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit
 from myomorph.core.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
 from myomorph.core.motion.quantities import FIT, MARKER_ERROR, SENSOR_ERROR
+from myomorph.core.motion.sensors.dropouts import gaps_filled
 from myomorph.core.motion.sensors.mounting import SensorOptions, trunk_acceleration
 from myomorph.core.motion.sync import cut
 from myomorph.lab.report.trial.report_input import Kinematics, ReportInput
@@ -92,7 +93,7 @@ def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
     options = trial.options
     recording = replace(trial.inputs[SensorRecording], sizes=options[SensorOptions])
     if checked is None:
-        clock = recording.sensors.time
+        clock = gaps_filled(recording.sensors.time)
         empty = Markers(clock, (), np.empty((len(clock), 0, 3)))
         markers = empty if trial.time is None else cut(empty, *trial.time)
     else:
