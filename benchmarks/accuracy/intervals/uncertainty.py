@@ -64,7 +64,7 @@ FOUND_ON = ("walking1", "DJ1")
 """Motions on which factors of limits are found; the third is held against them."""
 TITLES = {
     "coordinate_value": "angles",
-    "generalized_force": "generalized_force",
+    "generalized_force": "torques",
     "muscle_force": "tensions",
     "joint_reaction": "joint loads",
 }
