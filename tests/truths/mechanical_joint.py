@@ -266,6 +266,8 @@ def mechanical_joint(
     rest: ArrayLike | None = None,
     noise: Noise | None = None,
     swing: float = 1.0,
+    spin: float = 1.0,
+    friction: float = 0.0,
 ) -> VirtualJoint:
     """A virtual mechanical joint, released several times.
 
@@ -279,6 +281,8 @@ def mechanical_joint(
     rest : (axes,) angle or rotation vector from hanging at which the spring is slack [rad]; hanging
         itself by default
     swing : size of the releases; 1 for 0.5 to 1.1 rad
+    spin : size of the push of a ball's limb about its long axis; 1 for 3 to 6 rad/s
+    friction : dry, of every axis [N m]
 
     Raises
     ------
@@ -309,10 +313,11 @@ def mechanical_joint(
     compiled = mujoco.MjModel.from_xml_string(text)
     if axis is None:
         compiled.qpos_spring[:] = Rotation.from_rotvec(slack).as_quat(scalar_first=True)
+    compiled.dof_frictionloss[:] = friction
     at_base = {name: CENTER + place for name, place in BASE_MARKERS.items()}
     made = []
     for number in range(trials):
-        start, rates = _release(truth, swing, random)
+        start, rates = _release(truth, swing, spin, random)
         qpos = Rotation.from_rotvec(start).as_quat(scalar_first=True) if axis is None else start
         exact = simulate(compiled, qpos, rates, seconds, STEP)
         made.append(
@@ -371,7 +376,9 @@ def _level(random: np.random.Generator) -> Array:
     return np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
 
 
-def _release(truth: JointTruth, swing: float, random: np.random.Generator) -> tuple[Array, Array]:
+def _release(
+    truth: JointTruth, swing: float, spin: float, random: np.random.Generator
+) -> tuple[Array, Array]:
     """Where and how fast the limb is let go: (axes,) angle or rotation vector and rates along the
     limb's axes.
 
@@ -382,7 +389,9 @@ def _release(truth: JointTruth, swing: float, random: np.random.Generator) -> tu
         return np.array([size]), np.zeros(1)
     along = _level(random)
     push = swing * random.uniform(0.5, 1.5) * np.cross((0.0, 0.0, 1.0), along)
-    twist = swing * np.array([0.0, 0.0, random.uniform(3.0, 6.0) * random.choice((-1.0, 1.0))])
+    twist = (
+        spin * swing * np.array([0.0, 0.0, random.uniform(3.0, 6.0) * random.choice((-1.0, 1.0))])
+    )
     return size * along + 0.1 * twist, push + twist
 
 

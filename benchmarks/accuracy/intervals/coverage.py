@@ -25,6 +25,14 @@ import myomorph as mm
 from benchmarks.accuracy.identification import identification, refine
 from benchmarks.accuracy.identification.identification_runners import HEAVY, drawn_body
 from benchmarks.accuracy.intervals.covered import Covered, Row, joined
+from benchmarks.accuracy.intervals.drawn_numbers import (
+    AWAY,
+    CURVES,
+    SCORE_ERRORS,
+    WALKERS,
+    gait_profile_scores,
+    numbers_of_curves,
+)
 from benchmarks.accuracy.intervals.uncertainty import OTHER, TITLES, distances_from_limits
 from benchmarks.accuracy.kinematics.calibration_zeros import (
     drawn_walker,
@@ -600,6 +608,20 @@ def drawn(folder: Path) -> Iterator[Case]:
             )
 
 
+def numbered(folder: Path) -> Iterator[Case]:
+    """Numbers of drawn curves that are no linear function of them."""
+    noise = "a constant, and skin that is alike for 0.1 s"
+    for what, covered in numbers_of_curves(folder, FIRST).items():
+        yield Case(unknown=f"{what} of joint angles", noise=noise, truths=CURVES, covered=covered)
+    for error in SCORE_ERRORS:
+        yield Case(
+            unknown=f"gait profile score of walkers {AWAY:g} degrees from the norm",
+            noise=f"a constant of {error:g} degrees in every variable",
+            truths=WALKERS,
+            covered=gait_profile_scores(error, FIRST),
+        )
+
+
 ESTIMATORS: Mapping[str, Callable[[Path], Iterator[Case]]] = {
     "calibrate": calibrated,
     "mounting of sensors": mounted,
@@ -611,6 +633,7 @@ ESTIMATORS: Mapping[str, Callable[[Path], Iterator[Case]]] = {
     "viscosity, swings": swung,
     "viscosity, drops": dropped,
     "drawn limits": drawn,
+    "numbers of draws": numbered,
 }
 
 

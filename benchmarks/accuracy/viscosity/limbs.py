@@ -107,7 +107,7 @@ def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> L
         (name.partition(" ")[0] for name in result.law if " " in name and name != DRY),
         "one viscosity",
     )
-    found = {name: row[name] for name in limb.truth if name in row}
+    found = {name: row[name] for name in limb.truth if name in row and np.isfinite(row[name].value)}
     findings = [
         (finding.kind, finding.place, name)
         for name, one in result.conditions.items()

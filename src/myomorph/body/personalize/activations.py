@@ -41,10 +41,17 @@ def frame_products(matrices: Array, vectors: Array) -> Array:
 
 
 class KnownActivations(NamedTuple):
-    """What is known of activations before the torques, (frames, muscles) each."""
+    """What is known of activations before the torques, (frames, muscles) each.
+
+    Attributes
+    ----------
+    mean, variance : of the activations
+    growth : slope of the logarithm of the standard deviation in that of the gain
+    """
 
     mean: Array
     variance: Array
+    growth: Array
 
 
 def known_activations(
@@ -57,7 +64,8 @@ def known_activations(
 
         m = mean(g e) + lambda (g e - mean(g e)),   lambda = own / (own + var(e_a))
 
-    with the variance `own` over time that is the activation's.
+    with the variance `own` over time that is the activation's. A part of the error grows with the
+    activation, and so with the gain.
 
     Parameters
     ----------
@@ -68,7 +76,7 @@ def known_activations(
 
     Returns
     -------
-    mean and variance
+    mean, variance and how this follows the gain
     """
     measured = recorded.measured
     # Where EMG is missing for a while, its gain says nothing of the level.
@@ -76,7 +84,8 @@ def known_activations(
     gains = np.where(measured | without_emg, prior.gains_of(p), 1.0)
     level = np.clip(gains * recorded.envelope, 0.0, 1.0)
     scaled = np.where(measured, level, 0.0)
-    of_emg = emg_variance * (EMG_FLOOR**2 + (EMG_SHARE * scaled) ** 2)
+    of_share = (EMG_SHARE * scaled) ** 2
+    of_emg = emg_variance * (EMG_FLOOR**2 + of_share)
     variance = np.where(measured, of_emg, UNKNOWN**2)
 
     counts = np.maximum(measured.sum(axis=0), 1)
@@ -87,8 +96,10 @@ def known_activations(
     share = np.where(measured, own / np.maximum(own + variance, 1e-12), 1.0)
     expected = np.where(measured, mean + share * (scaled - mean), level)
     if recorded.at_rest:
-        return KnownActivations(mean=expected, variance=np.full_like(variance, REST**2))
-    return KnownActivations(mean=expected, variance=share * variance)
+        still = np.full_like(variance, REST**2)
+        return KnownActivations(mean=expected, variance=still, growth=np.zeros_like(still))
+    growth = np.where(measured, of_share / (EMG_FLOOR**2 + of_share), 0.0)
+    return KnownActivations(mean=expected, variance=share * variance, growth=growth)
 
 
 class TorqueMisfit(NamedTuple):

@@ -24,12 +24,16 @@ class MusclesAt(NamedTuple):
     sizes : lengths and strengths
     followed : forces and slopes, (frames, muscles)
     expected : (frames, muscles) activations that are expected before the torques
+    present : (frames, muscles) activations
+    growth : (frames, muscles) see `KnownActivations`
     """
 
     p: Array
     sizes: MuscleSizes
     followed: Followed
     expected: Array
+    present: Array
+    growth: Array
 
 
 def torque_slopes(recorded: Recorded, prior: Prior, at: MusclesAt, torques: TorqueMisfit) -> Array:
@@ -38,6 +42,15 @@ def torque_slopes(recorded: Recorded, prior: Prior, at: MusclesAt, torques: Torq
     With lo = lo_0 exp(p_fiber) and ls = L - (point + p_point) lo,
 
         dF/dp_fiber = lo (dF/dlo - (point + p_point) dF/dls),   dF/dp_point = -lo dF/dls
+
+    A gain moves the expected activations m, and their spread with its growth c. Strength moves the
+    force of the present activations a, but where EMG shows them, of their spread no more than the
+    gain does:
+
+        dF/dp_gain = dF/da (m + c (a - m)),   dF/dp_strength = F - (1 - c) dF/da (a - m)
+
+    so that how far torques scatter, which is by errors of EMG, says nothing of how strength and
+    gain share what both make.
 
     Parameters
     ----------
@@ -61,13 +74,16 @@ def torque_slopes(recorded: Recorded, prior: Prior, at: MusclesAt, torques: Torq
     by_fiber = followed.by_fiber * fiber - followed.by_slack * point * fiber
     slopes[..., parts.fibers] = arms * by_fiber[:, None]
     slopes[..., parts.points] = -arms * (followed.by_slack * fiber)[:, None]
-    by_strength = arms * followed.force[:, None]
+    apart = at.present - at.expected
+    fixed = np.where(recorded.measured, (1.0 - at.growth) * apart, 0.0)
+    by_strength = arms * (followed.force - followed.by_activation * fixed)[:, None]
     slopes[..., parts.strength] = by_strength @ _members(prior.group, groups)
     by_passive = arms * (followed.by_strain * at.sizes.strain)[:, None]
     slopes[..., parts.passive] = by_passive @ _members(prior.group, groups)
     # Where EMG is missing for a while, no gain moves the activation.
     follows = recorded.measured | (prior.gain >= len(prior.gains))
-    by_gain = torques.columns * np.where(follows, at.expected, 0.0)[:, None]
+    moved = at.expected + at.growth * apart
+    by_gain = torques.columns * np.where(follows, moved, 0.0)[:, None]
     slopes[..., parts.gains] = by_gain @ _members(prior.gain, len(prior.gains) + prior.levels)
     return slopes
 
@@ -101,7 +117,8 @@ def widening_slopes(
     of_fiber = np.sum(share * (more.by_fiber - now.by_fiber), axis=0) / MORE
     of_slack = np.sum(share * (more.by_slack - now.by_slack), axis=0) / MORE
     of_strain = np.sum(share * (more.by_strain - now.by_strain), axis=0) / MORE
-    of_force = np.sum(share * now.by_activation, axis=0)
+    follows = np.where(recorded.measured, at.growth, 1.0)
+    of_force = np.sum(share * now.by_activation * follows, axis=0)
 
     groups = len(prior.groups)
     point = prior.point + at.p[parts.points]
@@ -111,6 +128,8 @@ def widening_slopes(
     slopes[parts.strength] = np.bincount(prior.group, of_force, minlength=groups)
     of_passive = of_strain * at.sizes.strain
     slopes[parts.passive] = np.bincount(prior.group, of_passive, minlength=groups)
+    of_gain = np.sum(share * now.by_activation * at.growth, axis=0)
+    slopes[parts.gains] = of_gain @ _members(prior.gain, len(prior.gains) + prior.levels)
     return slopes
 
 

@@ -202,7 +202,14 @@ def recording_at(
     return RecordingAt(
         recorded=recorded,
         activations=activations,
-        at=MusclesAt(p=p, sizes=sizes, followed=now, expected=known.mean),
+        at=MusclesAt(
+            p=p,
+            sizes=sizes,
+            followed=now,
+            expected=known.mean,
+            present=recorded.counted(activations),
+            growth=known.growth,
+        ),
         torques=torques,
         marginal=marginal,
         whitening=np.asarray(whitening, dtype=np.float64),

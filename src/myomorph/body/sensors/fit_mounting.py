@@ -604,7 +604,9 @@ class MountingFit:
         """
         assert self.pose is not None
         problem = pose_problem(self.tree, (), np.empty(0), self.options)
-        rotations, slopes = self._slopes(pose[None], problem)
+        # What a person does in the pose is not known better where the model's joint ends: a knee
+        # at its bound may be bent as any other.
+        rotations, slopes = self._slopes(pose[None], problem, bounded=False)
         time = np.array([self.pose.time])
         heading = mounting.heading_at(time)[0]
         turned = rotation_from_vector(heading[:, None] * mounting.up) @ self.pose.rotations
@@ -679,10 +681,12 @@ class MountingFit:
         """Count the unknowns."""
         return len(self.bodies) * (3 + len(mounting.knots)) + 1
 
-    def _slopes(self, values: Array, problem: PoseProblem) -> tuple[Array, Array]:
+    def _slopes(
+        self, values: Array, problem: PoseProblem, bounded: bool = True
+    ) -> tuple[Array, Array]:
         """Compute rotations of the sensors' bodies, and their slopes; see `body_slopes`."""
         bodies = np.array([self.tree.body_number(body) for body in self.bodies], np.int64)
-        return body_slopes(self.tree, problem, values, bodies)
+        return body_slopes(self.tree, problem, values, bodies, bounded)
 
 
 @read_only

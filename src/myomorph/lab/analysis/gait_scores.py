@@ -15,7 +15,7 @@ from dataclasses import field
 
 import numpy as np
 
-from myomorph.core.fit.interval_rule import interval_of_draws
+from myomorph.core.fit.interval_rule import interval_of_errors
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
@@ -31,6 +31,7 @@ is a scale.
 LEVEL = 0.9
 PELVIS = 3  # Of the first variables, which both sides share
 NONE = Interval(float("nan"), float("nan"), float("nan"))
+MIN_SCORE = 0.1  # Below which a score is not told from the norm itself, whose logarithm is none [°]
 
 
 @read_only
@@ -139,7 +140,7 @@ def gait_scores(
     """Scores of each side, and of both: there the pelvis counts once, by the left side, as in the
     paper. A score is the mean over the strides of each one's; `errors` of the mean curves under
     draws, (draws, samples, variables) by side, give its interval of 90 %, else Student's t over the
-    strides does.
+    strides does. Errors of curves make a score larger, so the interval of draws may lie below it.
     """
     profiles = {side: _profile(curves.of(side), norm.mean, norm.same_definitions) for side in SIDES}
     shifted = (
@@ -197,7 +198,7 @@ def _estimate(strides: Array, drawn: Array | None) -> Interval:
     if not len(known):
         return NONE
     if drawn is not None:
-        return interval_of_draws(float(known.mean()), drawn, LEVEL)
+        return interval_of_errors(float(known.mean()), drawn, LEVEL, distance=True)
     limits = band(known[:, None], LEVEL)
     value = float(known.mean())
     # Of the logarithm, by its first derivative: no score is below 0.
@@ -207,6 +208,7 @@ def _estimate(strides: Array, drawn: Array | None) -> Interval:
 
 def _scaled(score: Interval, log_scores: tuple[float, float]) -> Interval:
     """100 less ten standard deviations of the logarithm; a low score is a high index."""
-    logs = (np.log((score.value, score.high, score.low)) - log_scores[0]) / log_scores[1]
+    scores = np.maximum((score.value, score.high, score.low), MIN_SCORE)
+    logs = (np.log(scores) - log_scores[0]) / log_scores[1]
     value, low, high = (100.0 - 10.0 * logs).tolist()
     return Interval(value=value, low=low, high=high)

@@ -5,7 +5,7 @@ source has in it.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import field, replace
 from pathlib import Path
@@ -13,7 +13,7 @@ from zlib import crc32
 
 import numpy as np
 
-from myomorph.core.fit.interval_rule import LEVEL, drawn_limits
+from myomorph.core.fit.interval_rule import LEVEL, drawn_limits, reflected_limits
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
@@ -211,31 +211,64 @@ def widened(spread: Spread, factor: float) -> Spread:
     half = 0.5 * factor * (spread.high - spread.low)
     low = middle - half
     high = middle + half
-    lower, upper = (-np.inf, np.inf) if spread.quantity is None else spread.quantity.bounds
-    lowest = np.array(
-        [max(lower, 0.0) if name.endswith(MAGNITUDES) else lower for name in spread.names]
-    )
+    lowest, highest = bounds_of(spread.quantity, spread.names)
     low = np.maximum(low, np.minimum(spread.low, lowest))
-    high = np.minimum(high, np.maximum(spread.high, upper))
+    high = np.minimum(high, np.maximum(spread.high, highest))
     return replace(spread, low=low, high=high)
+
+
+def bounds_of(quantity: Quantity | None, names: Sequence[str]) -> Array:
+    """Bounds of columns of a quantity, infinite where there are none; magnitudes are 0 or more.
+
+    Parameters
+    ----------
+    quantity : what the columns are, None where it is not declared
+    names : of the columns
+
+    Returns
+    -------
+    (2, names) in SI units
+    """
+    lower, upper = (-np.inf, np.inf) if quantity is None else quantity.bounds
+    lowest = [max(lower, 0.0) if name.endswith(MAGNITUDES) else lower for name in names]
+    return np.array([lowest, [upper] * len(names)])
 
 
 @read_only
 class ValueErrors:
-    """Errors (draws, names) of the numbers of a trial under draws, named by step and quantity, in
-    the units of the tables; NaN in a draw that has no solution.
+    """Errors of the numbers of a trial under draws, in the units of the tables.
+
+    Attributes
+    ----------
+    names : step and quantity of each
+    errors : (draws, names) drawn less nominal; NaN in a draw that has no solution
+    room : (2, names) how far bounds of the numbers lie from their values, at most 0 and at least 0;
+        None where they are not known
+    again : (times, draws, names) of draws to which the errors of another draw were added; None
+        where nobody did
     """
 
     names: tuple[tuple[str, str], ...]
     errors: Array
+    room: Array | None = field(default=None, kw_only=True)
+    again: Array | None = field(default=None, kw_only=True)
 
     def limits(self) -> tuple[Array, Array, Array]:
-        """Distances of the 90 % interval bounds from the value, and the sd, (names,) each."""
-        known = self.errors[np.isfinite(self.errors).all(axis=1)]
+        """Distances of the 90 % interval bounds from the value, and the sd, (names,) each.
+
+        The numbers' data hold errors as the draws add them: limits are reflected, within the
+        numbers' bounds.
+        """
+        solved = np.isfinite(self.errors).all(axis=1)
+        known = self.errors[solved]
         if len(known) < 2:
             none = np.full(len(self.names), np.nan)
             return none, none, none
-        low, high = drawn_limits(known)
+        again = None if self.again is None else self.again[:, solved]
+        low, high = reflected_limits(np.zeros(len(self.names)), known, again=again)
+        if self.room is not None:
+            low = np.clip(low, *self.room)
+            high = np.clip(high, *self.room)
         return low, high, known.std(axis=0, ddof=1)
 
 

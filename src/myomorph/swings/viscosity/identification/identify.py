@@ -27,6 +27,7 @@ from myomorph.swings.viscosity.identification.condition import (
     Solution,
     solve_condition,
 )
+from myomorph.swings.viscosity.identification.excitation import NOT_SHOWN, Excitation
 from myomorph.swings.viscosity.identification.inertia import (
     InertiaOptions,
     LimbInertia,
@@ -139,8 +140,9 @@ class Condition:
     least_mass : the least that a body of this first moment and inertia weighs [kg]
     viscosity : the one value over all axes, as the paper prints it [N m s/rad]; with muscles
         d_{M+J}
-    axis_viscosity : one an axis
-    excited : one an axis: whether the swings moved it enough to tell its viscosity
+    axis_viscosity : one an axis; NaN, from 0 to infinity, of one that is not excited
+    excited : one an axis: whether the swings moved it enough, against the other axes and against
+        the noise of its rates, and tell its viscosity
     residual : (6,) root mean square of measured less predicted wrench [N m], [N]
     plate_viscosity : the one value from the moment about the joint that the plate measures, instead
         of the torque by inverse dynamics: a check that shares hardly any noise with `viscosity`
@@ -401,7 +403,11 @@ def _condition(
     estimates = _estimates(influences, options, stream, lowest=np.zeros(len(names)))
     by_name = dict(zip(names, estimates, strict=True))
     viscosity = by_name["viscosity"]
-    axis_viscosity = tuple(by_name[axis] for axis in axes)
+    shown = Excitation.of(recordings).shown.tolist()
+    excited = tuple(
+        moved and _is_narrow_beside(by_name[axis], viscosity)
+        for axis, moved in zip(axes, shown, strict=True)
+    )
     return Condition(
         recordings=tuple(recordings),
         parameters=solved.whole.inertia.parameters,
@@ -410,16 +416,18 @@ def _condition(
         first_moment=by_name["first_moment"],
         least_mass=by_name["least_mass"],
         viscosity=viscosity,
-        axis_viscosity=axis_viscosity,
-        excited=tuple(_is_excited(axis, viscosity) for axis in axis_viscosity),
+        axis_viscosity=tuple(
+            by_name[axis] if told else NOT_SHOWN for axis, told in zip(axes, excited, strict=True)
+        ),
+        excited=excited,
         residual=solved.whole.inertia.noise,
         plate_viscosity=by_name["plate_viscosity"],
         by_trial=tuple(compress(names, influences.by_trial)),
     )
 
 
-def _is_excited(axis: Interval, viscosity: Interval) -> bool:
-    """Whether the swings moved an axis enough to determine its viscosity."""
+def _is_narrow_beside(axis: Interval, viscosity: Interval) -> bool:
+    """Whether an axis' interval is narrow against the one viscosity."""
     half_width = 0.5 * (axis.high - axis.low)
     return half_width <= MAX_RELATIVE_WIDTH * viscosity.value
 

@@ -191,7 +191,13 @@ def wider(estimate: Interval, half: float, positive: bool) -> Interval:
     estimate : with its interval
     half : that is added
     positive : whether it cannot be below 0
+
+    Returns
+    -------
+    the wider interval; the same of an estimate that is not shown
     """
+    if not np.isfinite(estimate.value):
+        return estimate
     low = estimate.value - float(np.hypot(estimate.value - estimate.low, half))
     high = estimate.value + float(np.hypot(estimate.high - estimate.value, half))
     return Interval(estimate.value, max(low, 0.0) if positive else low, high)

@@ -309,6 +309,8 @@ def _with_acting(
     known = {name: wider(each, half * each.value, True) for name, each in law.coefficients.items()}
     values = ", ".join(
         f"{each.value:.3g} ({each.low:.3g} to {each.high:.3g})"
+        if np.isfinite(each.value)
+        else "what is not shown"
         for name, each in known.items()
         if name not in (DRY, "viscosity")
     )

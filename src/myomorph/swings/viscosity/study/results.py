@@ -113,7 +113,7 @@ def _axis_rows(specimen: SpecimenReport) -> Rows:
     for name, condition in specimen.conditions.items():
         columns = (condition.axes, condition.axis_viscosity, condition.excited)
         for axis, value, excited in zip(*columns, strict=True):
-            yield name, axis, *_interval(value), "yes" if excited else "no"
+            yield name, axis, *_interval(value if excited else None), "yes" if excited else "no"
 
 
 def _muscle_rows(specimen: SpecimenReport) -> Rows:

@@ -112,15 +112,10 @@ def predicted_rows(
     """
     along = free_directions(recordings)
     states = [_state(recording) for recording in recordings]
-    # The columns of I_xx, I_yy, I_zz hold the angular acceleration about x, y, z.
-    measured = [
-        moment_rows(recording)[:, [0, 1, 2], [4, 5, 6]] @ along.T for recording in recordings
-    ]
+    measured = [_accelerations(recording, along) for recording in recordings]
     A = np.concatenate([state[use] for state, use in zip(states, frames, strict=True)])
     b = np.concatenate([moment[use] for moment, use in zip(measured, frames, strict=True)])
-    size = np.sqrt(np.square(A).mean(axis=0))
-    size = np.where(size > 0.0, size, 1.0)
-    law = np.linalg.lstsq(A / size, b, rcond=1e-9)[0] / size[:, None]
+    law = _acceleration_law(A, b)
     rates = np.concatenate(
         [recording.rates[use] for recording, use in zip(recordings, frames, strict=True)]
     )
@@ -132,6 +127,52 @@ def predicted_rows(
         change = (state @ law - seen) @ turning
         result.append(PredictedRows(rows, rows + _rows_of(recording.rotations, change @ along)))
     return result
+
+
+def unexplained_accelerations(recordings: Sequence[SwingRecording]) -> Array:
+    """Find what the state of a limb on its joint leaves of the measured accelerations: their noise.
+
+    Parameters
+    ----------
+    recordings : of one condition
+
+    Returns
+    -------
+    (axes,) root mean square over the frames that are used [rad/s^2]
+    """
+    along = free_directions(recordings)
+    A = np.concatenate([_state(recording)[recording.used] for recording in recordings])
+    b = np.concatenate(
+        [_accelerations(recording, along)[recording.used] for recording in recordings]
+    )
+    return np.sqrt(np.mean((b - A @ _acceleration_law(A, b)) ** 2, axis=0))
+
+
+def _accelerations(swing_recording: SwingRecording, along: Array) -> Array:
+    """Read angular accelerations from the rows, whose columns of I_xx, I_yy, I_zz hold them.
+
+    Parameters
+    ----------
+    along : (axes, 3) free axes
+
+    Returns
+    -------
+    (frames, axes) [rad/s^2]
+    """
+    return moment_rows(swing_recording)[:, [0, 1, 2], [4, 5, 6]] @ along.T
+
+
+def _acceleration_law(states: Array, accelerations: Array) -> Array:
+    """Fit accelerations (frames, axes) linearly to states (frames, n).
+
+    Returns
+    -------
+    (n, axes)
+    """
+    size = np.sqrt(np.square(states).mean(axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    law = np.linalg.lstsq(states / size, accelerations, rcond=1e-9)[0] / size[:, None]
+    return np.asarray(law)
 
 
 def _still(rates: Array, measured: Array, predicted: Array) -> Array:

@@ -14,6 +14,7 @@ from myomorph.core.model.causes import CLOCKS
 from myomorph.core.model.findings import Finding
 from myomorph.swings.causes import LIMB, PLATE, SWINGS, TRACKING
 from myomorph.swings.viscosity.identification.budget import disturbed, thinned
+from myomorph.swings.viscosity.identification.excitation import LEAN, MAX_NOISE, Excitation
 from myomorph.swings.viscosity.identification.identify import (
     MAX_RELATIVE_WIDTH,
     Condition,
@@ -55,10 +56,6 @@ instruments half as good as assumed pass once in 1,000 times.
 ROUNDED = 5e-4
 # A constant moment above this share of the limb's own, m g c, is not the noise of a plate.
 OFF = 0.05
-LEAN = 0.1
-"""An axis whose rates are below this share of the fastest axis' is not excited: what leaks over
-from an error of a tenth in the other axes' torque is then as large as its own.
-"""
 # How much larger than that of free parameters the residual of a possible limb's wrench may be.
 MISFIT = 1.5
 LOST = 0.5  # Share of a trial's frames without a pose from which the trial is questioned.
@@ -180,12 +177,13 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
     """Find faults that show in what was identified.
 
     These are a swing too small, or not about an axis, and a limb that cannot be. An axis is excited
-    where its rates are at least `LEAN` of the fastest axis' and its viscosity has an interval
-    narrower than plus or minus `MAX_RELATIVE_WIDTH` of the one value.
+    where its rates are at least `LEAN` of the fastest axis', with a share of noise in their squares
+    of at most `MAX_NOISE`, and its viscosity has an interval narrower than plus or minus
+    `MAX_RELATIVE_WIDTH` of the one value.
     """
     viscosity = condition.viscosity
-    rates = np.concatenate([each.rates[each.used] for each in condition.recordings])
-    size = np.sqrt(np.square(rates).mean(axis=0))
+    excitation = Excitation.of(condition.recordings)
+    size = excitation.rates
     wide = not is_narrow(viscosity)
     if wide and "viscosity" in condition.by_trial:
         ends = f"{viscosity.low:.2g} to {viscosity.high:.2g} N m s/rad"
@@ -204,28 +202,30 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
             " or more often"
         )
         return (Finding(TOO_SMALL, "swings", SWINGS.message(text)),)
-    findings = []
-    axes = condition.recordings[0].axes
-    for axis, rate, excited, each in zip(
-        axes, size, condition.excited, condition.axis_viscosity, strict=True
-    ):
-        if rate < LEAN * size.max():
-            why = f"below {100 * LEAN:.0f} % of the fastest axis'"
-        elif not excited:
-            limit = f"+-{100 * MAX_RELATIVE_WIDTH:.0f} % of the joint's"
-            why = f"interval {each.low:.2g} to {each.high:.2g} N m s/rad, wider than {limit}"
-        else:
-            continue
-        text = (
-            f"axis '{axis}' is not excited, its viscosity not identifiable: rates of {rate:.3g}"
-            " rad/s (root mean "
-        )
-        text += (
-            f"square), {why}; spin the limb about that axis as it is released (turned and let go it"
-            " hardly rotates)"
-        )
-        findings.append(Finding("axis", axis, SWINGS.message(text)))
+    findings = [
+        _axis_finding(excitation, number, axis)
+        for number, axis in enumerate(condition.recordings[0].axes)
+        if not (condition.excited[number] and excitation.shown[number])
+    ]
     return (*findings, *_misfit(condition))
+
+
+def _axis_finding(excitation: Excitation, number: int, axis: str) -> Finding:
+    """Say why an axis is not excited."""
+    noise = float(excitation.noise_share[number])
+    if excitation.leans[number]:
+        why = f"below {100 * LEAN:.0f} % of the fastest axis'"
+    elif noise > MAX_NOISE:
+        why = f"of whose squares {100 * noise:.0f} % is noise"
+    else:
+        limit = f"+-{100 * MAX_RELATIVE_WIDTH:.0f} % of the joint's"
+        why = f"which leave an interval wider than {limit}"
+    text = (
+        f"axis '{axis}' is not excited, its viscosity not identifiable: rates of"
+        f" {excitation.rates[number]:.3g} rad/s (root mean square), {why}; spin the limb about that"
+        " axis as it is released (turned and let go it hardly rotates)"
+    )
+    return Finding("axis", axis, SWINGS.message(text))
 
 
 def _misfit(condition: Condition) -> tuple[Finding, ...]:

@@ -16,6 +16,7 @@ from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.interval import Interval
 from myomorph.core.motion.filters import lowpass
 from myomorph.swings.viscosity.identification.condition import LACKING, Influences
+from myomorph.swings.viscosity.identification.excitation import NOT_SHOWN, Excitation
 from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.swings.viscosity.swings.sums import SwingSums
 from myomorph.swings.viscosity.trust import law as laws
@@ -23,6 +24,7 @@ from myomorph.swings.viscosity.trust.law import HINGES, LEVEL, PassiveProblem
 
 FINER = 10  # Instants between two frames at which the sign of a rate is taken, before the filter.
 ROUNDS = 4  # How often the axes are weighed anew.
+NO_ERROR = 1e3  # With which errors of the inertia, of unit torques, are next to none at first
 MIN_WEIGHT = 1e-3  # Of an axis
 WIDTH = 0.03
 """Rate within which friction turns its sign, before the filter: about the noise of a rate, which
@@ -40,6 +42,11 @@ PLAIN = FORMS[0]
 WORTH = 0.05
 MIN_RUBBED = 0.03  # Share of the one viscosity that friction must take off to be named.
 DRY = "dry friction"
+INERTIA_ERROR = 0.005
+"""Standard deviation of the torque that an error of the inertia makes, over the limb's: about what
+step 1 leaves. An error of any size would take the torque of dampers and friction where the limb
+swings nearly in a plane, and give one axis the viscosity of another.
+"""
 
 
 class ActingTerms(NamedTuple):
@@ -164,12 +171,16 @@ def acting_law(
 
     Returns
     -------
-    None where that is one viscosity, or there is one trial
+    None where that is one viscosity, there is one trial, or no axis is excited
     """
     if len(np.unique(problem.sums.trial)) < 2:
         return None
     freed = FreedProblem.of(problem.recordings, problem.sums, phi)
-    verdicts = freed.held_out(list(_candidates(problem, freed, spring)))
+    # Of an axis that is not excited the torque is of noise and of other axes: no law shows there.
+    shown = Excitation.of(problem.recordings).shown
+    if not shown.any():
+        return None
+    verdicts = freed.held_out(list(_candidates(problem, freed, spring)), shown)
     axes = len(problem.axes)
     chosen = min(
         verdicts, key=lambda acting: verdicts[acting].log_squares + WORTH * acting.count(axes)
@@ -179,12 +190,38 @@ def acting_law(
     generator = np.random.default_rng(bootstrap.seed)
     single = _estimates(freed, chosen._replace(form=PLAIN), bootstrap.draws, generator)
     estimates = _estimates(freed, chosen, bootstrap.draws, generator)
+    hidden = _hidden_places(chosen.form, problem.recordings[0], shown, len(estimates))
+    used = [single[0] if place in hidden else each for place, each in enumerate(estimates)]
+    named = [NOT_SHOWN if place in hidden else each for place, each in enumerate(estimates)]
     return ActingLaw(
         form=chosen.form,
         friction=chosen.friction,
-        coefficients=_named(chosen, problem.axes, single[0], estimates),
-        values=_row_values(chosen, axes, estimates),
+        coefficients=_named(chosen, problem.axes, single[0], named),
+        values=_row_values(chosen, axes, used),
     )
+
+
+def _hidden_places(form: str, recording: SwingRecording, shown: np.ndarray, count: int) -> set[int]:
+    """Find viscosities that swings do not show among the coefficients of a law and friction.
+
+    Parameters
+    ----------
+    form : of `FORMS`
+    recording : one of the condition
+    shown : (axes,) whether an axis is excited
+    count : of the coefficients
+
+    Returns
+    -------
+    places of axes of which each has its own, or of the last hinge where that lies along an axis
+    that is not excited
+    """
+    hidden = set(np.flatnonzero(~shown).tolist())
+    if form == "viscosity by axis":
+        return hidden
+    if form == "hinges" and int(np.argmax(np.abs(recording.hinges[1]))) in hidden:
+        return {count - 2}
+    return set()
 
 
 def _candidates(
@@ -253,7 +290,8 @@ class FreedProblem:
     with errors delta of the inertia in all directions but phi itself, whose size torques do not
     show: what step 1 leaves of them is larger than friction, and than all torques about the limb's
     own length. Each axis counts by what it leaves. Friction passes the low-pass of the motion. A
-    law with a spring has no delta, which would take it.
+    law with a spring has no delta, which would take it. The size of delta is known to
+    `INERTIA_ERROR`.
 
     Attributes
     ----------
@@ -262,6 +300,7 @@ class FreedProblem:
     trial : (blocks,) number of the trial of each
     frames : (blocks,) how many each has
     parted : see `SwingSums.parted`
+    alike : frames that count as one, as the low-pass leaves two samples a period of its cutoff
     """
 
     products: Array
@@ -269,6 +308,7 @@ class FreedProblem:
     trial: NDArray[np.intp]
     frames: Array
     parted: float
+    alike: float
 
     @classmethod
     def of(cls, recordings: Sequence[SwingRecording], sums: SwingSums, phi: Array) -> FreedProblem:
@@ -291,7 +331,18 @@ class FreedProblem:
         rows = [columns[trial][:, use] for trial, use in zip(sums.trial, sums.uses, strict=True)]
         products = np.stack([each.transpose(0, 2, 1) @ each for each in rows])
         frames = np.array([len(use) for use in sums.uses], np.float64)
-        return cls(products=products, phi=phi, trial=sums.trial, frames=frames, parted=sums.parted)
+        first = recordings[0]
+        alike = 1.0
+        if first.cutoff is not None:
+            alike = max(0.5 / (first.cutoff * float(np.median(np.diff(first.time)))), 1.0)
+        return cls(
+            products=products,
+            phi=phi,
+            trial=sums.trial,
+            frames=frames,
+            parted=sums.parted,
+            alike=alike,
+        )
 
     def fit(self, acting: ActingTerms, counts: Array | None = None) -> FreedFit:
         """Fit a law to blocks, each axis weighed by what it leaves.
@@ -311,10 +362,14 @@ class FreedProblem:
         basis = self._basis(acting, products)
         by_axis = basis.columns.T @ products @ basis.columns
         weights = np.ones(axes)
+        ridge = NO_ERROR
+        # Columns of errors have unit torques, the first one that of the limb.
+        largest = INERTIA_ERROR**2 * float(np.einsum("aij->ij", by_axis)[0, 0])
         for _ in range(ROUNDS):
-            solution = _solved(np.tensordot(weights, by_axis, axes=1), basis)
+            solution = _solved(np.tensordot(weights, by_axis, axes=1), basis, ridge)
             left = np.maximum(solution @ by_axis @ solution, 1e-300)
             weights = np.maximum(left.min() / left, MIN_WEIGHT)
+            ridge = self.alike * float(left.min()) / float(counts @ self.frames) / largest
         x = solution[1 + basis.errors :]
         return FreedFit(
             law=basis.mapping @ x[: basis.mapping.shape[1]],
@@ -343,25 +398,28 @@ class FreedProblem:
             groups = [*groups, [law]]
         return LawBasis(columns=columns, errors=free, mapping=mapping, groups=groups)
 
-    def held_out(self, candidates: Sequence[ActingTerms]) -> dict[ActingTerms, Verdict]:
+    def held_out(
+        self, candidates: Sequence[ActingTerms], shown: np.ndarray
+    ) -> dict[ActingTerms, Verdict]:
         """Predict each trial by laws that were fitted to the others, and by one viscosity.
 
         Parameters
         ----------
         candidates : terms of the laws, and friction
+        shown : (axes,) whose torques are predicted
 
         Returns
         -------
         verdict of each law
         """
         trials = np.unique(self.trial)
-        generic = self._misfits(ActingTerms(PLAIN))
+        generic = self._misfits(ActingTerms(PLAIN))[:, shown]
         weights = np.array([self.frames[self.trial == trial].sum() for trial in trials])
         return {
             acting: Verdict(
-                kinds=tuple((f"torque {axis}", "N m") for axis in range(generic.shape[1])),
+                kinds=tuple((f"torque {axis}", "N m") for axis in np.flatnonzero(shown)),
                 parts=tuple(f"trial {trial}" for trial in trials),
-                estimate=self._misfits(acting),
+                estimate=self._misfits(acting)[:, shown],
                 generic=generic,
                 weights=weights,
                 what="trials held out in turn",
@@ -423,13 +481,14 @@ class FreedProblem:
         return errors
 
 
-def _solved(products: Array, basis: LawBasis) -> Array:
+def _solved(products: Array, basis: LawBasis, ridge: float) -> Array:
     """Solve for a law's coefficients, with the errors of the inertia eliminated.
 
     Parameters
     ----------
     products : (n, n) of the basis' columns
     basis : with the groups of coefficients
+    ridge : variance of the misfit over that of an error of the inertia
 
     Returns
     -------
@@ -438,7 +497,8 @@ def _solved(products: Array, basis: LawBasis) -> Array:
     inner = np.arange(1, 1 + basis.errors)
     outer = np.array([0, *range(1 + basis.errors, len(products))])
     beside = products[np.ix_(inner, outer)]
-    inverse = np.linalg.pinv(products[np.ix_(inner, inner)], rcond=1e-10, hermitian=True)
+    known = products[np.ix_(inner, inner)] + ridge * np.eye(len(inner))
+    inverse = np.linalg.pinv(known, rcond=1e-10, hermitian=True)
     back = inverse @ beside
     less = products[np.ix_(outer, outer)] - beside.T @ back
     x = laws.bounded_least_squares(less[1:, 1:], -less[0, 1:], basis.groups)[0]

@@ -41,6 +41,7 @@ from myomorph.lab.study.step.step import step_giving
 from myomorph.lab.study.trial.steps.id import Torques, shown_torques
 from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, TrialInputs, statistics_of
 from myomorph.lab.study.trial.trial_strides import TrialStrides, by_side
+from myomorph.lab.uncertainty.spread import bounds_of
 
 
 @read_only
@@ -206,6 +207,21 @@ class DrawnValues:
     tables: tuple[str, ...]
     columns: tuple[tuple[DrawnTable, tuple[int, ...]], ...]
     strides: TrialStrides | None
+
+    @property
+    def bounds(self) -> Array:
+        """(2, names) bounds of the numbers, in their units; a range is 0 or more."""
+        parts = [np.zeros((2, 0))]
+        for quantity, columns in self.columns:
+            tidy = quantity.quantity.tidy
+            assert tidy is not None
+            names = [quantity.names[column] for column in columns]
+            own = bounds_of(quantity.quantity, names) * quantity.factors[list(columns)]
+            own_range = np.array([np.zeros(len(names)), np.full(len(names), np.inf)])
+            whole = [own_range if what == "range" else own for what in tidy.statistics]
+            kinds = _statistics(quantity, columns, quantity.values, self.strides)
+            parts += whole * sum(1 for _ in kinds)
+        return np.concatenate(parts, axis=1)
 
     def of(self, tables: Mapping[str, Array]) -> Array:
         """All numbers of a draw (names,)."""

@@ -70,6 +70,7 @@ from myomorph.lab.uncertainty.spread import (
     Spread,
     Uncertainty,
     ValueErrors,
+    bounds_of,
     widened,
     widened_errors,
 )
@@ -77,6 +78,10 @@ from myomorph.lab.uncertainty.spread import (
 TABLE = "uncertainty.csv"
 SOURCE_TABLE = "uncertainty_sources.csv"
 MAX_UNSOLVED = 0.02  # Share of draws without a solution above which the result is questioned
+AGAIN = 4
+"""So many times the errors of another draw are added to each, which shows how much errors make
+extremes and ranges larger.
+"""
 MAX_WEAK = 0.2  # Share of draws of bodies too weak for the motion above which it is
 
 Tables = Mapping[str, Array]
@@ -162,6 +167,8 @@ class DrawnErrors:
     Attributes
     ----------
     numbers : (draws, numbers) drawn less nominal
+    room : (2, numbers) bounds less nominal
+    again : (`AGAIN`, draws, numbers) drawn, with the errors of another draw added, less nominal
     gait : side -> (draws, samples, variables) drawn less nominal mean curve; {} for no walk
     """
 
@@ -171,8 +178,11 @@ class DrawnErrors:
         self._values = values
         self._walk = walk
         self._nominal_numbers = values.of(nominal)
+        lowest, highest = values.bounds - self._nominal_numbers
+        self.room = np.array([np.minimum(lowest, 0.0), np.maximum(highest, 0.0)])
         self._nominal_curves = {} if walk is None else walk.means(nominal)
         self.numbers = np.full((draws, len(values.names)), np.nan)
+        self.again = np.full((AGAIN, draws, len(values.names)), np.nan)
         self.gait = {
             side: np.full((draws, *curves.shape), np.nan)
             for side, curves in self._nominal_curves.items()
@@ -185,6 +195,22 @@ class DrawnErrors:
             return
         for side, curves in self._walk.means(tables).items():
             self.gait[side][number] = curves - self._nominal_curves[side]
+
+    def put_again(self, draws: Draws) -> None:
+        """Add the errors of other draws to the tables of each, in turn."""
+        tables = [quantity for quantity, _ in self._values.columns]
+        bounds = {table.name: bounds_of(table.quantity, table.names) for table in tables}
+        for shift in range(AGAIN):
+            others = np.roll(draws.done, shift + 1).tolist()
+            for number, other in zip(draws.done, others, strict=True):
+                twice = {
+                    table.name: np.clip(
+                        draws.at(table.name, number) + draws.at(table.name, other) - table.values,
+                        *bounds[table.name],
+                    )
+                    for table in tables
+                }
+                self.again[shift, number] = self._values.of(twice) - self._nominal_numbers
 
 
 def _run(
@@ -228,6 +254,7 @@ def _run(
                 f"{trial.name}: of {options.draws} draws {failures.unsolved} have no solution, "
                 f"and of {failures.weak} the body is too weak for the motion: state smaller errors"
             )
+        errors.put_again(draws)
         spreads = {
             of_all.name: _spread(draws, of_all, of_drawn)
             for of_all, of_drawn in zip(whole, drawn, strict=True)
@@ -251,7 +278,10 @@ def _run(
     )
     factor_of_number = np.array([factors[name] for name in values.tables])
     value_errors = ValueErrors(
-        names=values.names, errors=widened_errors(errors.numbers, factor_of_number)
+        names=values.names,
+        errors=widened_errors(errors.numbers, factor_of_number),
+        room=errors.room,
+        again=np.stack([widened_errors(one, factor_of_number) for one in errors.again]),
     )
     _write_intervals(whole, uncertainty, output.folder)
     _write_table(whole, uncertainty, output.folder / TABLE)
