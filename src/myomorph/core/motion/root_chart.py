@@ -213,12 +213,12 @@ def _expressed(motion: Motion, other: _Angles, own: _Angles, recorded: Motion) -
     unexplained = alpha - own.bias(jacobian, speeds)
     changes = np.linalg.solve(jacobian, unexplained[:, :, None])[:, :, 0]
 
-    parts = {
-        "values": _with_rows(motion.values, known, columns, result),
-        "velocities": _with_rows(motion.velocities, known, columns, speeds),
-        "accelerations": _with_rows(motion.accelerations, known, columns, changes),
-    }
-    return replace(motion, **parts)
+    return replace(
+        motion,
+        values=_with_rows(motion.values, known, columns, result),
+        velocities=_with_rows(motion.velocities, known, columns, speeds),
+        accelerations=_with_rows(motion.accelerations, known, columns, changes),
+    )
 
 
 def _recorded_near(recorded: Motion, names: tuple[str, ...], time: Array) -> Array:

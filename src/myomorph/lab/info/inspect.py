@@ -76,6 +76,13 @@ def _inspect_xml(path: Path) -> Inspection:
     root = file.root
     if root.tag == "mujoco":
         return inspect_model(read_model(path))
+    if root.tag == "mujocoinclude":
+        raise BadFile(
+            path,
+            "is a part of MuJoCo models, no model by itself: its outermost element is"
+            " <mujocoinclude>",
+            "give the file that includes it",
+        )
     inner = (
         next((child for child in root if isinstance(child.tag, str)), None)
         if root.tag == "OpenSimDocument"

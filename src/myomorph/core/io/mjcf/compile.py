@@ -383,8 +383,18 @@ def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
 
 
 def _of_files(assets: Iterable[Any], files: Collection[str]) -> list[Any]:
-    """List the assets that are read from these files."""
-    return [asset for asset in assets if _plain(asset.file) in files]
+    """List the assets that are read from these files.
+
+    MuJoCo makes some names absolute, and not always right: those are known by their last part.
+    """
+    last_parts = {posixpath.basename(file) for file in files}
+    found = []
+    for asset in assets:
+        file = _plain(asset.file)
+        lost = posixpath.isabs(file) and not Path(file).exists()
+        if file in files or (lost and posixpath.basename(file) in last_parts):
+            found.append(asset)
+    return found
 
 
 def _name(asset: Any) -> str:

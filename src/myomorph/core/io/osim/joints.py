@@ -43,6 +43,9 @@ QUARTER_TURN = frozen_array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 MIN_SINE = 1e-5  # Of the angle between two axes that are not parallel.
 SPATIAL = ("rotation1", "rotation2", "rotation3", "translation1", "translation2", "translation3")
 
+# Children of a transform axis that are no function; some old documents state the kind of the axis.
+NOT_FUNCTIONS = ("coordinates", "axis", "function", "is_rotation")
+
 Motion = Literal["rotational", "translational", "coupled"]
 End = tuple[str, Transform, str]
 
@@ -376,9 +379,7 @@ def _transform_axis(
     inner = axis.inner("function")
     if inner is None:
         bare = [
-            axis.node(element)
-            for element in axis.element
-            if str(element.tag) not in ("coordinates", "axis", "function")
+            axis.node(element) for element in axis.element if str(element.tag) not in NOT_FUNCTIONS
         ]
         inner = bare[0] if bare else None
     if inner is not None:
