@@ -1,6 +1,4 @@
-"""Scores of gait: known differences from a norm give known scores, and intervals are of what they
-say.
-"""
+"""Scores of gait: known differences from a norm give known scores, with their intervals."""
 
 from __future__ import annotations
 
@@ -19,7 +17,13 @@ from myomorph.lab.analysis.gait_curves import (
     GaitCurves,
     joined_curves,
 )
-from myomorph.lab.analysis.gait_scores import GaitNorm, control_norm, gait_scores
+from myomorph.lab.analysis.gait_scores import (
+    GaitNorm,
+    LogScores,
+    ScoreScale,
+    control_norm,
+    gait_scores,
+)
 
 USUAL = 20.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, SAMPLES))[:, None] + np.arange(len(KEYS))
 
@@ -95,7 +99,8 @@ def test_no_interval_goes_below_zero():
     # Two strides that differ much: Student's t of their own scores, 1 and 9 degrees, reaches far
     # below 0.
     strides = USUAL + np.array([1.0, 9.0])[:, None, None]
-    group = norm(log_scores=(np.log(4.0), 0.3))
+    log_scores = LogScores(np.log(4.0), 0.3)
+    group = norm(scale=ScoreScale(side=log_scores, both=log_scores))
     scores = gait_scores(curves(strides, strides), group)
     for estimate in (*scores.score.values(), *scores.profile.values()):
         assert 0.0 < estimate.low < estimate.value < estimate.high
@@ -123,9 +128,50 @@ def test_a_control_group_scales_its_own_people_to_a_hundred():
     assert np.mean(group.deviation[0]) == pytest.approx(np.hypot(4.0, np.sqrt(0.5)), abs=0.4)
 
 
+@pytest.mark.parametrize("stride_sd", [1.0, 2.0, 3.0])
+def test_healthy_people_score_a_hundred_however_their_strides_differ(stride_sd):
+    """Mean curves of controls beside strides of patients gave 99, 95 and 89."""
+    rng = np.random.default_rng(3)
+
+    def person(strides):
+        own = 4.0 * rng.standard_normal((2, 1, len(KEYS)))
+        sides = [
+            USUAL + each + stride_sd * rng.standard_normal((strides, 1, len(KEYS))) for each in own
+        ]
+        return curves(*sides)
+
+    found = []
+    both = []
+    for _ in range(12):
+        group = control_norm([person(8) for _ in range(10)], "made")
+        for strides in (3, 8, 20, 8):
+            scaled = gait_scores(person(strides), group).scaled
+            found += [scaled[side].value for side in SIDES]
+            both.append(scaled["both"].value)
+    assert np.mean(found) == pytest.approx(100.0, abs=4.0 * 10.0 / np.sqrt(len(found)))
+    assert np.mean(both) == pytest.approx(100.0, abs=4.0 * 10.0 / np.sqrt(len(both)))
+
+
+def test_a_scale_is_of_the_same_variables_alone():
+    rng = np.random.default_rng(4)
+    people = [curves(*(USUAL + 4.0 * rng.standard_normal((2, 1, 1, len(KEYS))))) for _ in range(6)]
+    group = control_norm(people, "made")
+    scores = gait_scores(people[0], group)
+    assert scores.is_gait_profile_score
+    assert set(scores.scaled) == {*SIDES, "both"}
+    without = np.array(people[0].right.values)
+    without[..., 5] = np.nan
+    few = gait_scores(curves(without, without), group)
+    assert not few.is_gait_profile_score
+    assert not few.scaled
+    of_shape = gait_scores(people[0], replace(group, same_definitions=False))
+    assert not of_shape.is_gait_profile_score
+    assert not of_shape.scaled
+
+
 def test_few_controls_are_no_norm():
     person = curves(USUAL[None], USUAL[None])
     with pytest.raises(BadData, match="2 persons with strides"):
         control_norm([person, person], "made")
-    assert control_norm([person] * 3, "made").log_scores is None
+    assert control_norm([person] * 3, "made").scale is None
     assert joined_curves([person, person]).right.values.shape[0] == 2

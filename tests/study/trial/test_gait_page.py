@@ -16,7 +16,9 @@ from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.known import Known
 from myomorph.lab.analysis.gait_curves import ANGLES, KEYS, SAMPLES, SIDES, gait_curves
+from myomorph.lab.analysis.gait_scores import gait_scores
 from myomorph.lab.report.page.parts import PageHead
+from myomorph.lab.report.trial.gait.gait_notes import score_notes
 from myomorph.lab.report.trial.prepared import prepare
 from myomorph.lab.report.trial.report_input import Kinematics, ReportInput
 from myomorph.lab.study.trial.control_group import ControlPerson, group_norm
@@ -64,14 +66,17 @@ def test_a_walk_has_its_page_and_the_report_leads_to_it(prepared, tmp_path):
     for words in (
         "Knee flexion",
         "Walking speed",
-        "Gait profile score of 5 variables",
+        "Root mean square of 5 angles",
         "CC BY 4.0",
         "No scaled score",
     ):
         assert words in page
+    # Neither offsets nor nine angles are in it.
+    assert "Gait profile score" not in page
+    assert "Movement analysis profile" not in page
     assert page.count("<svg") == ANGLES
     write_report(tmp_path, prepared, GaitNorms(("none",)))
-    assert "Movement analysis profile" not in (tmp_path / "gait.html").read_text("utf-8")
+    assert "Difference from the norm" not in (tmp_path / "gait.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize("movement", ["jumping", "running", "stairs", "upper limb", "other"])
@@ -165,6 +170,9 @@ def test_a_file_of_norms_comes_back_as_it_was(prepared, tmp_path):
     assert again.source == norm.source
     assert again.same_definitions
     assert again.persons == 5
+    assert again.scale is not None
+    np.testing.assert_allclose(again.scale.side, norm.scale.side, rtol=1e-7)
+    np.testing.assert_allclose(again.scale.both, norm.scale.both, rtol=1e-7)
     assert (again.ages, again.speeds) == (norm.ages, pytest.approx(norm.speeds))
     assert again.parameters["Walking speed"] == pytest.approx(norm.parameters["Walking speed"])
     write_norm(tmp_path / "again.csv", again)
@@ -188,6 +196,20 @@ def test_a_broken_file_of_norms_is_refused_with_its_row(tmp_path):
         read_norms(path)
 
 
+def test_a_scale_of_mean_curves_is_left_out_and_says_why(prepared, tmp_path):
+    norm = group_norm([person(prepared.gait, 1.1 + 0.1 * k, 30.0) for k in range(5)], "group")
+    path = tmp_path / "controls.csv"
+    write_norm(path, norm)
+    lines = path.read_text("utf-8").splitlines(keepends=True)
+    older = [line for line in lines if "both sides" not in line]
+    path.write_text("".join(older).replace("ln stride score", "ln score"), encoding="utf-8")
+    (old,) = read_norms(path)
+    assert old.scale is None
+    assert old.old_scale
+    scores = gait_scores(prepared.gait, old)
+    assert "myomorph norms" in score_notes(scores, old)[0]
+
+
 def test_a_norm_that_is_nothing_is_refused(tmp_path):
     with pytest.raises(BadFile, match="adults"):
         checked_norms(("adult",))
@@ -204,7 +226,7 @@ def test_draws_are_the_bands(prepared, tmp_path):
     page = (tmp_path / "gait.html").read_text("utf-8")
     assert "90 % of the draws" in page
     assert "line edge right" in page
-    assert "(" in page.split("Gait profile score of")[1][:120]
+    assert "(" in page.split("Root mean square of")[1][:120]
 
 
 def test_moments_of_feet_off_plates_are_left_out(data, prepared):

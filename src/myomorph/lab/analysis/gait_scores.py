@@ -1,17 +1,21 @@
-"""How far a walk is from a norm: movement analysis profile, gait profile score and scaled score,
-with intervals.
+"""Differences of a walk from a norm: by variable, of a side and of both, and scaled.
 
-Of a variable the score is the root mean square of curve less norm over the cycle; the gait profile
-score is the root mean square of these (Baker et al. 2009). Its logarithm, scaled so that the norm's
-people have 100 with a standard deviation of 10, is what that paper calls GDI*, after the gait
-deviation index (Schwartz and Rozumalski 2008), whose own features come from recordings that are not
-ours to give away.
+Of a variable the score is the root mean square of curve less norm over the cycle; that of a side
+the root mean square of its variables. With all nine angles and their offsets it is the gait profile
+score (Baker et al. 2009). Its logarithm, scaled so that the norm's people have 100 with a standard
+deviation of 10, is what that paper calls GDI*, after the gait deviation index (Schwartz and
+Rozumalski 2008), whose own features come from recordings that are not ours to give away.
+
+One rule scores patients and controls: every stride has its score, and a person's is their mean. A
+mean curve is smoother than its strides, so that a patient's strides beside mean curves of controls
+would make everybody a patient.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,30 +34,74 @@ is a scale.
 """
 LEVEL = 0.9
 PELVIS = 3  # Of the first variables, which both sides share
+BOTH = "both"
 NONE = Interval(float("nan"), float("nan"), float("nan"))
 MIN_SCORE = 0.1  # Below which a score is not told from the norm itself, whose logarithm is none [°]
 
 
+class LogScores(NamedTuple):
+    """Mean and standard deviation of the logarithms of scores."""
+
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreScale:
+    """Scores of a norm's own people, each held against the others.
+
+    Attributes
+    ----------
+    side : of one side
+    both : of both sides together, which differ less between people
+    """
+
+    side: LogScores
+    both: LogScores
+
+    def scaled(self, score: Interval, which: str) -> Interval:
+        """Scale a score to 100 less ten standard deviations of its logarithm.
+
+        Parameters
+        ----------
+        score : 0 or more
+        which : "right", "left" or "both"
+        """
+        own = self.both if which == BOTH else self.side
+        scores = np.maximum((score.value, score.high, score.low), MIN_SCORE)
+        logs = (np.log(scores) - own.mean) / own.sd
+        value, low, high = (100.0 - 10.0 * logs).tolist()
+        return Interval(value=value, low=low, high=high)
+
+
 @read_only
 class GaitNorm:
-    """Curves of people without complaints."""
+    """Curves of people without complaints.
 
-    # mean, deviation: (SAMPLES, `KEYS`), NaN for a variable that it does not have; standard
-    # deviation between people
+    Attributes
+    ----------
+    mean, deviation : (SAMPLES, `KEYS`), NaN for a variable that it does not have; standard
+        deviation between people
+    persons : how many, 0 where it is not known
+    source : who they are, and where that comes from
+    parameters : by the names of `gait_parameters`, mean and standard deviation
+    same_definitions : whether angles have the definitions of those that are held against it; else
+        scores are of shape, without offsets
+    scale : of scores; None for fewer than `MIN_SCALED` people
+    old_scale : whether a file has a scale by a rule that is not that of patients
+    group : who they are, in a word or two
+    ages, speeds : lowest and highest age [years] and walking speed [m/s] that they are a norm for
+    """
+
     mean: Array
     deviation: Array
     persons: int
-    source: str  # who they are, and where that comes from
-    # by the names of `gait_parameters`, mean and standard deviation
+    source: str
     parameters: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
-    # whether angles have the definitions of those that are held against it; else scores are of
-    # shape, without offsets
     same_definitions: bool = True
-    # mean and standard deviation of the logarithms of their scores
-    log_scores: tuple[float, float] | None = None
-    # who they are, in a word or two
+    scale: ScoreScale | None = None
+    old_scale: bool = False
     group: str = ""
-    # lowest and highest age [years] and walking speed [m/s] that they are a norm for
     ages: tuple[float, float] = (0.0, np.inf)
     speeds: tuple[float, float] = (0.0, np.inf)
 
@@ -65,21 +113,50 @@ class GaitNorm:
         """Whether it has a curve, and not parameters alone."""
         return bool(np.isfinite(self.mean).any())
 
+    @property
+    def angles(self) -> Array:
+        """(ANGLES,) whether it has each angle."""
+        return np.asarray(np.isfinite(self.mean[:, :ANGLES]).any(axis=0))
+
 
 @read_only
 class GaitScores:
-    """Scores of a walk, each with its interval."""
+    """Scores of a walk, each with its interval.
 
-    profile: Mapping[tuple[str, str], Interval]  # by side and variable [°]
-    score: Mapping[str, Interval]  # gait profile score by side, and "both" [°]
-    scaled: Mapping[str, Interval]  # GDI*, by side, and "both"; {} where the norm has no scale
-    variables: int  # of a side, that the score is of
-    drawn: bool  # whether intervals hold draws of errors, rather than the mean over strides
+    Attributes
+    ----------
+    profile : by side and variable [°]
+    score : by side, and "both" [°]
+    scaled : by side, and "both"; {} where the norm has no scale of the same variables
+    variables : of a side, that the score is of
+    offsets : whether they count, or shape alone
+    drawn : whether intervals hold draws of errors, rather than the mean over strides
+    """
+
+    profile: Mapping[tuple[str, str], Interval]
+    score: Mapping[str, Interval]
+    scaled: Mapping[str, Interval]
+    variables: int
+    offsets: bool
+    drawn: bool
+
+    @property
+    def is_gait_profile_score(self) -> bool:
+        """Whether scores are those of Baker et al. 2009: of all nine angles, with offsets."""
+        return self.offsets and self.variables == ANGLES
 
 
 def control_norm(persons: Sequence[GaitCurves], source: str) -> GaitNorm:
-    """The norm of a control group, its legs together; raises `BadData` for fewer than
-    `MIN_PERSONS`.
+    """Make the norm of a control group, its legs together.
+
+    Parameters
+    ----------
+    persons : of the group
+    source : who they are
+
+    Raises
+    ------
+    BadData : fewer than `MIN_PERSONS`
     """
     if len(persons) < MIN_PERSONS:
         raise BadData(
@@ -89,36 +166,71 @@ def control_norm(persons: Sequence[GaitCurves], source: str) -> GaitNorm:
     every = legs.reshape(-1, *legs.shape[2:])
     known = np.isfinite(every).sum(axis=0)
     mean = known_mean(every)
-    deviation = np.sqrt(
-        np.where(
-            known > 1, np.nansum((every - mean) ** 2, axis=0) / np.maximum(known - 1, 1), np.nan
-        )
-    )
+    squares = np.nansum((every - mean) ** 2, axis=0)
+    deviation = np.sqrt(np.where(known > 1, squares / np.maximum(known - 1, 1), np.nan))
     return GaitNorm(
         mean=mean,
         deviation=deviation,
         persons=len(persons),
         source=source,
-        log_scores=_log_scores(legs),
+        scale=_scale(persons, legs),
     )
 
 
-def _log_scores(legs: Array) -> tuple[float, float] | None:
-    """Mean and deviation of ln score of every leg held against the others: a norm does not know its
-    patient.
+def _scale(persons: Sequence[GaitCurves], legs: Array) -> ScoreScale | None:
+    """Score every person against the others, as a norm does not know its patient.
+
+    The others are one fewer, so that their mean is farther from a person than that of all is from
+    a patient. With the squared score Q of strides and R of mean curves, both against the n - 1
+    others, a patient's squared score against all n is on average Q - R / n^2.
+
+    Parameters
+    ----------
+    persons : of the group
+    legs : (persons, sides, SAMPLES, `KEYS`) their mean curves
+
+    Returns
+    -------
+    None for too few people who have all variables of the group
     """
-    if len(legs) < MIN_SCALED:
+    has = np.isfinite(legs[..., :ANGLES]).all(axis=(1, 2))
+    whole = np.flatnonzero((has == has.any(axis=0)).all(axis=1))
+    if len(whole) < MIN_SCALED:
         return None
-    logs = []
-    for index in range(len(legs)):
+    scores: dict[str, list[float]] = {"side": [], BOTH: []}
+    squares = np.zeros(2)  # Of mean curves, and of strides
+    for index in whole:
         others = known_mean(np.delete(legs, index, axis=0).reshape(-1, *legs.shape[2:]))
-        logs += [np.log(_score(_profile(leg, others))) for leg in legs[index]]
-    return float(np.mean(logs)), float(np.std(logs, ddof=1))
+        profiles = {side: _profile(persons[index].of(side), others) for side in SIDES}
+        of_strides = [_person_score(profiles[side]) for side in SIDES]
+        of_curves = _score(_profile(legs[index], others))
+        scores["side"] += of_strides
+        scores[BOTH].append(_person_score(_both(profiles)))
+        squares += [np.mean(of_curves**2), np.mean(np.square(of_strides))]
+    shift = 0.5 * np.log1p(-squares[0] / (len(legs) ** 2 * squares[1]))
+    return ScoreScale(
+        side=_log_scores(scores["side"], float(shift)), both=_log_scores(scores[BOTH], float(shift))
+    )
+
+
+def _log_scores(scores: Sequence[float], shift: float) -> LogScores:
+    """Take mean and deviation of the logarithms of scores, the mean shifted."""
+    logs = np.log(scores)
+    return LogScores(mean=float(np.mean(logs)) + shift, sd=float(np.std(logs, ddof=1)))
 
 
 def _profile(curves: Array, norm: Array, same_definitions: bool = True) -> Array:
-    """(..., ANGLES) root mean square over the cycle of curves (..., samples, variables) less the
-    norm, without their mean difference where it is one of definitions.
+    """Take the root mean square over the cycle of curves less the norm, by variable.
+
+    Parameters
+    ----------
+    curves : (..., samples, variables)
+    norm : (samples, variables)
+    same_definitions : else their mean difference, which is one of definitions, does not count
+
+    Returns
+    -------
+    (..., ANGLES)
     """
     difference = curves[..., :ANGLES] - norm[:, :ANGLES]
     if not same_definitions:
@@ -127,63 +239,123 @@ def _profile(curves: Array, norm: Array, same_definitions: bool = True) -> Array
 
 
 def _score(profile: Array) -> Array:
-    """(...,) root mean square of the variables (..., n) that are known."""
+    """Take the root mean square of the variables that are known.
+
+    Parameters
+    ----------
+    profile : (..., variables)
+
+    Returns
+    -------
+    (...,)
+    """
     known = np.isfinite(profile)
-    return np.sqrt(
-        (np.where(known, profile, 0.0) ** 2).sum(axis=-1) / np.maximum(known.sum(axis=-1), 1)
-    )
+    squares = (np.where(known, profile, 0.0) ** 2).sum(axis=-1)
+    return np.sqrt(squares / np.maximum(known.sum(axis=-1), 1))
+
+
+def _person_score(profiles: Array) -> float:
+    """Mean over the strides of each one's score; profiles (strides, variables)."""
+    return float(_score(profiles).mean())
 
 
 def gait_scores(
     curves: GaitCurves, norm: GaitNorm, errors: Mapping[str, Array] | None = None
 ) -> GaitScores:
-    """Scores of each side, and of both: there the pelvis counts once, by the left side, as in the
-    paper. A score is the mean over the strides of each one's; `errors` of the mean curves under
-    draws, (draws, samples, variables) by side, give its interval of 90 %, else Student's t over the
-    strides does. Errors of curves make a score larger, so the interval of draws may lie below it.
+    """Score each side, and both: there the pelvis counts once, by the left side, as in the paper.
+
+    A score is the mean over the strides of each one's. Errors of curves make it larger, so the
+    interval of draws may lie below it.
+
+    Parameters
+    ----------
+    curves : of both sides over their strides
+    norm : that they are held against
+    errors : by side, (draws, samples, variables) errors of the mean curves under draws, which give
+        the intervals of 90 %; without them Student's t over the strides does
     """
     profiles = {side: _profile(curves.of(side), norm.mean, norm.same_definitions) for side in SIDES}
-    shifted = (
-        {}
-        if errors is None
-        else {side: _drawn_profiles(curves.of(side), errors[side], norm) for side in SIDES}
-    )
+    shifted = None
+    if errors is not None:
+        shifted = {side: _drawn_profiles(curves.of(side), errors[side], norm) for side in SIDES}
+    score = _scores(profiles, shifted)
     usable = {side: np.isfinite(profiles[side]).any(axis=0) for side in SIDES}
-    profile = {}
-    for side in SIDES:
-        for index in np.flatnonzero(usable[side]):
-            drawn = shifted[side][:, index] if shifted else None
-            profile[side, KEYS[index]] = _estimate(profiles[side][:, index], drawn)
-    score = {}
-    for side in SIDES:
-        drawn = _score(shifted[side]) if shifted else None
-        score[side] = _estimate(_score(profiles[side]), drawn) if usable[side].any() else NONE
-    count = min(len(profiles[side]) for side in SIDES)
-    pairs = _both({side: profiles[side][:count] for side in SIDES})
-    score["both"] = (
-        _estimate(_score(pairs), _score(_both(shifted)) if shifted else None) if count else NONE
+    comparable = norm.same_definitions and all(
+        (usable[side] == norm.angles).all() for side in SIDES
     )
-    scaled = (
-        {}
-        if norm.log_scores is None
-        else {side: _scaled(value, norm.log_scores) for side, value in score.items()}
-    )
+    scaled = {}
+    if norm.scale is not None and comparable:
+        scaled = {which: norm.scale.scaled(value, which) for which, value in score.items()}
     return GaitScores(
-        profile=profile,
+        profile=_by_variable(profiles, shifted),
         score=score,
         scaled=scaled,
         variables=int(max(usable[side].sum() for side in SIDES)),
-        drawn=bool(shifted),
+        offsets=norm.same_definitions,
+        drawn=shifted is not None,
     )
 
 
+def _scores(
+    profiles: Mapping[str, Array], shifted: Mapping[str, Array] | None
+) -> dict[str, Interval]:
+    """Score sides and both.
+
+    Parameters
+    ----------
+    profiles : by side, (strides, ANGLES)
+    shifted : by side, (draws, ANGLES) under the errors of draws
+    """
+    score = {}
+    for side in SIDES:
+        drawn = None if shifted is None else _score(shifted[side])
+        known = np.isfinite(profiles[side]).any()
+        score[side] = _estimate(_score(profiles[side]), drawn) if known else NONE
+    pairs = _both(profiles)
+    drawn = None if shifted is None else _score(_both(shifted))
+    score[BOTH] = _estimate(_score(pairs), drawn) if len(pairs) else NONE
+    return score
+
+
+def _by_variable(
+    profiles: Mapping[str, Array], shifted: Mapping[str, Array] | None
+) -> dict[tuple[str, str], Interval]:
+    """Score each variable of each side that is known; arguments are those of `_scores`."""
+    profile = {}
+    for side in SIDES:
+        for index in np.flatnonzero(np.isfinite(profiles[side]).any(axis=0)):
+            drawn = None if shifted is None else shifted[side][:, index]
+            profile[side, KEYS[index]] = _estimate(profiles[side][:, index], drawn)
+    return profile
+
+
 def _both(profiles: Mapping[str, Array]) -> Array:
-    """(n, variables) of both sides, the pelvis by the left one alone."""
-    return np.concatenate([profiles["left"], profiles["right"][:, PELVIS:]], axis=1)
+    """Join both sides, stride by stride, the pelvis by the left one alone.
+
+    Parameters
+    ----------
+    profiles : by side, (strides, ANGLES)
+
+    Returns
+    -------
+    (n, variables) of the strides that both sides have
+    """
+    count = min(len(profiles[side]) for side in SIDES)
+    return np.concatenate([profiles["left"][:count], profiles["right"][:count, PELVIS:]], axis=1)
 
 
 def _drawn_profiles(strides: Array, errors: Array, norm: GaitNorm) -> Array:
-    """(draws, ANGLES): mean over the strides, all of them shifted by the error of a draw."""
+    """Mean over the strides of their profiles, all of them shifted by the error of a draw.
+
+    Parameters
+    ----------
+    strides : (strides, samples, variables)
+    errors : (draws, samples, variables)
+
+    Returns
+    -------
+    (draws, ANGLES)
+    """
     return np.stack(
         [
             known_mean(_profile(strides + error, norm.mean, norm.same_definitions))
@@ -193,7 +365,13 @@ def _drawn_profiles(strides: Array, errors: Array, norm: GaitNorm) -> Array:
 
 
 def _estimate(strides: Array, drawn: Array | None) -> Interval:
-    """Mean over the strides, with the interval of draws, else of the strides."""
+    """Take the mean over the strides, with the interval of draws, else of the strides.
+
+    Parameters
+    ----------
+    strides : (strides,)
+    drawn : (draws,), None without draws
+    """
     known = strides[np.isfinite(strides)]
     if not len(known):
         return NONE
@@ -204,11 +382,3 @@ def _estimate(strides: Array, drawn: Array | None) -> Interval:
     # Of the logarithm, by its first derivative: no score is below 0.
     factor = np.exp((limits.high[0] - value) / value) if value > 0.0 else 1.0
     return Interval(value, float(value / factor), float(value * factor))
-
-
-def _scaled(score: Interval, log_scores: tuple[float, float]) -> Interval:
-    """100 less ten standard deviations of the logarithm; a low score is a high index."""
-    scores = np.maximum((score.value, score.high, score.low), MIN_SCORE)
-    logs = (np.log(scores) - log_scores[0]) / log_scores[1]
-    value, low, high = (100.0 - 10.0 * logs).tolist()
-    return Interval(value=value, low=low, high=high)

@@ -15,17 +15,20 @@ from myomorph.core.model.errors import BadFile, listing
 from myomorph.core.model.frozen_map import FrozenMap, grouped
 from myomorph.lab.analysis.gait_curves import KEYS, SAMPLES
 from myomorph.lab.analysis.gait_parameters import UNITS
-from myomorph.lab.analysis.gait_scores import GaitNorm
+from myomorph.lab.analysis.gait_scores import GaitNorm, LogScores, ScoreScale
 
 COLUMNS = ("group", "variable", "percent", "mean", "sd", "n", "low", "high")
 AGE = "Age"
 SPEED = "Walking speed"
-LOG_SCORE = "ln score"
+LOG_SCORE = "ln stride score"
+LOG_SCORE_OF_BOTH = "ln stride score, both sides"
+OLD_LOG_SCORE = "ln score"
+"""Of mean curves, which no patient's strides can be held against."""
 SOURCE = "source"
 DEFINITIONS = "definitions"
 OWN = "own"
 """Word of `DEFINITIONS` where angles are those of this program's models."""
-VARIABLES = (AGE, LOG_SCORE, *UNITS, *KEYS)
+VARIABLES = (AGE, LOG_SCORE, LOG_SCORE_OF_BOTH, OLD_LOG_SCORE, *UNITS, *KEYS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +133,6 @@ def _norm(group: str, rows: Sequence[NormRow], facts: Mapping[str, str]) -> Gait
             mean[:, index] = _sampled(curve, [row.mean for row in curve])
             deviation[:, index] = _sampled(curve, [row.sd for row in curve])
     single = {name: members[0] for name, members in by_variable.items()}
-    score = single.get(LOG_SCORE)
     return GaitNorm(
         mean=mean,
         deviation=deviation,
@@ -140,11 +142,21 @@ def _norm(group: str, rows: Sequence[NormRow], facts: Mapping[str, str]) -> Gait
             {name: (row.mean, row.sd) for name, row in single.items() if name in UNITS}
         ),
         same_definitions=facts.get(DEFINITIONS, OWN) == OWN,
-        log_scores=None if score is None else (score.mean, score.sd),
+        scale=_scale(single),
+        old_scale=OLD_LOG_SCORE in single,
         group=group,
         ages=_range(single.get(AGE)),
         speeds=_range(single.get(SPEED)),
     )
+
+
+def _scale(single: Mapping[str, NormRow]) -> ScoreScale | None:
+    """Return the scale of scores; None where a file does not have both of its rows."""
+    side = single.get(LOG_SCORE)
+    both = single.get(LOG_SCORE_OF_BOTH)
+    if side is None or both is None:
+        return None
+    return ScoreScale(side=LogScores(side.mean, side.sd), both=LogScores(both.mean, both.sd))
 
 
 def _sampled(curve: Sequence[NormRow], values: Sequence[float]) -> Array:
@@ -195,8 +207,9 @@ def norm_rows(norm: GaitNorm) -> Iterator[NormRow]:
     for name, numbers in norm.parameters.items():
         limits = norm.speeds if name == SPEED else (np.nan, np.nan)
         yield _single(norm, name, numbers, limits)
-    if norm.log_scores is not None:
-        yield _single(norm, LOG_SCORE, norm.log_scores, (np.nan, np.nan))
+    if norm.scale is not None:
+        yield _single(norm, LOG_SCORE, norm.scale.side, (np.nan, np.nan))
+        yield _single(norm, LOG_SCORE_OF_BOTH, norm.scale.both, (np.nan, np.nan))
     percents = np.linspace(0.0, 100.0, SAMPLES)
     for index, key in enumerate(KEYS):
         for sample in np.flatnonzero(np.isfinite(norm.mean[:, index])):

@@ -42,11 +42,20 @@ def gait_notes(
     ]
 
 
-def score_notes(scores: GaitScores | None) -> list[str]:
+def score_notes(scores: GaitScores | None, norm: GaitNorm | None) -> list[str]:
     """Say why there is no scaled score."""
-    if scores is None or scores.scaled:
+    if scores is None or norm is None or scores.scaled:
         return []
-    return ["No scaled score (GDI*): it takes a control group of five or more (--norms FOLDER)."]
+    if not scores.offsets:
+        return ["No scaled score: it takes controls with the same angles (--norms FOLDER)."]
+    if norm.scale is not None:
+        return ["No scaled score: the walk and the norm do not have the same angles."]
+    if norm.old_scale:
+        return [
+            "No scaled score: that of the norm's file is of mean curves, and strides differ more."
+            " Write the file again with 'myomorph norms'."
+        ]
+    return ["No scaled score: it takes a control group of five or more (--norms FOLDER)."]
 
 
 def _of_norm(norm: GaitNorm | None) -> Iterable[str]:
@@ -62,8 +71,8 @@ def _of_norm(norm: GaitNorm | None) -> Iterable[str]:
     if not norm.same_definitions:
         yield (
             "The norm has the marker set and angles of another laboratory: offsets of pelvis and"
-            " hip by ten or twenty degrees are definitions. Scores are of shape, not those of the"
-            " literature."
+            " hip by ten or twenty degrees are definitions. Differences are of shape alone, and no"
+            " gait profile score."
         )
     known = np.asarray(np.isfinite(norm.mean).any(axis=0)).tolist()
     absent = [variable.title for variable, has in zip(VARIABLES, known, strict=True) if not has]

@@ -85,7 +85,7 @@ def gait_page(prepared: Prepared, curves: GaitCurves, norm: GaitNorm | None, not
         grids=[grid for grid in grids if grid is not None],
         notes=[
             *gait_notes(prepared, curves, norm, note, judgement.use),
-            *score_notes(scores),
+            *score_notes(scores, norm),
         ],
     )
 

@@ -16,7 +16,7 @@ from myomorph.lab.analysis.gait_curves import (
 )
 from myomorph.lab.analysis.gait_extremes import EXTREMES, gait_extremes
 from myomorph.lab.analysis.gait_parameters import UNITS, ParameterTable
-from myomorph.lab.analysis.gait_scores import GaitNorm, GaitScores
+from myomorph.lab.analysis.gait_scores import BOTH, GaitNorm, GaitScores
 from myomorph.lab.analysis.stride_spread import MIN_STRIDES, StrideSpread
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.page.parts import Grid
@@ -127,7 +127,11 @@ def _usual(norm: GaitNorm, name: str) -> str:
 
 
 def score_grid(scores: GaitScores | None, norm: GaitNorm | None) -> Grid | None:
-    """Return movement analysis profile and gait profile score, as Baker et al. call them."""
+    """Return scores against a norm, by the names of Baker et al. where they are what these name.
+
+    These are movement analysis profile, gait profile score and GDI*: of nine angles, with their
+    offsets. Of fewer angles, or of their shape alone, they are differences from the norm.
+    """
     if scores is None or norm is None:
         return None
     keys = {key for _, key in scores.profile}
@@ -136,18 +140,23 @@ def score_grid(scores: GaitScores | None, norm: GaitNorm | None) -> Grid | None:
         (each.title, *(_score_words(scores.profile.get((side, each.key))) for side in SIDES))
         for each in known
     ]
-    title = f"Gait profile score of {scores.variables} variables"
+    title = f"Root mean square of {scores.variables} angles"
+    scaled_title = "Scaled difference"
+    caption = "Difference from the norm"
+    if scores.is_gait_profile_score:
+        title = "Gait profile score"
+        scaled_title = "Scaled score (GDI*)"
+        caption = "Movement analysis profile"
     rows.append((title, *(_score_words(scores.score[side]) for side in SIDES)))
-    rows.append(("Gait profile score, both sides", _score_words(scores.score["both"]), ""))
+    rows.append((f"{title}, both sides", _score_words(scores.score[BOTH]), ""))
     if scores.scaled:
         scaled = [_score_words(scores.scaled[side]) for side in SIDES]
-        rows.append(("Scaled score (GDI*), 100 ± 10", *scaled))
-    what = (
-        "Difference from the norm"
-        if norm.same_definitions
-        else "Difference in shape, without offsets"
-    )
-    return Grid((f"{what}, RMS [°]", "Right", "Left"), tuple(rows), "Movement analysis profile")
+        rows.append((f"{scaled_title}, 100 ± 10", *scaled))
+        rows.append((f"{scaled_title}, both sides", _score_words(scores.scaled[BOTH]), ""))
+    what = "Difference from the norm"
+    if not scores.offsets:
+        what = "Difference in shape, without offsets"
+    return Grid((f"{what}, RMS [°]", "Right", "Left"), tuple(rows), caption)
 
 
 def _score_words(estimate: Interval | None) -> str:
