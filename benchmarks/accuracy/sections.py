@@ -315,6 +315,8 @@ PAGES: dict[str, dict[str, str]] = {
     "studies": {
         "groups_false": "accuracy.laboratory.groups:measure_false",
         "groups_power": "accuracy.laboratory.groups:measure_power",
+        "groups_spreads": "accuracy.laboratory.groups:measure_spreads",
+        "gait_scores": "accuracy.laboratory.gait_scores:measure",
         "conditions_within": "accuracy.laboratory.groups:measure_within",
         "outliers": "accuracy.laboratory.groups:measure_outliers",
         "interrupted": "accuracy.faults.interrupted:measure",

@@ -16,8 +16,8 @@ from myomorph.lab.analysis.cycles import Cycles
 from myomorph.lab.analysis.groups import Animal, Group, GroupOptions, compare_groups
 from myomorph.lab.analysis.permutations import (
     benjamini_hochberg,
-    g_interval,
-    hedges_g,
+    effect_interval,
+    effect_size,
     holm,
     labellings,
     p_floor,
@@ -57,20 +57,48 @@ def animals(prefix, rng, count, shift=0.0, strides=8):
     return tuple(found)
 
 
+def welch_p(first, second):
+    """Welch's p, which orders relabellings as their normal deviates do."""
+    return stats.ttest_ind(first, second, equal_var=False).pvalue
+
+
 def test_exact_p_is_counted_by_hand():
     one = np.array([3.0, 4.0, 5.0, 9.0])
     other = np.array([1.0, 2.0, 2.5])
     both = np.concatenate([one, other])
-    observed = abs(stats.ttest_ind(one, other).statistic)
-    sizes = [
-        abs(stats.ttest_ind(both[list(rows)], np.delete(both, rows)).statistic)
-        for rows in combinations(range(7), 4)
+    chances = [
+        welch_p(both[list(rows)], np.delete(both, rows)) for rows in combinations(range(7), 4)
     ]
     test = permutation_test(one, other)
     assert test.exact
     assert test.relabellings == 35
-    assert float(test.p) == pytest.approx(np.mean(np.array(sizes) >= observed - 1e-12))
-    assert float(test.statistic) == pytest.approx(stats.ttest_ind(one, other).statistic)
+    assert float(test.p) == pytest.approx(np.mean(np.array(chances) <= welch_p(one, other) + 1e-9))
+    theirs = stats.ttest_ind(one, other, equal_var=False)
+    assert float(test.statistic) == pytest.approx(theirs.statistic)
+
+
+def test_a_difference_in_spread_alone_is_called_no_difference_of_means():
+    """Pooled variance calls 20 % and more; so many studies are not above 5 % by chance."""
+    rng = np.random.default_rng(11)
+    repeats = 200
+    numbers = curves = 0
+    for _ in range(repeats):
+        few = 3.0 * rng.standard_normal(5)
+        numbers += permutation_test(few, rng.standard_normal(15), most=400).p <= 0.05
+        wide = 3.0 * smooth(rng, 5, 2)
+        curves += np.nanmin(permutation_test(wide, smooth(rng, 15, 2), most=200).p) <= 0.05
+    assert numbers <= stats.binom.ppf(0.999, repeats, 0.05)
+    assert curves <= stats.binom.ppf(0.999, repeats, 0.05)
+
+
+def test_effects_and_differences_hold_zero_together():
+    rng = np.random.default_rng(12)
+    for _ in range(20):
+        one = 1.5 + 3.0 * rng.standard_normal(4)
+        other = rng.standard_normal(9)
+        low, high = effect_interval(effect_size(one, other))
+        ends = stats.ttest_ind(one, other, equal_var=False).confidence_interval()
+        assert (low < 0.0 < high) == (ends.low < 0.0 < ends.high)
 
 
 def test_against_scipy_with_many_relabellings():
@@ -80,7 +108,7 @@ def test_against_scipy_with_many_relabellings():
     ours = permutation_test(one, other, most=5000)
     theirs = stats.permutation_test(
         (one, other),
-        lambda a, b, axis: stats.ttest_ind(a, b, axis=axis).statistic,
+        lambda a, b, axis: stats.ttest_ind(a, b, axis=axis, equal_var=False).statistic,
         n_resamples=5000,
         rng=1,
     )
@@ -205,10 +233,10 @@ def test_effect_size_is_unbiased_and_its_interval_holds():
     rng = np.random.default_rng(9)
     one = rng.normal(0.8, 1.0, (6, 20000))
     other = rng.normal(0.0, 1.0, (5, 20000))
-    assert np.mean(hedges_g(one, other)) == pytest.approx(0.8, abs=0.02)
+    assert np.mean(effect_size(one, other).g) == pytest.approx(0.8, abs=0.02)
     held = []
     for k in range(200):
-        low, high = g_interval(float(hedges_g(one[:, k], other[:, k])), 6, 5)
+        low, high = effect_interval(effect_size(one[:, k], other[:, k]))
         held.append(low < 0.8 < high)
     assert stats.binomtest(sum(held), 200, 0.95).pvalue > 0.001
 

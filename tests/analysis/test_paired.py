@@ -13,8 +13,8 @@ from myomorph.lab.analysis.conditions import Condition, compare_conditions
 from myomorph.lab.analysis.cycles import Cycles
 from myomorph.lab.analysis.groups import Animal, Group, GroupOptions, compare_groups, compare_paired
 from myomorph.lab.analysis.permutations import (
-    g_interval,
-    hedges_g,
+    effect_interval,
+    effect_size,
     p_floor,
     permutation_test,
     signs,
@@ -80,7 +80,7 @@ def test_the_interval_of_the_effect_covers_it():
     inside = 0
     for _ in range(400):
         differences = 0.8 + rng.standard_normal(5)
-        low, high = g_interval(float(hedges_g(differences)), 5)
+        low, high = effect_interval(effect_size(differences))
         inside += low < 0.8 < high
     assert stats.binomtest(inside, 400, 0.95).pvalue > 0.001
 

@@ -13,8 +13,8 @@ from scipy import stats
 from myomorph.core.model.arrays import Array
 from myomorph.lab.analysis.conditions import OUTLIER_SCORE, modified_z
 from myomorph.lab.analysis.permutations import (
-    g_interval,
-    hedges_g,
+    effect_interval,
+    effect_size,
     holm,
     p_floor,
     permutation_test,
@@ -143,6 +143,102 @@ def _t_power(effect: float, n: int) -> float:
     return float(stats.nct.sf(limit, freedom, shift) + stats.nct.cdf(-limit, freedom, shift))
 
 
+SPREADS = (
+    (4, 12, 3.0),
+    (5, 15, 3.0),
+    (3, 10, 3.0),
+    (12, 4, 3.0),
+    (8, 8, 3.0),
+    (10, 30, 2.0),
+    (6, 18, 1.0),
+)
+"""Members of two groups, and the spread of the first by that of the second."""
+RELABELLINGS = 500
+
+
+def pooled_p(first: Array, second: Array, rng: np.random.Generator) -> Array:
+    """(numbers,) p by relabelling with pooled variance, corrected for all: the rule before."""
+    values = np.concatenate([first, second]).reshape(len(first) + len(second), -1)
+    largest = []
+    for way in range(RELABELLINGS):
+        order = np.arange(len(values)) if way == 0 else rng.permutation(len(values))
+        labelled = values[order]
+        one = labelled[: len(first)]
+        other = labelled[len(first) :]
+        freedom = len(values) - 2.0
+        squares = one.var(axis=0) * len(one) + other.var(axis=0) * len(other)
+        error = np.sqrt(squares / freedom * (1.0 / len(one) + 1.0 / len(other)))
+        if values.shape[1] > 1:
+            by_curve = error.reshape(-1, len(PERCENT))
+            error = (by_curve + np.median(by_curve, axis=1, keepdims=True)).ravel()
+        largest.append(np.abs(one.mean(axis=0) - other.mean(axis=0)) / error)
+    found = np.array(largest)
+    shares: Array = (found.max(axis=1)[:, None] >= found[0] * (1.0 - 1e-9)).mean(axis=0)
+    return shares
+
+
+def measure_spreads() -> Iterator[Row]:
+    """Share of made studies called different where groups differ in spread alone, not in means."""
+    for n, m, ratio in SPREADS:
+        rng = np.random.default_rng(7000 + 100 * n + m)
+        counts = dict.fromkeys(("number", "pooled", "curves", "pooled curves", "covered"), 0)
+        repeats = 400
+        for k in range(repeats):
+            one = ratio * rng.standard_normal(n)
+            other = rng.standard_normal(m)
+            test = permutation_test(one, other, most=RELABELLINGS, seed=k)
+            counts["number"] += bool(test.p <= ALPHA)
+            counts["pooled"] += bool(pooled_p(one, other, rng) <= ALPHA)
+            low, high = effect_interval(effect_size(one, other))
+            counts["covered"] += low <= 0.0 <= high
+            if k % 4:
+                continue
+            curves = ratio * animals(rng, n, 2)
+            others = animals(rng, m, 2)
+            test = permutation_test(curves, others, most=RELABELLINGS, seed=k)
+            counts["curves"] += bool(np.nanmin(test.p) <= ALPHA)
+            counts["pooled curves"] += bool(pooled_p(curves, others, rng).min() <= ALPHA)
+        yield {
+            "members": f"{n} and {m}",
+            "spread of the first": ratio,
+            "studies": repeats,
+            "parameter [%]": share(counts["number"], repeats),
+            "with pooled variance [%]": share(counts["pooled"], repeats),
+            "2 curves [%]": share(counts["curves"], repeats // 4),
+            "curves, pooled variance [%]": share(counts["pooled curves"], repeats // 4),
+            "interval of the effect holds 0 [%]": share(counts["covered"], repeats),
+        }
+    for n, ratio in ((6, 3.0), (8, 3.0), (12, 3.0)):
+        yield _pairs_that_spread(n, ratio)
+
+
+def _pairs_that_spread(n: int, ratio: float) -> Row:
+    """Pairs, in one condition of which subjects spread more."""
+    rng = np.random.default_rng(7900 + n)
+    repeats = 400
+    number = curves = covered = 0
+    for k in range(repeats):
+        differences = ratio * rng.standard_normal(n) - rng.standard_normal(n)
+        test = permutation_test(differences, most=RELABELLINGS, seed=k)
+        number += bool(test.p <= ALPHA)
+        low, high = effect_interval(effect_size(differences))
+        covered += low <= 0.0 <= high
+        if k % 4 == 0:
+            made = ratio * animals(rng, n, 2) - animals(rng, n, 2)
+            of_curves = permutation_test(made, most=RELABELLINGS, seed=k)
+            curves += bool(np.nanmin(of_curves.p) <= ALPHA)
+    return {
+        "members": f"{n} pairs",
+        "spread of the first": ratio,
+        "studies": repeats,
+        "parameter [%]": share(number, repeats),
+        "with pooled variance [%]": "",
+        "2 curves [%]": share(curves, repeats // 4),
+        "curves, pooled variance [%]": "",
+        "interval of the effect holds 0 [%]": share(covered, repeats),
+    }
+
+
 EFFECT = 1.5
 BETWEEN = 3.0
 """Spread between subjects, in those of differences within them."""
@@ -183,7 +279,7 @@ def measure_within() -> Iterator[Row]:
             apart = permutation_test(subjects + shifted, subjects, most=min(most, 1000), seed=k).p
             counts["groups"] += bool((apart[near] < ALPHA).any())
             differences = 1.0 + rng.standard_normal(n)
-            low, high = g_interval(float(hedges_g(differences)), n)
+            low, high = effect_interval(effect_size(differences))
             counts["covered"] += low <= 1.0 <= high
         yield {
             "subjects": n,

@@ -91,7 +91,7 @@ class ScalarDifference:
     difference: float
     low: float
     high: float
-    # g, g_low, g_high: Hedges' g and its interval
+    # g, g_low, g_high: Hedges' g, spreads not pooled, and its interval
     g: float
     g_low: float
     g_high: float
@@ -350,7 +350,7 @@ def _scalars(
         other = other[others]
         samples = (former - other,) if paired else (former, other)
         sizes = [len(part) for part in samples]
-        g = float(permutations.hedges_g(*samples))
+        effect = permutations.effect_size(*samples)
         p = float("nan")
         if tested and min(sizes) >= permutations.MIN_SUBJECTS:
             p = float(
@@ -359,7 +359,7 @@ def _scalars(
                 ).p
             )
         mean, low, high = map(float, _mean_interval(samples, options.confidence))
-        g_low, g_high = permutations.g_interval(g, *sizes, confidence=options.confidence)
+        g_low, g_high = permutations.effect_interval(effect, options.confidence)
         scalars.append(
             ScalarDifference(
                 name=name,
@@ -368,7 +368,7 @@ def _scalars(
                 difference=mean,
                 low=low,
                 high=high,
-                g=g,
+                g=float(effect.g),
                 g_low=g_low,
                 g_high=g_high,
                 p=p,
@@ -442,10 +442,9 @@ def _curves(
             p = permutations.permutation_test(
                 *samples, most=options.permutations, seed=options.seed
             ).p
-        g = permutations.hedges_g(*samples)
-        sizes = [len(part) for part in samples]
+        effect = permutations.effect_size(*samples)
         difference, low, high = _mean_interval(samples, options.confidence)
-        g_low, g_high = permutations.g_curve_interval(g, *sizes, confidence=options.confidence)
+        g_low, g_high = permutations.effect_curve_interval(effect, options.confidence)
         for index, name in enumerate(names):
             first_band = band(former[:, index], options.confidence)
             second_band = band(other[:, index], options.confidence)
@@ -459,7 +458,7 @@ def _curves(
                     difference=difference[index],
                     low=low[index],
                     high=high[index],
-                    g=g[index],
+                    g=effect.g[index],
                     g_low=g_low[index],
                     g_high=g_high[index],
                     p=p[index],
