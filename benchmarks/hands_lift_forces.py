@@ -28,6 +28,7 @@ from myomorph.core.model.join import join_models, join_motions
 from myomorph.core.rigid.frames import over_frames
 from myomorph.core.tension.certificates import ContactIntervals, contact_intervals
 from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.tension import Tension
 from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 from truths.carried_bodies import needed_wrench
@@ -172,7 +173,9 @@ def found(folder: Path, lift: str, way: str) -> Lift:
         )
         return Lift(-left.forces[:, 0], plate, None)
     asked = task(folder, lift, way)
-    tension = mm.solve_tension(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
+    tension = mm.solve_tension(
+        asked.model, asked.motion, asked.torques, contacts=asked.contacts, recruitment=EFFORT_ALONE
+    )
     assert tension.contacts is not None
     forces = tension.contacts.contact_force
     feet = [k for k, one in enumerate(asked.contacts.sites) if one.group.startswith("foot")]

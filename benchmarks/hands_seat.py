@@ -20,6 +20,7 @@ from myomorph.core.io.loads import read_external_loads
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.contacts import Site
 from myomorph.core.model.scale import scale
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.tension import Tension
 from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 from truths.carried_bodies import needed_wrench
@@ -139,7 +140,9 @@ def task(folder: Path, plates: bool, first: bool = False) -> Task:
 def solved(folder: Path, plates: bool, first: bool = False) -> Tension:
     """Tensions with the seat's force."""
     asked = task(folder, plates, first)
-    return mm.solve_tension(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
+    return mm.solve_tension(
+        asked.model, asked.motion, asked.torques, contacts=asked.contacts, recruitment=EFFORT_ALONE
+    )
 
 
 @dataclass(frozen=True)

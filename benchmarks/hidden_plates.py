@@ -29,6 +29,7 @@ from myomorph.core.io.osim.setup_parts import read_ik_tasks
 from myomorph.core.model.contacts import SharedWrench, Site
 from myomorph.core.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.core.motion.sync import cut
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.tension import Tension
 from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.lab.study.inputs.external_forces import force_table
@@ -250,7 +251,9 @@ def estimated(
         preferred=preferred_directions(hidden.model, hidden.motion, hidden.sites),
     )
     torques = mm.inverse_dynamics(hidden.model, hidden.motion, known)
-    return mm.solve_tension(hidden.model, hidden.motion, torques, contacts=task)
+    return mm.solve_tension(
+        hidden.model, hidden.motion, torques, contacts=task, recruitment=EFFORT_ALONE
+    )
 
 
 def feet_of(hidden: Hidden) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:

@@ -288,7 +288,7 @@ class OnOnePaw:
         pose = part_of(self.motion, np.array([self.worst]))
         found = mm.muscle_kinematics(model, pose)
         assert found.muscle_velocity is not None
-        force = hill_forces(model, found.muscle_length, found.muscle_velocity, "opensim").active[0]
+        force = hill_forces(model, found.muscle_length, found.muscle_velocity).active[0]
         columns = [model.coordinate_names.index(self.coordinate(joint)) for joint in JOINTS]
         moments: Array = force[:, None] * found.moment_arm[0][:, columns]
         return moments

@@ -26,6 +26,7 @@ from myomorph.core.model.contacts import Cone, Site
 from myomorph.core.model.join import join_models, join_motions
 from myomorph.core.rigid.frames import over_frames, thread_count
 from myomorph.core.tension.problem import Balance, TensionInputs, TensionProblem, tension_problem
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 
 WALK = "rajagopal-walk-emg/"
@@ -167,6 +168,13 @@ def quadratic(problem: TensionProblem, given: Balance, keep: np.ndarray) -> Quad
     )
 
 
+def solved(case: ContactCase, torques: mm.Series, task: ContactTask) -> mm.Tension:
+    """Contact forces and muscles by the effort alone."""
+    return mm.solve_tension(
+        case.model, case.motion, torques, contacts=task, recruitment=EFFORT_ALONE
+    )
+
+
 def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
     """Frames a second on all cores: the QP step alone, everything, and everything with forces
     smoothed.
@@ -190,8 +198,8 @@ def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
     seconds = alternate(
         {
             "qp": qp,
-            "whole": lambda: mm.solve_tension(case.model, case.motion, torques, contacts=case.task),
-            "smooth": lambda: mm.solve_tension(case.model, case.motion, torques, contacts=smooth),
+            "whole": lambda: solved(case, torques, case.task),
+            "smooth": lambda: solved(case, torques, smooth),
         },
         rounds,
     )

@@ -10,6 +10,7 @@ What a command does by default may have changed.
 from __future__ import annotations
 
 import argparse
+import inspect
 import json
 import os
 import resource
@@ -139,14 +140,17 @@ def functions(folder: Path) -> dict[str, float]:
     torques = mm.inverse_dynamics(model, motion, loads)
     rigid = mm.TensionOptions(passive=False)
     elastic = mm.TensionOptions(passive=False, tendons="elastic")
-    tension = mm.solve_tension(model, motion, torques, rigid)
+    # Older revisions have no such costs in Python.
+    known = "recruitment" in inspect.signature(mm.solve_tension).parameters
+    alone = {"recruitment": mm.tension.RecruitmentOptions(joint_load=0.0)} if known else {}
+    tension = mm.solve_tension(model, motion, torques, rigid, **alone)
     works = {
         "inverse_kinematics": lambda: mm.inverse_kinematics(model, markers),
         "calibrate": lambda: mm.calibrate(model, [markers]),
         "differentiate": lambda: mm.differentiate(raw, cutoff=6.0),
         "inverse_dynamics": lambda: mm.inverse_dynamics(model, motion, loads),
         "muscle_kinematics": lambda: mm.muscle_kinematics(model, motion),
-        "solve_tension": lambda: mm.solve_tension(model, motion, torques, rigid),
+        "solve_tension": lambda: mm.solve_tension(model, motion, torques, rigid, **alone),
         "solve_tension, elastic tendons": lambda: mm.solve_tension(model, motion, torques, elastic),
         "joint_reactions": lambda: mm.joint_reactions(model, motion, tension, loads),
     }

@@ -15,6 +15,7 @@ from data_collection import data_folder
 from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 
 FRAMES = 36_000
 RATE = 100.0
@@ -100,7 +101,7 @@ def _whole(model: mm.Model, markers: mm.Markers, _: mm.Motion | None) -> list[di
     step("lengths, velocities, moment arms (streamed)", lengths_and_arms, lambda _: 0)
     step(
         "muscle tensions",
-        lambda: mm.solve_tension(model, moving, torques, mm.TensionOptions(passive=False)),
+        lambda: mm.solve_tension(model, moving, torques, recruitment=EFFORT_ALONE),
         lambda r: nbytes(r.activation, r.muscle_force, r.actuator_force, r.balanced_torque),
     )
     total = sum(

@@ -49,6 +49,7 @@ from .core.model.errors import BadData as BadData
 from .core.model.errors import BadFile as BadFile
 from .core.model.errors import MyomorphError as MyomorphError
 from .core.model.errors import UnknownName as UnknownName
+from .core.model.joint_torques import JointTorques as JointTorques
 from .core.model.model import Model as Model
 from .core.model.series import Analog as Analog
 from .core.model.series import Emg as Emg

@@ -16,6 +16,7 @@ from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.model import Actuator, index_of
 from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.terms.actuators import default_reserves
 from myomorph.core.tension.terms.emg import EmgTarget
@@ -166,9 +167,13 @@ def unit(program: Program, **factors: float) -> np.ndarray:
 def test_co_contraction_of_an_antagonist_pair_is_the_optimum_of_the_whole_program(walker):
     model, motion, tau = walker
     problem = tension_problem(TensionInputs(model, motion, tau))
-    free = solve_tension(model, motion, tau)
+    free = solve_tension(model, motion, tau, recruitment=EFFORT_ALONE)
     found = solve_tension(
-        model, motion, tau, terms=[CoContraction("soleus_r", "tibant_r", 2.0, weight=8.0)]
+        model,
+        motion,
+        tau,
+        recruitment=EFFORT_ALONE,
+        terms=[CoContraction("soleus_r", "tibant_r", 2.0, weight=8.0)],
     )
     assert found.optimal.all()
     for frame in range(len(motion)):
@@ -217,7 +222,9 @@ def test_terms_add_up_with_contacts_emg_and_each_other(walker):
 def test_an_equation_with_a_right_side_of_each_frame_holds(walker):
     model, motion, tau = walker
     difference = np.linspace(0.05, 0.2, len(motion))
-    found = solve_tension(model, motion, tau, terms=[Held("bflh_r", "bfsh_r", difference)])
+    found = solve_tension(
+        model, motion, tau, recruitment=EFFORT_ALONE, terms=[Held("bflh_r", "bfsh_r", difference)]
+    )
     assert found.optimal.all()
     one = model.muscle_names.index("bflh_r")
     other = model.muscle_names.index("bfsh_r")
@@ -236,7 +243,13 @@ def test_a_term_with_an_unknown_of_its_own_acts_as_the_actuator_that_it_is(walke
     motor = Actuator(
         "motor", "coordinate", 40.0, coordinate=name, min_control=-np.inf, max_control=0.0
     )
-    same = solve_tension(model, motion, tau, actuators=(*default_reserves(model), motor))
+    same = solve_tension(
+        model,
+        motion,
+        tau,
+        actuators=(*default_reserves(model), motor),
+        recruitment=EFFORT_ALONE,
+    )
     np.testing.assert_allclose(found.activation, same.activation, atol=1e-7)
     command = problem.x[:, problem.unknowns.of(suit)]
     np.testing.assert_allclose(-40.0 * command[:, 0], same.actuator_force[:, -1], atol=1e-5)
@@ -246,15 +259,29 @@ def test_a_term_with_an_unknown_of_its_own_acts_as_the_actuator_that_it_is(walke
 def test_terms_that_do_not_fit_are_refused(walker):
     model, motion, tau = walker
     with pytest.raises(UnknownName, match="unknown 'soleus_x'"):
-        solve_tension(model, motion, tau, terms=[CoContraction("soleus_x", "tibant_r")])
+        solve_tension(
+            model,
+            motion,
+            tau,
+            recruitment=EFFORT_ALONE,
+            terms=[CoContraction("soleus_x", "tibant_r")],
+        )
     with pytest.raises(BadData, match="expected above 0"):
-        solve_tension(model, motion, tau, terms=[CoContraction("soleus_r", "tibant_r", weight=0.0)])
+        solve_tension(
+            model,
+            motion,
+            tau,
+            recruitment=EFFORT_ALONE,
+            terms=[CoContraction("soleus_r", "tibant_r", weight=0.0)],
+        )
     with pytest.raises(BadData, match="1 rows and 2 targets"):
         Rows.cost("pair", np.ones((1, 3)), [0.0, 1.0], 1.0)
     emg = EmgTarget(("soleus_r",), np.full((len(motion), 1), 0.3), "driven")
     with pytest.raises(BadData, match="draw 'soleus_r' into intervals"):
         solve_tension(model, motion, tau, emg=emg, terms=[PreferredActivation("soleus_r", 0.1)])
     with pytest.raises(BadData, match="2 terms of the tension problem link frames: expected one"):
-        solve_tension(model, motion, tau, terms=[Slow("soleus_r"), Slow("tibant_r")])
+        solve_tension(
+            model, motion, tau, recruitment=EFFORT_ALONE, terms=[Slow("soleus_r"), Slow("tibant_r")]
+        )
     with pytest.raises(BadData, match="Exosuit, which is not a part"):
         tension_problem(TensionInputs(model, motion, tau)).unknowns.of(Exosuit(0, 1.0))

@@ -24,7 +24,7 @@ from myomorph.core.muscles.kinematics import muscle_kinematics
 from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.tension.problem import TensionInputs
 from myomorph.core.tension.reaction import joint_reactions
-from myomorph.core.tension.recruitment import joint_load_term
+from myomorph.core.tension.recruitment import EFFORT_ALONE, joint_load_term
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.co_contraction import CoContractionTerm
@@ -35,6 +35,8 @@ ARM = "opensim-reference-small/"
 DEGROOTE = "DeGrooteFregly2016Muscle"
 CLASSES = (DEGROOTE, "Millard2012EquilibriumMuscle", "Thelen2003Muscle")
 ELASTIC = TensionOptions(tendons="elastic")
+ACTIVE = replace(ELASTIC, passive=False)
+"""Without the passive force of fibers."""
 
 
 def as_class(model: Model, kind: str, **parameters: float) -> Model:
@@ -94,8 +96,8 @@ def test_stiffer_tendons_come_nearer_to_rigid_ones(data):
     rigid = None
     for strain in (0.2, 0.01):
         model, motion, torques = arm(data, tendon_strain_at_one_norm_force=strain)
-        rigid = solve_tension(model, motion, torques, TensionOptions(curves="rigid-tendon"))
-        found = solve_tension(model, motion, torques, replace(ELASTIC, activation_dynamics=False))
+        rigid = solve_tension(model, motion, torques)
+        found = solve_tension(model, motion, torques, replace(ACTIVE, activation_dynamics=False))
         far.append(np.sqrt(np.mean((found.activation - rigid.activation)[3:-3] ** 2)))
     assert far[1] < 0.4 * far[0]
     assert far[1] < 0.01
@@ -103,7 +105,7 @@ def test_stiffer_tendons_come_nearer_to_rigid_ones(data):
 
 def test_a_general_solver_finds_no_less_effort(data):
     model, motion, torques = arm(data, count=10)
-    found = solve_tension(model, motion, torques, replace(ELASTIC, activation_dynamics=False))
+    found = solve_tension(model, motion, torques, replace(ACTIVE, activation_dynamics=False))
     H = compile_hill(model)
     paths = muscle_kinematics(model, motion)
     L = paths.muscle_length
@@ -269,8 +271,8 @@ def test_co_contraction_takes_part_by_tendon_forces(data):
     term = CoContractionTerm(
         model=model, motion=motion, torques=torques, level=0.05, coordinates=("r_elbow_flex",)
     )
-    plain = solve_tension(model, motion, torques, ELASTIC, terms=())
-    found = solve_tension(model, motion, torques, ELASTIC, terms=([term]))
+    plain = solve_tension(model, motion, torques, ACTIVE, terms=())
+    found = solve_tension(model, motion, torques, ACTIVE, terms=([term]))
     assert found.optimal.all()
     assert found.fibers.certificate.residual < 1e-3
     arms = muscle_kinematics(model, motion).moment_arm[
@@ -310,9 +312,7 @@ def test_contacts_take_part(data, smoothness):
     model, motion, _ = walk(data, slice(300, 324, 2))
     torques = inverse_dynamics(model, motion)
     touching = task(model, motion, smoothness=smoothness)
-    rigid = solve_tension(
-        model, motion, torques, TensionOptions(curves="rigid-tendon"), contacts=touching
-    )
+    rigid = solve_tension(model, motion, torques, contacts=touching, recruitment=EFFORT_ALONE)
     found = solve_tension(model, motion, torques, ELASTIC, contacts=touching)
     assert found.contacts is not None
     assert found.equilibrium_residual.max() < 0.1

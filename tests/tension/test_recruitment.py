@@ -13,6 +13,7 @@ from test_solve import needed, walk
 
 from myomorph.core.model.errors import BadData
 from myomorph.core.tension.problem import TensionInputs, TensionProblem, tension_problem
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.muscles import SECOND_STAGE
@@ -121,7 +122,13 @@ def test_a_growing_exponent_ends_at_the_least_greatest_activation(data):
     limit = solve_tension(model, motion, torques, MINMAX).activation.max(axis=1)
     before = np.inf
     for exponent in (2.0, 4.0, 8.0, 12.0, 20.0):
-        found = solve_tension(model, motion, torques, TensionOptions(exponent=exponent))
+        found = solve_tension(
+            model,
+            motion,
+            torques,
+            TensionOptions(exponent=exponent),
+            recruitment=EFFORT_ALONE,
+        )
         assert found.optimal.all()
         greatest = found.activation.max(axis=1)
         assert np.all(greatest > limit - 1e-6)

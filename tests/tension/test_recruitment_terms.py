@@ -19,7 +19,12 @@ from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.contact_setting import Measurements
 from myomorph.core.tension.problem import TensionInputs, tension_problem
 from myomorph.core.tension.reaction import joint_reactions
-from myomorph.core.tension.recruitment import RecruitmentOptions, joint_load_term, recruitment_terms
+from myomorph.core.tension.recruitment import (
+    EFFORT_ALONE,
+    RecruitmentOptions,
+    joint_load_term,
+    recruitment_terms,
+)
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.actuators import default_reserves
@@ -55,12 +60,12 @@ def test_rows_of_joint_loads_are_joint_reactions(data):
 def test_joint_load_falls_with_its_weight_and_effort_rises(data):
     model, motion, wrenches = walk(data, KEEP)
     tau = inverse_dynamics(model, motion, wrenches)
-    alone = solve_tension(model, motion, tau)
+    alone = solve_tension(model, motion, tau, recruitment=EFFORT_ALONE)
     loads = [knee_load(alone, model, motion, wrenches).mean()]
     efforts = [(alone.activation**2).sum()]
     for weight in (1e-7, 0.1, 10.0):
         term = joint_load_term(model, motion, wrenches, weight, ("walker_knee_r",))
-        found = solve_tension(model, motion, tau, terms=[term])
+        found = solve_tension(model, motion, tau, recruitment=EFFORT_ALONE, terms=[term])
         loads.append(knee_load(found, model, motion, wrenches).mean())
         efforts.append((found.activation**2).sum())
     assert loads[1] == pytest.approx(loads[0], rel=1e-4)
@@ -85,14 +90,14 @@ def test_co_contraction_is_at_least_what_is_asked_for(data):
         ]
         return np.minimum(*sides)
 
-    alone = solve_tension(model, motion, tau)
+    alone = solve_tension(model, motion, tau, recruitment=EFFORT_ALONE)
     levels = (0.05, 0.2)
     before = weaker(alone)
     for level in levels:
         term = CoContractionTerm(
             model=model, motion=motion, torques=tau, level=level, coordinates=("ankle_angle_r",)
         )
-        found = solve_tension(model, motion, tau, terms=[term])
+        found = solve_tension(model, motion, tau, recruitment=EFFORT_ALONE, terms=[term])
         assert found.optimal.all()
         full = found.muscle_force / np.maximum(found.activation, 1e-9)
         can = np.minimum(*[np.maximum(sign * own * full, 0.0).sum(axis=1) for sign in (1.0, -1.0)])
@@ -162,7 +167,7 @@ def test_with_contacts_joint_loads_are_a_cost_of_the_tensions_under_their_forces
     )
     loads, carried = task.loads(found)
     term = joint_load_term(model, motion, loads, 1.0, ("walker_knee_r",))
-    alone = solve_tension(model, motion, carried, terms=[term])
+    alone = solve_tension(model, motion, carried, recruitment=EFFORT_ALONE, terms=[term])
     np.testing.assert_allclose(found.activation, alone.activation, atol=1e-6)
     assert (
         knee_load(found, model, motion, None).mean()

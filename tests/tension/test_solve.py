@@ -23,12 +23,15 @@ from myomorph.core.muscles.kinematics import muscle_kinematics
 from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import Tension, TensionOptions, passive_notes
 
 ARM = "opensim-reference-small/"
 WALK = "rajagopal-walk-emg/"
 SPRING = "opensim-gait-subject01/ref_so_10dof18musc/"
+AS_OPENSIM = TensionOptions(min_activation="model", curves="opensim")
+"""What OpenSim's static optimization takes, with `EFFORT_ALONE`."""
 
 
 def frames(motion: Motion, keep) -> Motion:
@@ -69,7 +72,7 @@ def test_activations_of_the_arm_are_those_opensim_found(data, kind):
     model, motion, torques = arm(data)
     model = replace(model, muscles=tuple(replace(one, kind=kind) for one in model.muscles))
     expected = read_sto(data(ARM + f"std_{kind}_arm26_bounds_StaticOptimization_activation.sto"))
-    found = solve_tension(model, motion, torques, TensionOptions(min_activation="model"), ())
+    found = solve_tension(model, motion, torques, AS_OPENSIM, ())
     assert np.all(found.optimal)
     nearest = np.abs(motion.time[:, None] - expected.time[None]).argmin(axis=0)
     # The files for Millard's classes were made by an older OpenSim: 4.6 itself is up to 0.015 away
@@ -99,7 +102,7 @@ def test_activations_of_walking_with_a_spring_are_those_opensim_found(data, tmp_
     )
     torques = inverse_dynamics(model, motion, resample_wrenches(loads, motion.time))
     actuators = read_actuators(data(SPRING + "gait10dof_Actuators_weak.xml"), model)
-    found = solve_tension(model, motion, torques, TensionOptions(min_activation="model"), actuators)
+    found = solve_tension(model, motion, torques, AS_OPENSIM, actuators, recruitment=EFFORT_ALONE)
     assert np.all(found.optimal)
     assert found.reserve_names == tuple(one.name for one in actuators)
     columns = [expected.names.index(name) for name in model.muscle_names]
@@ -109,8 +112,9 @@ def test_activations_of_walking_with_a_spring_are_those_opensim_found(data, tmp_
         replace(model, passive_torques=()),
         motion,
         torques,
-        TensionOptions(min_activation="model"),
+        AS_OPENSIM,
         actuators,
+        recruitment=EFFORT_ALONE,
     )
     assert np.sqrt(np.mean((without.activation - found.activation) ** 2)) > 0.1
 
@@ -166,12 +170,7 @@ def test_muscles_and_reserves_together_balance_the_torques(data, passive):
     np.testing.assert_allclose(balanced, found.balanced_torque, atol=1e-5)
     kinematics = muscle_kinematics(model, motion)
     assert kinematics.muscle_velocity is not None
-    curves = hill_forces(
-        model,
-        kinematics.muscle_length,
-        kinematics.muscle_velocity,
-        "rigid-tendon" if passive else "opensim",
-    )
+    curves = hill_forces(model, kinematics.muscle_length, kinematics.muscle_velocity)
     expected = curves.active * found.activation + (curves.passive if passive else 0.0)
     np.testing.assert_allclose(found.muscle_force, expected, atol=1e-6)
     assert found.equilibrium_residual.max() < 1e-5
@@ -201,7 +200,7 @@ def test_frames_without_input_are_marked_and_the_rest_is_untouched(data):
     )
     tau = np.array(torques.values)
     tau[4, 3] = np.nan
-    found = solve_tension(model, broken, Series(torques.time, torques.names, tau))
+    found = solve_tension(model, broken, replace(torques, values=tau))
     np.testing.assert_array_equal(found.status, [0, 0, 3, 0, 3, 0])
     kept = [0, 1, 3, 5]
     np.testing.assert_allclose(found.activation[kept], whole.activation[kept], atol=1e-9)

@@ -19,7 +19,7 @@ import myomorph as mm
 from myomorph.core.io.loads import read_external_loads
 from myomorph.core.model.arrays import Array
 from myomorph.core.muscles.hill import hill_forces
-from myomorph.core.tension.recruitment import RecruitmentOptions
+from myomorph.core.tension.recruitment import EFFORT_ALONE, RecruitmentOptions
 from myomorph.core.tension.terms.actuators import default_reserves, floating_joints
 
 FOLDER = "rajagopal-walk-emg"
@@ -82,7 +82,7 @@ def walk(folder: Path) -> Walk:
     motion = mm.Motion(whole.time[FRAMES], whole.names, *moving)
     wrenches = mm.resample_wrenches(read_external_loads(here / "grf_walk.xml"), motion.time)
     torques = mm.inverse_dynamics(model, motion, wrenches)
-    found = mm.solve_tension(model, motion, torques)
+    found = mm.solve_tension(model, motion, torques, recruitment=EFFORT_ALONE)
     root = {name for joint in floating_joints(model) for name in joint.coordinates}
     by = {one.coordinate: one.optimal_force for one in default_reserves(model)}
     paths = mm.muscle_kinematics(model, motion)
@@ -96,7 +96,7 @@ def walk(folder: Path) -> Walk:
         torques=torques,
         rows=rows,
         R=paths.moment_arm[:, :, [paths.coordinates.index(name) for name in rows]],
-        F=hill_forces(model, paths.muscle_length, paths.muscle_velocity, "opensim").active,
+        F=hill_forces(model, paths.muscle_length, paths.muscle_velocity).active,
         tau=found.balanced_torque[:, [found.coordinates.index(name) for name in rows]],
         reserves=np.array([by[name] for name in rows]),
         weight=model.mass * float(np.linalg.norm(model.gravity)),

@@ -275,7 +275,7 @@ def measure_static(folder: Path) -> Iterator[dict[str, object]]:
         model,
         some,
         mm.inverse_dynamics(model, some),
-        mm.TensionOptions(min_activation="model"),
+        mm.TensionOptions(min_activation="model", curves="opensim"),
         actuators,
     )
     columns = [theirs.names.index(name) for name in ours.muscles]

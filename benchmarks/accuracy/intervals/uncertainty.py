@@ -41,7 +41,11 @@ from myomorph.core.rigid.kinematics import marker_positions
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.tension.load_quantities import JOINT_REACTION
 from myomorph.core.tension.quantities import MUSCLE_FORCE
-from myomorph.core.tension.recruitment import RecruitmentOptions, recruitment_terms
+from myomorph.core.tension.recruitment import (
+    EFFORT_ALONE,
+    RecruitmentOptions,
+    recruitment_terms,
+)
 from myomorph.lab.store.results import Stored, read_result
 from myomorph.lab.study.inputs.input import ByType
 from myomorph.lab.study.inputs.loads import ExternalLoads, LoadsFile
@@ -254,7 +258,7 @@ def _truth(
     options = drawn_criterion(mm.TensionOptions(), draw)
     costs = drawn_costs(RecruitmentOptions().settled(body, options, external=True), draw)
     terms = recruitment_terms(body, moved, torques, wrenches, costs)
-    tension = mm.solve_tension(body, moved, torques, options, terms=terms)
+    tension = mm.solve_tension(body, moved, torques, options, recruitment=EFFORT_ALONE, terms=terms)
     loads = mm.joint_reactions(body, moved, tension, wrenches).table(joint_labels(body))
     driven = {one.dependent for one in model.couplers}
     free = tuple(one.name for one in model.coordinates if not one.locked and one.name not in driven)

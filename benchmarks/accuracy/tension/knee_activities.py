@@ -27,7 +27,11 @@ from myomorph.core.muscles.published_arms import BANDS, knee_arms
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.knees import flexion_coordinate, knee_joints
 from myomorph.core.rigid.tree import compile_tree
-from myomorph.core.tension.recruitment import RecruitmentOptions, recruitment_terms
+from myomorph.core.tension.recruitment import (
+    EFFORT_ALONE,
+    RecruitmentOptions,
+    recruitment_terms,
+)
 from myomorph.core.tension.terms.actuators import RESERVE_FORCE, default_reserves
 from myomorph.lab.analyze import generic_model as shipped
 
@@ -155,7 +159,9 @@ def _row(folder: Path, activity: Activity, model_name: str, way: str) -> Row:
         )
     options = mm.TensionOptions()
     terms = recruitment_terms(model, motion, torques, wrenches, costs.settled(model, options, True))
-    found = mm.solve_tension(model, motion, torques, options, reserves, terms=terms)
+    found = mm.solve_tension(
+        model, motion, torques, options, reserves, recruitment=EFFORT_ALONE, terms=terms
+    )
     knees = [one.name for one in knee_joints(model)]
     reactions = mm.joint_reactions(
         model,

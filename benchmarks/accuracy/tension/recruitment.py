@@ -14,7 +14,7 @@ import numpy as np
 import myomorph as mm
 from benchmarks.errors import rms
 from myomorph.core.model.arrays import Array
-from myomorph.core.tension.recruitment import recruitment_terms
+from myomorph.core.tension.recruitment import EFFORT_ALONE, recruitment_terms
 from myomorph.core.tension.tension import Tension
 from truths.recruitment_programs import (
     Criterion,
@@ -91,7 +91,9 @@ def _above(made: Solutions, by: Criterion, mine: Array, theirs: Array) -> float:
 def ours(one: Walk, by: Criterion, torques: mm.Series) -> Tension:
     """Tensions as a user gets them with these options."""
     terms = recruitment_terms(one.model, one.motion, torques, one.wrenches, by.beside)
-    return mm.solve_tension(one.model, one.motion, torques, by.tension, terms=terms)
+    return mm.solve_tension(
+        one.model, one.motion, torques, by.tension, recruitment=EFFORT_ALONE, terms=terms
+    )
 
 
 def measure_programs(folder: Path) -> Iterator[dict[str, object]]:

@@ -40,7 +40,7 @@ SETTINGS: Mapping[str, mm.TensionOptions] = {
     "min/max": mm.TensionOptions(recruitment="minmax"),
     "exponent 3": mm.TensionOptions(exponent=3.0),
     "with passive force": mm.TensionOptions(passive=True),
-    "with passive force, elastic tendons": mm.TensionOptions(passive=True, tendons="elastic"),
+    "elastic tendons, no passive force": mm.TensionOptions(passive=False, tendons="elastic"),
     "with passive force, model's minimum (the default before)": mm.TensionOptions(
         passive=True, min_activation="model"
     ),

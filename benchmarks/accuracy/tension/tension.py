@@ -22,6 +22,7 @@ from myomorph.core.io.osim.actuators import read_actuators
 from myomorph.core.io.sto import table_from_motion
 from myomorph.core.model.model import Actuator
 from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.tension import Tension
 from myomorph.core.tension.terms.actuators import default_reserves
 
@@ -185,8 +186,9 @@ def ours(prepared: Prepared, at: np.ndarray | None = None) -> Tension:
         prepared.model,
         motion,
         torques,
-        mm.TensionOptions(min_activation="model"),
+        mm.TensionOptions(min_activation="model", curves="opensim"),
         prepared.actuators,
+        recruitment=EFFORT_ALONE,
     )
 
 

@@ -23,19 +23,23 @@ from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
 from myomorph.core.contact.states import preferred_directions
 from myomorph.core.model.arrays import Array
 from myomorph.core.motion.emg_activation import USUAL, channel_means, shifted
-from myomorph.core.tension.recruitment import KNEE_LOAD, RecruitmentOptions, recruitment_terms
+from myomorph.core.tension.recruitment import (
+    EFFORT_ALONE,
+    KNEE_LOAD,
+    RecruitmentOptions,
+    recruitment_terms,
+)
 from myomorph.core.tension.tension import Tension
 from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 
 SECONDS = 8.0
 """Of each walk: some strides, so that the table is made in a minute."""
 
-EFFORT = RecruitmentOptions(0.0)
 SETTINGS: Mapping[str, mm.TensionOptions] = {
     "effort alone": mm.TensionOptions(),
     "with passive force": mm.TensionOptions(passive=True),
     "activations from the model's minimum": mm.TensionOptions(min_activation="model"),
-    "curves of the rigid tendon": mm.TensionOptions(curves="rigid-tendon"),
+    "curves as OpenSim's": mm.TensionOptions(curves="opensim"),
     "no curves": mm.TensionOptions(curves="constant"),
     "exponent 1.5": mm.TensionOptions(exponent=1.5),
     "exponent 3": mm.TensionOptions(exponent=3.0),
@@ -72,7 +76,7 @@ def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
         motion, torques = walk.part(walk.tested)
         emg = _measured(walk, motion.time)
         wrenches = mm.resample_wrenches(walk.wrenches, motion.time)
-        asked = {name: (options, (EFFORT,)) for name, options in SETTINGS.items()}
+        asked = {name: (options, (EFFORT_ALONE,)) for name, options in SETTINGS.items()}
         asked |= {name: (mm.TensionOptions(), (loads,)) for name, loads in LOADS.items()}
         hips = ",".join(joint.name for joint in walk.model.joints if "hip" in joint.name)
         knees = RecruitmentOptions(KNEE_LOAD)
@@ -89,7 +93,9 @@ def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
                 for costs in every_cost
                 for term in recruitment_terms(walk.model, motion, torques, wrenches, costs)
             )
-            found = mm.solve_tension(walk.model, motion, torques, options, terms=terms)
+            found = mm.solve_tension(
+                walk.model, motion, torques, options, recruitment=EFFORT_ALONE, terms=terms
+            )
             fits = {channel: _fit(found, walk, channel, emg[channel]) for channel in walk.channels}
             r, rms = zip(*fits.values(), strict=True)
             both = [channel for channel in fits if _is_biarticular(walk, channel)]
@@ -228,7 +234,12 @@ def foot_error(hidden: Hidden, setting: Setting) -> float:
     task = _as_set(ContactTask(hidden.sites, hidden.activations, (), preferred=preferred), setting)
     torques = mm.inverse_dynamics(hidden.model, hidden.motion)
     found = mm.solve_tension(
-        hidden.model, hidden.motion, torques, setting.tension, contacts=task
+        hidden.model,
+        hidden.motion,
+        torques,
+        setting.tension,
+        contacts=task,
+        recruitment=EFFORT_ALONE,
     ).contacts
     assert found is not None
     errors = []
@@ -245,7 +256,12 @@ def lift_errors(folder: Path, lift: str, setting: Setting) -> tuple[float, float
     asked = lift_task(folder, lift, "hidden")
     task = _as_set(asked.contacts, setting)
     found = mm.solve_tension(
-        asked.model, asked.motion, asked.torques, setting.tension, contacts=task
+        asked.model,
+        asked.motion,
+        asked.torques,
+        setting.tension,
+        contacts=task,
+        recruitment=EFFORT_ALONE,
     ).contacts
     assert found is not None
     time = recorded(folder, lift).markers.time

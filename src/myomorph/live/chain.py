@@ -26,7 +26,8 @@ from myomorph.core.motion.online import (
 from myomorph.core.motion.sensors.mounting import SensorMounting
 from myomorph.core.rigid.dynamics import OnlineDynamics
 from myomorph.core.tension.dual import MISSING, OPTIMAL
-from myomorph.core.tension.problem import OnlineTension, TensionFrame
+from myomorph.core.tension.online import OnlineTension, TensionFrame
+from myomorph.core.tension.recruitment import RecruitmentOptions
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.actuators import floating_joints
 from myomorph.lab.uncertainty.sources import Sources
@@ -46,16 +47,26 @@ class ChainOptions:
     cutoff : half power of the filter of coordinates and forces; its delay is 0.336 / cutoff [Hz]
     blend : time constant with which the jump of a lost or found marker is given back [s]
     max_age : frames older than that are dropped, the oldest first, so that nothing piles up [s]
+    joint_load : weight of the squared force that knees transmit, in body weights, beside the effort
+        of muscles; 0 for none; by default that of 'myomorph tension'
     """
 
     cutoff: float = 6.0
     blend: float = BLEND
     max_age: float = 0.1
+    joint_load: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("cutoff", "blend", "max_age"):
             if not (getattr(self, name) > 0.0 and np.isfinite(getattr(self, name))):
                 raise BadData(f"{name} {getattr(self, name):g}: expected above 0")
+        # Errors of the weight are found where it is given.
+        RecruitmentOptions(joint_load=self.joint_load)
+
+    @property
+    def recruitment(self) -> RecruitmentOptions:
+        """Costs beside the effort."""
+        return RecruitmentOptions(joint_load=self.joint_load)
 
 
 @read_only
@@ -188,7 +199,7 @@ class LiveChain:
         self.feet = OnlineFeet(model, source.plates, source.bodies)
         self.bodies = self.feet.bodies
         self.dynamics = OnlineDynamics(model, self.bodies)
-        self.tension = OnlineTension(model, tension)
+        self.tension = OnlineTension(model, tension, recruitment=self.options.recruitment)
         self.actuators = self.tension.actuators
         count = len(model.coordinates)
         self._motion = CausalStream(self.filter, count)
@@ -227,6 +238,7 @@ class LiveChain:
                 options=limits,
                 sources=sources,
                 tension=tension,
+                recruitment=self.options.recruitment,
             )
 
     @property
@@ -262,7 +274,7 @@ class LiveChain:
             stream.forget()
         still = np.zeros_like(self._rest)
         self.dynamics.solve(self._rest, still, still, np.zeros((len(self.bodies), 6)))
-        self.tension.solve(self.dynamics.coordinates, self.dynamics.rates, self.dynamics.torques)
+        self.tension.solve_after(self.dynamics)
         if self.limits is not None:
             row = np.full((len(self._names or ()), 3), np.nan)
             motion = np.zeros((4, len(self._rest)))
@@ -331,9 +343,7 @@ class LiveChain:
             # Values of coordinates that follow others are those of the filtered leaders.
             value = self.dynamics.coordinates[0]
             velocity = self.dynamics.rates[0]
-            shared = self.tension.solve(
-                self.dynamics.coordinates, self.dynamics.rates, self.dynamics.torques
-            )
+            shared = self.tension.solve_after(self.dynamics)
             state = SOLVED if shared.status == OPTIMAL else UNSOLVED
         limits = None
         if self.limits is not None and state in (SOLVED, SETTLING):

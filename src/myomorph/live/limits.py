@@ -26,10 +26,16 @@ from myomorph.core.rigid.dynamics import OnlineDynamics
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.dual import OPTIMAL
-from myomorph.core.tension.problem import OnlineTension
+from myomorph.core.tension.online import OnlineTension
 from myomorph.core.tension.quantities import ACTIVATION, MUSCLE_FORCE
+from myomorph.core.tension.recruitment import RecruitmentOptions
 from myomorph.core.tension.tension import TensionOptions
-from myomorph.lab.study.trial.steps.drawn_trials import POSES, TENSIONS, drawn_criterion
+from myomorph.lab.study.trial.steps.drawn_trials import (
+    POSES,
+    TENSIONS,
+    drawn_costs,
+    drawn_criterion,
+)
 from myomorph.lab.uncertainty.bodies import Draw, drawn_subject
 from myomorph.lab.uncertainty.normals import Normals
 from myomorph.lab.uncertainty.sources import Sources
@@ -113,6 +119,7 @@ class LiveLimits:
         options: LimitOptions,
         sources: Sources | None = None,
         tension: TensionOptions | None = None,
+        recruitment: RecruitmentOptions | None = None,
     ):
         self._count = options.draws
         self.draws = options.draws
@@ -122,7 +129,8 @@ class LiveLimits:
         }
         normals = Normals(options.draws, options.draw_seed)
         draws = [Draw(number, sources or Sources(), normals) for number in range(options.draws)]
-        self._drawn = [_Drawn(model, draw, bodies, tension or TensionOptions()) for draw in draws]
+        criterion = (tension or TensionOptions(), recruitment or RecruitmentOptions())
+        self._drawn = [_Drawn(model, draw, bodies, *criterion) for draw in draws]
         self._inputs = OnlineInputs(draws=draws, bodies=bodies, delay=filter.delay, up=up)
         self._errors: MarkerErrors | AngleErrors
         if names is not None or model.markers:
@@ -265,13 +273,22 @@ class LiveLimits:
 class _Drawn:
     """The chain behind the pose with the errors of one draw."""
 
-    def __init__(self, model: Model, draw: Draw, bodies: Sequence[str], tension: TensionOptions):
+    def __init__(
+        self,
+        model: Model,
+        draw: Draw,
+        bodies: Sequence[str],
+        tension: TensionOptions,
+        recruitment: RecruitmentOptions,
+    ):
         drawn = drawn_subject(model, draw)
+        if draw.sources.criterion:
+            settled = recruitment.settled(drawn, tension, external=True)
+            recruitment = drawn_costs(settled, draw)
+            tension = drawn_criterion(tension, draw)
         self.tree = compile_tree(drawn)
         self._dynamics = OnlineDynamics(drawn, bodies)
-        self._tension = OnlineTension(
-            drawn, drawn_criterion(tension, draw) if draw.sources.criterion else tension
-        )
+        self._tension = OnlineTension(drawn, tension, recruitment=recruitment)
 
     def fill(self, motion: Array, loads: Array, row: Array) -> None:
         """Fill a row (columns,) with the results of a motion (3, coordinates); NaN without a
@@ -279,7 +296,7 @@ class _Drawn:
         """
         solver = self._dynamics
         torques = solver.solve(motion[0], motion[1], motion[2], loads)
-        shared = self._tension.solve(solver.coordinates, solver.rates, solver.torques)
+        shared = self._tension.solve_after(solver)
         if shared.status == OPTIMAL:
             row[:] = np.concatenate(
                 [solver.coordinates[0], torques, shared.activations, shared.forces]

@@ -32,6 +32,7 @@ from myomorph.core.motion.emg_activation import ChannelMap, EmgCalibration, chan
 from myomorph.core.tension.emg_gains import gain_prior
 from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.core.tension.emg_tracking import TorqueTracking, action_cosines
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.contacts import ContactTask
@@ -176,7 +177,9 @@ class HeldOut:
 
     def __post_init__(self) -> None:
         self.alone = [
-            solve_tension(self.model, *recording, *self.settings).activation
+            solve_tension(
+                self.model, *recording, *self.settings, recruitment=EFFORT_ALONE
+            ).activation
             for recording in self.few
         ]
 
@@ -283,7 +286,12 @@ class HeldOut:
                 target = emg_targets(item, left, self.model, motion.time, options, calibration)
                 solved.append(
                     solve_tension(
-                        self.model, motion, torques, *self.settings, emg=target
+                        self.model,
+                        motion,
+                        torques,
+                        *self.settings,
+                        emg=target,
+                        recruitment=EFFORT_ALONE,
                     ).activation
                 )
             ways.append(solved)

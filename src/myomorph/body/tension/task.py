@@ -37,7 +37,11 @@ from myomorph.core.tension.joint_contact import (
 )
 from myomorph.core.tension.problem import TensionInputs
 from myomorph.core.tension.reaction import JointReactions, joint_reactions
-from myomorph.core.tension.recruitment import RecruitmentOptions, recruitment_terms
+from myomorph.core.tension.recruitment import (
+    EFFORT_ALONE,
+    RecruitmentOptions,
+    recruitment_terms,
+)
 from myomorph.core.tension.relaxation import Relaxation, relaxations
 from myomorph.core.tension.solve import (
     ContactSolution,
@@ -194,7 +198,14 @@ class TensionTask:
         terms = recruitment_terms(self.model, self.motion, carried, loads, self.recruitment)
         emg = None if self.emg is None else self.emg.target
         again = solve_tension(
-            self.model, self.motion, carried, self.options, self.actuators, emg=emg, terms=terms
+            self.model,
+            self.motion,
+            carried,
+            self.options,
+            self.actuators,
+            emg=emg,
+            recruitment=EFFORT_ALONE,
+            terms=terms,
         )
         return with_contacts(again, tension), solution
 
@@ -221,6 +232,7 @@ class TensionTask:
             advance,
             contacts=inputs.contacts,
             emg=inputs.emg,
+            recruitment=EFFORT_ALONE,
             terms=inputs.terms,
         )
         return tension, None
@@ -364,7 +376,7 @@ def tension_task(  # page: what a recording has, most of it optional
             contacts=None if setting is None else setting.task,
         )
         targets = emg_targets_of(emg, inputs)
-    wanted = recruitment is not None and bool(recruitment.joint_load or recruitment.co_contraction)
+    wanted = recruitment is not None and recruitment.has_costs
     terms: tuple[Term, ...] = ()
     if recruitment is not None and wanted and plan is None:
         terms = recruitment_terms(model, motion, torques, wrenches, recruitment)

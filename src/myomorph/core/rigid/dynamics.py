@@ -14,8 +14,9 @@ import numpy as np
 from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.joint_torques import JointTorques
 from myomorph.core.model.model import Model
-from myomorph.core.model.series import Motion, Series, Wrenches
+from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.model.shapes import (
     BodyRotations,
     BodyVectors,
@@ -84,7 +85,9 @@ class ExternalForces(NamedTuple):
     torques: Array
 
 
-def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = None) -> Series:
+def inverse_dynamics(
+    model: Model, motion: Motion, wrenches: Wrenches | None = None
+) -> JointTorques:
     """Generalized forces that make the model move as it does.
 
         tau = Phi^T (M a + h - gravity - external)
@@ -103,7 +106,7 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
 
     Returns
     -------
-    Series of (frames, coordinates) [N m or N], NaN in frames where the motion is NaN
+    (frames, coordinates) [N m or N], NaN in frames where the motion is NaN, with the wrenches
 
     Raises
     ------
@@ -129,12 +132,13 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
     tau = np.empty_like(c)
     arrays = (c, cdot, cddot, forces, points, torques, tau)
     run_frames(inverse_dynamics_frames, (tree.arrays, bodies), *arrays)
-    return Series(
+    return JointTorques(
         time=motion.time,
         names=model.coordinate_names,
         values=tau,
         quantity=GENERALIZED_FORCE,
         motion_kinds=model.motion_kinds,
+        wrenches=wrenches,
     )
 
 
@@ -383,6 +387,22 @@ class OnlineDynamics:
             self.torques,
         )
         return self.torques[0]
+
+    def joint_forces(self) -> Array:
+        """Forces that joints transmit in the last frame without muscles and bushings, in ground.
+
+        They are what the motion of a joint's child and of all that it carries needs, gravity and
+        external forces taken off.
+
+        Returns
+        -------
+        (bodies, 3) that the parent exerts on each body [N]
+        """
+        applied = np.zeros((1, len(self._tree.arrays.parent), 6))
+        np.add.at(applied[0, :, :3], self._bodies, self._forces[0])
+        np.add.at(applied[0, :, 3:], self._bodies, self._torques[0])
+        motion = (self.coordinates, self.rates, self.accelerations)
+        return joint_wrenches(self._tree, *motion, applied).forces[0]
 
 
 @dataclass(frozen=True, eq=False)

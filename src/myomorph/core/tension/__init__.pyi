@@ -2,6 +2,7 @@
 from ...body.personalize.estimates import MuscleEstimate as MuscleEstimate
 from ...body.personalize.generic_map import GenericMap as GenericMap
 from ...body.personalize.held_out import HeldOut as HeldOut
+from .recruitment import RecruitmentOptions as RecruitmentOptions
 from .tension import Certificate as Certificate
 from .tension import Fibers as Fibers
 from .terms.contacts import ContactOptions as ContactOptions

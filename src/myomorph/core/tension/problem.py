@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.contacts import ContactForces
 from myomorph.core.model.errors import BadData, BadModel, check_name
 from myomorph.core.model.model import Actuator, Model
@@ -21,7 +21,7 @@ from myomorph.core.rigid.frames import CHUNK, over_frames
 from myomorph.core.rigid.loops import loop_basis, loop_slopes, refuse_open
 from myomorph.core.rigid.tree import Tree, compile_tree
 from myomorph.core.tension.assembly import assemble, fold
-from myomorph.core.tension.dual import OPTIMAL, solve_separable
+from myomorph.core.tension.dual import solve_separable
 from myomorph.core.tension.separable import (
     FrameLinks,
     Separable,
@@ -366,7 +366,7 @@ class TensionProblem:
         self._others = np.empty((frames, len(self.separable.weight) - muscles))
         self._forces = np.empty((frames, muscles))
         self._viscous = np.empty((frames, muscles)) if self.muscles.viscous else np.zeros((1, 1))
-        self._passive = np.empty((frames, muscles if self.options.passive else 0))
+        self._passive = np.empty((frames, muscles if self.options.has_passive else 0))
         sites = 0 if self.contacts is None else len(self.contacts.generators.sites)
         self._contact_forces = np.empty((3, frames, sites, 3))
         self._balanced = np.empty((frames, len(self.assembly.coordinates)))
@@ -531,7 +531,7 @@ class TensionProblem:
         self._balanced[part] = balance.torques
         if self.muscles.viscous:
             self._viscous[part] = balance.viscous
-        if self.options.passive:
+        if self.options.has_passive:
             self._passive[part] = balance.passive
         if self.contacts is not None:
             self._contact_forces[:, part] = self.contacts.forces_of(
@@ -542,7 +542,7 @@ class TensionProblem:
         """Tensions, reserves and contact forces of all frames, as a value."""
         muscles = self.assembly.tree.model.muscle_names
         peaks = PassivePeaks(share=np.zeros(len(muscles)), time=np.zeros(len(muscles)))
-        if self.options.passive:
+        if self.options.has_passive:
             peaks = passive_peaks(self._passive, self.muscles.strength, self._time)
         controls = self._others[:, self._place(self.actuators)]
         return Tension(
@@ -600,104 +600,3 @@ def _acting_anyway(columns: Sequence[Columns]) -> Array:
         for column in columns[: last + 1]
     ]
     return np.hstack([np.zeros((len(columns[0].forces), 0)), *parts])
-
-
-@read_only
-class TensionFrame:
-    """Result of one frame.
-
-    Attributes
-    ----------
-    activations : (muscles,) NaN where the frame was not solved
-    forces : (muscles,) along the tendons [N], NaN where the frame was not solved
-    reserves : (actuators,) their forces [N] and torques [N m]
-    balanced : (rows,) what muscles and actuators had to give together, in the order of
-        `OnlineTension.coordinates`
-    status : index into `STATUS_NAMES`
-    equilibrium_residual : greatest torque or force left unbalanced [N m or N]
-    """
-
-    activations: Array
-    forces: Array
-    reserves: Array
-    balanced: Array
-    status: int
-    equilibrium_residual: float
-
-
-class OnlineTension:
-    """The problem of `solve_tension`, set up once and solved frame by frame.
-
-    Attributes
-    ----------
-    muscles, actuators : names
-    coordinates : names of those that are balanced
-    lower, upper : (muscles,) bounds of the activations
-    """
-
-    def __init__(
-        self,
-        model: Model,
-        options: TensionOptions | None = None,
-        actuators: Sequence[Actuator] | None = None,
-    ):
-        if model.loops:
-            raise BadModel(
-                f"model '{model.name}' closes loops ('{model.loops[0].name}'), which muscle"
-                " tensions frame by frame do not take: use 'myomorph tension' after the recording"
-            )
-        rest = np.array([[coordinate.default for coordinate in model.coordinates]])
-        at_rest = Motion(
-            time=np.zeros(1),
-            names=model.coordinate_names,
-            values=rest,
-            velocities=np.zeros_like(rest),
-        )
-        no_torques = Series(np.zeros(1), model.coordinate_names, np.zeros_like(rest))
-        self._problem = tension_problem(
-            TensionInputs(
-                model=model,
-                motion=at_rest,
-                torques=no_torques,
-                options=options or TensionOptions(),
-                actuators=actuators,
-            )
-        )
-        self.actuators = tuple(actuator.name for actuator in self._problem.actuators.actuators)
-        self.muscles = model.muscle_names
-        self.coordinates = self._problem.assembly.coordinates
-        shared = self._problem.separable
-        muscles = len(self.muscles)
-        self.lower = shared.lower[:muscles]
-        self.upper = shared.upper[:muscles]
-        self._optimal_forces = self._problem.actuators.optimal_forces
-        self._warm = np.zeros(len(self._problem.assembly.pattern.order))
-
-    def solve(self, coordinates: Array, rates: Array, torques: Array) -> TensionFrame:
-        """Share the torques of a frame among muscles.
-
-        Parameters
-        ----------
-        coordinates, rates : (1, coordinates) consistent [rad or m], [rad/s or m/s]
-        torques : (1, coordinates) of inverse dynamics [N m or N]
-
-        Returns
-        -------
-        activations, forces and reserves, and whether they are an optimum
-        """
-        self._problem.renew(coordinates, rates, torques)
-        balance = self._problem.balance(0, 1)
-        solved = self._problem.solved(balance, 0, self._warm)
-        status = int(solved.status[0])
-        if status != OPTIMAL:
-            self._warm[:] = 0.0
-        muscles = len(self.muscles)
-        activations = solved.x[0, :muscles]
-        return TensionFrame(
-            activations=activations,
-            forces=balance.active[0] * activations + balance.passive[0] + balance.viscous[0],
-            reserves=solved.x[0, muscles:] * self._optimal_forces,
-            balanced=balance.torques[0],
-            status=status,
-            equilibrium_residual=float(solved.residual[0]),
-        )

@@ -1,4 +1,8 @@
-"""Costs beside the effort, as options and terms: joint loads, and co-contraction of joints."""
+"""Costs beside the effort, as options and terms: joint loads, and co-contraction of joints.
+
+What least effort is by default is declared here alone: `RecruitmentOptions.settled`. Commands,
+studies, `solve_tension` and muscle forces while frames arrive take it from here.
+"""
 
 from __future__ import annotations
 
@@ -56,8 +60,17 @@ class RecruitmentOptions:
             if getattr(self, names) != default and not getattr(self, weight):
                 raise BadData(f"{names} without {weight}: give {weight} above 0")
 
+    @property
+    def has_costs(self) -> bool:
+        """Whether anything beside the effort costs."""
+        return bool(self.joint_load or self.co_contraction)
+
     def settled(self, model: Model, options: TensionOptions, external: bool) -> RecruitmentOptions:
         """Options with the default weight of joint loads where none is set.
+
+        It is `KNEE_LOAD` for the knees of models without closed loops, with rigid tendons and the
+        effort as a power, where the external forces are known; else nothing beside the effort
+        costs.
 
         Parameters
         ----------
@@ -70,6 +83,36 @@ class RecruitmentOptions:
         plain = options.tendons == "rigid" and options.recruitment == "power" and not model.loops
         usable = plain and external and model.weight > 0.0 and bool(loaded_knees(model))
         return replace(self, joint_load=KNEE_LOAD if usable else 0.0)
+
+
+EFFORT_ALONE = RecruitmentOptions(joint_load=0.0)
+"""What OpenSim's static optimization minimizes."""
+
+
+def settled_recruitment(
+    asked: RecruitmentOptions | None,
+    model: Model,
+    options: TensionOptions,
+    external: bool,
+) -> RecruitmentOptions:
+    """Settle the costs beside the effort of a problem.
+
+    Parameters
+    ----------
+    asked : by the user; None for the default
+    model, options, external : as of `RecruitmentOptions.settled`
+
+    Raises
+    ------
+    BadData : joint loads were asked for, and the external forces are not known
+    """
+    asked = asked or RecruitmentOptions()
+    if asked.joint_load and not external:
+        raise BadData(
+            "joint_load with joint torques of a file: loads of joints need external forces, as"
+            " torques of inverse dynamics carry them (--loads)"
+        )
+    return asked.settled(model, options, external)
 
 
 def recruitment_terms(
@@ -88,7 +131,7 @@ def recruitment_terms(
     """
     terms: list[Term] = []
     if options.joint_load:
-        joints = _loaded_joints(model, options.joint_load_joints)
+        joints = loaded_joints(model, options.joint_load_joints)
         terms.append(joint_load_term(model, motion, wrenches, options.joint_load, joints))
     if options.co_contraction:
         terms.append(
@@ -103,12 +146,22 @@ def recruitment_terms(
     return tuple(terms)
 
 
-def _loaded_joints(model: Model, text: str) -> tuple[str, ...]:
-    """Names of the joints whose load counts, none for all that a muscle crosses."""
+def loaded_joints(model: Model, text: str) -> tuple[str, ...]:
+    """Names of the joints whose load counts.
+
+    Parameters
+    ----------
+    model : of the body
+    text : names, "knees" or "all"
+
+    Raises
+    ------
+    BadData : no muscle crosses a knee; further errors are those of `crossed_joints`
+    """
     if text == ALL:
-        return ()
+        return crossed_joints(model)
     if text != KNEES:
-        return _names(text)
+        return crossed_joints(model, _names(text))
     knees = loaded_knees(model)
     if not knees:
         raise BadData(

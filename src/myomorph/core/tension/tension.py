@@ -121,15 +121,16 @@ class TensionOptions:
     min_activation : lower bound of activations; "zero": activations from 0; "model": from each
         muscle's minimum in the model (in OpenSim's models usually 0.01, for the sake of simulations
         with activation dynamics)
-    passive : whether the muscles' passive elastic forces take part. With rigid tendons they come
-        out too large, as tendon slack lengths belong to tendons that stretch
+    passive : whether the muscles' passive elastic forces take part; by default those of fibers on
+        tendons that stretch, as in OpenSim's muscles. With rigid tendons they come out too large,
+        as tendon slack lengths belong to tendons that stretch
         (docs/decisions/0019-tension-defaults.md); passive torques and bushings of the model's
         joints always take part
     viscous : whether the muscles' viscosity takes part, a force that may push; 0 in models that
         have none. It does in OpenSim, where it is a force of its own beside the muscle's
-    curves : "rigid-tendon" or "opensim" force-length-velocity curves (see `hill_forces`),
-        "constant" for the maximum isometric force at any length and velocity, or "auto":
-        "rigid-tendon" with passive forces and "opensim" without
+    curves : force-length-velocity curves; "rigid-tendon" by the formulas of each muscle's class,
+        "opensim" as OpenSim's static optimization evaluates them, with its errors (see
+        `hill_forces`), "constant" for the maximum isometric force at any length and velocity
     reserve : optimal force of the reserves that are added where no actuators are given [N m or N];
         by default 1 on a body of human size, less on a smaller one (`default_reserves`)
     residual : optimal force of what then holds a floating body [N], [N m]; by default 10 likewise
@@ -146,9 +147,9 @@ class TensionOptions:
     exponent: float = 2.0
     weights: Literal["equal", "volume", "strength"] = "equal"
     min_activation: Literal["zero", "model"] = "zero"
-    passive: bool = False
+    passive: bool | None = None
     viscous: bool = True
-    curves: Literal["auto", "rigid-tendon", "opensim", "constant"] = "auto"
+    curves: Literal["rigid-tendon", "opensim", "constant"] = "rigid-tendon"
     reserve: float | None = None
     residual: float | None = None
     tendons: Literal["rigid", "elastic"] = "rigid"
@@ -179,10 +180,23 @@ class TensionOptions:
 
     @property
     def convention(self) -> Convention:
-        """The curves' convention once "auto" is resolved; "constant" has none of its own."""
-        if self.curves == "auto":
-            return "rigid-tendon" if self.passive else "opensim"
+        """The curves' convention; "constant" has none of its own."""
         return "opensim" if self.curves == "opensim" else "rigid-tendon"
+
+    @property
+    def passive_on_rigid(self) -> bool:
+        """Whether passive forces of muscles on rigid tendons take part."""
+        return bool(self.passive)
+
+    @property
+    def passive_on_elastic(self) -> bool:
+        """Whether passive forces of fibers on tendons that stretch take part."""
+        return self.tendons == "elastic" and self.passive is not False
+
+    @property
+    def has_passive(self) -> bool:
+        """Whether passive forces of any muscle take part."""
+        return self.passive_on_rigid or self.passive_on_elastic
 
 
 @read_only
@@ -361,7 +375,7 @@ def passive_peaks(passive: Array, strength: Array, time: Array) -> PassivePeaks:
 
 def passive_notes(tension: Tension) -> tuple[Message, ...]:
     """Say what passive force does in a result; nothing where it takes no part."""
-    if not tension.options.passive:
+    if not tension.options.has_passive:
         return ()
     notes = []
     if tension.options.tendons == "rigid":

@@ -27,6 +27,7 @@ from myomorph.core.muscles.passive import passive_generalized_forces
 from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.exchange.causes import SETUPS
@@ -362,7 +363,9 @@ def static_optimization(
         curves="opensim" if settings.use_physiology else "constant",
     )
     with progress(f"{name}: static optimization", len(motion)) as advance:
-        tension = solve_tension(model, motion, torques, options, actuators, advance)
+        tension = solve_tension(
+            model, motion, torques, options, actuators, advance, recruitment=EFFORT_ALONE
+        )
     strength = {
         actuator.name: actuator.optimal_force for actuator in (*model.actuators, *actuators)
     }

@@ -285,7 +285,7 @@ def put_tension(
 ) -> None:
     """Muscle tensions, reserves, and whether each frame is an optimum."""
     silent = []
-    if not tension.options.passive:
+    if not tension.options.has_passive:
         silent += [MUSCLE_PASSIVE_SHARE, MUSCLE_PASSIVE_TIME]
     if not tension.muscle_viscous_force.any():
         silent.append(MUSCLE_VISCOUS_FORCE)

@@ -121,9 +121,7 @@ class SimulationOptions:
 def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     """The simulated capture, ready for all steps, with its truth."""
     # Brings SciPy: loaded only where it is needed.
-    from myomorph.core.tension.recruitment import RecruitmentOptions, recruitment_terms
     from myomorph.core.tension.solve import solve_tension
-    from myomorph.core.tension.tension import TensionOptions
 
     options = options or SimulationOptions()
     model = marked_body()
@@ -134,9 +132,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     wrenches = balancing_wrenches(tree, forces_motion)
     at_markers = balancing_wrenches(tree, truth)
     torques = inverse_dynamics(model, truth, at_markers)
-    costs = RecruitmentOptions().settled(model, TensionOptions(), external=True)
-    terms = recruitment_terms(model, truth, torques, at_markers, costs)
-    tension = solve_tension(model, truth, torques, TensionOptions(), terms=terms)
+    tension = solve_tension(model, truth, torques)
     random = np.random.default_rng(options.seed)
     markers = measured_markers(model, truth, options, random)
     noisy = replace(

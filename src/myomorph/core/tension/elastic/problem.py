@@ -22,7 +22,13 @@ from myomorph.core.tension.elastic.interior import Outcome
 from myomorph.core.tension.elastic.program import Point
 from myomorph.core.tension.elastic.windows import ElasticMuscleTerm, along, fibers_at
 from myomorph.core.tension.problem import Balance, TensionInputs, TensionProblem
-from myomorph.core.tension.tension import Certificate, Fibers, Tension, Unreachable
+from myomorph.core.tension.tension import (
+    Certificate,
+    Fibers,
+    Tension,
+    Unreachable,
+    passive_peaks,
+)
 
 WINDOW = 256
 """Number of frames kept of each window of a long recording."""
@@ -415,6 +421,7 @@ class ElasticProblem(TensionProblem):
             forces=tension.muscle_force,
         )
         motion = fibers_at(self.muscles, self._time, paths)
+        tension = self._with_fiber_passive(tension, motion.lengths)
         fibers = Fibers(
             fiber_length=motion.lengths,
             fiber_velocity=motion.velocities,
@@ -430,6 +437,29 @@ class ElasticProblem(TensionProblem):
             certificate=_certificate(self._outcomes),
         )
         return replace(tension, fibers=fibers)
+
+    def _with_fiber_passive(self, tension: Tension, fibers: Array) -> Tension:
+        """Put in the passive force of fibers that tendons leave at their own length.
+
+        Parameters
+        ----------
+        tension : with that of muscles on rigid tendons
+        fibers : (frames, muscles) lengths [m]
+        """
+        if not self.options.has_passive:
+            return tension
+        passive = np.array(self._passive)
+        if self.options.passive_on_elastic:
+            elastic = self.muscles.elastic
+            passive[:, elastic] = self.muscles.fiber_passive(fibers)[:, elastic]
+        peaks = passive_peaks(passive, self.muscles.strength, self._time)
+        names = self.assembly.tree.model.muscle_names
+        return replace(
+            tension,
+            overstretched=tuple(names[i] for i in np.flatnonzero(peaks.share > 1.0)),
+            muscle_passive_share=peaks.share,
+            muscle_passive_time=peaks.time,
+        )
 
 
 def _certificate(outcomes: Sequence[Outcome]) -> Certificate:

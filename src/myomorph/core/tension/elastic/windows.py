@@ -67,11 +67,15 @@ class ElasticMuscleTerm(MuscleTerm):
     def __init__(self, tree: Tree, options: TensionOptions):
         super().__init__(tree, options)
         muscles = tree.model.muscles
-        self.arrays = compile_elastic(tree.model, options.passive)
+        self.arrays = compile_elastic(tree.model, options.passive_on_elastic)
         have_tendons = np.array([has_elastic_tendon(muscle) for muscle in muscles], np.bool_)
         self.elastic = have_tendons & (self.upper > 0.0)
+        kinds = muscle_models(tree.model)
+        self._passive_curves = [
+            kind.smooth_curves(muscle).passive for kind, muscle in zip(kinds, muscles, strict=True)
+        ]
         rise, fall = activation_times(tree.model)
-        smooth = np.array([kind.smooth for kind in muscle_models(tree.model)], np.bool_)
+        smooth = np.array([kind.smooth for kind in kinds], np.bool_)
         self.rates = Rates(rise=rise, fall=fall, smooth=smooth)
 
     def paths_of(self, coordinates: Array, rates: Array) -> tuple[Array, Array]:
@@ -100,9 +104,32 @@ class ElasticMuscleTerm(MuscleTerm):
         (frames, muscles) [N] both
         """
         active, passive = rigid_tendon_forces(
-            self.arrays.hill, lengths, speeds, self._options.passive
+            self.arrays.hill, lengths, speeds, self._options.passive_on_rigid
         )
         return active * self._enabled, passive * self._enabled
+
+    def fiber_passive(self, fibers: Array) -> Array:
+        """Passive force of the fibers of muscles on elastic tendons, along the tendon.
+
+        F_PE = F0 f_PE(l) cos(alpha) with the normalized fiber length l, as OpenSim's muscles count
+        it; the curve is that of the fibers' equilibrium.
+
+        Parameters
+        ----------
+        fibers : (frames, muscles) lengths [m]
+
+        Returns
+        -------
+        (frames, muscles) [N], 0 of muscles on rigid tendons
+        """
+        H = self.arrays.hill
+        result = np.zeros_like(fibers)
+        for m in np.flatnonzero(self.elastic):
+            length = fibers[:, m]
+            cosine = np.sqrt(np.maximum(1.0 - (H.height[m] / length) ** 2, 0.0))
+            f_pe = np.maximum(self._passive_curves[m](length / H.fiber[m]), 0.0)
+            result[:, m] = H.force[m] * f_pe * cosine
+        return result
 
     def _forces(self, frames: TermFrames) -> MuscleForces:
         """Moment arms and forces, of a unit of normalized tendon force where elastic."""

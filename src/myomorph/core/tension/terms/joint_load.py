@@ -58,6 +58,15 @@ class JointLoadTerm(Term):
         if not self._body_weight > 0.0:
             raise BadModel(f"model '{model.name}' has no weight to take joint loads in shares of")
 
+    def renew(self, alone: Array) -> None:
+        """Put other frames, as many, in the place of those given.
+
+        Parameters
+        ----------
+        alone : (frames, joints, 3) F_j0 in ground [N]
+        """
+        self._alone[:] = alone
+
     def rows(self, unknowns: Unknowns) -> Rows:
         """Three rows per joint, of the muscles that cross it."""
         self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))

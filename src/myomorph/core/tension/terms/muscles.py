@@ -141,7 +141,7 @@ class MuscleTerm(Term):
         """Moment arms and forces of some frames, computed."""
         options = self._options
         lengths, speeds, arms = self._paths.evaluate(frames.coordinates, frames.rates)
-        active, passive = rigid_tendon_forces(self._hill, lengths, speeds, options.passive)
+        active, passive = rigid_tendon_forces(self._hill, lengths, speeds, options.passive_on_rigid)
         if options.curves == "constant":
             active[:] = np.where(np.isnan(active), np.nan, self.strength)
         active *= self._enabled

@@ -325,7 +325,7 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
             else {muscle.name: muscle.max_activation for muscle in model.muscles}
         )
         most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
-        if tension.options.passive or tension.overstretched:
+        if tension.options.has_passive or tension.overstretched:
             rows.append(
                 tables.stretch_verdict(
                     tension.overstretched, len(tension.muscles), tension.large_passive

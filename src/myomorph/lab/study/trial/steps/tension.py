@@ -24,7 +24,6 @@ from myomorph.core.io.loads import write_external_loads
 from myomorph.core.io.sto import write_sto
 from myomorph.core.model import contact_quantities
 from myomorph.core.model.contacts import Contacts
-from myomorph.core.model.errors import BadData
 from myomorph.core.model.findings import Finding, messages_of_findings
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
@@ -50,7 +49,7 @@ from myomorph.core.tension.quantities import (
     MUSCLE_FORCE,
     TENSION,
 )
-from myomorph.core.tension.recruitment import RecruitmentOptions
+from myomorph.core.tension.recruitment import RecruitmentOptions, settled_recruitment
 from myomorph.core.tension.relaxation import relaxation_messages
 from myomorph.core.tension.solve import ContactSolution
 from myomorph.core.tension.tension import Tension, TensionOptions, contact_notes, missing_support
@@ -164,7 +163,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     if solution is not None:
         infeasible = _write_warnings(trial, solution, output)
         # Where the tensions have passive force too, their own notes say it.
-        notes = (*(() if tension.options.passive else contact_notes(solution.tension)), *notes)
+        notes = (*(() if tension.options.has_passive else contact_notes(solution.tension)), *notes)
     findings = missing_support(
         tension, trial.model.mass * float(np.linalg.norm(trial.model.gravity)), infeasible
     )
@@ -253,14 +252,10 @@ def _wrenches(trial: TrialInputs, torques: Torques) -> Wrenches | None:
 
 def recruitment_of(trial: TrialInputs) -> RecruitmentOptions:
     """Costs beside the effort; loads of joints need the forces on the body."""
-    chosen = trial.options[RecruitmentOptions]
-    alone = trial.get(RecordedTorques) is not None
-    if chosen.joint_load and alone:
-        raise BadData(
-            "joint_load with joint torques of a file: loads of joints need external forces"
-            " (--loads)"
-        )
-    return chosen.settled(trial.model, trial.options[TensionOptions], not alone)
+    external = trial.get(RecordedTorques) is None
+    return settled_recruitment(
+        trial.options[RecruitmentOptions], trial.model, trial.options[TensionOptions], external
+    )
 
 
 def _emg_that_takes_part(trial: TrialInputs) -> EmgRecording | None:
