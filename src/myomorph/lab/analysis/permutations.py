@@ -162,7 +162,7 @@ def permutation_test(
     sizes = [len(group) for group in groups]
     shape = groups[0].shape[1:]
     values = np.concatenate(groups).reshape(sum(sizes), -1)
-    known = np.isfinite(values).all(axis=0)
+    known = np.asarray(np.isfinite(values).all(axis=0))
     values = values[:, known]
     curves = None
     if shape:
