@@ -29,7 +29,17 @@ USUAL = 20.0 * np.sin(CYCLE)[:, None] + np.arange(len(KEYS))
 
 
 def noise(rng: np.random.Generator, count: int, sd: float) -> Array:
-    """Smooth random curves (count, SAMPLES, variables) of a standard deviation [°]."""
+    """Make smooth random curves.
+
+    Parameters
+    ----------
+    count : of curves
+    sd : standard deviation [°]
+
+    Returns
+    -------
+    (count, SAMPLES, variables) [°]
+    """
     weights = sd * rng.standard_normal((count, len(SHAPES), len(KEYS)))
     curves: Array = np.einsum("nsk,sp->npk", weights, SHAPES)
     return curves

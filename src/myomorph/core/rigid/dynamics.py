@@ -389,7 +389,7 @@ class OnlineDynamics:
         return self.torques[0]
 
     def joint_forces(self) -> Array:
-        """Forces that joints transmit in the last frame without muscles and bushings, in ground.
+        """Find what joints transmit in the last frame without muscles and bushings, in ground.
 
         They are what the motion of a joint's child and of all that it carries needs, gravity and
         external forces taken off.

@@ -213,6 +213,7 @@ def _load_term(
     joints = loaded_joints(model, costs.joint_load_joints)
     child = {joint.name: joint.child for joint in model.joints}
     tree = compile_tree(model)
-    term = JointLoadTerm(model, joints, np.zeros((1, len(joints), 3)), costs.joint_load)
+    alone = np.zeros((1, len(joints), 3))
+    term = JointLoadTerm(model=model, joints=joints, alone=alone, weight=costs.joint_load)
     bodies = np.array([tree.body_index[child[name]] for name in joints])
     return JointLoads(tree=tree, term=term, bodies=bodies)

@@ -432,7 +432,9 @@ def effect_size(first: ArrayLike, second: ArrayLike | None = None) -> EffectSize
     # One degree of freedom has no unbiased estimate.
     if min(sizes) < 2 or sum(sizes) - len(sizes) < 2:
         nothing = np.full(groups[0].shape[1:], np.nan)
-        return EffectSize(nothing, nothing, nothing, nothing, nothing)
+        return EffectSize(
+            g=nothing, spread=nothing, error=nothing, freedom=nothing, freedom_of_error=nothing
+        )
     means = [group.mean(axis=0) for group in groups]
     variances = [np.asarray(group.var(axis=0, ddof=1)) for group in groups]
     errors = [variance / size for variance, size in zip(variances, sizes, strict=True)]
