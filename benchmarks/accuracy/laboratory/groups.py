@@ -153,7 +153,7 @@ SPREADS = (
     (6, 18, 1.0),
 )
 """Members of two groups, and the spread of the first by that of the second."""
-RELABELLINGS = 500
+RELABELLINGS = 400
 
 
 def pooled_p(first: Array, second: Array, rng: np.random.Generator) -> Array:
@@ -182,7 +182,7 @@ def measure_spreads() -> Iterator[Row]:
     for n, m, ratio in SPREADS:
         rng = np.random.default_rng(7000 + 100 * n + m)
         counts = dict.fromkeys(("number", "pooled", "curves", "pooled curves", "covered"), 0)
-        repeats = 400
+        repeats = 300
         for k in range(repeats):
             one = ratio * rng.standard_normal(n)
             other = rng.standard_normal(m)
@@ -215,7 +215,7 @@ def measure_spreads() -> Iterator[Row]:
 def _pairs_that_spread(n: int, ratio: float) -> Row:
     """Pairs, in one condition of which subjects spread more."""
     rng = np.random.default_rng(7900 + n)
-    repeats = 400
+    repeats = 300
     number = curves = covered = 0
     for k in range(repeats):
         differences = ratio * rng.standard_normal(n) - rng.standard_normal(n)

@@ -22,14 +22,12 @@ from myomorph.core.model.sides import split_side
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.analysis.cycles import Cycles, over_cycles
+from myomorph.lab.analysis.stood_strides import leg_force, stood_strides
 from myomorph.lab.analysis.strides import Stride, Strides
 from myomorph.lab.analysis.walking import chains, walking_limbs
 
 SIDES = ("right", "left")
 SAMPLES = 51  # Every 2 % of the cycle, as gait scores are defined
-LOADED = 0.05
-STOOD = 0.8  # Share of body weight, and of the stance, from which on a foot stood on plates
-MIN_STANCE = 0.6  # Share of a stride that is taken for its stance where no foot off was seen
 
 
 @dataclass(frozen=True)
@@ -182,11 +180,12 @@ def gait_curves(
         spans = [(stride.start, stride.stop) for stride in own]
         series = Series(motion.time, KEYS, _columns(body, strides, side, torques))
         values = np.array(over_cycles(series, spans, SAMPLES).values)
-        force = _foot_force(body, side, wrenches, measured)
+        leg = chains(model, walking_limbs(model))[limbs[side]]
+        force = leg_force(model, leg, wrenches, measured)
         if force is not None:
             over_strides = over_cycles(force, spans, SAMPLES).values
             values[..., KEYS.index("vertical_force")] = over_strides[..., 0]
-        stood = _stood(own, values[..., KEYS.index("vertical_force")])
+        stood = stood_strides(own, values[..., KEYS.index("vertical_force")])
         values[~stood, :, ANGLES:] = np.nan
         cycles[side] = Cycles(KEYS, values)
         if force is not None and measured is not None:
@@ -194,53 +193,6 @@ def gait_curves(
     own_strides = {side: strides.of(limbs[side]) for side in SIDES}
     by_side = FrozenMap(peaks if len(peaks) == len(SIDES) else {})
     return GaitCurves(cycles["right"], cycles["left"], own_strides, by_side)
-
-
-def _stood(strides: Sequence[Stride], force: Array) -> np.ndarray:
-    """Strides whose foot was on plates for its stance.
-
-    Parameters
-    ----------
-    strides : of one foot
-    force : (strides, samples) vertical force on it [body weights], NaN where not known
-
-    Returns
-    -------
-    (strides,)
-    """
-    stood = np.zeros(len(strides), bool)
-    for index, stride in enumerate(strides):
-        duty = stride.duty if np.isfinite(stride.duty) else MIN_STANCE
-        stance = force[index, : max(int(duty * len(force[index])), 1)]
-        stood[index] = np.mean(np.nan_to_num(stance) > LOADED) >= STOOD
-    return stood
-
-
-def _foot_force(
-    body: _Body, side: str, wrenches: Wrenches | None, measured: Series | None
-) -> Series | None:
-    """Vertical force on a leg over its own time [body weights]; None without plates.
-
-    Parameters
-    ----------
-    body : whose leg it is
-    side : "right" or "left"
-    wrenches : external forces, maybe filtered
-    measured : (samples, bodies) as measured [N]
-    """
-    model = body.model
-    if not model.weight > 0.0:
-        return None
-    bodies = chains(model, walking_limbs(model))[body.limbs[side]]
-    if measured is not None:
-        columns = [index for index, name in enumerate(measured.names) if name in bodies]
-        force = np.nan_to_num(measured.values[:, columns]).sum(axis=1)
-        return Series(measured.time, (side,), force[:, None] / model.weight)
-    if wrenches is None:
-        return None
-    columns = [index for index, carrier in enumerate(wrenches.bodies) if carrier in bodies]
-    force = np.nan_to_num(wrenches.forces[:, columns] @ np.asarray(model.up)).sum(axis=1)
-    return Series(wrenches.time, (side,), force[:, None] / model.weight)
 
 
 def _largest(force: Series, spans: Sequence[tuple[float, float]]) -> Array:

@@ -35,7 +35,7 @@ from myomorph.lab.study.trial.message_table import write_messages
 from myomorph.lab.study.trial.movement_values import movement_values, write_movement
 from myomorph.lab.study.trial.reporting import TrialResults
 from myomorph.lab.study.trial.stride_table import write_stride_table
-from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, LOADED, Signals, Value, statistics_of
+from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, Signals, Value, statistics_of
 from myomorph.lab.study.trial.trial_strides import TrialStrides, by_side, maxima_by_side
 
 VALUES = "values.csv"
@@ -46,6 +46,8 @@ OF_STRIDE = "percent_of_stride"
 OF_TRIAL = "percent_of_trial"
 STRIDE_COLUMNS = ("stride_sd", "mean_low", "mean_high", "strides")
 VALUE_COLUMNS = ("step", "quantity", "value", "unit", "low", "high", "sd", *STRIDE_COLUMNS)
+OF_PLATES = ("vertical force", "joint torque")
+"""Curves that follow from the force under a foot."""
 NUMBERS = ("value", "low", "high", "sd", *STRIDE_COLUMNS)
 """Columns of `VALUE_COLUMNS` that are numbers; those of draws are empty where nothing was drawn,
 those of strides where the value is no mean over strides.
@@ -69,6 +71,9 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     model = results.model
     prepared = results.prepared
     strides = TrialStrides.whole(stored.facts.get("trial", ""), prepared.strides)
+    if strides is not None:
+        dynamics = prepared.results.dynamics
+        strides = strides.on_plates(model, dynamics.wrenches, dynamics.measured)
     mass = float(stored.facts.get("mass") or 0.0) or model.mass
     signals = [
         signal
@@ -208,15 +213,7 @@ def quality_rows(verdicts: Sequence[Verdict], warnings: Sequence[str]) -> Iterat
 def _cycles(signal: Signals, strides: TrialStrides | None) -> Cycles | None:
     """Signals over strides, else over the whole trial; None where nothing is long enough."""
     if strides is not None:
-        result = by_side(signal.series, strides)
-        if signal.curve.startswith("vertical force") and result is not None:
-            # Cycles in which a foot never carries anything are not known: it stood beside the
-            # plates.
-            values = np.array(result.values)
-            peaks = statistics_of(values, axis=1)["maximum"] * signal.factor
-            values[np.broadcast_to(~(peaks > LOADED)[:, None], values.shape)] = np.nan
-            return Cycles(result.names, values)
-        return result
+        return by_side(signal.series, strides, of_plates=signal.curve.startswith(OF_PLATES))
     if len(signal.series) < 2:
         return None
     return over_cycles(

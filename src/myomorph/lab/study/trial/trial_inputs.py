@@ -51,7 +51,6 @@ NO_FACTS = {
 }
 """Facts of a recording without these inputs, as result files of every version have them."""
 EXTREMES = ("minimum", "maximum", "range", "mean")
-LOADED = 0.05  # Of body weight: a foot that never carries more in a cycle did not stand on a plate.
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,14 @@ from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.segments import feet_of
-from myomorph.core.model.series import Series
+from myomorph.core.model.series import Series, Wrenches
 from myomorph.core.model.sides import split_side
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.analysis.cycles import Cycles, over_cycles
 from myomorph.lab.analysis.foot_events import Limb
 from myomorph.lab.analysis.groups import Animal
+from myomorph.lab.analysis.stood_strides import limbs_on_plates
 from myomorph.lab.analysis.stride_spread import stride_spread
 from myomorph.lab.analysis.strides import Stride, Strides, find_strides
 from myomorph.lab.analysis.walking import (
@@ -65,6 +66,9 @@ class TrialStrides:
     limbs: tuple[str, ...]
     parts: tuple[Strides, ...]
     notes: tuple[Message, ...] = ()
+    # by limb, whether the foot of each stride stood on plates; {} where none did, or limbs are no
+    # feet
+    stood: Mapping[str, tuple[bool, ...]] = field(default_factory=lambda: FrozenMap({}))
 
     @staticmethod
     def whole(trial: str, strides: Strides | None) -> TrialStrides | None:
@@ -76,6 +80,15 @@ class TrialStrides:
                 trial=trial, limbs=tuple(strides.strikes), parts=(strides,), notes=strides.notes
             )
         )
+
+    def on_plates(
+        self, model: Model, wrenches: Wrenches | None, measured: Series | None = None
+    ) -> TrialStrides:
+        """Find which strides stood on plates; arguments are those of `limbs_on_plates`."""
+        own = {limb: self.of(limb) for limb in self.limbs}
+        stood = limbs_on_plates(model, own, wrenches, measured)
+        flags = {limb: tuple(map(bool, values)) for limb, values in stood.items()}
+        return replace(self, stood=FrozenMap(flags))
 
     def of(self, limb: str) -> tuple[Stride, ...]:
         """Strides of one limb in all parts."""
@@ -188,9 +201,10 @@ def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStride
         except BadData as error:
             notes.append(STRIDES.message(f"{part.time[0]:.2f} to {part.time[-1]:.2f} s: {error}"))
     notes += [note for part in parts for note in part.notes]
-    return TrialStrides(
+    found = TrialStrides(
         trial=trial, limbs=names, parts=tuple(parts), notes=tuple(dict.fromkeys(notes))
     )
+    return found.on_plates(model, wrenches) if by_feet else found
 
 
 def _by_feet(model: Model, plan: StridePlan) -> bool:
@@ -252,7 +266,7 @@ def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) 
                 if np.isfinite(phase).any():
                     scalars.setdefault(f"{PHASE}{limb} after {strides.limbs[0]}", []).append(phase)
         for family, series in _signals(stored, model).items():
-            cycles = by_side(series, strides)
+            cycles = by_side(series, strides, of_plates=family == TORQUES)
             if cycles is not None:
                 curves.setdefault(family, []).append(cycles)
     return Animal(
@@ -327,9 +341,19 @@ def _moving(series: Series) -> Series:
     )
 
 
-def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
-    """Each signal over the cycles of its limb; as many rows as the limb with most cycles, the
-    others NaN.
+def by_side(series: Series, strides: TrialStrides, of_plates: bool = False) -> Cycles | None:
+    """Cut each signal into the cycles of its limb.
+
+    Parameters
+    ----------
+    series : (samples, names)
+    strides : of a trial
+    of_plates : whether signals of a side follow from the force under its foot: cycles of a foot
+        that did not stand on plates are then not known, where others did
+
+    Returns
+    -------
+    as many rows as the limb with most cycles, the others NaN; None without cycles
     """
     spans = {
         limb: [(stride.start, stride.stop) for stride in strides.of(limb)] for limb in strides.limbs
@@ -344,6 +368,10 @@ def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
         values[: len(spans[limb]), :, indices] = over_cycles(
             series.columns(indices), spans[limb]
         ).values
+        sided = [index for index in indices if split_side(series.names[index])[1]]
+        if of_plates and strides.stood:
+            for row in np.flatnonzero(~np.array(strides.stood[limb], bool)):
+                values[row, :, sided] = np.nan
     return Cycles(series.names, values)
 
 

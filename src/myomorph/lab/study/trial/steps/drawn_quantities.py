@@ -244,7 +244,8 @@ def _statistics(
     names = tuple(quantity.names[column] for column in columns)
     series = Series(quantity.time, names, values[:, columns] * factors)
     yield statistics_of(series.values)
-    cycles = None if strides is None else by_side(series, strides)
+    of_plates = quantity.name == GENERALIZED_FORCE.name
+    cycles = None if strides is None else by_side(series, strides, of_plates=of_plates)
     if cycles is not None:
         each = statistics_of(cycles.values, axis=1)
         yield {what: statistics_of(numbers)["mean"] for what, numbers in each.items()}

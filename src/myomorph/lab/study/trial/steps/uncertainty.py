@@ -232,7 +232,10 @@ def _run(
     nominal = {quantity.name: quantity.values for quantity in drawn}
     shapes = {name: values.shape for name, values in nominal.items()}
     strides = strides_of_trial(trial, poses, torques)
-    values = drawn_values(drawn, TrialStrides.whole(trial.name, strides))
+    whole_strides = TrialStrides.whole(trial.name, strides)
+    if whole_strides is not None and torques is not None:
+        whole_strides = whole_strides.on_plates(trial.model, torques.wrenches)
+    values = drawn_values(drawn, whole_strides)
     walk = None if strides is None else _walk(trial, drawn, strides, torques)
     errors = DrawnErrors(draws=options.draws, nominal=nominal, values=values, walk=walk)
 
