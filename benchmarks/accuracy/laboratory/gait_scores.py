@@ -33,6 +33,7 @@ def noise(rng: np.random.Generator, count: int, sd: float) -> Array:
 
     Parameters
     ----------
+    rng : random numbers
     count : of curves
     sd : standard deviation [°]
 

@@ -24,7 +24,7 @@ def walk():
 
 
 def plate_under(stride, time, weight, body):
-    """A plate that one stance of a foot was on."""
+    """Make a plate that one stance of a foot was on."""
     forces = np.zeros((len(time), 1, 3))
     forces[(time >= stride.start) & (time <= stride.lift), 0, 1] = weight
     nothing = np.zeros_like(forces)

@@ -131,7 +131,9 @@ def joined_curves(parts: Sequence[GaitCurves]) -> GaitCurves:
     peaks = {}
     if all(part.peak_force for part in parts):
         peaks = {side: np.concatenate([part.peak_force[side] for part in parts]) for side in SIDES}
-    return GaitCurves(cycles["right"], cycles["left"], strides, FrozenMap(peaks))
+    return GaitCurves(
+        right=cycles["right"], left=cycles["left"], strides=strides, peak_force=FrozenMap(peaks)
+    )
 
 
 def known_mean(values: Array) -> Array:
@@ -192,7 +194,9 @@ def gait_curves(
             peaks[side] = np.where(stood, _largest(force, spans), np.nan)
     own_strides = {side: strides.of(limbs[side]) for side in SIDES}
     by_side = FrozenMap(peaks if len(peaks) == len(SIDES) else {})
-    return GaitCurves(cycles["right"], cycles["left"], own_strides, by_side)
+    return GaitCurves(
+        right=cycles["right"], left=cycles["left"], strides=own_strides, peak_force=by_side
+    )
 
 
 def _largest(force: Series, spans: Sequence[tuple[float, float]]) -> Array:
