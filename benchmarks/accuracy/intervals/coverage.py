@@ -4,7 +4,9 @@ The truths are those of the other tables, by code that shares nothing with the e
 drawn limits, whose truth is a draw. Nothing was chosen on their seeds. Noise is not what the
 estimators assume: it is alike over time, follows the motion, or moves markers together.
 
-`python -m benchmarks.accuracy.intervals.coverage [ESTIMATOR ...]` measures some alone.
+`python -m benchmarks.validation coverage` measures all. `python -m
+benchmarks.accuracy.intervals.coverage ESTIMATOR ...` measures some again, and puts their rows in
+the place of those in the table.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ from benchmarks.accuracy.intervals.drawn_numbers import (
     gait_profile_scores,
     numbers_of_curves,
 )
+from benchmarks.accuracy.intervals.mechanical import JOINTS, KINDS, dampings
 from benchmarks.accuracy.intervals.uncertainty import OTHER, TITLES, distances_from_limits
 from benchmarks.accuracy.kinematics.calibration_zeros import (
     drawn_walker,
@@ -46,6 +49,7 @@ from benchmarks.accuracy.viscosity import calibrations, limbs, relaxed
 from benchmarks.accuracy.viscosity.faulty_limbs import Faults, random_faults
 from benchmarks.accuracy.viscosity.signatures import CASES, heavy_limb
 from benchmarks.recordings import RECORDINGS
+from benchmarks.results import load, save
 from data_collection import data_folder
 from myomorph.body.identify import base
 from myomorph.body.identify.least_squares import Recording
@@ -83,6 +87,7 @@ from truths.simulated_muscles import (
     swings,
 )
 
+TABLE = "validation/coverage"
 FIRST = 5000
 """The first seed: no constant was chosen on seeds from here on."""
 ALIKE = 0.1
@@ -560,6 +565,20 @@ SWUNG: Mapping[str, Callable[[int], Faults]] = {
 """Faults of a limb by its seed."""
 
 
+def jointed(folder: Path) -> Iterator[Case]:
+    """Viscosity of mechanical joints that rub, or whose limb does not spin."""
+    for name, kind in KINDS.items():
+        for unknown, covered in dampings(kind, FIRST).items():
+            if len(covered.held):
+                yield Case(
+                    unknown=unknown,
+                    noise=f"{name}; simulated by MuJoCo",
+                    truths=JOINTS,
+                    covered=covered,
+                    promised=95,
+                )
+
+
 def dropped(folder: Path) -> Iterator[Case]:
     """Viscosity, stiffness and dry friction of a knee by drops of the shank."""
     for noise, kind in DROPPED.items():
@@ -631,6 +650,7 @@ ESTIMATORS: Mapping[str, Callable[[Path], Iterator[Case]]] = {
     "EMG gains": gained,
     "personalize": personalized,
     "viscosity, swings": swung,
+    "viscosity, mechanical joints": jointed,
     "viscosity, drops": dropped,
     "drawn limits": drawn,
     "numbers of draws": numbered,
@@ -644,9 +664,17 @@ def _student(error: Array, sd: Array, freedom: float) -> Covered:
 
 
 def main() -> None:
-    """Measure and print."""
-    for row in measure(data_folder(), sys.argv[1:]):
-        print("; ".join(f"{key}: {value}" for key, value in row.items()), flush=True)
+    """Measure some estimators, print their rows, and put them into the table."""
+    names = sys.argv[1:] or list(ESTIMATORS)
+    rows: dict[str, list[Mapping[str, object]]] = {}
+    for row in load(TABLE):
+        rows.setdefault(row["estimator"], []).append(row)
+    for name in names:
+        rows[name] = list(measure(data_folder(), [name]))
+        for row in rows[name]:
+            print("; ".join(f"{key}: {value}" for key, value in row.items()), flush=True)
+        ordered = [row for estimator in ESTIMATORS for row in rows.get(estimator, [])]
+        save(TABLE, ordered, "python -m benchmarks.validation coverage")
 
 
 if __name__ == "__main__":

@@ -28,6 +28,10 @@ the same in all trials of a condition; a constant wrench of each trial, which hi
 
 # Radius of the prior's cylinder as a share of its mass center's distance from the joint.
 SLENDER = 0.1
+FIXED = 1e-8
+"""Share of the squares of a unit mass' force that changes, below which the base is fixed: what is
+left of it is rounding. On a base that moves the mass is carried along.
+"""
 # Share of the squared misfit by which a possible body may fit worse and still be what was measured.
 IMPOSSIBLE = 1e-3
 
@@ -142,7 +146,7 @@ def limb_inertia(
     if free:
         products = eliminated(products if hidden else whole[None], [ONE])
     products = products.sum(axis=0)[:, :ONE, :ONE]
-    if free:
+    if free and products[:, 0, 0].sum() < FIXED * whole[:, 0, 0].sum():
         for column in (0, PREDICTED):
             products[:, column] = products[:, :, column] = 0.0
     if not options.instruments:

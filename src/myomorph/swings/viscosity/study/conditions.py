@@ -124,13 +124,14 @@ def identify_conditions(
     conditions = _equations(tracked, cutoff, options.identification.tare != "unknown", lost)
     if not conditions:
         raise BadData("; ".join(lost))
-    conditions, instruments = _corrected(
-        conditions, options.errors, options.identification.tare != "known"
-    )
+    sway = _sway(conditions)
+    # The inertia of a base that goes to and fro is in the wrench too, and would look like errors of
+    # the instruments.
+    told = replace(options.errors, estimate=options.errors.estimate and not sway)
+    conditions, instruments = _corrected(conditions, told, options.identification.tare != "known")
     conditions = _with_base(conditions, instruments, files.base_load)
     compared, conflicts = _compared(conditions, options.laws)
     options = _with_law(options, compared)
-    sway = _sway(conditions)
     # A base that gives way resists by itself, which looks like friction.
     acting = compared["without"].acting if "without" in compared and not sway else None
     if acting is not None and options.identification.subtract == "one":
