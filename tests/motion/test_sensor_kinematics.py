@@ -102,6 +102,25 @@ def test_the_recording_tells_the_heading_of_the_calibration_pose(walking):
     assert abs(heading) < np.radians(1.0)
 
 
+def test_a_knee_at_its_bound_in_the_pose_is_known_no_better(walking):
+    """How sure a mounting is does not depend on where the model's joints end."""
+    model, motion = walking
+    made = simulated_sensors(model, motion, BODIES, NO_ERRORS)
+    bent = [coordinate.name for coordinate in model.coordinates if coordinate.clamped]
+    assert all(model.coordinate(name).default == model.coordinate(name).range[1] for name in bent)
+    opened = replace(
+        model,
+        coordinates=tuple(
+            replace(one, range=(-4.0, 2.0)) if one.name in bent else one
+            for one in model.coordinates
+        ),
+    )
+    recording = SensorRecording(made.sensors, pose=made.pose, sizes=BY_POSE)
+    at_bound = sensor_kinematics(model, recording).mounting.factor
+    free = sensor_kinematics(opened, recording).mounting.factor
+    np.testing.assert_allclose(at_bound @ at_bound.T, free @ free.T, atol=1e-9)
+
+
 def test_a_named_axis_gives_the_heading(walking):
     model, motion = walking
     made = simulated_sensors(model, motion, BODIES, NO_ERRORS, seed=3)

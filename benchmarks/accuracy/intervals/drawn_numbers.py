@@ -146,7 +146,7 @@ def _score(norm: GaitNorm, error: float, seed: int) -> Covered:
 
 
 def _walker(strides: Mapping[str, Array]) -> GaitCurves:
-    """A walker of whom each side has one stride, (1, 1, variables) the same all along."""
+    """Make a walker of whom each side has one stride, (1, 1, variables) the same all along."""
     curves = {side: np.repeat(values, SAMPLES, axis=1) for side, values in strides.items()}
     return GaitCurves(
         right=Cycles(KEYS, curves["right"]),

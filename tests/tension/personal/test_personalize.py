@@ -15,9 +15,10 @@ from myomorph.body.personalize.fit import fit
 from myomorph.body.personalize.generic_map import map_generic
 from myomorph.body.personalize.held_out import held_out, split
 from myomorph.body.personalize.muscle_curves import muscle_shapes
-from myomorph.body.personalize.muscle_problem import MuscleProblem, muscle_unknowns
+from myomorph.body.personalize.muscle_problem import MuscleProblem, as_fit, muscle_unknowns
 from myomorph.body.personalize.personalize import PersonalizeOptions, personalize
 from myomorph.body.personalize.prior import PriorOptions, prior_of, sizes_of, with_sizes
+from myomorph.body.personalize.recording_at import Noise, recording_at, with_slopes
 from myomorph.body.personalize.recordings import PersonalTrial, torque_floors, windows_of
 from myomorph.core.fit.residuals import Rows
 from myomorph.core.io.formats import read_model
@@ -34,6 +35,7 @@ from truths.simulated_muscles import (
     swings,
 )
 
+NOISE = Noise(torque=np.ones(2), rest=np.ones(2))
 FIBER = "optimal_fiber_length"
 SLACK = "tendon_slack_length"
 
@@ -320,3 +322,28 @@ def test_written_models_have_the_person_s_muscles(data, tmp_path):
         )[0]
         # Millard's curve begins with a stiffness that does not follow its strains.
         np.testing.assert_allclose(stretched, plain, rtol=0.01)
+
+
+def test_scatter_of_torques_moves_strength_and_gains_alike(arm26, someone):
+    """How far torques scatter about what EMG shows is no difference of strength and gain.
+
+    A force that is linear in the activation knows their product alone, so the slopes differ by what
+    does not come of activation.
+    """
+    problem = problem_of(arm26, someone[1][:1])
+    part = as_fit(problem).at().parts[0].part
+    prior = problem.prior
+    shifted = np.clip(part.activations + 0.1, 0.0, 1.0)
+    moved = with_slopes(
+        problem.muscles,
+        recording_at(problem.muscles, part.recorded, np.zeros(len(prior.bound)), shifted, NOISE),
+        1.0,
+    )
+    at = moved.at
+    passive = at.followed.force - at.followed.by_activation * at.present
+    for group in range(len(prior.groups)):
+        members = prior.group == group
+        strength = moved.slopes[..., prior.parts.strength.start + group]
+        gains = moved.slopes[..., prior.parts.gains][..., prior.gain[members]].sum(axis=-1)
+        rest = np.einsum("frm,fm->fr", moved.recorded.arms[..., members], passive[:, members])
+        np.testing.assert_allclose(strength - gains, rest, atol=1e-9 * np.abs(strength).max())

@@ -84,9 +84,8 @@ def known_activations(
     gains = np.where(measured | without_emg, prior.gains_of(p), 1.0)
     level = np.clip(gains * recorded.envelope, 0.0, 1.0)
     scaled = np.where(measured, level, 0.0)
-    of_share = (EMG_SHARE * scaled) ** 2
-    of_emg = emg_variance * (EMG_FLOOR**2 + of_share)
-    variance = np.where(measured, of_emg, UNKNOWN**2)
+    errors = _emg_errors(scaled)
+    variance = np.where(measured, emg_variance * errors.variance, UNKNOWN**2)
 
     counts = np.maximum(measured.sum(axis=0), 1)
     mean = scaled.sum(axis=0) / counts
@@ -96,10 +95,36 @@ def known_activations(
     share = np.where(measured, own / np.maximum(own + variance, 1e-12), 1.0)
     expected = np.where(measured, mean + share * (scaled - mean), level)
     if recorded.at_rest:
-        still = np.full_like(variance, REST**2)
-        return KnownActivations(mean=expected, variance=still, growth=np.zeros_like(still))
-    growth = np.where(measured, of_share / (EMG_FLOOR**2 + of_share), 0.0)
-    return KnownActivations(mean=expected, variance=share * variance, growth=growth)
+        return KnownActivations(
+            mean=expected,
+            variance=np.full_like(variance, REST**2),
+            growth=np.zeros_like(variance),
+        )
+    return KnownActivations(
+        mean=expected,
+        variance=share * variance,
+        growth=np.where(measured, errors.growth, 0.0),
+    )
+
+
+class _EmgErrors(NamedTuple):
+    """Assumed errors of activations that EMG shows, (frames, muscles) each.
+
+    Attributes
+    ----------
+    variance : of a floor and of a share of the activation
+    growth : see `KnownActivations`
+    """
+
+    variance: Array
+    growth: Array
+
+
+def _emg_errors(activations: Array) -> _EmgErrors:
+    """Assume errors of activations (frames, muscles)."""
+    of_share = (EMG_SHARE * activations) ** 2
+    variance = EMG_FLOOR**2 + of_share
+    return _EmgErrors(variance=variance, growth=of_share / variance)
 
 
 class TorqueMisfit(NamedTuple):
