@@ -15,6 +15,8 @@ from data_collection import data_folder
 PAGES: dict[str, dict[str, str]] = {
     "models": {
         "models": "accuracy.models:measure",
+        "public_models": "accuracy.laboratory.public_models:measure",
+        "public_models_refused": "accuracy.laboratory.public_models:measure_refused",
         "kernels": "accuracy.models:measure_kernels",
         "curved_knees": "accuracy.models:measure_curved_knee",
         "muscles": "accuracy.tension.muscles:measure",
