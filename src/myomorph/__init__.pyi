@@ -51,6 +51,7 @@ from .core.model.errors import MyomorphError as MyomorphError
 from .core.model.errors import UnknownName as UnknownName
 from .core.model.joint_torques import JointTorques as JointTorques
 from .core.model.model import Model as Model
+from .core.model.segment_poses import SegmentPoses as SegmentPoses
 from .core.model.series import Analog as Analog
 from .core.model.series import Emg as Emg
 from .core.model.series import Event as Event
