@@ -82,6 +82,7 @@ class Way:
 
 AT_6_HZ = ("--cutoff", f"{CUTOFF:g}")
 ELASTIC = ("--tendons", "elastic")
+ACTIVE = (*ELASTIC, "--no-passive")
 SHARED = ("--contacts", "auto", "--measured", "shared", "--intervals", "0")
 WAYS = (
     Way("default"),
@@ -89,6 +90,7 @@ WAYS = (
     Way("activations from the model's 0.01", ("--min-activation", "model")),
     Way("passive muscle force on rigid tendons", ("--passive",)),
     Way("effort alone, no loads of knees", ("--joint-load", "0")),
+    Way("curves as OpenSim's static optimization", ("--curves", "opensim")),
     Way("loads of all joints", ("--joint-load", "0.02", "--joint-load-joints", "all")),
     Way("exponent 1.5", ("--exponent", "1.5")),
     Way("exponent 3", ("--exponent", "3")),
@@ -99,9 +101,11 @@ WAYS = (
     Way("own joint angles", own_angles=True),
     Way("EMG", emg=True),
     Way("elastic tendons", ELASTIC),
+    Way("elastic tendons, no passive force", ACTIVE),
     Way("elastic tendons, EMG", ELASTIC, emg=True),
     Way("personalized", personal=True),
     Way("personalized, elastic tendons", ELASTIC, personal=True),
+    Way("personalized, elastic tendons, no passive force", ACTIVE, personal=True),
     Way("personalized, elastic tendons, EMG", ELASTIC, emg=True, personal=True),
 )
 """Rows of the table; what a way needs beside `settings` is a field of `Way`."""

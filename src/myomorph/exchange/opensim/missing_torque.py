@@ -9,6 +9,7 @@ import numpy as np
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.series import Motion, Series
+from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import Tension
 from myomorph.core.tension.terms.actuators import default_reserves
@@ -49,6 +50,7 @@ def missing_torques(
         torques.frames(failed),
         tension.options,
         (*actuators, *given),
+        recruitment=EFFORT_ALONE,
     )
     columns = [again.reserve_names.index(actuator.name) for actuator in given]
     missing = np.abs(again.actuator_force[:, columns])
