@@ -47,7 +47,7 @@ CUTOFF = 6.0
 """Of coordinates and forces alike [Hz]."""
 RATE = 100.0
 DURATION = 6.0
-BAND = (0.4, 3.0)
+BANDS = {"fast": (0.4, 3.0), "slow": (0.2, 1.2)}
 """Of the sines that each coordinate is the sum of [Hz]."""
 AMPLITUDES = Amplitudes(share=0.35, root=(0.04, 0.15))
 SPACING = 0.04
@@ -71,12 +71,14 @@ class Truth:
     alpha : markers show q - alpha q'' [s^2]
     noise : standard deviation of each coordinate [degrees; of translations as many mm]
     alike : correlation of the noise from frame to frame
+    motion : one of `BANDS`
     """
 
     name: str
     alpha: float = 0.0
     noise: float = 0.0
     alike: float = 0.0
+    motion: str = "fast"
 
 
 NOTHING = "as the mass"
@@ -89,6 +91,10 @@ TRUTHS = (
     Truth(name=NOTHING, noise=0.3),
     Truth(name=NOTHING, noise=0.1, alike=ALIKE),
     Truth(name=NOTHING, noise=0.3, alike=ALIKE),
+    Truth(name=NOTHING, noise=0.05, motion="slow"),
+    Truth(name=NOTHING, noise=0.1, motion="slow"),
+    Truth(name=NOTHING, noise=0.3, motion="slow"),
+    Truth(name=LESS, alpha=-3e-4, noise=0.1, motion="slow"),
     Truth(name=LESS, alpha=-3e-4, noise=0.1),
     Truth(name=LESS, alpha=-3e-4, noise=0.3),
     Truth(name=MORE, alpha=4e-4),
@@ -115,20 +121,23 @@ class Person:
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def measure(folder: Path) -> Iterator[Row]:
     """Yield a row for each truth."""
-    people = [simulated_person(seed) for seed in range(FIRST_SEED, FIRST_SEED + SEEDS)]
+    seeds = range(FIRST_SEED, FIRST_SEED + SEEDS)
+    everybody = {motion: [simulated_person(seed, motion) for seed in seeds] for motion in BANDS}
     for truth in TRUTHS:
+        people = everybody[truth.motion]
         found = [
-            identified(one, truth, seed, "auto") for seed, one in enumerate(people, FIRST_SEED)
+            identified(one, truth, seed, "auto") for seed, one in zip(seeds, people, strict=True)
         ]
         yield _row(truth, people, found)
 
 
-def simulated_person(seed: int) -> Person:
+def simulated_person(seed: int, motion: str = "fast") -> Person:
     """Simulate a person with masses of its own who moves every joint.
 
     Parameters
     ----------
     seed : of masses and motion
+    motion : one of `BANDS`
     """
     compiled = person()
     bare = model_from_mujoco(compiled, name="person")
@@ -142,7 +151,7 @@ def simulated_person(seed: int) -> Person:
         subject,
         TreeEngine(compiled, subject.person),
         names,
-        exciting_curves(middles, reaches, seed=seed, band=BAND),
+        exciting_curves(middles, reaches, seed=seed, band=BANDS[motion]),
         DURATION,
         Instruments(rate=RATE, seed=seed),
     )
@@ -209,6 +218,7 @@ def _row(truth: Truth, people: Sequence[Person], found: Sequence[Identification]
     changes = [torque_error(one, truth, seed, tissue) for one, tissue, seed in taken]
     return {
         "markers move": truth.name,
+        "motion": truth.motion,
         "alpha [1e-4 s^2]": 1e4 * truth.alpha,
         "noise [degrees]": truth.noise,
         "alike from frame to frame": truth.alike,
