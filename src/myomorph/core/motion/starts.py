@@ -6,7 +6,7 @@ whole body and both branches of ball joints are tried.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import product
 from operator import attrgetter
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import Joint
 from myomorph.core.motion.newton import SCOUT, PoseRoom, Settings, frames_shown, solve_chunk
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.turns import nearest_turn, other_branch
@@ -26,6 +27,7 @@ SCOUT_TOLERANCE = 1e-3
 # Headings of the whole body, the best by themselves, from which the whole pose is solved
 HEADINGS_TRIED = 4
 MIN_GAIN = 0.999  # Of the cost, for another pose to be taken
+MAX_TURNED = 3  # Rotations of a ball joint
 AT_BOUND = 1e-9  # A coordinate that is nearer to its bound lies at it [rad]
 SAME_ROTATION = 1e-6  # Entries of rotation matrices that differ by less are those of one rotation
 
@@ -163,9 +165,11 @@ def closed_defaults(tree: Tree) -> Array:
 
 
 def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]:
-    """Find joints of two or three free rotations of which one lies at its bound.
+    """Find joints that may be on a wrong branch, as a free rotation lies at its bound.
 
-    Such a joint may be on the wrong branch. Those with an infinite bound are left out.
+    The angles of a joint of two or three rotations have two branches. A hinge bends the other way
+    where the joint above it turns the limb round, as an elbow with the shoulder: both are tried.
+    Rotations with an infinite bound are left out.
 
     Parameters
     ----------
@@ -173,23 +177,53 @@ def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]
 
     Returns
     -------
-    numbers of the free rotations of each such joint
+    numbers of the free rotations of each such joint, of a hinge those above it too
     """
     place = {int(j): i for i, j in enumerate(problem.free)}
+    rotations = {joint.child: _free_rotations(tree, place, joint) for joint in tree.model.joints}
+    bounded = np.isfinite(problem.upper - problem.lower)
     result = []
-    for joint in tree.model.joints:
-        angles = [tree.model.coordinate_names.index(name) for name in joint.coordinates]
-        angles = [
-            j for j in angles if j in place and tree.model.coordinates[j].motion == "rotational"
-        ]
-        if not 2 <= len(angles) <= 3:
+    for child, angles in rotations.items():
+        variables = [place[j] for j in angles]
+        if not 1 <= len(angles) <= MAX_TURNED or not bounded[variables].all():
             continue
-        low = np.array([problem.lower[place[j]] for j in angles])
-        high = np.array([problem.upper[place[j]] for j in angles])
-        stuck = (pose[angles] <= low + AT_BOUND) | (pose[angles] >= high - AT_BOUND)
-        if np.isfinite(high - low).all() and stuck.any():
-            result.append(angles)
+        low = problem.lower[variables]
+        high = problem.upper[variables]
+        if not ((pose[angles] <= low + AT_BOUND) | (pose[angles] >= high - AT_BOUND)).any():
+            continue
+        tried = angles if len(angles) > 1 else [*_above(tree, rotations, child), *angles]
+        if len(tried) > 1 and bounded[[place[j] for j in tried]].all():
+            result.append(tried)
     return result
+
+
+def _free_rotations(tree: Tree, place: Mapping[int, int], joint: Joint) -> list[int]:
+    """Numbers of a joint's rotations that are free, by `place` among the free coordinates."""
+    numbers = [tree.model.coordinate_names.index(name) for name in joint.coordinates]
+    return [j for j in numbers if j in place and tree.model.coordinates[j].motion == "rotational"]
+
+
+def _above(tree: Tree, rotations: Mapping[str, list[int]], child: str) -> list[int]:
+    """Collect free rotations that carry a joint, up to those of a whole ball joint.
+
+    A ball joint may be one joint, or a chain of hinges on bodies that only carry axes.
+
+    Parameters
+    ----------
+    rotations : of the joint of each body
+    child : body of the joint
+
+    Returns
+    -------
+    numbers of the rotations, those nearest to the ground first
+    """
+    parents = {joint.child: joint.parent for joint in tree.model.joints}
+    found: list[int] = []
+    body = parents[child]
+    while body in parents and len(found) + len(rotations[body]) <= MAX_TURNED:
+        found = [*rotations[body], *found]
+        body = parents[body]
+    return found
 
 
 def _within(tree: Tree, joint: list[int], pose: Array) -> list[Array]:

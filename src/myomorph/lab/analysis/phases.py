@@ -20,6 +20,7 @@ STANDING = 0.2  # How far the force of one who stands may be from a known weight
 THRESHOLD = 0.03  # Vertical force that is contact, as a share of body weight (0.03 is about 20 N)
 SHORTEST_CONTACT = 0.03  # Contacts and gaps shorter than this are noise [s]
 MAX_STRIDE = 5.0  # A stride is at most so many times as long as its stance
+LONGEST = 1.6  # A stride so many times as long as the usual one is two, or has a stop in it
 SHORTEST_FLIGHT = 0.12  # A jump flies at least so long [s]
 QUIET_TIME = 0.3  # A jump starts from standing still so long [s]
 # Standard deviation of the force that is still standing, as a share of body weight
@@ -170,11 +171,17 @@ def _stride_times(time: Array, touches: Sequence[tuple[int, int]]) -> list[float
     -------
     [s]
     """
-    return [
-        float(time[after] - time[start])
-        for (start, stop), (after, _) in itertools.pairwise(touches)
-        if start > 0 and time[after] - time[start] < MAX_STRIDE * (time[stop] - time[start])
-    ]
+    lasting = np.array(
+        [
+            float(time[after] - time[start])
+            for (start, stop), (after, _) in itertools.pairwise(touches)
+            if start > 0 and time[after] - time[start] < MAX_STRIDE * (time[stop] - time[start])
+        ]
+    )
+    if not len(lasting):
+        return []
+    # Who stops stands for longer, and one that was not measured makes two of one.
+    return [float(one) for one in lasting[lasting < LONGEST * np.median(lasting)]]
 
 
 def _jump(

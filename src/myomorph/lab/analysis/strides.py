@@ -29,10 +29,10 @@ from myomorph.core.model.shown import shown
 from myomorph.core.model.sides import split_side
 from myomorph.lab.analysis import foot_events
 from myomorph.lab.analysis.foot_events import FootTrack, Limb, StrideOptions
+from myomorph.lab.analysis.phases import LONGEST
 from myomorph.lab.analysis.travel import FootPaths, Travel, travel_of
 from myomorph.lab.causes import STRIDES
 
-LONGEST = 1.6  # A stride so many times as long as the usual one is two
 FLYING = 0.5  # Share of the steps of a run that have a flight
 RUN_STRIKE = "Foot Strike"
 

@@ -11,6 +11,7 @@ from importlib.resources import files
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.functions import linear
 from myomorph.core.model.join import renamed_model
 from myomorph.core.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
@@ -54,21 +55,27 @@ without the side.
 # Bodies of either side.
 SIDED = ("femur", "tibia", "talus", "calcn", "scapula", "humerus", "ulna", "radius", "lunate")
 LOCKED = ("mtp_angle_r", "mtp_angle_l")
-WIDENED = tuple(
-    f"{name}_{side}"
-    for name in (
-        "ankle_angle",
-        "subtalar_angle",
-        "hip_rotation",
-        "elbow_flexion",
-        "deviation",
-        "flexion",
-    )
-    for side in "rl"
+FURTHER = 30.0
+HYPEREXTENSION = 10.0
+"""Of elbows beyond straight, three standard deviations of people (Boone and Azen 1979) [degrees].
+Further on, an arm that is taken the wrong way round would fit, its elbow bent backwards.
+"""
+BEYOND: Mapping[str, tuple[float, float]] = FrozenMap(
+    {
+        f"{name}_{side}": (below, FURTHER)
+        for name, below in (
+            ("ankle_angle", FURTHER),
+            ("subtalar_angle", FURTHER),
+            ("hip_rotation", FURTHER),
+            ("elbow_flexion", HYPEREXTENSION),
+            ("deviation", FURTHER),
+            ("flexion", FURTHER),
+        )
+        for side in "rl"
+    }
 )
-FURTHER = np.radians(30.0)
-"""People go beyond the model's ranges of these, by so much at most [rad]: free, ankle and subtalar
-joint turn over.
+"""People go beyond the model's ranges of these, by so much at most, below and above [degrees]:
+free, ankle and subtalar joint turn over.
 """
 
 LONG = 1.0  # Length of a cylinder that MuJoCo has without an end [m].
@@ -171,9 +178,10 @@ def _held(coordinate: Coordinate, dependent: Collection[str]) -> Coordinate:
     # to.
     if coordinate.name in dependent:
         return replace(coordinate, clamped=False)
-    if coordinate.name in WIDENED:
+    if coordinate.name in BEYOND:
         low, high = coordinate.range
-        return replace(coordinate, range=(low - FURTHER, high + FURTHER), clamped=True)
+        below, above = np.radians(BEYOND[coordinate.name])
+        return replace(coordinate, range=(low - below, high + above), clamped=True)
     return coordinate
 
 
