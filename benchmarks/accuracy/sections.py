@@ -35,6 +35,7 @@ PAGES: dict[str, dict[str, str]] = {
         "cutoff": "accuracy.kinematics.cutoff:measure",
         "cutoff_truth": "accuracy.kinematics.cutoff:measure_truth",
         "turns": "accuracy.kinematics.kinematics:measure_turns",
+        "bent_arms": "accuracy.kinematics.bent_arms:measure",
         "loop_torques": "accuracy.contact.loop_forces:measure_torques",
         "live": "accuracy.kinematics.live:measure",
         "live_markers": "accuracy.kinematics.live:measure_losses",

@@ -8,6 +8,7 @@ import pytest
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.trc import write_trc
 from myomorph.core.model.series import Markers, Motion
+from myomorph.core.motion.ik import inverse_kinematics
 from myomorph.core.motion.measurements import default_markers
 from myomorph.core.motion.protocols import protocols
 from myomorph.core.muscles.kinematics import default_path_lengths
@@ -18,6 +19,7 @@ from myomorph.lab.analyze.analyze import prepare_request
 from myomorph.lab.analyze.arms import have_arms
 from myomorph.lab.analyze.generic_model import generic_model
 from myomorph.lab.analyze.recorded_trial import AnalyzeRequest
+from truths.made_arms import made_arms
 
 pytest.importorskip("myo_sim")
 LABELS = protocols().protocols["rajagopal"].labels
@@ -95,6 +97,24 @@ def test_no_body_turns_harder_than_its_mass_allows() -> None:
     for body in whole.bodies:
         if body.name not in plain.body_names:
             assert np.linalg.eigvalsh(body.inertia).max() <= body.mass * 0.25**2 + 1e-12, body.name
+
+
+def test_an_elbow_seen_by_its_center_bends_forward() -> None:
+    """Turned round at the shoulder, an arm without a marker beside the elbow fits as well."""
+    model, _ = generic_model(protocols().protocols["halpe_26"].labels, arms=True)
+    arms = made_arms(model, seed=1)
+    motion = inverse_kinematics(model, arms.markers).motion
+    for side in "rl":
+        elbow = motion[f"elbow_flexion_{side}"]
+        assert elbow.min() > 0.0
+        error = elbow - arms.motion[f"elbow_flexion_{side}"]
+        assert np.degrees(np.sqrt(np.mean(error**2))) < 6.0
+
+
+def test_elbows_go_ten_degrees_beyond_straight() -> None:
+    model, _ = generic_model({}, arms=True)
+    for side in "rl":
+        assert np.degrees(model.coordinate(f"elbow_flexion_{side}").range[0]) == pytest.approx(-10)
 
 
 def test_arms_need_markers_on_two_segments_of_one(tmp_path) -> None:

@@ -6,7 +6,7 @@ whole body and both branches of ball joints are tried.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import product
 from operator import attrgetter
 from typing import NamedTuple
@@ -27,6 +27,7 @@ SCOUT_TOLERANCE = 1e-3
 # Headings of the whole body, the best by themselves, from which the whole pose is solved
 HEADINGS_TRIED = 4
 MIN_GAIN = 0.999  # Of the cost, for another pose to be taken
+BACK = 0.2  # Share of a hinge's range on the side to which it does not bend, but goes too far
 MAX_TURNED = 3  # Rotations of a ball joint
 AT_BOUND = 1e-9  # A coordinate that is nearer to its bound lies at it [rad]
 SAME_ROTATION = 1e-6  # Entries of rotation matrices that differ by less are those of one rotation
@@ -38,7 +39,9 @@ def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
     The first frame, and a frame whose cost is more than four times the usual one, is solved again
     from several headings of the whole body, and the best pose is kept, so that a bad first frame or
     a long gap does not spoil what follows. A joint that then lies at a bound is tried from inside
-    its range, because the angles of a ball joint have two branches.
+    its range, because the angles of a ball joint have two branches. A hinge that bends back, where
+    the joint above could turn the limb round, is tried so in every such frame: an arm whose elbow
+    is seen by its center alone fits nearly as well the wrong way round.
 
     Parameters
     ----------
@@ -61,6 +64,8 @@ def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
                 near = search.rest if usual == 0.0 else solved.values
                 solved = search.turned(frame, solved, near)
                 solved = search.off_bounds(frame, solved)
+            else:
+                solved = search.bent_back(frame, solved)
             pose = solved.values
             usual = solved.cost if usual == 0.0 else 0.8 * usual + 0.2 * solved.cost
         poses[number] = pose
@@ -141,9 +146,24 @@ class _ScoutSearch:
             return solved
         return best._replace(values=nearest_turns(self._tree, self._turning, best.values, near))
 
+    def bent_back(self, frame: int, solved: _Solved) -> _Solved:
+        """Solve a frame with each hinge that bends back where its limb may be turned round."""
+        return self._inside(frame, solved, lambda joint: _turns_round(self._tree, joint))
+
     def off_bounds(self, frame: int, solved: _Solved) -> _Solved:
         """Solve a frame with each joint that lies at a bound inside its range, too."""
-        for joint in _at_bounds(self._tree, self._problem, solved.values):
+        return self._inside(frame, solved, lambda joint: True)
+
+    def _inside(self, frame: int, solved: _Solved, tried: Callable[[list[int]], bool]) -> _Solved:
+        """Solve a frame with some of the joints that lie at a bound inside their ranges.
+
+        Parameters
+        ----------
+        frame : number of it
+        solved : kept where no other pose is better
+        tried : whether a joint is tried, by the numbers of its coordinates
+        """
+        for joint in filter(tried, _at_bounds(self._tree, self._problem, solved.values)):
             best = self._best(frame, _within(self._tree, joint, solved.values))
             if best.cost < MIN_GAIN * solved.cost:
                 solved = best
@@ -189,12 +209,29 @@ def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]
             continue
         low = problem.lower[variables]
         high = problem.upper[variables]
-        if not ((pose[angles] <= low + AT_BOUND) | (pose[angles] >= high - AT_BOUND)).any():
+        stuck = (pose[angles] <= low + AT_BOUND) | (pose[angles] >= high - AT_BOUND)
+        if not stuck.any() and not (len(angles) == 1 and _bends_back(low, high, pose[angles])[0]):
             continue
         tried = angles if len(angles) > 1 else [*_above(tree, rotations, child), *angles]
         if len(tried) > 1 and bounded[[place[j] for j in tried]].all():
             result.append(tried)
     return result
+
+
+def _bends_back(low: Array, high: Array, values: Array) -> np.ndarray:
+    """Whether hinges bend the way in which they go less far than the other.
+
+    Parameters
+    ----------
+    low, high : (hinges,) their bounds [rad]
+    values : (hinges,) [rad]
+
+    Returns
+    -------
+    (hinges,)
+    """
+    back = (values < 0.0) & (-low < BACK * (high - low))
+    return np.asarray(back | ((values > 0.0) & (high < BACK * (high - low))))
 
 
 def _free_rotations(tree: Tree, place: Mapping[int, int], joint: Joint) -> list[int]:
@@ -224,6 +261,12 @@ def _above(tree: Tree, rotations: Mapping[str, list[int]], child: str) -> list[i
         found = [*rotations[body], *found]
         body = parents[body]
     return found
+
+
+def _turns_round(tree: Tree, joint: list[int]) -> bool:
+    """Whether a hinge, the last of the coordinates, hangs on a joint that turns by half a turn."""
+    ranges = [np.ptp(tree.model.coordinates[j].range) for j in joint[:-1]]
+    return len(joint) > MAX_TURNED and max(ranges) > np.pi
 
 
 def _within(tree: Tree, joint: list[int], pose: Array) -> list[Array]:
