@@ -20,7 +20,7 @@ from myomorph.core.motion.lengths import coordinate_units
 from myomorph.core.motion.newton import SCOUT, Settings, frames_shown, solve_poses, task_arrays
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.quantities import ASSUMED_AS, FIT, FITTED_COORDINATE, SENSOR_ERROR
-from myomorph.core.motion.starts import scout_poses
+from myomorph.core.motion.starts import scout_poses, unbent_poses
 from myomorph.core.motion.sync import refuse_other_times
 from myomorph.core.motion.tasks.coordinates import CoordinateTask
 from myomorph.core.motion.tasks.loops import ties_of
@@ -252,6 +252,9 @@ def inverse_kinematics(
 
     starts = np.repeat(scout_poses(tree, problem, options.settings), SCOUT, axis=0)[: len(markers)]
     solved = solve_poses(tree, problem, starts, options.settings, progress=progress)
+    unbent = unbent_poses(tree, problem, options.settings, solved.values)
+    if unbent is not None:
+        solved = solve_poses(tree, problem, unbent, options.settings._replace(chained=False))
 
     values = of_one_turn(tree, problem, of_one_branch(tree, problem, solved.values))
     fit = KinematicsFit(

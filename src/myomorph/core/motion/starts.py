@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.model import Joint
 from myomorph.core.motion.newton import SCOUT, PoseRoom, Settings, frames_shown, solve_chunk
 from myomorph.core.motion.pose_problem import PoseProblem
@@ -26,6 +26,8 @@ from myomorph.core.rigid.tree import Tree
 SCOUT_TOLERANCE = 1e-3
 # Headings of the whole body, the best by themselves, from which the whole pose is solved
 HEADINGS_TRIED = 4
+FORWARD = 1.05
+"""Of two solutions whose costs are nearer than that, the one whose hinge bends forward is taken."""
 MIN_GAIN = 0.999  # Of the cost, for another pose to be taken
 BACK = 0.2  # Share of a hinge's range on the side to which it does not bend, but goes too far
 MAX_TURNED = 3  # Rotations of a ball joint
@@ -72,6 +74,37 @@ def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
     return poses
 
 
+def unbent_poses(
+    tree: Tree, problem: PoseProblem, settings: Settings, values: Array
+) -> Array | None:
+    """Turn limbs round that bend back, where that fits about as well.
+
+    An arm that passes through straight may go on the wrong way until poses are found anew. In each
+    stretch in which a hinge bends back, the frame in which it does so most is solved with the hinge
+    inside its range, and its neighbors from there as long as they fit so.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    problem : of all frames
+    settings : as of `scout_poses`
+    values : (frames, coordinates) as they were solved [rad or m]
+
+    Returns
+    -------
+    (frames, coordinates) to solve again from, None where no limb is to be turned round
+    """
+    search = _ScoutSearch(tree, problem, settings)
+    result = values.copy()
+    found = False
+    for limb in search.turning_limbs():
+        bounds = tree.model.coordinates[limb[-1]].range
+        for start, stop in runs(_bends_back(*bounds, values[:, limb[-1]]) & search.shown):
+            worst = start + int(np.argmax(np.abs(values[start:stop, limb[-1]])))
+            found |= search.unbend(result, worst, limb)
+    return result if found else None
+
+
 class _Solved(NamedTuple):
     """A frame that was solved from one start.
 
@@ -83,6 +116,11 @@ class _Solved(NamedTuple):
 
     cost: float
     values: Array
+
+
+def _same(one: _Solved, other: _Solved) -> bool:
+    """Whether two solutions are one."""
+    return bool(np.abs(one.values - other.values).max() < 10.0 * SCOUT_TOLERANCE)
 
 
 class _ScoutSearch:
@@ -146,6 +184,45 @@ class _ScoutSearch:
             return solved
         return best._replace(values=nearest_turns(self._tree, self._turning, best.values, near))
 
+    def turning_limbs(self) -> list[list[int]]:
+        """List hinges that may bend the wrong way, each with the rotations above it.
+
+        Returns
+        -------
+        numbers of the coordinates of each, the hinge last
+        """
+        limbs = _bounded_joints(self._tree, self._problem)
+        return [limb for limb in limbs if _turns_round(self._tree, limb)]
+
+    def unbend(self, values: Array, frame: int, limb: list[int]) -> bool:
+        """Solve a frame with a hinge inside its range, and its neighbors from there.
+
+        Parameters
+        ----------
+        values : (frames, coordinates), changed in frames that fit better [rad or m]
+        frame : at which it begins
+        limb : coordinates of the hinge and of what is above it
+
+        Returns
+        -------
+        whether the frame fits better so
+        """
+        best = self._best(frame, _within(self._tree, limb, values[frame]))
+        now = self.solved(self._problem, frame, values[frame])
+        if not best.cost < FORWARD * now.cost or _same(best, now):
+            return False
+        values[frame] = best.values
+        for way in (range(frame + 1, len(values)), range(frame - 1, -1, -1)):
+            pose = best.values
+            for number in way:
+                other = self.solved(self._problem, number, pose)
+                now = self.solved(self._problem, number, values[number])
+                if not other.cost < FORWARD * now.cost or _same(other, now):
+                    break
+                pose = other.values
+                values[number] = pose
+        return True
+
     def bent_back(self, frame: int, solved: _Solved) -> _Solved:
         """Solve a frame with each hinge that bends back where its limb may be turned round."""
         return self._inside(frame, solved, lambda joint: _turns_round(self._tree, joint))
@@ -200,17 +277,38 @@ def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]
     numbers of the free rotations of each such joint, of a hinge those above it too
     """
     place = {int(j): i for i, j in enumerate(problem.free)}
+    result = []
+    for joint in _bounded_joints(tree, problem):
+        # Of a hinge the rotations above it stand before it, and are not asked.
+        angles = joint[-1:] if len(joint) > MAX_TURNED or _is_chain(tree, joint) else joint
+        low = problem.lower[[place[j] for j in angles]]
+        high = problem.upper[[place[j] for j in angles]]
+        stuck = (pose[angles] <= low + AT_BOUND) | (pose[angles] >= high - AT_BOUND)
+        back = _bends_back(low, high, pose[angles]) & (len(angles) == 1)
+        if (stuck | back).any():
+            result.append(joint)
+    return result
+
+
+def _is_chain(tree: Tree, joint: list[int]) -> bool:
+    """Whether rotations are those of several joints."""
+    names = {tree.model.coordinate_names[j] for j in joint}
+    return not any(names <= set(one.coordinates) for one in tree.model.joints)
+
+
+def _bounded_joints(tree: Tree, problem: PoseProblem) -> list[list[int]]:
+    """Find joints of up to three free rotations, all of which have bounds.
+
+    Returns
+    -------
+    numbers of the free rotations of each, of a hinge those above it before it
+    """
+    place = {int(j): i for i, j in enumerate(problem.free)}
     rotations = {joint.child: _free_rotations(tree, place, joint) for joint in tree.model.joints}
     bounded = np.isfinite(problem.upper - problem.lower)
     result = []
     for child, angles in rotations.items():
-        variables = [place[j] for j in angles]
-        if not 1 <= len(angles) <= MAX_TURNED or not bounded[variables].all():
-            continue
-        low = problem.lower[variables]
-        high = problem.upper[variables]
-        stuck = (pose[angles] <= low + AT_BOUND) | (pose[angles] >= high - AT_BOUND)
-        if not stuck.any() and not (len(angles) == 1 and _bends_back(low, high, pose[angles])[0]):
+        if not 1 <= len(angles) <= MAX_TURNED:
             continue
         tried = angles if len(angles) > 1 else [*_above(tree, rotations, child), *angles]
         if len(tried) > 1 and bounded[[place[j] for j in tried]].all():
@@ -218,17 +316,17 @@ def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]
     return result
 
 
-def _bends_back(low: Array, high: Array, values: Array) -> np.ndarray:
+def _bends_back(low: Array | float, high: Array | float, values: Array) -> np.ndarray:
     """Whether hinges bend the way in which they go less far than the other.
 
     Parameters
     ----------
-    low, high : (hinges,) their bounds [rad]
-    values : (hinges,) [rad]
+    low, high : (hinges,) their bounds, or those of one hinge [rad]
+    values : (hinges,), or (frames,) of one [rad]
 
     Returns
     -------
-    (hinges,)
+    (hinges,) or (frames,)
     """
     back = (values < 0.0) & (-low < BACK * (high - low))
     return np.asarray(back | ((values > 0.0) & (high < BACK * (high - low))))
