@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import lfilter
 from scipy.special import stdtrit
-from tests.truths.simulated_sensors import SensorErrors, simulated_sensors
+from tests.truths.simulated_sensors import SensorErrors, SimulatedSensors, simulated_sensors
 from threadpoolctl import threadpool_limits
 
 import myomorph as mm
@@ -58,6 +58,8 @@ from myomorph.body.identify.recordings import RecordingOptions, Usable
 from myomorph.body.identify.subject import IdentificationOptions
 from myomorph.body.refine.options import RefineOptions
 from myomorph.body.refine.refinement import Refinement
+from myomorph.body.sensors.first_guess import calibration_pose, from_pose
+from myomorph.body.sensors.fit_mounting import Chosen, MountingFit
 from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
 from myomorph.body.sensors.sensor_recording import SensorRecording
 from myomorph.body.tension.emg_calibration import calibrate_emg
@@ -66,8 +68,9 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.interval import Interval
 from myomorph.core.model.spatial import vector_from_rotation
+from myomorph.core.motion.ik import InverseKinematicsOptions
 from myomorph.core.motion.lengths import lengths_of
-from myomorph.core.motion.sensors.mounting import SensorOptions
+from myomorph.core.motion.sensors.mounting import SensorMounting, SensorOptions
 from myomorph.core.motion.sync import cut
 from myomorph.core.rigid.regressor import base_regressor, reference_points
 from myomorph.core.rigid.tree import compile_tree
@@ -97,6 +100,9 @@ FORCE_SD = 3.0
 MOMENT_SD = 1.0
 """Errors of coordinates [rad, m], and of forces [N] and moments [N m] on the ground."""
 
+POSED = 60
+POSE_ERROR = np.radians(4.0)
+"""Persons in a calibration pose, and how far each of their joints is from it [rad]."""
 WALKS = 6
 WALK_FRAMES = 60
 SENSOR_SEEDS = 6
@@ -242,6 +248,12 @@ def mounted(folder: Path) -> Iterator[Case]:
     values = compile_tree(model).coordinates_of(recorded)
     motion = mm.Motion(recorded.time, model.coordinate_names, values)
     motion = cut(motion, motion.time[0], motion.time[0] + SENSOR_SECONDS)
+    yield Case(
+        unknown="flexion of knees, by pose",
+        noise=f"pose off by {np.degrees(POSE_ERROR):.0f} degrees in every joint",
+        truths=POSED,
+        covered=posed(model, motion),
+    )
     for kind in ("pose", "recording"):
         parts = []
         for seed in range(FIRST, FIRST + SENSOR_SEEDS):
@@ -259,6 +271,66 @@ def mounted(folder: Path) -> Iterator[Case]:
             truths=SENSOR_SEEDS,
             covered=joined(parts),
         )
+
+
+def posed(model: mm.Model, motion: mm.Motion) -> Covered:
+    """Flexion that thigh's and shank's sensors show in a pose in which knees may be overextended.
+
+    Parameters
+    ----------
+    model : whose knees end where they are straight
+    motion : of whose times the sensors are
+    """
+    knees = [name for name in model.coordinate_names if name.startswith("knee_angle")]
+    opened = replace(
+        model,
+        coordinates=tuple(
+            replace(one, clamped=False) if one.name in knees else one for one in model.coordinates
+        ),
+    )
+    errors = SensorErrors(skin=0.0, noise=0.0, pose=POSE_ERROR)
+    sizes = SensorOptions(imu_mounting="pose", imu_pose_error=POSE_ERROR)
+    short = cut(motion, motion.time[0], motion.time[0] + 1.0)
+    parts = []
+    for seed in range(FIRST, FIRST + POSED):
+        made = simulated_sensors(opened, short, BODIES, errors, seed)
+        mounting = _mounted_by_pose(model, made, sizes)
+        off = vector_from_rotation(made.rotations @ np.swapaxes(mounting.rotations, 1, 2))
+        for side in "rl":
+            shank = BODIES.index(f"tibia_{side}")
+            thigh = BODIES.index(f"femur_{side}")
+            weights = np.zeros(len(mounting.factor))
+            weights[[3 * shank + 2, 3 * thigh + 2]] = 1.0, -1.0
+            sd = np.linalg.norm(weights @ mounting.factor)
+            flexion = off[shank, 2] - off[thigh, 2]
+            parts.append(Covered.of_sd(np.array([flexion]), np.array([sd])))
+    return joined(parts)
+
+
+def _mounted_by_pose(
+    model: mm.Model, made: SimulatedSensors, sizes: SensorOptions
+) -> SensorMounting:
+    """Mount sensors by their pose, with headings as they are."""
+    tree = compile_tree(model)
+    pose = calibration_pose(model, made.pose, tree.defaults, 0.0)
+    time = made.sensors.time[:2]
+    fit = MountingFit(
+        tree=tree,
+        sensors=made.sensors,
+        bodies=tuple(BODIES),
+        chosen=Chosen(
+            time=time,
+            markers=mm.Markers(time, (), np.empty((2, 0, 3))),
+            marker_names=(),
+            marker_weights=np.empty(0),
+            share=1.0,
+        ),
+        options=InverseKinematicsOptions(),
+        sizes=sizes,
+        pose=pose,
+    )
+    guess = from_pose(tree, tuple(BODIES), pose, made.headings[0])
+    return fit.by_pose(fit.at(guess, 0.0)).mounting
 
 
 def placed_plates(folder: Path) -> Iterator[Case]:

@@ -17,7 +17,7 @@ from myomorph.swings.viscosity.trust.models import PassiveOptions, compare_passi
 from truths.mechanical_joint import mechanical_joint
 
 SECONDS = 15.0
-JOINTS = 12
+JOINTS = 6
 FRICTION = 0.02
 """Length of a trial [s], joints of each kind, and dry friction of an axis [N m]."""
 
