@@ -119,14 +119,17 @@ def _opened(path: Path, folder: Path, repository: str) -> Opened:
         kind = inspect(path).kind
     except MyomorphError as error:
         sentence = _sentence(error, folder)
-        return Opened(repository, file, "", _cause(sentence), sentence)
+        return Opened(
+            repository=repository, file=file, kind="", cause=_cause(sentence), sentence=sentence
+        )
     except Exception as error:
-        return Opened(repository, file, "", FAULT, f"{type(error).__name__}: {error}"[:200])
+        said = f"{type(error).__name__}: {error}"[:200]
+        return Opened(repository=repository, file=file, kind="", cause=FAULT, sentence=said)
     if kind.startswith("OpenSim settings") or kind.lower().startswith("external"):
         kind = "settings"
     elif kind.lower() == "model":
         kind = "OpenSim model" if path.suffix == ".osim" or not _is_mjcf(path) else "MuJoCo model"
-    return Opened(repository, file, kind, "", "")
+    return Opened(repository=repository, file=file, kind=kind, cause="", sentence="")
 
 
 def _is_mjcf(path: Path) -> bool:

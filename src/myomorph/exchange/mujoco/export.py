@@ -86,14 +86,7 @@ def write_mjcf(
     model, left_out = _without_path_functions(model)
     copied, cams, notes = mujoco_model(model)
     notes = (*left_out, *notes)
-    folders = [Path(folder) for folder in geometry]
-    if model.source:
-        beside = Path(model.source).parent
-        folders += [
-            folder
-            for folder in (beside, beside / "Geometry", beside / "geometry")
-            if folder.is_dir()
-        ]
+    folders = _folders_of_meshes(model, geometry)
     surfaces, _ = read_surfaces(model, folders) if folders else ({}, ())
     document = mjcf_document(copied, path, cams, surfaces)
     if not any(muscle.kind == "mujoco" for muscle in model.muscles):
@@ -123,6 +116,19 @@ def _recorded(model: Model, copied: Model, motion: Motion) -> RecordedPoses:
         route=np.arange(-1, count - 1),
     )
     return RecordedPoses(time=motion.time[known], poses=poses)
+
+
+def _folders_of_meshes(model: Model, geometry: Sequence[str | os.PathLike[str]]) -> list[Path]:
+    """The folders given, and those beside the model's own file."""
+    folders = [Path(folder) for folder in geometry]
+    if model.source:
+        beside = Path(model.source).parent
+        folders += [
+            folder
+            for folder in (beside, beside / "Geometry", beside / "geometry")
+            if folder.is_dir()
+        ]
+    return folders
 
 
 def _without_path_functions(model: Model) -> tuple[Model, tuple[Message, ...]]:

@@ -122,8 +122,11 @@ def _folder(recording: Recording, out: Path, options: ConvertOptions) -> Convert
         files.append((path, _write_markers(recording.markers, path, options.units)))
     if recording.wrenches is not None:
         wrenches = on_feet(recording.wrenches, recording.markers, options.plates)
-        files += _write_forces(wrenches, out / f"{recording.name}_grf.mot")
         notes = (*notes, *wrenches.notes)
+        if wrenches.names:
+            files += _write_forces(wrenches, out / f"{recording.name}_grf.mot")
+        else:
+            notes = (*notes, PLATES.message("no plate is loaded: no table of forces is written"))
     if recording.analog is not None and recording.emg:
         path = out / f"{recording.name}_emg.sto"
         write_sto(table := _emg(recording), path)
