@@ -50,6 +50,7 @@ PAGES: dict[str, dict[str, str]] = {
         "inertial_fusion": "accuracy.kinematics.inertial:measure_fusion",
         "inertial_hidden": "accuracy.kinematics.inertial:measure_hidden",
         "inertial_intervals": "accuracy.kinematics.inertial:measure_intervals",
+        "inertial_faults": "accuracy.kinematics.sensor_faults:measure",
         "inertial_steps": "accuracy.kinematics.inertial_walks:measure_steps",
         "inertial_minutes": "accuracy.kinematics.inertial_walks:measure_minutes",
         "inertial_step_forces": "accuracy.kinematics.inertial_walks:measure_forces",

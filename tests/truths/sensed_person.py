@@ -38,7 +38,6 @@ STANCE = {
     "knee_angle": 0.03,
 }
 """How people stand against the model's default pose, by the beginning of a coordinate [rad]."""
-MAGNETIC_TIME = 60.0
 WOBBLE_RATE = 9.0  # Of skin after a foot strike [Hz]
 WOBBLE_TIME = 0.08  # In which it dies out [s]
 
@@ -169,19 +168,16 @@ def sensed_person(
     stance = {name: np.array([value]) for name, value in _stance(rng, angles, errors).items()}
     earths = []
     poses = []
-    mountings = []
-    for body in SEGMENTS:
-        mounted = Rotation.random(random_state=rng)
+    mountings = [Rotation.random(random_state=rng) for _ in SEGMENTS]
+    for body, mounted in zip(SEGMENTS, mountings, strict=True):
         skin = Rotation.from_rotvec(_skin(rng, body, time, angles, errors.skin))
         settled = _random(rng, errors.settled)
-        noise = errors.noise * _slow(rng, len(time), rate)
+        noise = Rotation.from_rotvec(errors.noise * _slow(rng, len(time), rate))
         walk = rng.normal(size=len(time)).cumsum() * errors.drift / np.sqrt(60.0 * rate)
         heading = common + errors.heading * rng.normal() + walk
         moving = chain.rotations(body, angles, tilts) * skin * settled * mounted
-        earths.append(_to_earth(heading) * Rotation.from_rotvec(noise) * moving)
-        still = chain.rotations(body, stance, tilts) * mounted
-        poses.append(_to_earth(heading[:1]) * still)
-        mountings.append(mounted)
+        earths.append(_to_earth(heading) * noise * moving)
+        poses.append(_to_earth(heading[:1]) * chain.rotations(body, stance, tilts) * mounted)
     return SensedPerson(
         time=time,
         names=SEGMENTS,
@@ -192,7 +188,16 @@ def sensed_person(
 
 
 def quaternions(matrices: np.ndarray) -> np.ndarray:
-    """Quaternions w, x, y, z of rotations (..., 3, 3)."""
+    """Convert rotations to quaternions w, x, y, z.
+
+    Parameters
+    ----------
+    matrices : (..., 3, 3)
+
+    Returns
+    -------
+    (..., 4)
+    """
     flat = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_quat()
     return np.roll(flat, 1, axis=1).reshape(*matrices.shape[:-2], 4)
 

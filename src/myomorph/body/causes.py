@@ -65,3 +65,12 @@ PERSONAL_MUSCLES = Cause(
     remedy="Record EMG, and motions that use the muscles through their range.",
     quantities=("muscle_force", "activation"),
 )
+SENSOR_READING = Cause(
+    key="sensor_reading",
+    title="Sensors that fit only in another place or reading",
+    gravity="changes results",
+    size="{size} times as much is left as noise explains",
+    effect="Angles of the segments named are of other sensors, or of none.",
+    remedy="Set labels and format right, or leave the sensor out (--imu-bodies SENSOR=-).",
+    quantities=("coordinate_value", "sensor_error"),
+)

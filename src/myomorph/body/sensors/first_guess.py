@@ -30,7 +30,7 @@ AXES = {
 """Axes of a sensor by the names that a user writes."""
 TRIED = 24  # Headings that are tried round the circle
 NEAR = 6.0  # Of the least cost: lowest points of the circle up to here are solved to their end
-SOLVED = 3  # So many at most
+SOLVED = 2  # So many at most
 FLOOR = 0.2  # Added to costs that are compared, in squares of the noise: both may be perfect
 REFINED = 5  # Times that the step between them is halved about the best
 RATE = 100.0  # At which speeds of rotation are compared [Hz]

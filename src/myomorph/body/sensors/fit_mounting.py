@@ -309,6 +309,10 @@ class MountingFit:
         ----------
         mounting : of the sensors
         starts : (frames, coordinates) where each frame begins [rad or m]; None as in `poses`
+
+        Returns
+        -------
+        angles [rad] and sums of squares, in units of the noise
         """
         solved = self.poses(mounting, starts)
         problem = pose_problem(self.tree, (), np.empty(0), self.options)

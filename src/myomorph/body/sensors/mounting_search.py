@@ -142,7 +142,7 @@ class MountingSearch:
         """Noise, and how the mounting is found."""
         return self.recording.sizes
 
-    def solution(self, anywhere: bool) -> SolvedMounting:
+    def solution(self, anywhere: bool, slips: bool = True) -> SolvedMounting:
         """Find the mounting the way that the options and the recording name.
 
         Where the heading of the calibration pose is not known, each that may be is solved to its
@@ -151,6 +151,7 @@ class MountingSearch:
         Parameters
         ----------
         anywhere : whether each sensor has a heading of its own
+        slips : whether a sensor may have slipped after the pose
 
         Returns
         -------
@@ -169,10 +170,12 @@ class MountingSearch:
         delay = self._delay()
         fit = self._fit(delay.seconds, pose)
         begins = self._begins(fit, delay.seconds, anywhere)
-        solved = [self._ended(fit, begin, delay.seconds) for begin in begins]
-        solved.sort(key=lambda one: one.misfit.cost)
-        best = solved[0]
-        near = _of_heading(solved)
+        ended = [(self._ended(fit, begin, delay.seconds), begin) for begin in begins]
+        ended.sort(key=lambda pair: pair[0].misfit.cost)
+        best, begin = ended[0]
+        near = _of_heading([solved for solved, _ in ended])
+        if slips and pose is not None and kind == "recording":
+            best = self._with_slips(fit, best, begin, delay.seconds)
         notes = (*delay.notes, *best.mounting.notes, *near)
         mounting = replace(best.mounting, notes=notes)
         return best._replace(mounting=mounting, ambiguous=bool(near))
@@ -231,13 +234,16 @@ class MountingSearch:
 
     def _ended(self, fit: MountingFit, begin: _Begin, delay: float) -> SolvedMounting:
         """Solve from one beginning to the end."""
-        start = fit.at(begin.guess, delay)
         if self.sizes.imu_mounting == "pose":
+            start = fit.at(begin.guess, delay)
             by_pose = replace(fit.by_pose(start).mounting, notes=begin.notes)
             return SolvedMounting(mounting=by_pose, misfit=fit.misfit(by_pose))
-        solved = self._fitted(fit, begin, delay)
-        if fit.pose is None:
-            return solved
+        return self._fitted(fit, begin, delay)
+
+    def _with_slips(
+        self, fit: MountingFit, solved: SolvedMounting, begin: _Begin, delay: float
+    ) -> SolvedMounting:
+        """Free sensors of the calibration pose one by one, as long as that is decisive."""
         for _ in range(MAX_SLIPS):
             slipped = self._slipped(fit, solved, begin, delay)
             if slipped is None:
@@ -344,15 +350,17 @@ class MountingSearch:
         guesses = first_guess.by_trying(
             fit.tree, self.bodies, pose, lambda guess: self._cost(thin, guess, delay)
         )
-        notes = self._apart()
+        notes = self._of_axes()
         return tuple(
             _Begin(guess=guess, azimuth=True, anywhere=False, notes=notes) for guess in guesses
         )
 
-    def _apart(self) -> tuple[Message, ...]:
-        """Warn of sensors of legs that rotate about another axis than the others.
+    def apart(self) -> dict[str, float]:
+        """Find sensors of legs that rotate about another axis than the others.
 
-        None without human legs.
+        Returns
+        -------
+        angle between the axes by sensor [rad]; none without human legs
         """
         segments = segments_if_human(self.model)
         legs = [
@@ -363,11 +371,15 @@ class MountingSearch:
         sensors = self.sensors
         earth = rotations_at(sensors, sensors.time, self.model)[:, legs]
         angles = first_guess.turned_from_others(sensors.time, earth, np.asarray(self.model.up))
-        apart = [
-            f"{sensors.names[leg]} ({np.degrees(angle):.0f}°)"
+        return {
+            sensors.names[leg]: float(angle)
             for leg, angle in zip(legs, angles, strict=True)
             if angle > APART
-        ]
+        }
+
+    def _of_axes(self) -> tuple[Message, ...]:
+        """Warn of sensors of legs that rotate about another axis than the others."""
+        apart = [f"{name} ({np.degrees(angle):.0f}°)" for name, angle in self.apart().items()]
         if not apart:
             return ()
         text = SENSORS.message(

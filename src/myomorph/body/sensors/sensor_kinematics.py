@@ -17,6 +17,7 @@ from myomorph.body.sensors.undetermined import (
     likely_angles,
     undetermined,
 )
+from myomorph.body.sensors.whole_solutions import WholeSolution, whole_solution
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import SENSORS, UNSEEN
 from myomorph.core.model.errors import few
@@ -97,20 +98,11 @@ def sensor_kinematics(
     """
     options = options or InverseKinematicsOptions()
     sizes = recording.sizes
-    bodies = bodies_of_sensors(model, recording.sensors.names, recording.bodies)
-    recorded = without_dropouts(recording.sensors.only(tuple(bodies)))
-    sensors = with_orientations(recorded, sizes.imu_magnetometer)
-    tracked = tracked or _no_markers(sensors)
+    solution = _best_reading(model, recording, tracked, options)
+    sensors = solution.search.sensors
+    tracked = solution.search.tracked
     markers = tracked.markers
-    search = MountingSearch(
-        model=model,
-        recording=replace(recording, sensors=sensors),
-        bodies=tuple(bodies.values()),
-        tracked=tracked,
-        options=options,
-    )
-    mounting = search.solution(_headings_are_anywhere(recording)).mounting
-
+    mounting = solution.solved.mounting
     reported = mounting.body_rotations(sensors, markers.time, model)
     marker_weights = weights_seen(model, markers, options.marker_weights, options.only_weighted)
     tasks = orientation_tasks(mounting, reported, marker_weights, sizes)
@@ -135,6 +127,30 @@ def sensor_kinematics(
         bridges=bridges.tasks,
         places=bridges.places,
         spreads=bridges.spreads,
+    )
+
+
+def _best_reading(
+    model: Model,
+    recording: SensorRecording,
+    tracked: TrackedMarkers | None,
+    options: InverseKinematicsOptions,
+) -> WholeSolution:
+    """Find orientations and mountings of the sensors, the recording read as it fits best."""
+    bodies = bodies_of_sensors(model, recording.sensors.names, recording.bodies)
+    recorded = without_dropouts(recording.sensors.only(tuple(bodies)))
+    oriented = with_orientations(recorded, recording.sizes.imu_magnetometer)
+    search = MountingSearch(
+        model=model,
+        recording=replace(recording, sensors=oriented),
+        bodies=tuple(bodies.values()),
+        tracked=tracked or _no_markers(oriented),
+        options=options,
+    )
+    return whole_solution(
+        search,
+        anywhere=_headings_are_anywhere(recording),
+        conventions=oriented.orientations is recorded.orientations,
     )
 
 

@@ -183,11 +183,15 @@ def _at(part: InertialSensors, what: str, clock: Array) -> Array:
 
 
 def max_gap(time: Array) -> float:
-    """Return the longest time between samples that may be bridged [s].
+    """Return the longest time between samples that may be bridged.
 
     Parameters
     ----------
     time : (frames,) [s]
+
+    Returns
+    -------
+    [s]
     """
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     return max(MAX_GAP, MAX_STEPS * step)

@@ -1,0 +1,254 @@
+"""Ways to read a recording of sensors, each solved to its end: the least residual is taken.
+
+A recording that fits as it is labelled is taken so, and nothing else is tried. One that does not is
+read with other conventions of its quaternions and with two sensors exchanged; last, each is left
+out in turn, and one that so turns out to be wrong is tried with a heading of its own. What is
+decisive is taken and named. What is not is named alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.body.causes import SENSOR_READING
+from myomorph.body.sensors.arrangement import (
+    Arrangement,
+    exchanges,
+    other_conventions,
+    removals,
+)
+from myomorph.body.sensors.mounting_search import EVIDENCE, MountingSearch, SolvedMounting
+from myomorph.core.model.errors import BadData, few
+from myomorph.core.model.messages import Message
+from myomorph.core.rigid.tree import compile_tree
+
+MAX_COST = 1.2
+"""A recording of which more is left, against noise of the size that the options state, does not fit
+as it is labelled.
+"""
+MAX_LEFT = 2.0  # A recording of which more is left, and that nothing explains, is reported
+SOLVED = 2  # Readings of the least rough cost that are solved to their end
+MIN_SENSORS = 4  # With fewer, leaving one out explains anything
+MAX_APART = 2  # Sensors that rotate about other axes may each have a heading of their own
+HEADINGS = 12  # Of a single sensor, round the circle, that are tried
+REFINED = 4  # Times that the step between them is halved about the best
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WholeSolution:
+    """A reading of a recording, solved to its end.
+
+    Attributes
+    ----------
+    arrangement : the reading
+    search : of the recording read so
+    solved : mounting, and what it leaves
+    """
+
+    arrangement: Arrangement
+    search: MountingSearch
+    solved: SolvedMounting
+
+    @property
+    def excess(self) -> float:
+        """What is left, against what noise of the stated size would leave."""
+        misfit = self.solved.misfit
+        return misfit.cost / max(misfit.freedom, 1.0)
+
+    @property
+    def fits(self) -> bool:
+        """Whether noise explains what is left, no sensor slipped, and the heading is clear."""
+        sure = not self.solved.ambiguous and not self.solved.misfit.slipped
+        return sure and self.excess < MAX_COST
+
+    def explains_better(self, other: WholeSolution) -> bool:
+        """Whether it leaves so much less than another reading that chance does not make it."""
+        gain = other.solved.misfit.total - self.solved.misfit.total
+        return gain > EVIDENCE * max(self.excess, 1.0)
+
+    def noted(self, *notes: Message) -> WholeSolution:
+        """Add messages to the mounting."""
+        mounting = self.solved.mounting
+        mounting = replace(mounting, notes=(*notes, *mounting.notes))
+        return replace(self, solved=self.solved._replace(mounting=mounting))
+
+
+def whole_solution(search: MountingSearch, anywhere: bool, conventions: bool) -> WholeSolution:
+    """Find the reading of a recording that leaves least, where it is decisive.
+
+    Parameters
+    ----------
+    search : of the recording as it is labelled
+    anywhere : whether each sensor has a heading of its own
+    conventions : whether its orientations are a file's, so that they may mean something else
+
+    Returns
+    -------
+    the reading that is taken, with what looks wrong
+
+    Raises
+    ------
+    BadData : nothing says how the sensors are mounted, or a heading is not known
+    UnknownName : a sensor, an axis or a frame of the model is unknown
+    """
+    labelled = WholeSolution(
+        arrangement=Arrangement(), search=search, solved=search.solution(anywhere)
+    )
+    if labelled.fits:
+        return labelled
+    names = search.sensors.names
+    readings = exchanges(compile_tree(search.model), names, search.bodies)
+    if conventions:
+        readings += other_conventions()
+    found = _solved(search, readings, anywhere)
+    apart = search.apart()
+    if not anywhere and 0 < len(apart) <= MAX_APART:
+        found += [_with_own_heading(labelled, name) for name in apart]
+        found.sort(key=lambda one: one.solved.misfit.total)
+    if found and found[0].explains_better(labelled) and found[0].excess < MAX_COST:
+        return _taken(found, labelled)
+    without = list[WholeSolution]()
+    if len(names) >= MIN_SENSORS:
+        without = _solved(search, removals(names), anywhere)
+    if without and without[0].explains_better(labelled) and without[0].excess < MAX_COST:
+        return _without_one(without, labelled)
+    return labelled if labelled.excess < MAX_LEFT else labelled.noted(_of_misfit(labelled))
+
+
+def _with_own_heading(labelled: WholeSolution, name: str) -> WholeSolution:
+    """Solve the recording with the best heading of its own for one sensor to its end."""
+    search = labelled.search
+    # Most sensors have the heading of all.
+    common = (float(np.median(labelled.solved.mounting.headings[0])),)
+
+    def tried(angle: float) -> tuple[float, float]:
+        reading = Arrangement(turned=name, angle=angle)
+        return _read(search, reading).rough_cost(anywhere=False, angles=common), angle
+
+    step = 2.0 * np.pi / HEADINGS
+    best = min(tried(step * number) for number in range(HEADINGS))
+    for _ in range(REFINED):
+        step *= 0.5
+        best = min(best, tried(best[1] - step), tried(best[1] + step))
+    return _to_the_end(search, Arrangement(turned=name, angle=best[1]), anywhere=False)
+
+
+def _solved(
+    search: MountingSearch, readings: Sequence[Arrangement], anywhere: bool
+) -> list[WholeSolution]:
+    """Solve the readings that look best to their ends.
+
+    Parameters
+    ----------
+    search : of the recording as it is labelled
+    readings : that are tried
+    anywhere : whether each sensor has a heading of its own
+
+    Returns
+    -------
+    the best first
+    """
+    rough = list[tuple[float, int]]()
+    for index, reading in enumerate(readings):
+        try:
+            rough.append((_read(search, reading).rough_cost(anywhere), index))
+        except BadData:
+            # A named axis may stand upright in another reading: it is none.
+            continue
+    solutions = [
+        _to_the_end(search, readings[index], anywhere) for _, index in sorted(rough)[:SOLVED]
+    ]
+    return sorted(solutions, key=lambda one: one.solved.misfit.total)
+
+
+def _to_the_end(search: MountingSearch, reading: Arrangement, anywhere: bool) -> WholeSolution:
+    """Solve one reading of a recording."""
+    read = _read(search, reading)
+    return WholeSolution(
+        arrangement=reading, search=read, solved=read.solution(anywhere, slips=False)
+    )
+
+
+def _read(search: MountingSearch, reading: Arrangement) -> MountingSearch:
+    """Set the search of a recording read another way."""
+    names = search.sensors.names
+    bodies = tuple(
+        body for name, body in zip(names, search.bodies, strict=True) if name != reading.left_out
+    )
+    return replace(search, recording=reading.read(search.recording), bodies=bodies)
+
+
+def _taken(found: Sequence[WholeSolution], labelled: WholeSolution) -> WholeSolution:
+    """Take the best reading where no other is near, else name both.
+
+    Parameters
+    ----------
+    found : the best first
+    labelled : the recording as it is labelled
+    """
+    best = found[0]
+    near = [one for one in found[1:] if not best.explains_better(one)]
+    text = (
+        f"the recording fits with {best.arrangement.words}, which leaves {_left(best)} in the place"
+        f" of {_left(labelled)}"
+    )
+    if near:
+        words = " or ".join(one.arrangement.words for one in near)
+        text = (
+            f"{text}, and nearly as well with {words}: used as labelled, and angles beside"
+            " these sensors are wrong"
+        )
+        return labelled.noted(_message(text, [best, *near], labelled))
+    return best.noted(_message(f"{text}: used so", [best], labelled))
+
+
+def _without_one(without: Sequence[WholeSolution], labelled: WholeSolution) -> WholeSolution:
+    """Leave a sensor out whose errors are far above the noise, or name those that may be wrong.
+
+    Parameters
+    ----------
+    without : the recording without each of some sensors, the best first
+    labelled : the recording as it is labelled
+    """
+    best = without[0]
+    near = [one for one in without[1:] if not best.explains_better(one)]
+    if near:
+        names = [one.arrangement.left_out for one in (best, *near)]
+        text = (
+            f"sensors {few(names)} do not agree, and the recording does not tell which of them is"
+            " wrong: angles beside them are wrong. Leave one out (--imu-bodies SENSOR=-)"
+        )
+        return labelled.noted(_message(text, [best, *near], labelled))
+    turned = _with_own_heading(labelled, best.arrangement.left_out)
+    if turned.explains_better(labelled) and turned.excess < MAX_COST:
+        return _taken([turned], labelled)
+    text = (
+        f"sensor {best.arrangement.left_out} does not fit the others at all: left out, which"
+        f" leaves {_left(best)} in the place of {_left(labelled)}"
+    )
+    return best.noted(_message(text, [best], labelled))
+
+
+def _of_misfit(labelled: WholeSolution) -> Message:
+    """Say that nothing explains a recording."""
+    worst = int(np.nanargmax(labelled.solved.misfit.by_sensor))
+    name = labelled.search.sensors.names[worst]
+    text = (
+        f"sensors and model do not fit (misfit {labelled.excess:.1f} of 1), sensor {name} least,"
+        " and neither another sensor's place nor another meaning of the quaternions explains it"
+    )
+    return SENSOR_READING.message(text, place=name, size=labelled.excess)
+
+
+def _message(text: str, readings: Sequence[WholeSolution], labelled: WholeSolution) -> Message:
+    """Make a message of readings, with the sensors that they are of."""
+    names = dict.fromkeys(name for one in readings for name in one.arrangement.sensors)
+    return SENSOR_READING.message(text, place=few(names), size=labelled.excess)
+
+
+def _left(solution: WholeSolution) -> str:
+    """Say what is left, against noise of the stated size."""
+    return f"a misfit of {solution.excess:.1f}"
