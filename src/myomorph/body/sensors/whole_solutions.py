@@ -121,8 +121,9 @@ def whole_solution(search: MountingSearch, anywhere: bool, conventions: bool) ->
 def _with_own_heading(labelled: WholeSolution, name: str) -> WholeSolution:
     """Solve the recording with the best heading of its own for one sensor to its end."""
     search = labelled.search
-    # Most sensors have the heading of all.
-    common = (float(np.median(labelled.solved.mounting.headings[0])),)
+    # The heading of the others, which the wrong one has no part in.
+    others = _to_the_end(search, Arrangement(left_out=name), anywhere=False)
+    common = (float(np.median(others.solved.mounting.headings[0])),)
 
     def tried(angle: float) -> tuple[float, float]:
         reading = Arrangement(turned=name, angle=angle)
