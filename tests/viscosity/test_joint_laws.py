@@ -26,12 +26,6 @@ def test_dry_friction_of_a_hinge_is_found_and_leaves_the_damping():
     assert abs(acting.coefficients["viscosity"].value / DAMPING - 1.0) < 0.05
 
 
-def test_a_ball_that_is_released_without_spin_stays_a_ball():
-    joint = mechanical_joint("ball", DAMPING, 0.0, 63, seconds=12.0, spin=0.0)
-    acting = compare_passive_laws(joint.swings(12.0), FEW).acting
-    assert acting is None or acting.form == "viscosity"
-
-
 def test_an_axis_whose_rates_are_noise_is_not_shown():
     joint = mechanical_joint("ball", DAMPING, 0.0, 4, seconds=12.0)
     swings = [replace(one, cutoff=10.0) for one in joint.swings(10.0)]

@@ -23,7 +23,7 @@ from myomorph.swings.viscosity.trust import law as laws
 from myomorph.swings.viscosity.trust.law import HINGES, LEVEL, PassiveProblem
 
 FINER = 10  # Instants between two frames at which the sign of a rate is taken, before the filter.
-ROUNDS = 4  # How often the axes are weighed anew.
+ROUNDS = 8  # How often the axes are weighed anew.
 NO_ERROR = 1e3  # With which errors of the inertia, of unit torques, are next to none at first
 MIN_WEIGHT = 1e-3  # Of an axis
 WIDTH = 0.03
@@ -42,7 +42,7 @@ PLAIN = FORMS[0]
 WORTH = 0.05
 MIN_RUBBED = 0.03  # Share of the one viscosity that friction must take off to be named.
 DRY = "dry friction"
-INERTIA_ERROR = 0.005
+INERTIA_ERROR = 0.01
 """Standard deviation of the torque that an error of the inertia makes, over the limb's: about what
 step 1 leaves. An error of any size would take the torque of dampers and friction where the limb
 swings nearly in a plane, and give one axis the viscosity of another.
