@@ -32,6 +32,7 @@ PAGES: dict[str, dict[str, str]] = {
         "inverse_kinematics": "accuracy.kinematics.kinematics:measure_inverse_kinematics",
         "loops_inverse_kinematics": "accuracy.kinematics.loops:measure_inverse_kinematics",
         "inverse_dynamics": "accuracy.kinematics.kinematics:measure_inverse_dynamics",
+        "noise_model": "accuracy.kinematics.noise_model:measure",
         "cutoff": "accuracy.kinematics.cutoff:measure",
         "cutoff_truth": "accuracy.kinematics.cutoff:measure_truth",
         "turns": "accuracy.kinematics.kinematics:measure_turns",

@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.accuracy.kinematics.white_noise_cutoff import white_noise_cutoff
 from benchmarks.recordings import RECORDINGS, read_markers
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.series import Markers
-from myomorph.core.motion.automatic_cutoff import automatic_cutoff
+from myomorph.core.motion.cutoff_choice import choose_cutoff
 from myomorph.core.motion.filters import lowpass
 from myomorph.core.motion.splines import natural_spline
 from myomorph.core.motion.turns import floating_coordinates
@@ -57,7 +58,7 @@ NOISES = ((0.3, 0.0), (1.0, 0.0), (3.0, 0.0), (0.5, 5.0), (1.0, 10.0))
 SKIN = 2.0
 """Frequency below which skin drifts [Hz]."""
 
-Rule = Callable[[mm.Motion], float | None]
+Rule = Callable[[mm.Model, mm.Motion], mm.Motion]
 Row = dict[str, object]
 
 
@@ -103,38 +104,27 @@ MOVEMENTS = (
 )
 
 
-def former_cutoff(motion: mm.Motion) -> float | None:
-    """The rule of the first version: 99.8 % of the variance, where accelerations above it outweigh
-    those below.
-    """
-    time = motion.time
-    values = motion.values
-    across = np.linspace(0.0, 1.0, len(time))[:, None]
-    bent = values - (values[0] + across * (values[-1] - values[0]))
-    size = bent.std(axis=0)
-    power = np.abs(np.fft.rfft(bent[:, size > 0.05 * size.max()], axis=0)[1:]) ** 2
-    power = np.maximum(power - power[len(power) // 2 :].mean(axis=0), 0.0)
-    frequency = np.fft.rfftfreq(len(time), (time[-1] - time[0]) / (len(time) - 1))
-    passed = np.cumsum(
-        np.concatenate([np.zeros((1, power.shape[1])), power / power.sum(axis=0)]), axis=0
-    )
-    cutoff = max(
-        float(np.median([np.interp(0.998, column, frequency) for column in passed.T])), frequency[1]
-    )
-    raw = mm.differentiate(motion).accelerations
-    kept = mm.differentiate(motion, cutoff).accelerations
-    below = np.sqrt(np.mean(kept[5:-5] ** 2, axis=0))
-    above = np.sqrt(np.mean((raw - kept)[5:-5] ** 2, axis=0))
-    moving = below > 1e-6 * below.max()
-    return cutoff if np.median(above[moving] / below[moving]) > 1.0 else None
+def by_default(model: mm.Model, motion: mm.Motion) -> mm.Motion:
+    """Smooth as the product does where nobody states a cutoff."""
+    return mm.smooth_motion(motion, model).motion
+
+
+def as_before(model: mm.Model, motion: mm.Motion) -> mm.Motion:
+    """Filter as the product did before there was a noise model."""
+    return mm.differentiate(motion, white_noise_cutoff(motion))
+
+
+def at(cutoff: float) -> Rule:
+    """Filter at a fixed cutoff [Hz]."""
+    return lambda model, motion: mm.differentiate(motion, cutoff)
 
 
 RULES: dict[str, Rule] = {
-    "automatic": automatic_cutoff,
-    "before": former_cutoff,
-    "6 Hz": lambda motion: 6.0,
-    "8 Hz": lambda motion: 8.0,
-    "12 Hz": lambda motion: 12.0,
+    "automatic": by_default,
+    "before": as_before,
+    "6 Hz": at(6.0),
+    "8 Hz": at(8.0),
+    "12 Hz": at(12.0),
 }
 
 
@@ -151,12 +141,15 @@ def measure_truth(folder: Path) -> Iterator[Row]:
             chosen = []
             for rate in RATES:
                 true, recorded = _recorded(model, truth, movement, rate, white, skin)
-                error = partial(_torque_error, model, true, recorded)
-                at = {cutoff: error(cutoff) for cutoff in (*FIXED, None)}
-                best.append(min(at, key=at.__getitem__))
-                chosen.append(automatic_cutoff(recorded))
+                error = partial(_torque_error, model, true)
+                fixed = {
+                    cutoff: error(mm.differentiate(recorded, cutoff)) for cutoff in (*FIXED, None)
+                }
+                best.append(min(fixed, key=fixed.__getitem__))
+                chosen.append(choose_cutoff(recorded, model).cutoff)
+                least = min(fixed.values())
                 ratios.append(
-                    {name: error(rule(recorded)) / min(at.values()) for name, rule in RULES.items()}
+                    {name: error(rule(model, recorded)) / least for name, rule in RULES.items()}
                 )
             together[movement.chosen] += ratios
             yield {
@@ -241,13 +234,11 @@ def _recorded(
     return true, mm.inverse_kinematics(model, markers).motion
 
 
-def _torque_error(
-    model: mm.Model, true: mm.Motion, recorded: mm.Motion, cutoff: float | None
-) -> float:
+def _torque_error(model: mm.Model, true: mm.Motion, filtered: mm.Motion) -> float:
     """Root mean square over the torques of all rotations, without external forces [N m]."""
     turning = [coordinate.motion == "rotational" for coordinate in model.coordinates]
     inner = (true.time >= EDGE) & (true.time <= true.time[-1] - EDGE)
-    found = mm.inverse_dynamics(model, mm.differentiate(recorded, cutoff)).values
+    found = mm.inverse_dynamics(model, filtered).values
     wrong = (found - mm.inverse_dynamics(model, true).values)[inner][:, turning]
     return float(np.sqrt(np.nanmean(wrong**2)))
 
@@ -280,31 +271,28 @@ def measure(folder: Path) -> Iterator[Row]:
             recorded = mm.read_motion(folder / files.motion, model)
         measured = mm.read_loads(folder / files.loads, model, mm.differentiate(recorded, 6.0))
         recorded = mm.cut(recorded, measured.time[0], measured.time[-1])
-        held = partial(_held, model, recorded, measured)
-        at = {cutoff: held(cutoff) for cutoff in (*FIXED, None)}
-        least = np.min(list(at.values()), axis=0)
-        chosen = automatic_cutoff(recorded)
+        held = partial(_held, model, measured)
+        fixed = {cutoff: held(mm.differentiate(recorded, cutoff)) for cutoff in (*FIXED, None)}
+        least = np.min(list(fixed.values()), axis=0)
+        chosen = choose_cutoff(recorded, model).cutoff
         row: Row = {"recording": name, "frames": len(recorded)}
         row["automatic cutoff [Hz]"] = "none" if chosen is None else f"{chosen:.2g}"
         for part, kind in enumerate(("force", "moment")):
             row[f"best for the {kind} [Hz]"] = (
-                min(at, key=lambda cutoff: at[cutoff][part]) or "none"
+                min(fixed, key=lambda cutoff: fixed[cutoff][part]) or "none"
             )
             row[f"least {kind} [{'N' if part == 0 else 'N m'}]"] = least[part]
             row |= {
-                f"{kind}, {rule}": held(of(recorded))[part] / least[part]
+                f"{kind}, {rule}": held(of(model, recorded))[part] / least[part]
                 for rule, of in RULES.items()
             }
         yield row
 
 
-def _held(
-    model: mm.Model, recorded: mm.Motion, measured: mm.Wrenches, cutoff: float | None
-) -> Array:
+def _held(model: mm.Model, measured: mm.Wrenches, motion: mm.Motion) -> Array:
     """Root mean square of force and moment on the floating joint over frames on the plates [N, N
     m].
     """
-    motion = mm.differentiate(recorded, cutoff)
     loads = mm.resample_wrenches(measured, motion.time)
     torques = mm.inverse_dynamics(model, motion, loads)
     used = (motion.time >= motion.time[0] + EDGE) & (motion.time <= motion.time[-1] - EDGE)

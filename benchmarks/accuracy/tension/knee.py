@@ -23,7 +23,7 @@ from myomorph.core.io.formats import read_trial
 from myomorph.core.io.loads import read_external_loads, write_external_loads
 from myomorph.core.io.sto import table_from_motion
 from myomorph.core.model.arrays import Array
-from myomorph.core.motion.automatic_cutoff import automatic_cutoff
+from myomorph.core.motion.cutoff_choice import choose_cutoff
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.cli import main
@@ -131,7 +131,8 @@ def measure(folder: Path, ways: tuple[Way, ...] = WAYS) -> Iterator[Row]:
 
 def own_cutoff(folder: Path, stride: str) -> float:
     """Low pass that `myomorph tension` takes for a stride where none is given [Hz]."""
-    found = automatic_cutoff(inputs_of(folder, stride)[1])
+    model, motion = inputs_of(folder, stride)[:2]
+    found = choose_cutoff(motion, model).cutoff
     assert found is not None
     return found
 

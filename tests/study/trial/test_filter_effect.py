@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from myomorph.core.motion.cutoff_choice import CutoffChoice
 from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.inputs.table import settings_of_keys
+from myomorph.lab.study.trial.default_filter import ChosenFilter
 from myomorph.lab.study.trial.steps import id as inverse_dynamics_step
 from myomorph.lab.study.trial.steps.ik import recorded_poses
 from myomorph.lab.study.trial.trial_inputs import TrialFiles, open_trial
@@ -16,7 +18,7 @@ def opened(arm, cutoff=None):
     return open_trial(files, {"id": {} if cutoff is None else {"cutoff": cutoff}})
 
 
-def test_forces_are_read_and_checked_once(arm, monkeypatch):
+def test_forces_are_read_and_checked_once(arm):
     trial = opened(arm)
     loads = trial.get(ExternalLoads)
     calls = []
@@ -27,7 +29,8 @@ def test_forces_are_read_and_checked_once(arm, monkeypatch):
 
     trial = trial.having(ExternalLoads(counted))
     recorded = recorded_poses(trial).recorded
-    monkeypatch.setattr(inverse_dynamics_step, "automatic_cutoff", lambda motion: 6.0)
+    choice = CutoffChoice(cutoff=6.0, origin="noise", spectra=None)
+    trial = trial.having(ChosenFilter(choice=choice))
     dynamics = inverse_dynamics_step.solve_dynamics(trial, recorded)
     effect = inverse_dynamics_step.filter_effect(trial, recorded, dynamics)
     assert effect is not None

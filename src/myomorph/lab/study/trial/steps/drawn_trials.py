@@ -40,6 +40,7 @@ from myomorph.lab.study.inputs.emg import RecordedEmg
 from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.inputs.refined import RefinedMotion
 from myomorph.lab.study.inputs.torques import RecordedTorques
+from myomorph.lab.study.trial.default_filter import ChosenFilter, chosen_filter, cutoff_of
 from myomorph.lab.study.trial.steps.drawn_quantities import (
     DrawnTable,
     Strength,
@@ -48,7 +49,7 @@ from myomorph.lab.study.trial.steps.drawn_quantities import (
     series_table,
     torque_quantity,
 )
-from myomorph.lab.study.trial.steps.id import Torques, cutoff_of, solve_dynamics
+from myomorph.lab.study.trial.steps.id import Torques, solve_dynamics
 from myomorph.lab.study.trial.steps.ik import Poses, solve_kinematics
 from myomorph.lab.study.trial.steps.tension import recruitment_of, task_of
 from myomorph.lab.study.trial.trial_inputs import TrialInputs
@@ -124,6 +125,11 @@ class Chain:
     def cutoff(self) -> float | None:
         """Of the low-pass filter [Hz], None for none."""
         return cutoff_of(self.trial, self.recorded)
+
+    @cached_property
+    def chosen(self) -> ChosenFilter | None:
+        """The filter that the recording chose, None where it was stated."""
+        return chosen_filter(self.trial, self.recorded)
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -398,8 +404,11 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     sources = draw.sources
     options = trial.options
     # As of the result: errors are not to choose a filter of their own.
-    cutoff = (chain.cutoff or 0.0) * draw.factor("filter_cutoff", "cutoff")
-    options = options.having(replace(options[Differentiation], cutoff=cutoff))
+    factor = draw.factor("filter_cutoff", "cutoff")
+    chosen = None if chain.chosen is None else replace(chain.chosen, factor=factor)
+    if chosen is None:
+        cutoff = (chain.cutoff or 0.0) * factor
+        options = options.having(replace(options[Differentiation], cutoff=cutoff))
     if sources.criterion:
         criterion = drawn_criterion(options[TensionOptions], draw)
         options = options.having(criterion, drawn_costs(recruitment_of(trial), draw))
@@ -414,6 +423,7 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
         loads = drawn_inputs.drawn_wrenches(loads, trial.model.up, draw)
     recorded = trial.get(RecordedEmg)
     return replace(trial, model=model, options=options).having(
+        chosen,
         _drawn_points(trial.get(JointPoints), draw),
         None if loads is None else ExternalLoads(lambda motion: loads),
         None

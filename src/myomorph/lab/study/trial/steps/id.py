@@ -23,9 +23,6 @@ from myomorph.core.model.series_quantities import (
     WRENCHES,
 )
 from myomorph.core.model.soft_tissue import SoftTissue
-from myomorph.core.motion.automatic_cutoff import automatic_cutoff
-from myomorph.core.motion.filters import differentiate
-from myomorph.core.motion.root_chart import root_chart
 from myomorph.core.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.core.motion.turns import floating_coordinates
 from myomorph.core.rigid.dynamics import inverse_dynamics
@@ -45,6 +42,12 @@ from myomorph.lab.study.inputs.reading import has_mass
 from myomorph.lab.study.inputs.refined import RefinedMotion
 from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
+from myomorph.lab.study.trial.default_filter import (
+    chosen_filter,
+    cutoff_of,
+    differentiated,
+    filter_key,
+)
 from myomorph.lab.study.trial.measured_force import put_measured, vertical_forces
 from myomorph.lab.study.trial.steps.ik import Poses
 from myomorph.lab.study.trial.trial_inputs import (
@@ -96,27 +99,19 @@ class Torques:
     filter_effect: FilterEffect | None = None
 
 
-def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
-    """Cutoff [Hz] for a motion and its forces, None for none; a refined motion is changed only by a
-    lower one.
-    """
-    cutoff = trial.options[Differentiation].cutoff
-    refined = trial.get(RefinedMotion)
-    if refined is not None and (cutoff is None or cutoff >= refined.cutoff):
-        return None
-    return automatic_cutoff(recorded) if cutoff is None else cutoff or None
-
-
 def filter_summary(trial: TrialInputs, recorded: Motion, dynamics: Torques | None = None) -> str:
     """What the motion was filtered with where nobody said it, and what depends on that, as the end
     of a line.
     """
     if trial.options[Differentiation].cutoff is not None:
         return ""
-    cutoff = cutoff_of(trial, recorded)
-    if cutoff is None:
+    chosen = chosen_filter(trial, recorded)
+    if chosen is None or chosen.cutoff is None:
         return "; smooth motion, not filtered"
+    cutoff = chosen.cutoff
     effect = "automatic"
+    if chosen.choice.origin != "noise":
+        effect += f", {chosen.choice.sentence}"
     if dynamics is not None and dynamics.filter_effect is not None:
         changed = dynamics.filter_effect
         effect += (
@@ -133,15 +128,13 @@ def filter_effect(trial: TrialInputs, recorded: Motion, dynamics: Torques) -> Fi
     -------
     None where the cutoff was given, the motion is not filtered, or the torques were recorded
     """
-    given = trial.options[Differentiation].cutoff is not None
-    cutoff = None if given else cutoff_of(trial, recorded)
-    if cutoff is None or trial.get(RecordedTorques) is not None:
+    chosen = chosen_filter(trial, recorded)
+    if chosen is None or chosen.cutoff is None or trial.get(RecordedTorques) is not None:
         return None
     largest = _largest_joint_torque(trial.model, dynamics.torques)
     changes = []
     for factor in (0.5, 2.0):
-        filtered = Differentiation(factor * cutoff)
-        other = replace(trial, options=trial.options.having(filtered))
+        other = trial.having(replace(chosen, factor=factor * chosen.factor))
         torques = solve_dynamics(other, recorded).torques
         value = _largest_joint_torque(trial.model, torques)
         changes.append(value / largest - 1.0 if largest > 0.0 else 0.0)
@@ -165,8 +158,7 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tupl
     is that already. Derivatives are taken of all frames first, as OpenSim does, so the cut leaves
     no edges; those of a body that turns over, in angles that do not jump (`root_chart`).
     """
-    chart = root_chart(trial.model, recorded)
-    motion = chart.back(differentiate(chart.motion, cutoff_of(trial, chart.motion)))
+    motion = differentiated(trial, recorded)
     tissue = trial.get(SoftTissue)
     if tissue is not None and trial.get(RefinedMotion) is None:
         motion = tissue.of(motion)
@@ -200,7 +192,7 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torqu
     motion = motion.frames(slice(None, None, step))
     wrenches = None
     if loads is not None:
-        cutoff = cutoff_of(trial, root_chart(trial.model, recorded).motion)
+        cutoff = cutoff_of(trial, recorded)
         wrenches = resample_wrenches(loads.of(recorded), motion.time, cutoff)
         notes = (*wrenches.notes, *notes)
     return Torques(
@@ -274,6 +266,7 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
         options[Differentiation],
         options[TorqueTable],
         *(() if forces == ForceOptions() else (forces,)),
+        *filter_key(trial),
     )
 
 

@@ -132,6 +132,8 @@ def _run(
     exact = closed_motion(trial.model, Motion(recorded.time, recorded.names, recorded.values))[
         0
     ].values
+    # In gaps that were bridged, as smoothed.
+    exact = np.where(np.isfinite(exact), exact, motion.values)
     recorded = replace(motion, values=np.where(np.isfinite(motion.values), exact, np.nan))
     title = f"{trial.name}: muscle paths"
     kinematics = write_muscles(trial.model, motion, recorded, output.writer, output.folder, title)

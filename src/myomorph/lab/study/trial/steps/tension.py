@@ -72,6 +72,7 @@ from myomorph.lab.study.inputs.input import ByType, OptionSet
 from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
+from myomorph.lab.study.trial.default_filter import cutoff_of, with_bridges
 from myomorph.lab.study.trial.emg_tables import write_channels, write_conflicts
 from myomorph.lab.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.lab.study.trial.joint_contact_step import (
@@ -83,7 +84,6 @@ from myomorph.lab.study.trial.joint_force import write_reactions
 from myomorph.lab.study.trial.measured_force import put_measured
 from myomorph.lab.study.trial.steps.id import (
     Torques,
-    cutoff_of,
     filter_summary,
     put_dynamics,
     solve_dynamics,
@@ -218,7 +218,7 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
             else actuators.actuators
         ),
         Measurements(
-            recorded=recorded,
+            recorded=with_bridges(recorded, torques.motion),
             wrenches=_wrenches(trial, torques),
             plates=trial.recording.plates,
             plate_time=trial.recording.plate_time,

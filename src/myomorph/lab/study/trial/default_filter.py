@@ -1,0 +1,113 @@
+"""The low-pass filter of a trial that nobody stated: chosen by the noise of the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.core.model.movement import Movement
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.cutoff_choice import CutoffChoice, choose_cutoff
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.root_chart import root_chart
+from myomorph.core.motion.smoother import smoothed_by
+from myomorph.lab.store.settings import Differentiation
+from myomorph.lab.study.inputs.refined import RefinedMotion
+from myomorph.lab.study.inputs.session import RecordedSession
+from myomorph.lab.study.trial.trial_inputs import TrialInputs
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChosenFilter:
+    """A filter that was chosen already, or is tried in its place.
+
+    As an input of a trial it takes the place of the one that the recording would choose: errors
+    that are drawn are not to choose a filter of their own.
+
+    Attributes
+    ----------
+    choice : by the recording
+    factor : of its cutoff
+    """
+
+    choice: CutoffChoice
+    factor: float = 1.0
+
+    @property
+    def cutoff(self) -> float | None:
+        """Cutoff [Hz], None for no filter."""
+        return None if self.choice.cutoff is None else self.factor * self.choice.cutoff
+
+
+def chosen_filter(trial: TrialInputs, recorded: Motion) -> ChosenFilter | None:
+    """Find the filter of a motion; None where somebody stated one, or the motion was refined."""
+    if trial.options[Differentiation].cutoff is not None or trial.get(RefinedMotion) is not None:
+        return None
+    chosen = trial.get(ChosenFilter)
+    if chosen is not None:
+        return chosen
+    charted = root_chart(trial.model, recorded).motion
+    return ChosenFilter(choice=choose_cutoff(charted, trial.model, movement_of(trial)))
+
+
+def movement_of(trial: TrialInputs) -> Movement | None:
+    """Find the movement that a trial is of, None where it is not known."""
+    session = trial.get(RecordedSession)
+    return None if session is None else session.movement.value
+
+
+def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
+    """Find the cutoff for a motion and its forces [Hz], None for none.
+
+    A refined motion is changed only by a lower one.
+    """
+    chosen = chosen_filter(trial, recorded)
+    if chosen is not None:
+        return chosen.cutoff
+    cutoff = trial.options[Differentiation].cutoff
+    refined = trial.get(RefinedMotion)
+    if refined is not None and (cutoff is None or cutoff >= refined.cutoff):
+        return None
+    return cutoff or None
+
+
+def differentiated(trial: TrialInputs, recorded: Motion) -> Motion:
+    """Differentiate a motion, by the stated filter or the chosen one.
+
+    Those of a body that turns over are taken in angles that do not jump (`root_chart`).
+    """
+    chart = root_chart(trial.model, recorded)
+    chosen = chosen_filter(trial, recorded)
+    if chosen is None:
+        return chart.back(differentiate(chart.motion, cutoff_of(trial, recorded)))
+    return chart.back(smoothed_by(chart.motion, chosen.choice, chosen.cutoff).motion)
+
+
+def with_bridges(recorded: Motion, motion: Motion) -> Motion:
+    """Coordinates as recorded, and as smoothed in gaps that were bridged.
+
+    Parameters
+    ----------
+    recorded : (frames, coordinates), NaN in gaps
+    motion : the same as smoothed, or a part of it
+
+    Returns
+    -------
+    coordinates at the times of `recorded`
+    """
+    frames = np.searchsorted(recorded.time, motion.time - 1e-9)
+    frames = np.minimum(frames, len(recorded) - 1)
+    same = np.abs(recorded.time[frames] - motion.time) < 1e-6
+    values = recorded.values.copy()
+    own = values[frames[same]]
+    values[frames[same]] = np.where(np.isfinite(own), own, motion.values[same])
+    return replace(recorded, values=values)
+
+
+def filter_key(trial: TrialInputs) -> Sequence[object]:
+    """List what a result depends on where nobody stated a cutoff, beside options."""
+    if trial.options[Differentiation].cutoff is not None:
+        return ()
+    return ("filter by noise", movement_of(trial) or "")
