@@ -113,7 +113,7 @@ def _spectra_of_segments(values: Array, rate: float, duration: float) -> Spectra
     turn = np.fft.rfftfreq(length - 2)[1:]
     bending = np.square(2.0 - 2.0 * np.cos(2.0 * np.pi * turn))
     density = 2.0 / (len(tapers) * count * rate) * power[1:] / bending[:, None]
-    return _binned(turn * rate, np.asarray(density, np.float64))
+    return _binned(np.asarray(turn * rate, np.float64), np.asarray(density, np.float64))
 
 
 def _without_line(values: Array) -> Array:

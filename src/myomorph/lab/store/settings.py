@@ -61,8 +61,8 @@ class Differentiation:
     Attributes
     ----------
     cutoff : Low-pass filter of coordinates and external forces [Hz]; 0 for none, as OpenSim's
-        default; by default the one that the motion asks for, none where it is smooth already
-        (`automatic_cutoff`).
+        default; by default the one that the noise of the recording asks for, none where it is
+        smooth already (`choose_cutoff`).
     """
 
     cutoff: float | None = None

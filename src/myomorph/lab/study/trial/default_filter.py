@@ -7,12 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.causes import HIDDEN
+from myomorph.core.model.errors import counted
+from myomorph.core.model.messages import Message
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Motion
 from myomorph.core.motion.cutoff_choice import CutoffChoice, choose_cutoff
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.root_chart import root_chart
-from myomorph.core.motion.smoother import smoothed_by
+from myomorph.core.motion.smoother import SmoothedMotion, smoothed_by
 from myomorph.lab.store.settings import Differentiation
 from myomorph.lab.study.inputs.refined import RefinedMotion
 from myomorph.lab.study.inputs.session import RecordedSession
@@ -73,7 +77,15 @@ def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
     return cutoff or None
 
 
-def differentiated(trial: TrialInputs, recorded: Motion) -> Motion:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Differentiated:
+    """A motion with velocities and accelerations, and what is to be said of its gaps."""
+
+    motion: Motion
+    notes: tuple[Message, ...] = ()
+
+
+def differentiated(trial: TrialInputs, recorded: Motion) -> Differentiated:
     """Differentiate a motion, by the stated filter or the chosen one.
 
     Those of a body that turns over are taken in angles that do not jump (`root_chart`).
@@ -81,8 +93,44 @@ def differentiated(trial: TrialInputs, recorded: Motion) -> Motion:
     chart = root_chart(trial.model, recorded)
     chosen = chosen_filter(trial, recorded)
     if chosen is None:
-        return chart.back(differentiate(chart.motion, cutoff_of(trial, recorded)))
-    return chart.back(smoothed_by(chart.motion, chosen.choice, chosen.cutoff).motion)
+        motion = differentiate(chart.motion, cutoff_of(trial, recorded))
+        return Differentiated(motion=chart.back(motion))
+    smoothed = smoothed_by(chart.motion, chosen.choice, chosen.cutoff)
+    return Differentiated(motion=chart.back(smoothed.motion), notes=gap_messages(smoothed))
+
+
+def gap_messages(smoothed: SmoothedMotion) -> tuple[Message, ...]:
+    """Report gaps that were bridged, and what stands beside those that were not."""
+    time = smoothed.motion.time
+    messages = []
+    if smoothed.bridged.any():
+        text = f"{counted(int(smoothed.bridged.sum()), 'frame')} without a pose bridged"
+        times = spans(time, runs(smoothed.bridged))
+        messages.append(HIDDEN.message(text, times=times, gravity="good to know"))
+    # The ends of a recording are such in every one.
+    inside = [
+        (start, stop) for start, stop in runs(smoothed.uncertain) if start > 0 and stop < len(time)
+    ]
+    if inside:
+        frames = sum(stop - start for start, stop in inside)
+        text = f"beside gaps the accelerations of {counted(frames, 'frame')} are less sure"
+        messages.append(HIDDEN.message(text, times=spans(time, inside), gravity="good to know"))
+    return tuple(messages)
+
+
+def spans(time: Array, frames: Sequence[tuple[int, int]]) -> list[tuple[float, float]]:
+    """Find the times from the first to the last frame of each stretch.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    frames : start and stop of each stretch, the stop not included
+
+    Returns
+    -------
+    [s] of each
+    """
+    return [(float(time[start]), float(time[stop - 1])) for start, stop in frames]
 
 
 def with_bridges(recorded: Motion, motion: Motion) -> Motion:
@@ -106,8 +154,20 @@ def with_bridges(recorded: Motion, motion: Motion) -> Motion:
     return replace(recorded, values=values)
 
 
-def filter_key(trial: TrialInputs) -> Sequence[object]:
-    """List what a result depends on where nobody stated a cutoff, beside options."""
+@dataclass(frozen=True, kw_only=True)
+class FilterByNoise:
+    """What a result depends on where nobody stated a cutoff, beside options.
+
+    Attributes
+    ----------
+    filter_by_noise : movement that decides where the noise is not known, "" where it is not known
+    """
+
+    filter_by_noise: str
+
+
+def filter_key(trial: TrialInputs) -> tuple[FilterByNoise, ...]:
+    """List what results of the default filter depend on, nothing where a cutoff was stated."""
     if trial.options[Differentiation].cutoff is not None:
         return ()
-    return ("filter by noise", movement_of(trial) or "")
+    return (FilterByNoise(filter_by_noise=movement_of(trial) or ""),)

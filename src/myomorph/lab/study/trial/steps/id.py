@@ -158,11 +158,14 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tupl
     is that already. Derivatives are taken of all frames first, as OpenSim does, so the cut leaves
     no edges; those of a body that turns over, in angles that do not jump (`root_chart`).
     """
-    motion = differentiated(trial, recorded)
+    whole = differentiated(trial, recorded)
+    motion = whole.motion
     tissue = trial.get(SoftTissue)
     if tissue is not None and trial.get(RefinedMotion) is None:
         motion = tissue.of(motion)
-    return closed_motion(trial.model, motion if trial.time is None else cut(motion, *trial.time))
+    used = motion if trial.time is None else cut(motion, *trial.time)
+    closed, notes = closed_motion(trial.model, used)
+    return closed, (*whole.notes, *notes)
 
 
 def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torques:

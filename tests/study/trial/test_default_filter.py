@@ -1,0 +1,69 @@
+"""The filter of a trial that nobody stated: gaps, stated cutoffs, and what a result depends on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.core.motion.filters import differentiate
+from myomorph.lab.study.inputs.table import settings_of_keys
+from myomorph.lab.study.trial.default_filter import (
+    chosen_filter,
+    cutoff_of,
+    filter_key,
+    with_bridges,
+)
+from myomorph.lab.study.trial.steps import id as inverse_dynamics_step
+from myomorph.lab.study.trial.steps.ik import recorded_poses
+from myomorph.lab.study.trial.trial_inputs import TrialFiles, open_trial
+
+
+def opened(arm, cutoff=None):
+    files = TrialFiles(arm.model, inputs=settings_of_keys({"motion": arm.motion}))
+    return open_trial(files, {"id": {} if cutoff is None else {"cutoff": cutoff}})
+
+
+def noisy(arm, trial):
+    recorded = recorded_poses(trial).recorded
+    noise = 0.003 * np.random.default_rng(0).standard_normal(recorded.values.shape)
+    return replace(recorded, values=recorded.values + noise)
+
+
+def test_an_empty_frame_is_bridged_and_said(arm):
+    trial = opened(arm)
+    recorded = noisy(arm, trial)
+    values = recorded.values.copy()
+    values[len(recorded) // 2] = np.nan
+    holed = replace(recorded, values=values)
+    whole = inverse_dynamics_step.solve_dynamics(trial, recorded)
+    bridged = inverse_dynamics_step.solve_dynamics(trial, holed)
+    assert np.isfinite(bridged.torques.values).all()
+    inside = slice(15, -15)
+    size = np.ptp(whole.torques.values[inside], axis=0)
+    changed = np.abs(bridged.torques.values - whole.torques.values)[inside]
+    assert np.all(changed < 0.2 * size)
+    assert any("1 frame without a pose bridged" in note for note in bridged.notes)
+    filled = with_bridges(holed, bridged.motion)
+    assert np.isfinite(filled.values).all()
+    known = np.isfinite(values)
+    np.testing.assert_array_equal(filled.values[known], recorded.values[known])
+
+
+def test_a_stated_cutoff_is_the_filter_as_it_was(arm):
+    trial = opened(arm, cutoff=6.0)
+    recorded = noisy(arm, trial)
+    motion, _ = inverse_dynamics_step.with_derivatives(trial, recorded)
+    stated = differentiate(recorded, 6.0)
+    np.testing.assert_array_equal(motion.accelerations, stated.accelerations)
+    assert chosen_filter(trial, recorded) is None
+    assert filter_key(trial) == ()
+
+
+def test_another_factor_of_a_chosen_filter_changes_the_cutoff_alone(arm):
+    trial = opened(arm)
+    recorded = noisy(arm, trial)
+    chosen = chosen_filter(trial, recorded)
+    half = trial.having(replace(chosen, factor=0.5))
+    assert cutoff_of(half, recorded) == 0.5 * cutoff_of(trial, recorded)
+    assert len(filter_key(trial)) == 1
