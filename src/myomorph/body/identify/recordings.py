@@ -21,7 +21,7 @@ from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
-from myomorph.core.motion.automatic_cutoff import automatic_cutoff
+from myomorph.core.motion.cutoff_choice import choose_cutoff
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.sync import cut, resample_wrenches
 from myomorph.core.rigid.kinematics import forward_kinematics
@@ -60,8 +60,8 @@ class RecordingOptions:
     Attributes
     ----------
     cutoff : low-pass filter of coordinates and forces alike [Hz]; 0 for none, as in OpenSim; by
-        default the one that the motion asks for, none where it is smooth already
-        (`automatic_cutoff`)
+        default the one that the noise of the motion asks for, none where it is smooth already
+        (`choose_cutoff`)
     min_duration : of what can be used, all recordings together [s]
     """
 
@@ -74,9 +74,11 @@ class RecordingOptions:
                 f"cutoff {self.cutoff} Hz: expected a positive frequency, or 0 for no filter"
             )
 
-    def cutoff_of(self, motion: Motion) -> float | None:
+    def cutoff_of(self, model: Model, motion: Motion) -> float | None:
         """Return the cutoff for a motion as recorded [Hz]; None filters nothing."""
-        return automatic_cutoff(motion) if self.cutoff is None else self.cutoff or None
+        if self.cutoff is None:
+            return choose_cutoff(motion, model).cutoff
+        return self.cutoff or None
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +215,7 @@ def usable(  # page: a recording, and what is known of it, all of it optional
     """
     options = options or RecordingOptions()
     mass = model.mass if mass is None else mass
-    cutoff = options.cutoff_of(motion)
+    cutoff = options.cutoff_of(model, motion)
     whole = differentiate(motion, cutoff)
     if time is not None:
         whole = cut(whole, *time)
@@ -231,7 +233,7 @@ def usable(  # page: a recording, and what is known of it, all of it optional
     clock = recording.motion.time
     marks[UNMEASURED] = _unmeasured(clock, balance.missing_up, known, balance.weight)
     use = ~np.any(list(marks.values()), axis=0)
-    filtered = _filtered(name, motion, recording, wrenches)
+    filtered = _filtered(name, model, motion, recording, wrenches)
     judged = balance if filtered is recording else Balance.of(model, filtered, mass)
     _refuse_elsewhere(name, model, recording.motion, judged, use)
 
@@ -284,12 +286,15 @@ def _on_one_clock(
     return Recording(motion=common, wrenches=at, finer=finer)
 
 
-def _filtered(name: str, motion: Motion, recording: Recording, wrenches: Wrenches) -> Recording:
+def _filtered(
+    name: str, model: Model, motion: Motion, recording: Recording, wrenches: Wrenches
+) -> Recording:
     """Filter what nobody filtered, so that forces are not blamed for noise of the motion.
 
     Parameters
     ----------
     name : of the recording
+    model : whose torques count
     motion : coordinates as recorded
     recording : on one clock
     wrenches : as recorded, on their own clock; NaN where missing
@@ -298,7 +303,7 @@ def _filtered(name: str, motion: Motion, recording: Recording, wrenches: Wrenche
     -------
     the recording itself where it is filtered or smooth
     """
-    asked = automatic_cutoff(motion) if recording.finer is None else None
+    asked = choose_cutoff(motion, model).cutoff if recording.finer is None else None
     if asked is None:
         return recording
     clock = recording.motion.time

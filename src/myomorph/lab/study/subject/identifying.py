@@ -30,7 +30,7 @@ from myomorph.core.model.provenance import Provenance, Source
 from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.core.model.surface import Surface
-from myomorph.core.motion.automatic_cutoff import automatic_cutoff
+from myomorph.core.motion.cutoff_choice import choose_cutoff
 from myomorph.lab.report.page.parts import Note, PageHead
 from myomorph.lab.report.trial.identification_tables import identification_tables
 from myomorph.lab.report.trial.report_input import IdentificationInput, Recorded, ReportInput
@@ -203,7 +203,7 @@ def identify_subject(
     )
     # What identification says of itself comes first: whether its masses may be believed.
     notes = (*identification.notes, *force_notes, *notes_of_points)
-    notes += _unfiltered(motions, options.recording)
+    notes += _unfiltered(model, motions, options.recording)
     identification = replace(identification, notes=notes)
     models = {
         name: with_inertial_parameters(model, identification.parameters[name])
@@ -218,11 +218,13 @@ def identify_subject(
     return Identified(identification, made, validation=FrozenMap(validation))
 
 
-def _unfiltered(motions: Sequence[SubjectMotion], options: RecordingOptions) -> tuple[Message, ...]:
+def _unfiltered(
+    model: Model, motions: Sequence[SubjectMotion], options: RecordingOptions
+) -> tuple[Message, ...]:
     """Report motions that ask for a filter and got none."""
     if options.cutoff != 0.0:
         return ()
-    asked = {part.name: automatic_cutoff(part.motion) for part in motions}
+    asked = {part.name: choose_cutoff(part.motion, model).cutoff for part in motions}
     noisy = ", ".join(f"{name} for {cutoff:.2g} Hz" for name, cutoff in asked.items() if cutoff)
     if not noisy:
         return ()
