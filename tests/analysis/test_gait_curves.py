@@ -16,7 +16,7 @@ from myomorph.core.model.join import renamed_model
 from myomorph.core.model.series import Motion, Series
 from myomorph.core.model.spatial import Transform
 from myomorph.core.motion.filters import differentiate
-from myomorph.lab.analysis.gait_curves import ANGLES, KEYS, SIDES, gait_curves
+from myomorph.lab.analysis.gait_curves import ANGLES, KEYS, SIDES, WalkLoads, gait_curves
 from myomorph.lab.analysis.gait_extremes import gait_extremes
 from myomorph.lab.analysis.gait_parameters import gait_parameters
 from myomorph.lab.analysis.walking import walking_strides
@@ -131,7 +131,7 @@ def test_peaks_of_the_force_are_those_measured_between_samples(walk):
         force[:, column] += 0.9 * model.weight * np.exp(-(((time - at) / 0.002) ** 2))
         spikes[side] = force[:, column].max() / model.weight
     measured = Series(time, bodies, force)
-    curves = gait_curves(model, motion, strides, measured=measured)
+    curves = gait_curves(model, motion, strides, WalkLoads(measured=measured))
     for side in SIDES:
         known = curves.peak_force[side]
         assert known[0] == pytest.approx(spikes[side], rel=1e-9)

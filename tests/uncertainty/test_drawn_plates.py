@@ -21,7 +21,7 @@ DRAWS = 400
 
 
 def standing() -> Wrenches:
-    """A body of 700 N stands below its hip, and turns on the spot."""
+    """Let a body of 700 N stand below its hip, and turn on the spot."""
     forces = np.tile([0.0, 700.0, 0.0], (len(TIME), 1, 1))
     torques = np.tile([0.0, 5.0, 0.0], (len(TIME), 1, 1))
     return Wrenches(

@@ -15,7 +15,7 @@ from myomorph.core.io.loads import read_external_loads
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.known import Known
-from myomorph.lab.analysis.gait_curves import ANGLES, KEYS, SAMPLES, SIDES, gait_curves
+from myomorph.lab.analysis.gait_curves import ANGLES, KEYS, SAMPLES, SIDES, WalkLoads, gait_curves
 from myomorph.lab.analysis.gait_scores import gait_scores
 from myomorph.lab.report.page.parts import PageHead
 from myomorph.lab.report.trial.gait.gait_notes import score_notes
@@ -237,7 +237,7 @@ def test_moments_of_feet_off_plates_are_left_out(data, prepared):
     motion = differentiate(motion, cutoff=6.0)
     wrenches = read_external_loads(home / "subject01_walk1_grf.xml")
     torques = inverse_dynamics(model, motion, resample_wrenches(wrenches, motion.time, cutoff=6.0))
-    with_plates = gait_curves(model, motion, strides, torques, wrenches)
+    with_plates = gait_curves(model, motion, strides, WalkLoads(torques=torques, wrenches=wrenches))
     ankle = KEYS.index("ankle_moment")
     power = KEYS.index("ankle_power")
     for side in SIDES:
@@ -250,5 +250,5 @@ def test_moments_of_feet_off_plates_are_left_out(data, prepared):
         np.isfinite(with_plates.mean("right")[:, ankle]).any()
         or np.isfinite(with_plates.mean("left")[:, ankle]).any()
     )
-    without = gait_curves(model, motion, strides, torques)
+    without = gait_curves(model, motion, strides, WalkLoads(torques=torques))
     assert not np.isfinite(without.right.values[..., ANGLES:]).any()

@@ -160,6 +160,7 @@ class OnlineTension:
         )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class JointLoads:
     """Loads of joints that cost.

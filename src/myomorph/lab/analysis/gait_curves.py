@@ -142,25 +142,37 @@ def known_mean(values: Array) -> Array:
     return np.where(count > 0, np.nansum(values, axis=0) / np.maximum(count, 1), np.nan)
 
 
+@dataclass(frozen=True, kw_only=True)
+class WalkLoads:
+    """What is known of the loads of a walk; without any of it there are curves of angles alone.
+
+    Attributes
+    ----------
+    torques : (frames, coordinates) [N m]
+    wrenches : on the feet; a stride whose foot did not stand on plates has angles alone
+    measured : (samples, bodies) vertical force on each body as measured [N], which the curve of
+        the force is of; by default it is that of the wrenches, which may be filtered
+    """
+
+    torques: Series | None = None
+    wrenches: Wrenches | None = None
+    measured: Series | None = None
+
+
+UNLOADED = WalkLoads()
+
+
 def gait_curves(
-    model: Model,
-    motion: Motion,
-    strides: Strides,
-    torques: Series | None = None,
-    wrenches: Wrenches | None = None,
-    measured: Series | None = None,
+    model: Model, motion: Motion, strides: Strides, loads: WalkLoads = UNLOADED
 ) -> GaitCurves | None:
-    """Curves of a walk.
+    """Return the curves of a walk.
 
     Parameters
     ----------
     model : of the body
     motion : with the velocities of powers, else their differences are taken
     strides : of both feet
-    torques : (frames, coordinates) [N m]
-    wrenches : on the feet; a stride whose foot did not stand on plates has angles alone
-    measured : (samples, bodies) vertical force on each body as measured [N], which the curve of
-        the force is of; by default it is that of the wrenches, which may be filtered
+    loads : of the joints and the feet
 
     Returns
     -------
@@ -180,17 +192,17 @@ def gait_curves(
     for side in SIDES:
         own = strides.of(limbs[side])
         spans = [(stride.start, stride.stop) for stride in own]
-        series = Series(motion.time, KEYS, _columns(body, strides, side, torques))
+        series = Series(motion.time, KEYS, _columns(body, strides, side, loads.torques))
         values = np.array(over_cycles(series, spans, SAMPLES).values)
         leg = chains(model, walking_limbs(model))[limbs[side]]
-        force = leg_force(model, leg, wrenches, measured)
+        force = leg_force(model, leg, loads.wrenches, loads.measured)
         if force is not None:
             over_strides = over_cycles(force, spans, SAMPLES).values
             values[..., KEYS.index("vertical_force")] = over_strides[..., 0]
         stood = stood_strides(own, values[..., KEYS.index("vertical_force")])
         values[~stood, :, ANGLES:] = np.nan
         cycles[side] = Cycles(KEYS, values)
-        if force is not None and measured is not None:
+        if force is not None and loads.measured is not None:
             peaks[side] = np.where(stood, _largest(force, spans), np.nan)
     own_strides = {side: strides.of(limbs[side]) for side in SIDES}
     by_side = FrozenMap(peaks if len(peaks) == len(SIDES) else {})

@@ -201,7 +201,7 @@ def _scale(persons: Sequence[GaitCurves], legs: Array) -> ScoreScale | None:
     squares = np.zeros(2)  # Of mean curves, and of strides
     for index in whole:
         others = known_mean(np.delete(legs, index, axis=0).reshape(-1, *legs.shape[2:]))
-        profiles = {side: _profile(persons[index].of(side), others) for side in SIDES}
+        profiles = {side: _profile(persons[int(index)].of(side), others) for side in SIDES}
         of_strides = [_person_score(profiles[side]) for side in SIDES]
         of_curves = _score(_profile(legs[index], others))
         scores["side"] += of_strides

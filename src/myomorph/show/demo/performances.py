@@ -172,7 +172,7 @@ def _judo(folder: Path) -> Written:
         join_models(truth.models), differentiate(truth.motion, CUTOFF), truth.wrenches
     )
     hinges = [index for index, name in enumerate(torques.names) if "_pelvis_" not in name]
-    torques = Series(
+    of_hinges = Series(
         torques.time, tuple(torques.names[index] for index in hinges), torques.values[:, hinges]
     )
     texts = []
@@ -187,7 +187,7 @@ def _judo(folder: Path) -> Written:
         motion = Motion(moved.time[late], moved.names, moved.values[late])
         write_markers(model, motion, folder / f"{part}.trc", seed)
         activations = part_of(truth.activations, part)
-        _write_person(folder, part, text, part_of(torques, part), activations, seed + 2)
+        _write_person(folder, part, text, part_of(of_hinges, part), activations, seed + 2)
         texts.append(
             _subject(part, model.mass, ["calibrate", "ik"], "bout", f"{part}.trc", "two fighters")
         )

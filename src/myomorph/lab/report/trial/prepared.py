@@ -11,7 +11,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Event, Motion, Series
 from myomorph.lab.analysis.center_of_mass import centroid
-from myomorph.lab.analysis.gait_curves import SIDES, GaitCurves, gait_curves
+from myomorph.lab.analysis.gait_curves import SIDES, GaitCurves, WalkLoads, gait_curves
 from myomorph.lab.analysis.length_analysis import LengthAnalysis, length_analysis
 from myomorph.lab.analysis.phases import GroundPhases, ground_phases
 from myomorph.lab.analysis.strides import Strides
@@ -140,14 +140,10 @@ class Prepared:
         ):
             return None
         dynamics = self.results.dynamics
-        return gait_curves(
-            model,
-            dynamics.motion or motion,
-            self.strides,
-            torques=dynamics.torques,
-            wrenches=dynamics.wrenches,
-            measured=dynamics.measured,
+        loads = WalkLoads(
+            torques=dynamics.torques, wrenches=dynamics.wrenches, measured=dynamics.measured
         )
+        return gait_curves(model, dynamics.motion or motion, self.strides, loads)
 
     @cached_property
     def recorded_movement(self) -> RecordedMovement | None:

@@ -65,7 +65,7 @@ class SideCurve:
         return float(self.mean[sample])
 
     def printed(self, sample: int) -> float:
-        """What is printed at a sample: the largest value where it is the highest, else the mean."""
+        """Return what is printed: the largest value at the highest sample, else the mean."""
         return self.highest_value if sample == self.highest else self.value(sample)
 
 

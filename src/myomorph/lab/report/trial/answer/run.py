@@ -10,9 +10,11 @@ import numpy as np
 from myomorph.core.model.cycle_samples import SAMPLES
 from myomorph.core.model.series import Series
 from myomorph.lab.analysis.cycles import over_cycles
-from myomorph.lab.analysis.gait_curves import SIDES, GaitCurves, gait_curves
+from myomorph.lab.analysis.gait_curves import SIDES, GaitCurves, WalkLoads, gait_curves
+from myomorph.lab.movements.part import MovementNumbers
 from myomorph.lab.movements.quantities import PEAK_VERTICAL_FORCE
 from myomorph.lab.movements.recorded_movement import NEAR, support_force
+from myomorph.lab.movements.support_force import SupportForce
 from myomorph.lab.report.trial.answer.answer_curve import AnswerCurve, SideCurve
 from myomorph.lab.report.trial.answer.judgement import Use
 from myomorph.lab.report.trial.answer.main_result import MainResult
@@ -36,14 +38,10 @@ def run(prepared: Prepared, use: Use) -> MainResult | None:
     if results.model is None or motion is None or strides is None:
         return None
     dynamics = results.dynamics
-    gait = gait_curves(
-        results.model,
-        motion,
-        strides,
-        torques=dynamics.torques,
-        wrenches=dynamics.wrenches,
-        measured=dynamics.measured,
+    loads = WalkLoads(
+        torques=dynamics.torques, wrenches=dynamics.wrenches, measured=dynamics.measured
     )
+    gait = gait_curves(results.model, motion, strides, loads)
     if gait is None:
         return None
     knee = stride_curve(gait, "knee_flexion")
@@ -75,36 +73,39 @@ def _force_curve(prepared: Prepared, gait: GaitCurves) -> AnswerCurve | None:
     force = None if recorded is None else support_force(recorded)
     if force is None or numbers is None:
         return stride_curve(gait, "vertical_force", digits=1)
-    sides = []
-    for side in SIDES:
-        own = force.of_side(side)
-        measured = [
-            part.start
-            for part in numbers.parts
-            if part.side == side and np.isfinite(part.number(PEAK_VERTICAL_FORCE))
-        ]
-        spans = [
-            (stride.start, stride.stop)
-            for stride in gait.strides[side]
-            if any(abs(stride.start - start) < NEAR for start in measured)
-        ]
-        if own is None or not spans:
-            continue
-        series = Series(force.time, (side,), own[:, None] / force.weight)
-        cycles = over_cycles(series, spans, SAMPLES).values[:, :, 0]
-        peaks = [part.number(PEAK_VERTICAL_FORCE) for part in numbers.parts if part.side == side]
-        peak = float(np.nanmean(peaks))
-        curve = SideCurve(side=cast(Side, side), label=side, cycles=cycles, peak=peak)
-        sides.append(replace(curve, mark=curve.highest))
+    found = (_measured_side(force, numbers, gait, side) for side in SIDES)
+    sides = tuple(side for side in found if side is not None)
     if not sides:
         return None
     return AnswerCurve(
         title="Vertical force",
         unit="body weights",
-        sides=tuple(sides),
+        sides=sides,
         at=np.linspace(0.0, 100.0, SAMPLES),
         digits=1,
     )
+
+
+def _measured_side(
+    force: SupportForce, numbers: MovementNumbers, gait: GaitCurves, side: str
+) -> SideCurve | None:
+    """Return the force on one foot over the strides whose stance plates measured whole."""
+    own = force.of_side(side)
+    parts = [part for part in numbers.parts if part.side == side]
+    peaks = {part.start: part.number(PEAK_VERTICAL_FORCE) for part in parts}
+    starts = [start for start, peak in peaks.items() if np.isfinite(peak)]
+    spans = [
+        (stride.start, stride.stop)
+        for stride in gait.strides[side]
+        if any(abs(stride.start - start) < NEAR for start in starts)
+    ]
+    if own is None or not spans:
+        return None
+    series = Series(force.time, (side,), own[:, None] / force.weight)
+    cycles = over_cycles(series, spans, SAMPLES).values[:, :, 0]
+    peak = float(np.nanmean(list(peaks.values())))
+    curve = SideCurve(side=cast(Side, side), label=side, cycles=cycles, peak=peak)
+    return replace(curve, mark=curve.highest)
 
 
 def _of_force(force: AnswerCurve) -> Sentence:

@@ -33,7 +33,7 @@ from myomorph.core.tension.quantities import (
     MUSCLE_FORCE,
 )
 from myomorph.core.tension.tension import RESERVE, Tension
-from myomorph.lab.analysis.gait_curves import SIDES, VARIABLES, gait_curves
+from myomorph.lab.analysis.gait_curves import SIDES, VARIABLES, WalkLoads, gait_curves
 from myomorph.lab.analysis.strides import Strides
 from myomorph.lab.store.quantity_files import motions_of, quantity_table
 from myomorph.lab.store.settings import TensionTables
@@ -313,7 +313,8 @@ class DrawnGait:
         if self.torques is not None:
             torques = Series(self.torques.time, self.torques.names, tables[GENERALIZED_FORCE.name])
         motion = Motion(self.time, self.names, tables[COORDINATE_VALUE.name])
-        curves = gait_curves(self.model, motion, self.strides, torques, self.wrenches)
+        loads = WalkLoads(torques=torques, wrenches=self.wrenches)
+        curves = gait_curves(self.model, motion, self.strides, loads)
         return {} if curves is None else {side: curves.mean(side) for side in SIDES}
 
 
