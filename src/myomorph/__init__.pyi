@@ -110,7 +110,6 @@ from .lab.analysis.foot_events import Limb as Limb
 from .lab.analysis.foot_events import StrideOptions as StrideOptions
 from .lab.analysis.strides import Stride as Stride
 from .lab.analysis.strides import Strides as Strides
-from .lab.analysis.travel import Travel as Travel
 from .lab.analysis.strides import find_strides as find_strides
 from .lab.analysis.walking import walking_strides as walking_strides
 from .lab.analyze.analysis import Analysis as Analysis

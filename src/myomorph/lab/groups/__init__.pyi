@@ -1,4 +1,4 @@
-# The public names of `mm.groups`: subjects, their curves over strides, and how two groups differ.
+# The public names of `mm.groups`: subjects, their strides and curves over them, and how two groups differ.
 from ..analysis.cycles import Band as Band
 from ..analysis.cycles import Cycles as Cycles
 from ..analysis.group_members import member as member
@@ -10,3 +10,4 @@ from ..analysis.groups import GroupOptions as GroupOptions
 from ..analysis.groups import ScalarDifference as ScalarDifference
 from ..analysis.groups import compare_groups as compare_groups
 from ..analysis.groups import compare_paired as compare_paired
+from ..analysis.travel import Travel as Travel
