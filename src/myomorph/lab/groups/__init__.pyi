@@ -1,4 +1,4 @@
-# The public names of `mm.groups`: subjects, their strides and curves over them, and how two groups differ.
+# The public names of `mm.groups`: subjects, their strides, and how two groups differ over them.
 from ..analysis.cycles import Band as Band
 from ..analysis.cycles import Cycles as Cycles
 from ..analysis.group_members import member as member
