@@ -37,7 +37,9 @@ def test_an_unknown_model_names_those_there_are():
 
 
 def test_grams_that_turn_as_trunks_do_are_warned_of():
-    (warning,) = read_model("myo-sim:myoarm").warnings
+    warning, fibers = read_model("myo-sim:myoarm").warnings
     assert "'clavphant_r'" in warning
     assert "1 kg m^2 at 0.001 kg" in warning
-    assert read_model("myo-sim:myolegs").warnings == ()
+    assert "the fibers of 6 of 63 muscles would be longer than the muscles" in fibers
+    (of_legs,) = read_model("myo-sim:myolegs").warnings
+    assert "the fibers of 2 of 80 muscles" in of_legs

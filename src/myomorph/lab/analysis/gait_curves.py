@@ -149,12 +149,15 @@ class WalkLoads:
     Attributes
     ----------
     torques : (frames, coordinates) [N m]
+    filtered : motion that the torques are of; the speeds of powers are its own, while angles stay
+        those of the motion as it was found
     wrenches : on the feet; a stride whose foot did not stand on plates has angles alone
     measured : (samples, bodies) vertical force on each body as measured [N], which the curve of
         the force is of; by default it is that of the wrenches, which may be filtered
     """
 
     torques: Series | None = None
+    filtered: Motion | None = None
     wrenches: Wrenches | None = None
     measured: Series | None = None
 
@@ -192,7 +195,7 @@ def gait_curves(
     for side in SIDES:
         own = strides.of(limbs[side])
         spans = [(stride.start, stride.stop) for stride in own]
-        series = Series(motion.time, KEYS, _columns(body, strides, side, loads.torques))
+        series = Series(motion.time, KEYS, _columns(body, strides, side, loads))
         values = np.array(over_cycles(series, spans, SAMPLES).values)
         leg = chains(model, walking_limbs(model))[limbs[side]]
         force = leg_force(model, leg, loads.wrenches, loads.measured)
@@ -282,10 +285,29 @@ class _Body:
         return cls(model, motion, FrozenMap(limbs), turned(pelvis), place, feet, axes)
 
 
-def _columns(body: _Body, strides: Strides, side: str, torques: Series | None) -> Array:
+def _speeds(motion: Motion, filtered: Motion | None) -> Array:
+    """Return speeds (frames, coordinates) of a motion, of its filtered one where that is known."""
+    known = motion if filtered is None else filtered
+    speeds = known.velocities
+    if speeds is None:
+        speeds = np.gradient(known.values, known.time, axis=0)
+    if known is motion:
+        return np.array(speeds)
+    columns = [known.names.index(name) for name in motion.names]
+    return np.stack(
+        [
+            np.interp(motion.time, known.time, speeds[:, column], np.nan, np.nan)
+            for column in columns
+        ],
+        axis=1,
+    )
+
+
+def _columns(body: _Body, strides: Strides, side: str, loads: WalkLoads) -> Array:
     """(frames, `KEYS`) of one side, but for the force."""
     model = body.model
     motion = body.motion
+    torques = loads.torques
     out = {key: np.full(len(motion), np.nan) for key in KEYS}
     ways = _ways(body, strides, strides.of(body.limbs[side]))
     frames = np.stack(
@@ -299,11 +321,7 @@ def _columns(body: _Body, strides: Strides, side: str, torques: Series | None) -
     out["pelvic_obliquity"] = mirrored * np.degrees(np.arcsin(np.clip(pelvis[:, 1, 2], -1.0, 1.0)))
     out["pelvic_rotation"] = mirrored * np.degrees(np.arctan2(pelvis[:, 0, 2], pelvis[:, 2, 2]))
     out["foot_progression"] = -mirrored * np.degrees(np.arctan2(foot[:, 2, 0], foot[:, 0, 0]))
-    velocities = (
-        motion.velocities
-        if motion.velocities is not None
-        else np.gradient(motion.values, motion.time, axis=0)
-    )
+    velocities = _speeds(motion, loads.filtered)
     moments = {}
     rates = {}
     for key in SPELLINGS:

@@ -141,9 +141,12 @@ class Prepared:
             return None
         dynamics = self.results.dynamics
         loads = WalkLoads(
-            torques=dynamics.torques, wrenches=dynamics.wrenches, measured=dynamics.measured
+            torques=dynamics.torques,
+            filtered=dynamics.motion,
+            wrenches=dynamics.wrenches,
+            measured=dynamics.measured,
         )
-        return gait_curves(model, dynamics.motion or motion, self.strides, loads)
+        return gait_curves(model, motion, self.strides, loads)
 
     @cached_property
     def recorded_movement(self) -> RecordedMovement | None:

@@ -33,13 +33,16 @@ from myomorph.lab.report.trial.prepared import Prepared
 def run(prepared: Prepared, use: Use) -> MainResult | None:
     """Force on each foot, and the knee; None where strides of two legs were not seen."""
     results = prepared.results
-    motion = results.dynamics.motion or results.kinematics.motion
+    motion = results.kinematics.motion or results.dynamics.motion
     strides = prepared.strides
     if results.model is None or motion is None or strides is None:
         return None
     dynamics = results.dynamics
     loads = WalkLoads(
-        torques=dynamics.torques, wrenches=dynamics.wrenches, measured=dynamics.measured
+        torques=dynamics.torques,
+        filtered=dynamics.motion,
+        wrenches=dynamics.wrenches,
+        measured=dynamics.measured,
     )
     gait = gait_curves(results.model, motion, strides, loads)
     if gait is None:
