@@ -30,6 +30,9 @@ def test_plug_in_gait_to_a_report(data, tmp_path, capsys) -> None:
     ours = np.interp(points.time, found.torques.time, found.torques["ankle_angle_r"])
     column = found.wrenches.bodies.index("calcn_r")
     loaded = np.interp(points.time, found.wrenches.time, found.wrenches.forces[:, column, 1]) > 30.0
+    # Filtered forces begin a frame before the foot does, where the file has no moment.
+    assert np.isnan(reference[loaded]).sum() <= 2
+    loaded &= np.isfinite(reference)
     assert loaded.sum() > 30
     assert np.corrcoef(ours[loaded], reference[loaded])[0, 1] > 0.99
     assert found.fit.rms.mean() < 0.006
