@@ -65,7 +65,7 @@ class Screen:
 
 @dataclass(frozen=True)
 class Look:
-    """What a browser tells of a page on one screen.
+    """What a browser reports of a page on one screen.
 
     Attributes
     ----------

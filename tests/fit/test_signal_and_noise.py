@@ -1,4 +1,4 @@
-"""Motion and noise told apart: on spectra whose noise, edge and filter are known."""
+"""Motion and noise distinguished, on spectra whose noise, edge and filter are known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Soft tissue is told from noise of the motion, whose size nobody knows."""
+"""Soft tissue is distinguished from noise of the motion, whose size nobody knows."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Identified masses of simulated people with moving skin, or of whom only masses are unknown.
 
-Simbody tells where bodies are and MuJoCo what the ground gives them; nothing of the estimator takes
-part. `python -m benchmarks.accuracy.identification.independent [SEED ...]` measures some people.
+Simbody reports where bodies are and MuJoCo what the ground gives them; nothing of the estimator
+takes part. `python -m benchmarks.accuracy.identification.independent [SEED ...]` measures some
+people.
 """
 
 from __future__ import annotations

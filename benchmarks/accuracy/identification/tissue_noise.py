@@ -216,6 +216,7 @@ def _row(truth: Truth, people: Sequence[Person], found: Sequence[Identification]
     ]
     alphas = [float(np.median(tissue.alpha)) for _, tissue, _ in taken]
     changes = [torque_error(one, truth, seed, tissue) for one, tissue, seed in taken]
+    shown = [one for one in evidence if one is not None and one.shown]
     return {
         "markers move": truth.name,
         "motion": truth.motion,
@@ -223,13 +224,15 @@ def _row(truth: Truth, people: Sequence[Person], found: Sequence[Identification]
         "noise [degrees]": truth.noise,
         "alike from frame to frame": truth.alike,
         "persons": len(people),
-        "forces show soft tissue": sum(each is not None and each.shown for each in evidence),
+        "forces show soft tissue": len(shown),
         "soft tissue taken": len(taken),
-        "found alpha, median [1e-4 s^2]": 1e4 * float(np.median(alphas)) if alphas else None,
-        "error of torques, of that without soft tissue": float(np.median(changes))
-        if changes
-        else None,
+        "found alpha, median [1e-4 s^2]": _median([1e4 * alpha for alpha in alphas]),
+        "error of torques, of that without soft tissue": _median(changes),
     }
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return float(np.median(values)) if values else None
 
 
 def torque_error(one: Person, truth: Truth, seed: int, tissue: SoftTissue) -> float:

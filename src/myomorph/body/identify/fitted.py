@@ -29,7 +29,7 @@ class Fitted:
     choice: ChosenPrior
 
     def misfits(self, strength: Strength) -> Array:
-        """Compute the misfit on each unseen part.
+        """Compute the misfit on each held-out part.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 """Soft tissue: how much more the markers move than the body's mass.
 
 It is found together with masses, and taken where measured forces show it (`tissue_evidence`) and
-unseen parts are predicted better.
+held-out parts are predicted better.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ that ends it.
 """
 GAIN = 0.95
 LOSS = 1.02
-"""Misfit on unseen parts, over that with the motion of the markers, under which soft tissue is
+"""Misfit on held-out parts, over that with the motion of the markers, under which soft tissue is
 taken; and of one of several recordings, over which it is not: what helps a jump and harms a walk
 says nothing of the next walk.
 """
@@ -147,7 +147,7 @@ def _fitted_tissue(model: Model, markers: Fitted, strength: Strength) -> Fitted:
 
 
 def predicts_better(ratios: Array, several: bool) -> bool:
-    """Judge whether soft tissue is taken, from misfits on unseen parts.
+    """Judge whether soft tissue is taken, from misfits on held-out parts.
 
     Parameters
     ----------

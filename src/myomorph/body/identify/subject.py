@@ -81,7 +81,7 @@ class IdentificationOptions:
     ----------
     method : "points" for masses of points, "pseudo-inertia" for possible parameters without points
     mass_sd : relative standard deviation of a link's mass before anything is measured, which says
-        how much the data may change the shape's masses; by default what predicts unseen parts of
+        how much the data may change the shape's masses; by default what predicts held-out parts of
         the recordings best
     prior : "relative" weighs data by their noise and each link's mass by `mass_sd`; "paper" is
         [D]'s own setting, `weight_phi` and `weight_rho` in its units, for masses of points
@@ -104,8 +104,8 @@ class IdentificationOptions:
         than the generic model's do: "generic" keeps those, "identified" takes the identified ones
         all the same and warns
     soft_tissue : whether markers move more than the body's mass: "auto" where measured forces show
-        it and unseen parts of the recordings are predicted better, "always" or "never"; never with
-        prior "paper"
+        it and held-out parts of the recordings are predicted better, "always" or "never"; never
+        with prior "paper"
     """
 
     method: Literal["points", "pseudo-inertia"] = "points"
@@ -294,7 +294,7 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
 
     Where markers move more than the body's mass, coordinates are filtered by 1 / (1 + alpha w^2)
     before accelerations count, if measured forces show it beside noise of the motion and that
-    predicts unseen parts better (`soft_tissue`): masses then explain forces that soft tissue does
+    predicts held-out parts better (`soft_tissue`): masses then explain forces that soft tissue does
     not.
 
     Source: [D], chapter 3; Ayusawa, Venture and Nakamura 2014; Lee, Wensing and Park 2020; see

@@ -3,9 +3,9 @@
 Soft tissue makes the force that a motion needs larger than the measured one by alpha w^2 of it.
 Noise of the coordinates makes it larger too, for accelerations hold w^2 of the noise. A fit of
 alpha by least squares cannot tell both apart: 1 / (1 + alpha w^2) takes noise from the needed force
-as it takes soft tissue, so that it predicts unseen parts better where markers move as the mass.
+as it takes soft tissue, so that it predicts held-out parts better where markers move as the mass.
 
-What tells them apart is that noise of the motion is not in the measured force F. So F is the
+What distinguishes them is that noise of the motion is not in the measured force F. So F is the
 instrument (Fuller 1987, Measurement Error Models, 1.4): with
 
     z = F - F / (1 + alpha w^2)

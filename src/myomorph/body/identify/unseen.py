@@ -41,7 +41,7 @@ MAX_LOSS = 0.1
 could have gained it: a twentieth of the misfit itself.
 """
 POINTS_PER_LINK = 60  # Points a link that stand for all of them while strengths are tried
-ROUNDS = 5  # Times that the noise is taken anew from what the fit leaves of unseen parts
+ROUNDS = 5  # Times that the noise is taken anew from what the fit leaves of held-out parts
 WHOLE = "recordings held out in turn"
 PIECES = "parts of the recording held out in turn"
 PAPER_SPREAD = 1.0

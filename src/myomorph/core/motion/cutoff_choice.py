@@ -1,7 +1,7 @@
 """The default cutoff of the low-pass filter: of least expected error, with the recording's noise.
 
-Motion and noise of a recording are told apart by its spectra (`core/fit/noise_fit.py`). One cutoff
-for all coordinates: what a filter takes cancels in the torques only if all lose the same.
+Motion and noise of a recording are distinguished by its spectra (`core/fit/noise_fit.py`). One
+cutoff for all coordinates: what a filter takes cancels in the torques only if all lose the same.
 """
 
 from __future__ import annotations

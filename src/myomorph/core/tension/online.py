@@ -72,7 +72,7 @@ class OnlineTension:
     Raises
     ------
     BadModel : the model closes loops
-    BadData : co-contraction is asked for
+    BadData : co-contraction is requested
     """
 
     def __init__(
@@ -202,7 +202,7 @@ def _load_term(
 
     Raises
     ------
-    BadData : co-contraction is asked for
+    BadData : co-contraction is requested
     """
     costs = settled_recruitment(recruitment, model, options, external=True)
     if costs.co_contraction:

@@ -89,7 +89,7 @@ def solve_tension(  # page: the terms of one problem, most of them optional
     Raises
     ------
     BadData : the motion has no velocities, torques, contacts or EMG are of other times, the
-        loop-closure error is above `loops.MAX_OPENING`, or joint loads are asked for with torques
+        loop-closure error is above `loops.MAX_OPENING`, or joint loads are requested with torques
         of unknown external forces
     UnknownName : torques of a free coordinate are missing, or an actuator, a site or EMG names what
         does not exist

@@ -36,7 +36,7 @@ LEVEL = 0.9
 PELVIS = 3  # Of the first variables, which both sides share
 BOTH = "both"
 NONE = Interval(float("nan"), float("nan"), float("nan"))
-MIN_SCORE = 0.1  # Below which a score is not told from the norm itself, whose logarithm is none [°]
+MIN_SCORE = 0.1  # A smaller score is that of the norm itself, whose logarithm is none [°].
 
 
 class LogScores(NamedTuple):

@@ -1,4 +1,4 @@
-"""Strides of any number of legs: times of strikes and lifts, durations, lengths and speeds.
+"""Strides of any number of legs: foot strikes, foot offs, durations, lengths and speeds.
 
 Seen from the body a foot goes forward in swing and backward in stance, on a treadmill as over
 ground: it strikes where it is farthest ahead and lifts where it is farthest behind (Zeni et al.

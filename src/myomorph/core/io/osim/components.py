@@ -85,7 +85,8 @@ def _rename_paths(root: etree._Element, moved: dict[str, str]) -> None:
 def name_coordinates_apart(model: Node) -> None:
     """Give coordinates of one name in several joints names of their own, with a warning.
 
-    OpenSim 4 tells them apart by their paths, `/jointset/elbow/rz`. Bare names are the first one's.
+    OpenSim 4 distinguishes them by their paths, `/jointset/elbow/rz`. Bare names are the first
+    one's.
 
     Parameters
     ----------
