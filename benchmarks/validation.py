@@ -6,8 +6,10 @@ from __future__ import annotations
 
 import argparse
 import time
+import traceback
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
+from typing import NamedTuple
 
 from benchmarks.accuracy.claims import claim_rows
 from benchmarks.accuracy.sections import PAGES, measurement
@@ -37,12 +39,14 @@ def run(names: list[str] | None = None) -> list[Row]:
             if error := done.exception():
                 failed.append(f"{', '.join(waiting[done])}: {error!r}")
                 continue
-            part, seconds = done.result()
-            found |= part
-            for name, rows in part.items():
+            part = done.result()
+            found |= part.rows
+            failed.extend(part.failed)
+            for name, rows in part.rows.items():
                 write(name, rows)
             print(
-                f"{len(found)} of {len(every)} tables; {', '.join(part)}: {seconds:.0f} s",
+                f"{len(found)} of {len(every)} tables; {', '.join(part.rows)}:"
+                f" {part.seconds:.0f} s",
                 flush=True,
             )
     save("claims", claim_rows(), COMMAND)
@@ -51,10 +55,33 @@ def run(names: list[str] | None = None) -> list[Row]:
     return [{"table": name, **row} for name in every for row in found[name]]
 
 
-def measured(names: list[str]) -> tuple[dict[str, list[Row]], float]:
-    """Rows of some tables by their names, and how long they took [s]."""
+class Measured(NamedTuple):
+    """Tables that one process measured.
+
+    Attributes
+    ----------
+    rows : by table
+    failed : names of tables that are missing, each with the error that it raised
+    seconds : all of them took [s]
+    """
+
+    rows: dict[str, list[Row]]
+    failed: list[str]
+    seconds: float
+
+
+def measured(names: list[str]) -> Measured:
+    """Measure some tables; one that fails leaves the others as they are."""
     started = time.monotonic()
-    return {name: list(measurement(name)()) for name in names}, time.monotonic() - started
+    rows: dict[str, list[Row]] = {}
+    failed = []
+    for name in names:
+        try:
+            rows[name] = list(measurement(name)())
+        except Exception as error:
+            traceback.print_exc()
+            failed.append(f"{name}: {error!r}")
+    return Measured(rows=rows, failed=failed, seconds=time.monotonic() - started)
 
 
 def write(name: str, rows: list[Row]) -> None:
