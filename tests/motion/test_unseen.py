@@ -12,7 +12,7 @@ from myomorph.core.model.spatial import axis_rotation, vector_from_rotation
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.core.motion.unseen import BRIDGED, UPRIGHT
-from myomorph.core.motion.upright import AHEAD, smoothed
+from myomorph.core.motion.upright import AHEAD, SLOW, smoothed
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.uncertainty.bodies import Draw
@@ -217,3 +217,15 @@ def test_draws_of_what_was_assumed_have_its_standard_deviation():
     )
     left_out = Draw(number=0, sources=Sources(unseen=0.0), normals=normals)
     assert not drawn_unseen(fit.modes, fit.motion.time, left_out).any()
+
+
+def test_frames_far_apart_are_not_smoothed():
+    time = np.array([0.0, 18.0, 36.0, 54.0])
+    values = np.array([[0.3], [-0.2], [0.5], [0.1]])
+    np.testing.assert_allclose(smoothed(time, values, SLOW), values, atol=1e-12)
+
+
+def test_what_grows_steadily_is_kept_by_smoothing_up_to_the_ends():
+    time = np.arange(60) / 20.0
+    values = np.column_stack([2.0 * time - 1.0, 0.5 - time])
+    np.testing.assert_allclose(smoothed(time, values, SLOW), values, atol=1e-9)

@@ -95,7 +95,7 @@ NEEDS = {
         (
             (f"{LENHART}lenhart2015.osim", "../../../models/lenhart2015/lenhart2015.osim"),
             *(
-                (f"{LENHART}core/motion/{name}", f"../../../models/lenhart2015/motion_data/{name}")
+                (f"{LENHART}motion/{name}", f"../../../models/lenhart2015/motion_data/{name}")
                 for name in ("overground_17_ext_loads.xml", "overground_17_grf.mot")
             ),
             (f"{LENHART}reference_comak/walking_values.sto", "../results/comak/walking_values.sto"),

@@ -38,6 +38,7 @@ STEPS = 6  # Of the search for the joints' angles
 STEP = 1e-6  # Of differences [rad]
 RIDGE = 1e-6  # Of the joints' least change, relative to the orientation
 FINE = 50.0  # Rotations of the pelvis are smoothed at so many frames a second at most [Hz]
+ALONE = 1e-9  # Share of the squared width that the times around a frame spread at least, for a line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,10 +259,14 @@ def smoothed(time: Array, values: Array, width: float) -> Array:
     total = around(ones, 0)
     first = around(ones, 1)
     second = around(ones, 2)
-    lines = [
-        (second * around(column, 0) - first * around(column, 1)) / (total * second - first**2)
-        for column in coarse.T
-    ]
+    spread = total * second - first**2
+    # Frames far apart have nothing around them that a line could go through.
+    alone = spread < ALONE * (width * total) ** 2
+    lines = []
+    for column in coarse.T:
+        mean = around(column, 0) / total
+        line = second * around(column, 0) - first * around(column, 1)
+        lines.append(np.where(alone, mean, line / np.where(alone, 1.0, spread)))
     return np.column_stack([np.interp(time, even, line) for line in lines])
 
 
