@@ -7,6 +7,10 @@ from numpy.typing import ArrayLike
 
 from myomorph.core.model.arrays import Array, freeze, read_only
 
+# Of axis x, y and z
+NEXT_AXIS = np.array([1, 2, 0])
+LAST_AXIS = np.array([2, 0, 1])
+
 
 def axis_rotation(axis: ArrayLike, angle: float) -> Array:
     """Rotation matrix about an axis (Rodrigues).
@@ -27,6 +31,23 @@ def axis_rotation(axis: ArrayLike, angle: float) -> Array:
     s = np.sin(angle)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + s * cross + (1.0 - c) * (cross @ cross)
+
+
+def cross_products(first: Array, second: Array) -> Array:
+    """Cross products of vectors in the last axis, as `numpy.cross`.
+
+    Of the few vectors of a live frame that function takes ten times as long.
+
+    Parameters
+    ----------
+    first, second : (..., 3)
+
+    Returns
+    -------
+    (..., 3)
+    """
+    ahead = first.take(NEXT_AXIS, -1) * second.take(LAST_AXIS, -1)
+    return ahead - first.take(LAST_AXIS, -1) * second.take(NEXT_AXIS, -1)
 
 
 def least_rotation(source: Array, target: Array) -> Array:

@@ -23,10 +23,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.core.model.arrays import read_only
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.latest import Latest
 from myomorph.core.model.model import Joint, Model
 from myomorph.core.model.shapes import ArmPairs, Coordinates, MuscleValues, Pulls
-from myomorph.core.muscles.model_paths import Paths
+from myomorph.core.model.spatial import cross_products
+from myomorph.core.muscles.model_paths import Paths, compile_paths
 from myomorph.core.rigid.coordinates import Ints, couple_rates_frames
 from myomorph.core.rigid.kinematics import body_motion
 from myomorph.core.rigid.knees import flexion_coordinate, knee_joints
@@ -46,15 +48,26 @@ class Extensors:
     ----------
     knee : the joint
     coordinate : number of the coordinate that bends it
+    thigh : number of the body above it
     muscles : (muscles,) their numbers
-    shank : (pairs,) rows of `Paths.pull_muscle` on the shank and what hangs on it
-    patella : (pairs,) rows of the same muscles on the patella, in the order of `shank`
+    pairs : (pairs,) rows of `Paths.pull_muscle` that are theirs
+    owners : (muscles, pairs) 1 where a row of `pairs` is of a muscle, else 0
+    moving : (muscles, arms) 1 where a moment arm of the pattern is of a muscle about the knee, else
+        0
+    shank : (pairs on the shank,) rows of `Paths.pull_muscle` on the shank and what hangs on it
+    shank_owners : (muscles, pairs on the shank) as `owners`
+    patella : (muscles,) a row of each muscle on the patella
     """
 
     knee: Joint
     coordinate: int
+    thigh: int
     muscles: Ints
+    pairs: Ints
+    owners: Array
+    moving: Array
     shank: Ints
+    shank_owners: Array
     patella: Ints
 
 
@@ -81,18 +94,23 @@ class TendonArms(NamedTuple):
         return np.where(usable, np.clip(ratio, MIN_RATIO, MAX_RATIO), 1.0)
 
 
-def extensors(paths: Paths) -> Iterator[Extensors]:
+def extensors(paths: Paths) -> tuple[Extensors, ...]:
     """Find the extensors of every knee whose patella moves on the thigh.
 
     Parameters
     ----------
     paths : of the model's muscles
 
-    Yields
-    ------
+    Returns
+    -------
     a group for each knee; none where the model has no such patella
     """
-    model = paths.tree.model
+    return _extensors_of(paths.tree.model)
+
+
+def _extensors(model: Model) -> Iterator[Extensors]:
+    """Find the groups of `extensors`."""
+    paths = compile_paths(model)
     for knee in knee_joints(model):
         coordinate = flexion_coordinate(model, knee)
         patella = patella_of(model, knee)
@@ -102,13 +120,30 @@ def extensors(paths: Paths) -> Iterator[Extensors]:
         if not pairs:
             continue
         on_shank, on_patella = np.array(pairs).T
+        muscles, first = np.unique(paths.pull_muscle[on_shank], return_index=True)
+        theirs = np.flatnonzero(np.isin(paths.pull_muscle, muscles))
+        number = model.coordinate_names.index(coordinate)
+        moving = _owners(muscles, paths.arm_muscle) * (paths.arm_coordinate == number)
         yield Extensors(
             knee=knee,
-            coordinate=model.coordinate_names.index(coordinate),
-            muscles=np.unique(paths.pull_muscle[on_shank]),
+            coordinate=number,
+            thigh=paths.tree.body_index[knee.parent],
+            muscles=muscles,
+            pairs=theirs,
+            owners=_owners(muscles, paths.pull_muscle[theirs]),
+            moving=moving,
             shank=on_shank,
-            patella=on_patella,
+            shank_owners=_owners(muscles, paths.pull_muscle[on_shank]),
+            patella=on_patella[first],
         )
+
+
+_extensors_of: Latest[tuple[Extensors, ...]] = Latest(lambda model: tuple(_extensors(model)))
+
+
+def _owners(muscles: Ints, of_rows: Ints) -> Array:
+    """(muscles, rows) 1 where a row is of a muscle, else 0."""
+    return (muscles[:, None] == of_rows).astype(np.float64)
 
 
 def _pairs_over_patella(paths: Paths, knee: Joint, patella: str) -> list[tuple[int, int]]:
@@ -163,29 +198,28 @@ def tendon_arms(
     """
     tree = paths.tree
     c = np.array(coordinates, dtype=np.float64)
-    rates = np.zeros_like(coordinates)
+    rates = np.zeros_like(c)
     rates[:, group.coordinate] = 1.0
     none = np.zeros_like(c)
     couple_rates_frames(tree.arrays, c, rates, none)
     motion = body_motion(tree, c, rates, none)
+
     spin = motion.angular_velocities
-    velocity = motion.velocities - np.cross(spin, motion.origins)
+    # (frames, bodies, 6) velocity at the ground's origin and angular velocity, as pulls are given.
+    at_ground = motion.velocities - cross_products(spin, motion.origins)
+    twists = np.concatenate([at_ground, spin], axis=2)
+    seen_from_thigh = twists - twists[:, group.thigh, None]
+    power = _power(pulls[:, group.pairs], twists[:, paths.pull_body[group.pairs]])
+    of_tendon = _power(pulls[:, group.shank], seen_from_thigh[:, paths.pull_body[group.shank]])
+    return TendonArms(
+        path=power @ group.owners.T + work @ group.moving.T,
+        tendon=of_tendon @ group.shank_owners.T,
+    )
 
-    power = np.einsum("fpi,fpi->fp", pulls[..., :3], velocity[:, paths.pull_body])
-    power += np.einsum("fpi,fpi->fp", pulls[..., 3:], spin[:, paths.pull_body])
-    thigh = tree.body_index[group.knee.parent]
-    power_on_thigh = np.einsum("fpi,fi->fp", pulls[..., :3], velocity[:, thigh])
-    power_on_thigh += np.einsum("fpi,fi->fp", pulls[..., 3:], spin[:, thigh])
 
-    path = np.zeros((len(c), len(group.muscles)))
-    tendon = np.zeros_like(path)
-    for column, muscle in enumerate(group.muscles):
-        moving = (paths.arm_muscle == muscle) & (paths.arm_coordinate == group.coordinate)
-        of_points = work[:, moving].sum(axis=1)
-        path[:, column] = power[:, paths.pull_muscle == muscle].sum(axis=1) + of_points
-        on_shank = group.shank[paths.pull_muscle[group.shank] == muscle]
-        tendon[:, column] = (power[:, on_shank] - power_on_thigh[:, on_shank]).sum(axis=1)
-    return TendonArms(path=path, tendon=tendon)
+def _power(pulls: Pulls, twists: Array) -> Array:
+    """(frames, pairs) power of (frames, pairs, 6) pulls on what moves so [m/s for unit tension]."""
+    return np.einsum("fpi,fpi->fp", pulls, twists)
 
 
 def with_lever(paths: Paths, coordinates: Coordinates, pulls: Pulls, work: ArmPairs) -> Pulls:
@@ -207,9 +241,8 @@ def with_lever(paths: Paths, coordinates: Coordinates, pulls: Pulls, work: ArmPa
         if result is pulls:
             result = pulls.copy()
         ratio = tendon_arms(paths, group, coordinates, pulls, work).ratio
-        columns = np.searchsorted(group.muscles, paths.pull_muscle[group.shank])
-        for shank, patella, column in zip(group.shank, group.patella, columns, strict=True):
-            less = (1.0 - ratio[:, column, None]) * pulls[:, shank]
-            result[:, shank] -= less
-            result[:, patella] += less
+        less_of_pairs = (1.0 - ratio) @ group.shank_owners
+        less = less_of_pairs[..., None] * pulls[:, group.shank]
+        result[:, group.shank] -= less
+        result[:, group.patella] += group.shank_owners @ less
     return result

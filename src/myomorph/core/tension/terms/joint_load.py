@@ -54,6 +54,11 @@ class JointLoadTerm(Term):
             np.flatnonzero(self._paths.tree.hanging(child[name])[self._paths.pull_body])
             for name in joints
         ]
+        # (crossing muscles, pairs of the joint) 1 where a pull is of a muscle, else 0
+        self._owners = [
+            (crossing[:, None] == self._paths.pull_muscle[pairs]).astype(np.float64)
+            for crossing, pairs in zip(self._crossing, self._pairs, strict=True)
+        ]
         self._body_weight = model.mass * float(np.linalg.norm(model.gravity))
         if not self._body_weight > 0.0:
             raise BadModel(f"model '{model.name}' has no weight to take joint loads in shares of")
@@ -91,17 +96,16 @@ class JointLoadTerm(Term):
         pulls, work = self._paths.pulls(frames.coordinates)
         pulls = with_lever(self._paths, frames.coordinates, pulls, work)
         shares = pulls[..., :3] / self._body_weight
+        anyway = muscles.passive + muscles.viscous
         values = []
         targets = []
         for j, (pairs, crossing) in enumerate(zip(self._pairs, self._crossing, strict=True)):
-            # (frames, muscles, 3) of one unit of tension
-            unit = np.zeros((len(frames), muscles.active.shape[1], 3))
-            for pair in pairs:
-                unit[:, self._paths.pull_muscle[pair]] += shares[:, pair]
-            of_activation = (unit * muscles.active[..., None])[:, crossing]
+            # (frames, crossing muscles, 3) of one unit of tension; what does not cross has no share
+            unit = self._owners[j] @ shares[:, pairs]
+            of_activation = unit * muscles.active[:, crossing, None]
             values.append(of_activation.transpose(0, 2, 1).reshape(len(frames), -1))
-            anyway = np.einsum("kmi,km->ki", unit, muscles.passive + muscles.viscous)
-            targets.append(self._alone[frames.part, j] / self._body_weight - anyway)
+            carried = np.einsum("kmi,km->ki", unit, anyway[:, crossing])
+            targets.append(self._alone[frames.part, j] / self._body_weight - carried)
         return np.hstack(values), np.hstack(targets)
 
 
