@@ -246,8 +246,26 @@ def smoothed(time: Array, values: Array, width: float) -> Array:
     count = min(len(time), max(3, int(np.ceil(span * FINE)) + 1))
     even = np.linspace(time[0], time[-1], count)
     coarse = np.column_stack([np.interp(even, time, column) for column in values.T])
-    reach = min(int(np.ceil(4.0 * width / (even[1] - even[0]))), count - 1)
-    offsets = (even[1] - even[0]) * np.arange(-reach, reach + 1)
+    lines = _lines_around(coarse, even[1] - even[0], width)
+    return np.column_stack([np.interp(time, even, line) for line in lines.T])
+
+
+def _lines_around(values: Array, step: float, width: float) -> Array:
+    """Value at every sample of the line through what lies around it.
+
+    Parameters
+    ----------
+    values : (samples, columns), evenly spaced
+    step : from sample to sample [s]
+    width : standard deviation of the Gaussian [s]
+
+    Returns
+    -------
+    (samples, columns)
+    """
+    count = len(values)
+    reach = min(int(np.ceil(4.0 * width / step)), count - 1)
+    offsets = step * np.arange(-reach, reach + 1)
     kernel = np.exp(-0.5 * (offsets / width) ** 2)
 
     def around(column: Array, power: int) -> Array:
@@ -260,14 +278,14 @@ def smoothed(time: Array, values: Array, width: float) -> Array:
     first = around(ones, 1)
     second = around(ones, 2)
     spread = total * second - first**2
-    # Frames far apart have nothing around them that a line could go through.
+    # Samples far apart have nothing around them that a line could go through.
     alone = spread < ALONE * (width * total) ** 2
-    lines = []
-    for column in coarse.T:
-        mean = around(column, 0) / total
-        line = second * around(column, 0) - first * around(column, 1)
-        lines.append(np.where(alone, mean, line / np.where(alone, 1.0, spread)))
-    return np.column_stack([np.interp(time, even, line) for line in lines])
+    lines = np.empty_like(values)
+    for column, given in enumerate(values.T):
+        mean = around(given, 0) / total
+        line = second * around(given, 0) - first * around(given, 1)
+        lines[:, column] = np.where(alone, mean, line / np.where(alone, 1.0, spread))
+    return lines
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
