@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.series import Event, Wrenches
 from myomorph.core.model.sides import split_side
 from myomorph.core.model.stride_curves import STRIKES
+from myomorph.core.motion.peaks import prominent_peaks
 from myomorph.lab.analysis.phases import contacts
 from myomorph.lab.analysis.travel import Travel
 
@@ -155,9 +155,7 @@ def _extremes(travel: Travel, values: Array, options: StrideOptions) -> Array:
     step = float(np.median(np.diff(time)))
     apart = MIN_SEPARATION * travel.period / step if np.isfinite(travel.period) else 1.0
     # A foot that begins or ends at its extreme has not been seen to turn there.
-    peaks, _ = scipy.signal.find_peaks(
-        filled, prominence=options.prominence * way, plateau_size=1, distance=max(apart, 1.0)
-    )
+    peaks = prominent_peaks(filled, options.prominence * way, max(apart, 1.0))
     if not len(peaks):
         return np.zeros(0)
     usual = float(np.median(np.diff(time[peaks]))) if len(peaks) > 1 else 0.2 * float(np.ptp(time))

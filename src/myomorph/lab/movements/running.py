@@ -27,10 +27,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.quantity import Quantity
+from myomorph.core.motion.peaks import prominent_peaks
 from myomorph.lab.movements import quantities as of
 from myomorph.lab.movements.part import UNKNOWN, Part, known_numbers, phases_between
 from myomorph.lab.movements.support_force import (
@@ -241,7 +241,7 @@ def loading_rate(time: Array, force: Array, weight: float) -> float:
     [N/s], NaN where the plate took too few samples between them
     """
     early = time - time[0] <= EARLY * (time[-1] - time[0])
-    peaks, _ = scipy.signal.find_peaks(force, prominence=IMPACT * weight)
+    peaks = prominent_peaks(force, IMPACT * weight)
     impacts = [peak for peak in peaks if early[peak] and peak < int(np.argmax(force))]
     at = float(time[0] + NO_IMPACT * (time[-1] - time[0]))
     end = impacts[0] if impacts else int(np.searchsorted(time, at))

@@ -20,10 +20,10 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.motion.peaks import prominent_peaks
 from myomorph.lab.movements import quantities as of
 from myomorph.lab.movements.body_curves import BodyCurves, right_load
 from myomorph.lab.movements.part import UNKNOWN, Part, known_numbers, phases_between
@@ -122,8 +122,7 @@ def repetitions(time: Array, bend: Array) -> tuple[Repetition, ...]:
     needed = max(MIN_DEPTH, PROMINENT * float(np.ptp(angle)))
     # A recording may end at the bottom: its ends count as upright.
     ended = np.concatenate([[angle.min()], angle, [angle.min()]])
-    tops, _ = scipy.signal.find_peaks(ended, prominence=needed)
-    peaks = tops - 1
+    peaks = prominent_peaks(ended, needed) - 1
     edges = [0, *(_lowest(angle, *pair) for pair in itertools.pairwise(peaks))]
     edges.append(len(angle) - 1)
     return tuple(
