@@ -206,6 +206,7 @@ PAGES: dict[str, dict[str, str]] = {
         ),
         "identification_people": "accuracy.identification.independent:measure",
         "identification_exact": "accuracy.identification.independent:measure_exact",
+        "tissue_noise": "accuracy.identification.tissue_noise:measure",
         "identification_segments": "accuracy.identification.identification:measure_segments",
         "chapter3_wrenches": "accuracy.identification.chapter3:measure_wrenches",
         "chapter3_masses": "accuracy.identification.chapter3:measure_masses",
