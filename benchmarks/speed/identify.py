@@ -15,7 +15,7 @@ import numpy as np
 import myomorph as mm
 from benchmarks.speed.timing import clocked, in_own_process
 from data_collection import data_folder
-from myomorph.body.identify.base import fit_base
+from myomorph.body.identify.base import BaseOptions, fit_base
 from myomorph.body.identify.base_parameters import base_parameters
 from myomorph.body.identify.least_squares import Recording
 from myomorph.core.model.functions import linear
@@ -31,6 +31,7 @@ FRAMES = 36_000
 RATE = 200.0
 NOISE = 0.5
 SEQUENTIAL = 4_000
+EXACT_MOTION = BaseOptions(motion_sd=0.0)
 
 
 def run() -> list[dict[str, object]]:
@@ -43,11 +44,11 @@ def measure(name: str, frames: int = FRAMES) -> dict[str, object]:
     """Batch and recursion on one model."""
     model = of_the_papers_size() if name.startswith("53") else real_model()
     # Kernels compile first, on a few frames.
-    fit_base(model, [simulated(model, 40)])
+    fit_base(model, [simulated(model, 40)], options=EXACT_MOTION)
     given = simulated(model, frames)
     structure = clocked(lambda: base_parameters(model))
     base = structure.result
-    batch = clocked(lambda: fit_base(model, [given], base))
+    batch = clocked(lambda: fit_base(model, [given], base, EXACT_MOTION))
     fit = batch.result
     truth = base.of(other_masses(model))
     fold, cpu_fold = recursion(model, base, given, min(SEQUENTIAL, frames))

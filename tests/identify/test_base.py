@@ -18,6 +18,7 @@ from myomorph.body.identify.base_parameters import (
     parameter_sizes,
 )
 from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.motion_noise import coordinate_noise, noise_of, plus
 from myomorph.body.identify.null_space import (
     SCALE,
     clusters,
@@ -39,6 +40,7 @@ from trees import floating_tree, functional_tree, random_tree, swinging
 
 FREE = tuple(name for name in MODELS if "10dof18musc" not in name and "reference-small" not in name)
 LIMITED = tuple(name for name in MODELS if name not in FREE)
+EXACT_MOTION = BaseOptions(motion_sd=0.0)
 
 
 def annihilation(model, vectors, held):
@@ -295,12 +297,36 @@ def test_standard_deviations_tell_the_truth(arm):
     motion = simulated(arm, 1500)
     scores = []
     for seed in range(6):
-        fit = fit_base(arm, [recorded(arm, motion, truth, noise=0.5, seed=seed)])
+        given = recorded(arm, motion, truth, noise=0.5, seed=seed)
+        fit = fit_base(arm, [given], options=EXACT_MOTION)
         scores.append((fit.estimate - fit.base.of(truth)) / fit.sd)
     scores = np.concatenate(scores)
     assert np.std(scores) == pytest.approx(1.0, abs=0.15)
     assert np.mean(np.abs(scores) < 2.0) > 0.9
     np.testing.assert_allclose(fit.sigma[3:], 0.5, rtol=0.1)
+
+
+def test_noise_of_the_motion_is_in_standard_deviations(arm):
+    """Noise in the regressor pulls at the estimate, towards less, whether or not it is stated."""
+    truth = other_body(arm)
+    motion = simulated(arm, 800)
+    given = recorded(arm, motion, truth, noise=0.5)
+    stated = coordinate_noise(motion, 0.002)
+    scores = {"stated": [], "not stated": [], "left out": []}
+    for seed in range(6):
+        error = noise_of(motion, stated, np.random.default_rng(100 + seed))
+        seen = Recording(plus(motion, error), given.wrenches)
+        fits = {
+            "stated": fit_base(arm, [replace(seen, noise=stated)]),
+            "not stated": fit_base(arm, [seen]),
+            "left out": fit_base(arm, [seen], options=EXACT_MOTION),
+        }
+        for name, fit in fits.items():
+            scores[name].append((fit.estimate - fit.base.of(truth)) / fit.sd)
+    sizes = {name: np.sqrt(np.mean(np.square(each))) for name, each in scores.items()}
+    assert 0.6 < sizes["stated"] < 1.3
+    assert sizes["not stated"] == pytest.approx(sizes["stated"], rel=1e-6)
+    assert sizes["left out"] > 1.5
 
 
 def test_frames_that_repeat_each_other_count_once(arm):
@@ -320,7 +346,7 @@ def test_frames_that_repeat_each_other_count_once(arm):
             forces=clean.wrenches.forces + held[:, :1],
             torques=clean.wrenches.torques + held[:, 1:] + np.cross(np.zeros(3), held[:, :1]),
         )
-        fit = fit_base(arm, [Recording(motion, given)])
+        fit = fit_base(arm, [Recording(motion, given)], options=EXACT_MOTION)
         times.append(fit.frames / fit.samples[3:])
         scores.append((fit.estimate - fit.base.of(truth)) / fit.sd)
     np.testing.assert_allclose(np.mean(times), 10.0, rtol=0.3)
@@ -350,9 +376,8 @@ def test_rows_hold_the_information_for_standard_parameters(arm):
 def test_equals_dense_least_squares(arm):
     """All rows and the prior at once, by LAPACK's singular values."""
     given = recorded(arm, simulated(arm, 200), other_body(arm), noise=1.0)
-    fit = fit_base(
-        arm, [given], options=BaseOptions(moment_noise=1.0, force_noise=2.0, correlated=False)
-    )
+    options = BaseOptions(moment_noise=1.0, force_noise=2.0, correlated=False, motion_sd=0.0)
+    fit = fit_base(arm, [given], options=options)
     sigma = np.repeat([1.0, 2.0], 3)
     rows = base_regressor(arm, given.motion)[:, :, fit.base.columns] / sigma[:, None]
     wrench = base_wrench(arm, given.motion, given.wrenches) / sigma
@@ -450,7 +475,7 @@ def test_memory_does_not_grow_with_the_frames(arm):
     for frames in (1000, 4000):
         given = recorded(arm, simulated(arm, frames))
         tracemalloc.start()
-        fit_base(arm, [given], base_parameters(arm), BaseOptions(block=256))
+        fit_base(arm, [given], base_parameters(arm), BaseOptions(block=256, motion_sd=0.0))
         most[frames] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     assert (most[4000] - most[1000]) / 3000 < 1000

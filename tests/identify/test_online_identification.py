@@ -70,6 +70,7 @@ def test_frame_by_frame_is_the_batch(walk: tuple[Model, Motion, Wrenches]) -> No
         correlated=False,
         moment_noise=float(online.sigma[0]),
         force_noise=float(online.sigma[3]),
+        motion_sd=0.0,
     )
     batch = fit_base(
         model,

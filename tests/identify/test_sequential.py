@@ -23,7 +23,7 @@ from myomorph.live.sequential import SequentialFit
 from trees import floating_tree
 
 SIGMA = (2.0, 2.0, 2.0, 5.0, 5.0, 5.0)
-OPTIONS = BaseOptions(moment_noise=2.0, force_noise=5.0, correlated=False)
+OPTIONS = BaseOptions(moment_noise=2.0, force_noise=5.0, correlated=False, motion_sd=0.0)
 
 
 def run(fit, model, given):

@@ -20,7 +20,7 @@ from benchmarks.accuracy.identification.simulated import (
 
 from myomorph.body.calibrate.calibrate import calibrate
 from myomorph.body.calibrate.calibration import CalibrationOptions
-from myomorph.body.identify.base import fit_base
+from myomorph.body.identify.base import BaseOptions, fit_base
 from myomorph.body.identify.least_squares import Recording as Measured
 from myomorph.core.io.mjcf.read import model_from_mujoco
 from myomorph.core.model.inertia import inertial_parameters, pseudo_inertias
@@ -81,7 +81,9 @@ def test_the_engine_agrees_with_the_regressor(trials):
 def test_base_parameters_with_known_kinematics_lie_within_their_deviations(trials):
     one = trials.exciting
     truth = inertial_parameters(trials.subject.person)
-    fit = fit_base(trials.subject.person, [Measured(one.motion, one.wrenches)])
+    exact_motion = BaseOptions(motion_sd=0.0)
+    measured = Measured(one.motion, one.wrenches)
+    fit = fit_base(trials.subject.person, [measured], options=exact_motion)
     error = (fit.estimate - fit.base.of(truth)) / fit.sd
     assert np.mean(np.abs(error) < 3.0) >= 0.95
     assert 0.7 < np.sqrt(np.mean(error**2)) < 1.4

@@ -8,6 +8,8 @@ import numpy as np
 
 from myomorph.swings.viscosity.identification.excitation import Excitation
 from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.swings.sums import swing_sums
+from myomorph.swings.viscosity.trust.freed import ActingTerms, FreedProblem
 from myomorph.swings.viscosity.trust.models import PassiveOptions, compare_passive_laws
 from truths.mechanical_joint import mechanical_joint
 
@@ -24,6 +26,17 @@ def test_dry_friction_of_a_hinge_is_found_and_leaves_the_damping():
     assert acting.friction
     assert acting.coefficients["dry friction"].holds(FRICTION)
     assert abs(acting.coefficients["viscosity"].value / DAMPING - 1.0) < 0.05
+
+
+def test_a_ball_that_is_released_without_spin_stays_one_value():
+    """Errors of the inertia that act on a noisy acceleration took the torque about its length."""
+    joint = mechanical_joint("ball", DAMPING, 0.0, 106, seconds=15.0, spin=0.0)
+    swings = [replace(one, cutoff=10.0) for one in joint.swings(10.0)]
+    assert compare_passive_laws(swings, FEW).acting is None
+    sums = swing_sums(swings)
+    freed = FreedProblem.of(swings, sums, joint.truth.parameters)
+    axes = freed.fit(ActingTerms("viscosity by axis")).law[:3] / DAMPING
+    assert (np.abs(axes - 1.0) < [0.03, 0.03, 0.08]).all()
 
 
 def test_an_axis_whose_rates_are_noise_is_not_shown():

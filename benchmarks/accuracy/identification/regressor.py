@@ -49,7 +49,7 @@ from real_models import MODELS
 from trees import floating_tree, to_mujoco, to_pinocchio
 
 TREES = 20
-NOISE = BaseOptions(moment_noise=2.0, force_noise=5.0, correlated=False)
+NOISE = BaseOptions(moment_noise=2.0, force_noise=5.0, correlated=False, motion_sd=0.0)
 """Noise of the rows that batch and recursion are given alike."""
 
 OPENSIM_MODELS = (
@@ -300,7 +300,7 @@ def measure_deviations(folder: Path, frames: int = 6000, recordings: int = 5) ->
                     model,
                     [Recording(given.motion, plate)],
                     base,
-                    BaseOptions(correlated=correlated),
+                    BaseOptions(correlated=correlated, motion_sd=0.0),
                 )
                 scores.append((fit.estimate - base.of(other_masses(model))) / fit.sd)
                 samples.append(fit.frames / fit.samples.mean())

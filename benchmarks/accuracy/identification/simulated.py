@@ -130,7 +130,7 @@ def with_known_kinematics(case: Case, folder: Path, size: Size) -> Facts:
     yield "motion known: coordinates that move", len(one.motion.names), ""
     yield "our base wrench less the engine's, largest [N m]", float(gap[:3].max()), ""
     yield "our base wrench less the engine's, largest [N]", float(gap[3:].max()), ""
-    options = base.BaseOptions(reference=tuple(map(float, one.center)))
+    options = base.BaseOptions(reference=tuple(map(float, one.center)), motion_sd=0.0)
     fit = base.fit_base(
         person, [least_squares.Recording(one.motion, one.wrenches)], options=options
     )

@@ -17,7 +17,7 @@ from myomorph.swings.viscosity.trust.models import PassiveOptions, compare_passi
 from truths.mechanical_joint import mechanical_joint
 
 SECONDS = 15.0
-JOINTS = 6
+JOINTS = 16
 FRICTION = 0.02
 """Length of a trial [s], joints of each kind, and dry friction of an axis [N m]."""
 
@@ -86,7 +86,7 @@ def _joint(kind: Kind, seed: int) -> dict[str, Covered]:
     one = condition.viscosity
     axes = [each for each in condition.axis_viscosity if np.isfinite(each.value)]
     if acting is not None:
-        one = acting.coefficients["viscosity"]
+        one = acting.viscosity_of(one)
         own = [
             each
             for name, each in acting.coefficients.items()

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from myomorph.body.identify.base_errors import WeighedRows, motion_errors
 from myomorph.body.identify.base_parameters import (
     BaseParameters,
     base_parameters,
@@ -17,8 +18,7 @@ from myomorph.body.identify.base_parameters import (
     link_levels,
 )
 from myomorph.body.identify.least_squares import Blocks, Recording, Rows, gather, residuals
-from myomorph.body.identify.motion_noise import MotionNoise, motion_noise
-from myomorph.body.identify.parts import parts_of
+from myomorph.body.identify.motion_noise import MOTION_SD, MotionNoise, with_noise
 from myomorph.body.identify.triangles import (
     Solution,
     levels,
@@ -58,6 +58,8 @@ class BaseOptions:
     rank_tolerance : singular values below this share of the largest do not count for the rank,
         columns scaled to length 1
     block : frames that are taken at a time
+    motion_sd : standard deviation of the noise that the filter leaves in a coordinate, of
+        recordings that do not say it [rad or m]; 0 for a motion without noise
     """
 
     reference: tuple[float, float, float] | None = None
@@ -70,6 +72,7 @@ class BaseOptions:
     identifiable: float = 0.2
     rank_tolerance: float = 1e-6
     block: int = 512
+    motion_sd: float = MOTION_SD
 
     @property
     def blocks(self) -> Blocks:
@@ -88,6 +91,8 @@ class BaseOptions:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise BadData(f"{name} is {value:g}: expected above 0")
+        if not self.motion_sd >= 0.0:
+            raise BadData(f"motion_sd is {self.motion_sd:g}: expected at least 0")
 
 
 @read_only
@@ -249,22 +254,24 @@ def fit_base(
     autocorrelation. Rows and forces of recordings that have a finer motion pass the filter after
     they are made.
 
-    Where the noise of the motion is known, it is drawn anew some times, and each draw d of it pulls
-    at the estimate by g_d = -Y_d^T (Y_d phi_B - f). With the information H, and the share s of the
-    misfit's variance that other noise made, the covariance is
+    Noise of the motion is in the rows too. It is drawn anew some times, and each draw moves the
+    estimate. With the information H_i of each row of the wrench, and the share s_i of its misfit's
+    variance that other noise made, the mean square of an error is
 
-        s H^-1 + H^-1 cov(g) H^-1
+        H^-1 (sum_i s_i H_i) H^-1 + bias^2 + scatter of the draws
+
+    (`motion_errors`). Noise that would make more misfit than there is is taken as less, so exact
+    recordings have none.
 
     Parameters
     ----------
     model : whose inertial parameters the weak prior is about
-    recordings : with derivatives of the motion
+    recordings : with derivatives of the motion, and its noise where that is known
     base : what is estimated; by default the base parameters of the model, with coordinates that are
         locked (and, on a base that is fixed, those of its joint to the ground) where the recordings
         have them
     options : noise, prior and tare; see `BaseOptions`
-    motion : what noise of the motion adds to the rows; by default made from the noise of the
-        recordings, where all have it
+    motion : what noise of the motion adds to the rows, where that was computed already
 
     Returns
     -------
@@ -288,9 +295,11 @@ def fit_base(
     data = chosen.without(len(base))
 
     misfit = rows.rms(chosen.solution)
-    motion = motion or _noise_of_motion(model, recordings, base, misfit, estimate)
-    sd = noise.followed * chosen.sd[: len(base)]
-    if motion is not None:
+    if motion is None:
+        fitted = _fitted(chosen, rows, noise, prior, options)
+        sd = _sd_by_rows(model, recordings, base, fitted, noise.followed, options)
+    else:
+        sd = noise.followed * chosen.sd[: len(base)]
         sd = _share_of_others(motion, misfit, estimate) * sd
         sd = np.hypot(sd, _motion_sd(data.R, prior, motion, noise, estimate))
     shown = rank_and_condition(data.R, options.rank_tolerance)
@@ -325,27 +334,56 @@ def _base_of(model: Model, recordings: Sequence[Recording], options: BaseOptions
     return base_parameters(model, options.fixed, held)
 
 
-def _noise_of_motion(
+def _fitted(
+    chosen: Solution, rows: Rows, noise: RowNoise, prior: WeakPrior, options: BaseOptions
+) -> WeighedRows:
+    """Collect the equations that were solved.
+
+    Parameters
+    ----------
+    chosen : their solution, with the tare where that is estimated
+    rows : of all frames
+    noise : that they were weighed by
+    prior : of the base parameters
+    options : whether the tare is estimated
+    """
+    whole, _ = with_prior(np.column_stack([chosen.R, chosen.z]), prior.mean, prior.sd)
+    return WeighedRows(
+        factors=rows.factors if options.tare else rows.plain,
+        weight=noise.weight,
+        solution=chosen.solution,
+        R=whole,
+        prior_sd=prior.sd,
+    )
+
+
+def _sd_by_rows(
     model: Model,
     recordings: Sequence[Recording],
     base: BaseParameters,
-    misfit: Array,
-    estimate: Array,
-) -> MotionNoise | None:
-    """Compute what noise of the motion adds to rows; None where that of a recording is not known.
+    fitted: WeighedRows,
+    followed: float,
+    options: BaseOptions,
+) -> Array:
+    """Compute standard deviations with noise of the motion, where there is any.
 
     Parameters
     ----------
     model, recordings, base : of the rows
-    misfit : (6,) root mean square that the estimate leaves [N m], [N]
-    estimate : (n,) base parameters
+    fitted : the equations that were solved
+    followed : see `RowNoise`
+    options : noise of the motion where recordings do not say it
+
+    Returns
+    -------
+    (n,)
     """
-    if any(recording.noise is None for recording in recordings):
-        return None
-    parts = parts_of(model, recordings, base, least=1)
-    added = motion_noise(model, recordings, parts)
-    # Noise that alone would make more misfit than there is was given too large.
-    return added.at_most(_vectors(misfit), base.standard(estimate))
+    exact = not options.motion_sd and all(one.noise is None for one in recordings)
+    if exact:
+        return followed * np.sqrt(fitted.variance(np.ones(6)))
+    noisy = [with_noise(one, options.motion_sd) for one in recordings]
+    errors = motion_errors(model, noisy, base, fitted, options.blocks)
+    return np.hypot(followed * np.sqrt(fitted.variance(errors.shares)), errors.sd)
 
 
 def _motion_sd(

@@ -31,6 +31,10 @@ from myomorph.core.motion.filters import differentiate
 
 DRAWS = 12  # Times that noise is added
 CUTOFF = 6.0  # Of the filter of motions that came filtered already [Hz]
+MOTION_SD = 0.002
+"""Standard deviation of the noise that a filter leaves in a coordinate, where nothing is known of
+it: that of markers with 2 mm of noise [rad or m].
+"""
 # Coordinates that move by less are locked or coupled to nothing: they get no noise [rad or m]
 STILL = 1e-6
 
@@ -211,7 +215,7 @@ def motion_noise(
     made = []
     mean = np.zeros_like(parts.factors)
     for _ in range(draws):
-        noisy_ones = [_with_noise_once_more(recording, random) for recording in recordings]
+        noisy_ones = [once_more(recording, random) for recording in recordings]
         factors = parts_of(
             model, noisy_ones, parts.base, least=parts.least, tissue=parts.tissue
         ).factors
@@ -222,8 +226,18 @@ def motion_noise(
     return MotionNoise(share=1.0, parts=parts, squares=mean - before, draws=np.array(made))
 
 
-def _with_noise_once_more(recording: Recording, random: np.random.Generator) -> Recording:
-    """Add the noise of the coordinates to a recording that has it already."""
+def once_more(recording: Recording, random: np.random.Generator) -> Recording:
+    """Add noise of the coordinates to a recording that has such noise already.
+
+    Parameters
+    ----------
+    recording : with the noise of its coordinates
+    random : generator, which advances
+
+    Raises
+    ------
+    BadData : the noise of the coordinates is not known
+    """
     if recording.noise is None:
         raise BadData("the noise of a recording's coordinates is not known: give `noise`")
     cutoff = CUTOFF if recording.finer is None else recording.finer.cutoff

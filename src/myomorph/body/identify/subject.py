@@ -24,7 +24,7 @@ from myomorph.body.identify.estimate import mass_problem
 from myomorph.body.identify.fitted import Fitted
 from myomorph.body.identify.least_squares import Recording
 from myomorph.body.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
-from myomorph.body.identify.motion_noise import MotionNoise, motion_noise, with_noise
+from myomorph.body.identify.motion_noise import MOTION_SD, MotionNoise, motion_noise, with_noise
 from myomorph.body.identify.parts import Parts, parts_of
 from myomorph.body.identify.pseudo_inertia import (
     PseudoInertiaFit,
@@ -116,7 +116,7 @@ class IdentificationOptions:
     point_floor: float = 1e-3
     keep_mass: bool = True
     compare: bool = True
-    motion_sd: float = 0.002
+    motion_sd: float = MOTION_SD
     skin_sd: float = SKIN_SD
     side_sd: float = SIDE_SD
     if_worse: Literal["generic", "identified"] = "generic"
@@ -650,7 +650,9 @@ def _base_fit(body: _Body, equations: _Equations) -> BaseFit:
     """Estimate base parameters, with the noise that the misfit of held-out parts shows."""
     moment, force = equations.choice.misfits[equations.choice.mass_sd]
     # Of one component: misfits are those of vectors.
-    options = BaseOptions(moment_noise=moment / np.sqrt(3.0), force_noise=force / np.sqrt(3.0))
+    options = BaseOptions(
+        moment_noise=moment / np.sqrt(3.0), force_noise=force / np.sqrt(3.0), motion_sd=0.0
+    )
     recordings = equations.fitted.recordings
     base = equations.parts.base
     return fit_base(body.generic, recordings, base, options, motion=equations.noise)

@@ -26,6 +26,7 @@ from myomorph.swings.viscosity.study.recordings import CONDITIONS
 from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 from myomorph.swings.viscosity.swings.recording import SwingRecording
 from myomorph.swings.viscosity.tracking.tracked import TrackedSpecimen, swing_recordings
+from myomorph.swings.viscosity.trust.attachments import with_attachments
 from myomorph.swings.viscosity.trust.checks import (
     TARED,
     base_findings,
@@ -39,12 +40,18 @@ from myomorph.swings.viscosity.trust.models import (
     PassiveOptions,
     compare_passive_laws,
 )
-from myomorph.swings.viscosity.trust.moment_arms import with_attachments
 
 SWAY_SHARE = 0.3
 """Relative standard deviation of a viscosity, over the angle by which its base turns to and fro;
 chosen on virtual limbs whose base's motion was taken off [1/rad].
 """
+
+
+FORM_WORDS = {
+    "viscosity by axis": "axes",
+    "hinges": "three angles one after another, as hinges or a diagonal matrix in joint angles,",
+}
+"""How the forms of a joint's viscosity are called in notes, where it is not one value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +144,8 @@ def identify_conditions(
     if acting is not None and options.identification.subtract == "one":
         conditions = _resisting(conditions, acting)
     by_swings = _identified(specimen, files, conditions, options.identification)
-    found, shares = _with_errors(by_swings, options, instruments, files.base_load)
+    found, shares = _with_errors(by_swings, options, instruments, conditions)
+    found = with_base_load(found, files.base_load)
     joint: dict[str, Interval] = {}
     if sway:
         found = _with_sway(found, sway, options.identification.level)
@@ -187,16 +195,23 @@ def _with_errors(
     by_swings: identify.SpecimenViscosity,
     options: StudyOptions,
     instruments: Instruments,
-    load: BaseLoad,
+    conditions: Mapping[str, Prepared],
 ) -> tuple[identify.SpecimenViscosity, tuple[ErrorShare, ...]]:
-    """Widen intervals by shared errors, attachments and the base's load; say what each adds."""
+    """Widen intervals by shared errors and those of attachments, and find what each adds.
+
+    Parameters
+    ----------
+    by_swings : with intervals of swings alone
+    options : of the study
+    instruments : what swings show of their errors
+    conditions : with their trials
+    """
+    intact = conditions["with"].tracked if "with" in conditions else None
+    level = options.identification.level
     found, shares = with_shared_errors(
         by_swings, options.identification, options.errors, instruments
     )
-    found, shares = with_attachments(
-        found, shares, options.moment_arms, options.identification.level
-    )
-    return with_base_load(found, load), shares
+    return with_attachments(found, shares, intact, options.moment_arms, level)
 
 
 def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[float, str]:
@@ -308,39 +323,55 @@ def _with_acting(
     )
     half = float(half_width(others, level)) / plain.value
     known = {name: wider(each, half * each.value, True) for name, each in law.coefficients.items()}
-    values = ", ".join(
-        f"{each.value:.3g} ({each.low:.3g} to {each.high:.3g})"
-        if np.isfinite(each.value)
-        else "what is not shown"
-        for name, each in known.items()
-        if name not in (DRY, "viscosity")
-    )
-    notes = []
-    if law.form != "viscosity":
-        forms = {
-            "hinges": (
-                "three angles one after another, as hinges or a diagonal matrix in joint angles,"
-            )
-        }
-        notes.append(
-            f"{forms.get(law.form, 'axes')} resist with {values} N m s/rad: the one value"
-            " simplifies"
-        )
+    used = replace(law, coefficients=known).viscosity_of(plain)
+    condition = replace(condition, viscosity=used)
     if law.form == "viscosity by axis":
         axes = tuple(known[f"viscosity {axis}"] for axis in condition.recordings[0].axes)
         condition = replace(condition, axis_viscosity=axes)
+    notes = [
+        f"{identify.STATES['without']}: {note}" for note in _acting_notes(law, known, plain, used)
+    ]
+    return specimen_viscosity.changed({"without": condition}, notes), known
+
+
+def _acting_notes(
+    law: ActingLaw, known: Mapping[str, Interval], plain: Interval, used: Interval
+) -> list[str]:
+    """Report what acts in the joint beside one viscosity.
+
+    Parameters
+    ----------
+    law : that predicts held-out trials best
+    known : its coefficients
+    plain : the one viscosity alone
+    used : the one viscosity that is used
+    """
+    notes = []
+    if law.form in FORM_WORDS:
+        values = ", ".join(
+            f"{each.value:.3g} ({each.low:.3g} to {each.high:.3g})"
+            if np.isfinite(each.value)
+            else "what is not shown"
+            for name, each in known.items()
+            if name not in (DRY, "viscosity")
+        )
+        notes.append(
+            f"{FORM_WORDS[law.form]} resist with {values} N m s/rad: the one value simplifies"
+        )
     if law.friction:
-        beside = known["viscosity"]
         dry = known[DRY]
-        condition = replace(condition, viscosity=beside)
         friction = (
             f"dry friction of {dry.value:.2g} N m ({dry.low:.2g} to {dry.high:.2g}) {law.friction}"
             " of the joint"
         )
-        used = f"{beside.value:.3g}, is used; alone it is {plain.value:.3g} N m s/rad"
-        notes.append(f"{friction}: the viscosity beside it, {used}")
-    notes = [f"{identify.STATES['without']}: {note}" for note in notes]
-    return specimen_viscosity.changed({"without": condition}, notes), known
+        values = f"{used.value:.3g}, is used; alone it is {plain.value:.3g} N m s/rad"
+        notes.append(f"{friction}: the viscosity beside it, {values}")
+    elif law.alike:
+        notes.append(
+            f"held-out trials are predicted as well with dry friction {law.alike[0]} of the joint:"
+            f" the viscosity's interval, {used.low:.3g} to {used.high:.3g} N m s/rad, holds both"
+        )
+    return notes
 
 
 def _with_sway(

@@ -129,6 +129,27 @@ def predicted_rows(
     return result
 
 
+def predicted_torque_rows(
+    recordings: Sequence[SwingRecording], frames: Sequence[np.ndarray]
+) -> list[Array]:
+    """Make rows of the torque with the acceleration that the state predicts, see `predicted_rows`.
+
+    Parameters
+    ----------
+    recordings : of one condition
+    frames : of each, in which the law of the acceleration is fitted
+
+    Returns
+    -------
+    (frames, axes, 10) of every recording
+    """
+    along = free_directions(recordings)
+    return [
+        along @ (recording.rotations.transpose(0, 2, 1) @ rows.instruments[:, :3])
+        for recording, rows in zip(recordings, predicted_rows(recordings, frames), strict=True)
+    ]
+
+
 def unexplained_accelerations(recordings: Sequence[SwingRecording]) -> Array:
     """Find what the state of a limb on its joint leaves of the measured accelerations: their noise.
 
@@ -270,6 +291,15 @@ class SwingSums:
 
     def __len__(self) -> int:
         return len(self.trial)
+
+    @property
+    def frames_of_trials(self) -> list[np.ndarray]:
+        """Frames of all blocks of each trial, in order."""
+        own = zip(self.trial, self.uses, strict=True)
+        by_trial: list[list[np.ndarray]] = [[] for _ in self.names]
+        for trial, use in own:
+            by_trial[trial].append(use)
+        return [np.concatenate([np.zeros(0, np.int64), *uses]) for uses in by_trial]
 
     def wrench_total(self, counts: Array) -> Array:
         """Add up the wrench's products of each trial.

@@ -18,7 +18,7 @@ from myomorph.core.motion.filters import lowpass
 from myomorph.swings.viscosity.identification.condition import LACKING, Influences
 from myomorph.swings.viscosity.identification.excitation import NOT_SHOWN, Excitation
 from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
-from myomorph.swings.viscosity.swings.sums import SwingSums
+from myomorph.swings.viscosity.swings.sums import SwingSums, predicted_torque_rows
 from myomorph.swings.viscosity.trust import law as laws
 from myomorph.swings.viscosity.trust.law import HINGES, LEVEL, PassiveProblem
 
@@ -40,6 +40,10 @@ after another.
 PLAIN = FORMS[0]
 # Share of the squares of held-out trials by which a law must lower them for each coefficient added.
 WORTH = 0.05
+# Laws whose held-out squares differ by a smaller share, beyond what coefficients are worth, predict
+# alike: nothing says which of them acts.
+ALIKE = 0.02
+ROUNDING = 1e-6  # Share of the limb's torque: smaller misfits are all alike.
 MIN_RUBBED = 0.03  # Share of the one viscosity that friction must take off to be named.
 DRY = "dry friction"
 INERTIA_ERROR = 0.01
@@ -84,12 +88,34 @@ class ActingLaw:
     coefficients : by name with intervals: that of friction is `DRY`, "viscosity" the one value over
         all axes beside it
     values : (3 axes + 8,) that multiply `law_rows`
+    alike : frictions of other laws that predict held-out trials as well ("" for none), whose one
+        viscosities are in the interval of "viscosity" too
     """
 
     form: str
     friction: str
     coefficients: Mapping[str, Interval]
     values: Array
+    alike: tuple[str, ...] = ()
+
+    def viscosity_of(self, plain: Interval) -> Interval:
+        """Find the one viscosity of a joint.
+
+        Parameters
+        ----------
+        plain : as it is without friction
+
+        Returns
+        -------
+        that beside the friction; where no friction acts for sure, the plain one, whose interval
+        holds that beside friction which predicts alike
+        """
+        beside = self.coefficients["viscosity"]
+        if self.friction:
+            return beside
+        if not self.alike:
+            return plain
+        return Interval(plain.value, min(plain.low, beside.low), max(plain.high, beside.high))
 
     def resisting(self, recording: SwingRecording) -> Array:
         """Find what resists in the place of the rates, of which `coefficients` have one viscosity.
@@ -182,10 +208,13 @@ def acting_law(
         return None
     verdicts = freed.held_out(list(_candidates(problem, freed, spring)), shown)
     axes = len(problem.axes)
-    chosen = min(
-        verdicts, key=lambda acting: verdicts[acting].log_squares + WORTH * acting.count(axes)
-    )
-    if (chosen.form, chosen.friction) == (PLAIN, ""):
+    scores = {
+        acting: verdict.log_squares + WORTH * acting.count(axes)
+        for acting, verdict in verdicts.items()
+    }
+    chosen = min(scores, key=scores.__getitem__)
+    alike = _frictions_alike(scores, chosen)
+    if (chosen.form, chosen.friction) == (PLAIN, "") and not alike:
         return None
     generator = np.random.default_rng(bootstrap.seed)
     single = _estimates(freed, chosen._replace(form=PLAIN), bootstrap.draws, generator)
@@ -196,8 +225,45 @@ def acting_law(
     return ActingLaw(
         form=chosen.form,
         friction=chosen.friction,
-        coefficients=_named(chosen, problem.axes, single[0], named),
+        coefficients=_named(
+            chosen, problem.axes, _joined(freed, single[0], alike, bootstrap), named
+        ),
         values=_row_values(chosen, axes, used),
+        alike=alike,
+    )
+
+
+def _frictions_alike(scores: Mapping[ActingTerms, float], chosen: ActingTerms) -> tuple[str, ...]:
+    """List frictions of other laws that predict held-out trials as well as the chosen one."""
+    near = [acting.friction for acting, score in scores.items() if score - scores[chosen] < ALIKE]
+    return tuple(dict.fromkeys(friction for friction in near if friction != chosen.friction))
+
+
+def _joined(
+    freed: FreedProblem, single: Interval, alike: Sequence[str], bootstrap: Bootstrap
+) -> Interval:
+    """Let the interval of the one viscosity hold those beside frictions that predict alike.
+
+    Parameters
+    ----------
+    freed : problem of the condition
+    single : the one viscosity beside the chosen friction
+    alike : other frictions
+    bootstrap : for their intervals
+    """
+    others = [
+        _estimates(
+            freed,
+            ActingTerms(form=PLAIN, friction=friction),
+            bootstrap.draws,
+            np.random.default_rng(bootstrap.seed),
+        )[0]
+        for friction in alike
+    ]
+    return Interval(
+        value=single.value,
+        low=min([single.low, *(each.low for each in others)]),
+        high=max([single.high, *(each.high for each in others)]),
     )
 
 
@@ -285,17 +351,21 @@ def _row_values(acting: ActingTerms, axes: int, estimates: Sequence[Interval]) -
 class FreedProblem:
     """Torques of one condition whose inertia may be off.
 
-        torque_rows (phi + N delta) = -law - c friction
+        torque_rows phi + predicted_rows N delta = -law - c friction
 
     with errors delta of the inertia in all directions but phi itself, whose size torques do not
     show: what step 1 leaves of them is larger than friction, and than all torques about the limb's
-    own length. Each axis counts by what it leaves. Friction passes the low-pass of the motion. A
-    law with a spring has no delta, which would take it. The size of delta is known to
-    `INERTIA_ERROR`.
+    own length. They act on the acceleration that the state predicts (`predicted_rows`): on the
+    measured one, whose noise is a good part of the torque about the limb's own length, least
+    squares would choose the inertia that makes least of the noise, and with it too little
+    viscosity about that axis. Each axis counts by what it leaves. Friction passes the low-pass of
+    the motion. A law with a spring has no delta, which would take it. The size of delta is known
+    to `INERTIA_ERROR`.
 
     Attributes
     ----------
-    products : (blocks, axes, n, n) of the columns [torque_rows, resistances, FRICTIONS]
+    products : (blocks, axes, n, n) of the columns [torque_rows, resistances, FRICTIONS,
+        predicted_rows]
     phi : (10,) of the limb
     trial : (blocks,) number of the trial of each
     frames : (blocks,) how many each has
@@ -324,9 +394,10 @@ class FreedProblem:
         -------
         the problem
         """
+        predicted = predicted_torque_rows(recordings, sums.frames_of_trials)
         columns = [
-            np.concatenate([each.torque_rows, law_rows(each)], axis=2).transpose(1, 0, 2)
-            for each in recordings
+            np.concatenate([each.torque_rows, law_rows(each), rows], axis=2).transpose(1, 0, 2)
+            for each, rows in zip(recordings, predicted, strict=True)
         ]
         rows = [columns[trial][:, use] for trial, use in zip(sums.trial, sums.uses, strict=True)]
         products = np.stack([each.transpose(0, 2, 1) @ each for each in rows])
@@ -391,10 +462,11 @@ class FreedProblem:
         law = mapping.shape[1]
         columns = np.zeros((products.shape[-1], 1 + free + law + bool(acting.friction)))
         columns[:PARAMETERS, 0] = self.phi
-        columns[:PARAMETERS, 1 : 1 + free] = errors.T
-        columns[PARAMETERS : -len(FRICTIONS), 1 + free : 1 + free + law] = mapping
+        columns[-PARAMETERS:, 1 : 1 + free] = errors.T
+        frictions = len(columns) - PARAMETERS - len(FRICTIONS)
+        columns[PARAMETERS:frictions, 1 + free : 1 + free + law] = mapping
         if acting.friction:
-            columns[-len(FRICTIONS) + FRICTIONS.index(acting.friction), -1] = 1.0
+            columns[frictions + FRICTIONS.index(acting.friction), -1] = 1.0
             groups = [*groups, [law]]
         return LawBasis(columns=columns, errors=free, mapping=mapping, groups=groups)
 
@@ -438,8 +510,11 @@ class FreedProblem:
         for trial in np.unique(self.trial):
             out = self.trial == trial
             misfit = self.fit(acting, 1.0 - out).misfit
-            squares = misfit @ self.products[out].sum(axis=0) @ misfit
-            misfits.append(np.sqrt(np.maximum(squares, 0.0) / self.frames[out].sum()))
+            products = self.products[out].sum(axis=0)
+            squares = misfit @ products @ misfit
+            of_limb = self.phi @ products[:, :PARAMETERS, :PARAMETERS] @ self.phi
+            least = ROUNDING**2 * float(of_limb.sum())
+            misfits.append(np.sqrt(np.maximum(squares, least) / self.frames[out].sum()))
         return np.array(misfits)
 
     def influences(self, acting: ActingTerms) -> Influences:
@@ -472,7 +547,7 @@ class FreedProblem:
         -------
         (directions, 10)
         """
-        scale = np.sqrt(np.einsum("aii->i", products)[:PARAMETERS])
+        scale = np.sqrt(np.einsum("aii->i", products)[-PARAMETERS:])
         scale[0] = 0.0  # Mass makes no torque.
         seen = scale > 0.0
         across = np.linalg.svd((self.phi * scale)[seen][None])[2][1:]

@@ -1,23 +1,18 @@
 """How far the muscles' viscosity follows an error of their moment arms.
 
 [S] blames these errors for the spread of its own. Attachments come from another body unless they
-were digitized on the specimen: their error is the largest source of d_M's error budget, and its
-interval holds it.
+were digitized on the specimen: d_M's interval holds their error (`attachments`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.errors import BadData, MyomorphError
-from myomorph.core.model.interval import Interval
-from myomorph.swings.viscosity.identification.budget import ErrorShare
-from myomorph.swings.viscosity.identification.identify import MuscleViscosity, SpecimenViscosity
+from myomorph.core.model.errors import BadData
 from myomorph.swings.viscosity.identification.torque import (
     FIRST,
     JOINT,
@@ -37,18 +32,13 @@ OFFSET = float(ATTACHMENT / np.sqrt(8.0 / np.pi))
 arms that follow: points of a muscle moved so on each bone change its arms by 1.0 to 1.3 times as
 much (`docs/validation`) [m].
 """
-# Error of a moment arm over that of its muscle's points, moved on each bone: of 1.0 to 1.3.
-BOTH_ENDS = 1.15
-SOURCE = "attachments"  # Name of this source in the error budget.
-LEAST = 0.05  # A drawn d_M is not counted as smaller than this share of the exact one.
-RESULT = "muscle_viscosity"  # The result that it adds to, as in `cohort.QUANTITIES`.
 ANGLE = JOINT + 1
 CONSTANT = JOINT + 2  # Columns beside torque and rate, of what a spring explains.
 
 
 @dataclass(frozen=True)
 class MomentArmOptions:
-    """Settings of `moment_arm_sensitivity` and of `with_attachments`.
+    """Settings of `moment_arm_sensitivity` and of `attachments.with_attachments`.
 
     Attributes
     ----------
@@ -156,80 +146,6 @@ def moment_arm_sensitivity(
     if options.offset > 0.0:
         spreads.append(_by_offsets(intact, parameters, joint, options, random))
     return tuple(spreads)
-
-
-def with_attachments(
-    specimen_viscosity: SpecimenViscosity,
-    shares: Sequence[ErrorShare],
-    options: MomentArmOptions,
-    level: float,
-) -> tuple[SpecimenViscosity, tuple[ErrorShare, ...]]:
-    """Widen d_M's interval by errors of attachments, and add this source to the error budget.
-
-    The draws say how far d_M scatters, in its logarithm, when arms are off by offsets of each
-    muscle. That their middle lies below is left out: points that are off change only the two
-    components of an arm across the muscle, and less in the mean than such offsets do.
-
-    Parameters
-    ----------
-    specimen_viscosity : with intervals of all other sources
-    shares : the error budget
-    options : sizes of the errors
-    level : of the intervals
-
-    Returns
-    -------
-    the specimen and the budget
-    """
-    muscles = specimen_viscosity.muscles
-    intact = specimen_viscosity.intact
-    bare = specimen_viscosity.without
-    if muscles is None or intact is None or bare is None or options.offset <= 0.0:
-        return specimen_viscosity, tuple(shares)
-    error = replace(options, offset=BOTH_ENDS * options.offset)
-    random = np.random.default_rng(options.seed)
-    try:
-        spread = _by_offsets(
-            intact.recordings, intact.parameters, bare.viscosity.value, error, random
-        )
-    except MyomorphError as error:
-        notes = [f"d_M's interval holds no errors of attachments: {error}"]
-        return specimen_viscosity.changed({}, notes), tuple(shares)
-    if not spread.exact > 0.0:
-        return specimen_viscosity, tuple(shares)
-    scatter = float(np.std(np.log(np.maximum(spread.draws, LEAST * spread.exact) / spread.exact)))
-    z = float(half_width(1.0, level))
-    wider = _wider(muscles, float(np.exp(z * scatter)))
-    total = ((wider.common.high - wider.common.low) / (2.0 * z)) ** 2
-    variance = min((float(np.sinh(z * scatter)) * muscles.common.value / z) ** 2, total)
-    rest = 1.0 - variance / total if total > 0.0 else 0.0
-    others = tuple(
-        replace(share, share=share.share * rest) if share.quantity == RESULT else share
-        for share in shares
-    )
-    added = ErrorShare(
-        source=SOURCE,
-        prior_sd=options.offset,
-        quantity=RESULT,
-        sd=float(np.sqrt(variance)),
-        share=1.0 - rest,
-    )
-    return replace(specimen_viscosity, muscles=wider), (*others, added)
-
-
-def _wider(muscles: MuscleViscosity, factor: float) -> MuscleViscosity:
-    """Widen the values of all muscles together, which may be so many times larger or smaller."""
-
-    def wider(estimate: Interval) -> Interval:
-        low = estimate.value - float(
-            np.hypot(estimate.value - estimate.low, estimate.value * (1.0 - 1.0 / factor))
-        )
-        high = estimate.value + float(
-            np.hypot(estimate.high - estimate.value, estimate.value * (factor - 1.0))
-        )
-        return Interval(estimate.value, max(low, 0.0), high)
-
-    return replace(muscles, common=wider(muscles.common), by_pcsa=wider(muscles.by_pcsa))
 
 
 def _by_offsets(
