@@ -12,13 +12,14 @@ joint angles are much the same about knots at which the body does the same.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from myomorph.body.sensors.facing import facing_starts
 from myomorph.body.sensors.first_guess import CalibrationPose, Guess
+from myomorph.body.sensors.frame_sums import FrameRows, FrameSums, marker_rows, sensor_rows
 from myomorph.body.sensors.undetermined import body_slopes, joint_angles
 from myomorph.core.fit.elimination import Eliminated, eliminated
 from myomorph.core.fit.estimation import Estimate, estimate_of
@@ -35,7 +36,12 @@ from myomorph.core.motion.ik import InverseKinematicsOptions, pose_problem
 from myomorph.core.motion.marker_frames import MarkerFrames, marker_frames
 from myomorph.core.motion.newton import solve_poses
 from myomorph.core.motion.pose_problem import PoseProblem
-from myomorph.core.motion.sensors.mounting import SensorMounting, SensorOptions, orientation_tasks
+from myomorph.core.motion.sensors.mounting import (
+    SensorMounting,
+    SensorOptions,
+    orientation_tasks,
+    rotations_at,
+)
 from myomorph.core.rigid.coordinates import Ints, couple_frames
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import Tree
@@ -54,13 +60,6 @@ FREE = 1.5  # Standard deviation of a mounting before anything is known of it [r
 POSE_NOISE = 0.02  # Of a sensor against its bone while the body stands still [rad]
 SLIP_COST = 8.0
 """Of a sensor that slipped after the pose, in squares of the noise: one in fifty does (2 ln 50)."""
-# Standard deviation of the mean of a joint angle about a knot, against that over the recording
-# [rad]
-TREND = 0.07
-ALIKE = 0.1
-"""Knots whose sensors have verticals further apart in the mean see other movements, as sitting and
-walking [rad].
-"""
 SHORT = 0.005  # Time over which speeds of rotation are taken [s]
 MOUNTINGS = "mountings"
 HEADINGS = "headings"
@@ -109,34 +108,6 @@ class SolvedFrames(NamedTuple):
     cost: Array
 
 
-class Rows(NamedTuple):
-    """Rows of a frame, in units of their noise.
-
-    Attributes
-    ----------
-    of_pose : (rows, variables) slopes in the free coordinates
-    of_unknowns : (rows, unknowns) slopes in mountings, headings and delay
-    residuals : (rows,)
-    """
-
-    of_pose: Array
-    of_unknowns: Array
-    residuals: Array
-
-
-class Followed(NamedTuple):
-    """The best pose of a frame.
-
-    Attributes
-    ----------
-    angles : (variables,) free coordinates [rad or m]
-    follows : (variables, unknowns) how they follow mountings, headings and delay
-    """
-
-    angles: Array
-    follows: Array
-
-
 @read_only
 class Misfit:
     """What a mounting leaves of a recording and of the calibration pose.
@@ -168,19 +139,6 @@ class Misfit:
         return self.total / self.frames
 
 
-class Knot(NamedTuple):
-    """What is seen about a knot of the headings.
-
-    Attributes
-    ----------
-    frames : best poses of the frames that are nearest to it
-    vertical : (sensors, 3) mean of the vertical in the axes of each sensor's body
-    """
-
-    frames: list[Followed]
-    vertical: Array
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MountingFit:
     """The setting in which mountings are looked for.
@@ -196,6 +154,7 @@ class MountingFit:
     pose : calibration pose, if there is one
     slipped : numbers of sensors that were turned on their bodies after the pose, which says nothing
         of them
+    steps : of Gauss and Newton at most
     """
 
     tree: Tree
@@ -206,6 +165,7 @@ class MountingFit:
     sizes: SensorOptions
     pose: CalibrationPose | None
     slipped: frozenset[int] = frozenset()
+    steps: int = STEPS
 
     def at(self, guess: Guess, delay: float) -> SensorMounting:
         """Build a mounting from a guess, of which everything is open.
@@ -247,7 +207,7 @@ class MountingFit:
         poses, what the sensors report there, and costs
         """
         chosen = self.chosen
-        reported = mounting.body_rotations(self.sensors, chosen.time, self.tree.model)
+        reported = self._reported(mounting)
         seen = np.isfinite(chosen.positions).all(axis=2)
         tasks = orientation_tasks(mounting, reported, seen @ chosen.marker_weights, self.sizes)
         options = replace(self.options, tasks=(*self.options.tasks, *tasks))
@@ -260,27 +220,34 @@ class MountingFit:
         values = np.where(np.isfinite(solved.values), solved.values, first)
         return SolvedFrames(values=values, reported=reported, cost=solved.cost)
 
-    def fitted(self, start: SensorMounting, azimuth: bool, anywhere: bool) -> MountingEstimate:
+    def fitted(
+        self,
+        start: SensorMounting,
+        azimuth: bool,
+        anywhere: bool,
+        near: SensorMounting | None = None,
+    ) -> MountingEstimate:
         """Fit the mounting by Gauss-Newton steps.
 
         Parameters
         ----------
-        start : where the search begins
+        start : what is known before, where the search begins
         azimuth : the heading of all mountings is open, as that of a pose is
         anywhere : headings begin anywhere, as those of sensors without magnetometer do
+        near : a mounting, as by fewer frames, from which the search begins in the place of `start`
 
         Returns
         -------
         the mounting, with its estimate
         """
+        headings = self._heading_prior(start, azimuth, anywhere)
+        if near is not None:
+            start = replace(start, rotations=near.rotations, headings=near.headings)
         unknowns = self._unknowns(start)
-        residuals: list[Residuals] = [
-            FrameResiduals(fit=self, start=start),
-            self._heading_prior(start, azimuth, anywhere),
-        ]
+        residuals: list[Residuals] = [FrameResiduals(fit=self, start=start), headings]
         if self.pose is not None:
             residuals.append(PoseResiduals(fit=self, start=start, pose=self.pose))
-        method = Method(iterations=STEPS, tolerance=SETTLED, reweighted=True)
+        method = Method(iterations=self.steps, tolerance=SETTLED, reweighted=True)
         problem = Problem(unknowns, tuple(residuals))
         return self._estimated(start, minimize(problem, fit=self._open(), method=method))
 
@@ -467,37 +434,22 @@ class MountingFit:
         (unknowns, unknowns) and (unknowns,), in units of the noise
         """
         data = self._frame_data(mounting, values, reported)
-        near = data.knot_shares.argmax(axis=1)
-        width = self._width(mounting)
-        H = np.zeros((width, width))
-        g = np.zeros(width)
-        by_knot = [list[Followed]() for _ in mounting.knots]
-        for frame in range(len(values)):
-            rows = self._frame_rows(data, frame, width)
-            if rows is None:
-                continue
-            best = eliminated(rows.of_pose, rows.of_unknowns, rows.residuals)
-            H += best.equations.H
-            g += best.equations.g
-            angles = values[frame, data.problem.free] + best.moved
-            by_knot[near[frame]].append(Followed(angles=angles, follows=best.follows))
-        if not self.chosen.marker_names:
-            # Where a sensor has its vertical no heading changes.
-            upright = np.swapaxes(reported, 2, 3) @ mounting.up
-            knots = [
-                Knot(frames=frames, vertical=np.nanmean(upright[near == number], axis=0))
-                for number, frames in enumerate(by_knot)
-                if frames
-            ]
-            self._add_trends(H, g, joint_angles(self.tree, data.problem.free), knots)
-        return NormalEquations(H=H, g=g)
+        sums = FrameSums(
+            frames=self._rows(data).eliminated(), shares=data.knot_shares, sensors=len(self.bodies)
+        )
+        if self.chosen.marker_names:
+            return sums.equations()
+        free = data.problem.free
+        # Where a sensor has its vertical no heading changes.
+        upright = np.swapaxes(reported, 2, 3) @ mounting.up
+        return sums.with_trends(values[:, free], joint_angles(self.tree, free), upright)
 
     def _frame_data(self, mounting: SensorMounting, values: Array, reported: Array) -> FrameData:
         """Compute errors and slopes of all frames; see `frame_equations`."""
         chosen = self.chosen
         problem = pose_problem(self.tree, chosen.marker_names, chosen.marker_weights, self.options)
         rotations, slopes = self._slopes(values, problem)
-        later = mounting.body_rotations(self.sensors, chosen.time + SHORT, self.tree.model)
+        later = self._reported(mounting, SHORT)
         turned = vector_from_rotation(later @ np.swapaxes(reported, 2, 3))
         errors = vector_from_rotation(rotations @ np.swapaxes(reported, 2, 3))
         marked = None
@@ -514,85 +466,37 @@ class MountingFit:
             noise=max(self.sizes.imu_noise, _noise(errors, slopes.shape[-1])),
         )
 
-    def _frame_rows(self, data: FrameData, frame: int, width: int) -> Rows | None:
-        """Collect the rows of what sensors and markers report in a frame.
-
-        Parameters
-        ----------
-        frame : number of the frame
-        width : number of unknowns
-
-        Returns
-        -------
-        None where nothing is reported
-        """
-        parts = []
+    def _rows(self, data: FrameData) -> FrameRows:
+        """Collect the rows of what sensors and markers report in all frames."""
         scale = np.sqrt(self.chosen.share) / data.noise
-        for index in np.flatnonzero(np.isfinite(data.errors[frame, :, 0])).tolist():
-            columns = self._sensor_columns(
-                index,
-                data.reported[frame, index],
-                data.knot_shares[frame],
-                data.velocities[frame, index],
-                width,
-            )
-            of_sensor = Rows(
-                of_pose=scale * data.slopes[frame, index],
-                of_unknowns=scale * columns,
-                residuals=scale * data.errors[frame, index],
-            )
-            parts.append(of_sensor)
-        if data.marked is not None:
-            parts.append(self._marker_rows(data.marked, frame, width))
-        if not parts:
-            return None
-        return Rows(
-            of_pose=np.concatenate([part.of_pose for part in parts]),
-            of_unknowns=np.concatenate([part.of_unknowns for part in parts]),
-            residuals=np.concatenate([part.residuals for part in parts]),
-        )
-
-    def _marker_rows(self, marked: MarkerFrames, frame: int, width: int) -> Rows:
-        """Weigh the errors of the markers that are seen in a frame, which no unknown moves."""
+        up = np.asarray(self.tree.model.up)
+        rows = sensor_rows(data.reported, data.errors, data.slopes, data.velocities, up)
+        weighted = rows.scaled(np.array([scale]))
+        if data.marked is None:
+            return weighted
+        marked = marker_rows(data.marked, weighted.of_unknowns.shape[2])
         chosen = self.chosen
-        seen = np.isfinite(marked.errors[frame]).all(axis=1)
-        counted = np.sqrt(chosen.share * chosen.marker_weights[seen])
-        scales = counted / self.sizes.imu_marker_noise
-        slopes = scales[:, None, None] * marked.slopes[frame, seen]
-        residuals = (-scales[:, None] * marked.errors[frame, seen]).ravel()
-        return Rows(
-            of_pose=slopes.reshape(-1, slopes.shape[2]),
-            of_unknowns=np.zeros((len(residuals), width)),
-            residuals=residuals,
-        )
+        scales = np.sqrt(chosen.share * chosen.marker_weights) / self.sizes.imu_marker_noise
+        return weighted.beside(marked.scaled(np.repeat(scales, 3)))
 
-    def _add_trends(self, H: Array, g: Array, joints: np.ndarray, knots: list[Knot]) -> None:
-        """Add that mean joint angles about knots at which the body does the same are alike.
-
-        Headings that drift would part them.
+    def _reported(self, mounting: SensorMounting, later: float = 0.0) -> Array:
+        """Compute the rotations (frames, sensors, 3, 3) of bodies as the sensors report them.
 
         Parameters
         ----------
-        H, g : (unknowns, unknowns), (unknowns,), changed in place
-        joints : (variables,) which free coordinates are angles of joints
-        knots : that have frames
+        mounting : of the sensors
+        later : time that is added to that of the chosen frames [s]
         """
-        angles = [
-            np.mean([frame.angles[joints] for frame in knot.frames], axis=0) for knot in knots
-        ]
-        slopes = [
-            np.mean([frame.follows[joints] for frame in knot.frames], axis=0) for knot in knots
-        ]
-        for of_knot in slopes:
-            # A mounting does not change: what it makes of the means is none of a trend's.
-            of_knot[:, : 3 * len(self.bodies)] = 0.0
-        for i, j in combinations(range(len(knots)), 2):
-            between = knots[i].vertical - knots[j].vertical
-            apart = np.sqrt(np.nanmean((between**2).sum(axis=-1)))
-            weight = np.exp(-0.5 * (apart / ALIKE) ** 2) / (len(knots) * TREND**2)
-            X = slopes[i] - slopes[j]
-            H += weight * X.T @ X
-            g += weight * X.T @ (angles[i] - angles[j])
+        delay = mounting.delay + later
+        if delay not in self._earths:
+            time = self.chosen.time + delay
+            self._earths[delay] = rotations_at(self.sensors, time, self.tree.model)
+        return mounting.bodies_turned(self._earths[delay], self.chosen.time + later)
+
+    @cached_property
+    def _earths(self) -> dict[float, Array]:
+        """Rotations (frames, sensors, 3, 3) of the sensors in the chosen frames, by delay [s]."""
+        return {}
 
     def pose_equations(self, mounting: SensorMounting, pose: Array) -> tuple[Ints, Eliminated]:
         """Treat the calibration pose as one more frame.

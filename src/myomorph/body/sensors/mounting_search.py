@@ -52,6 +52,11 @@ MIN_SLIP = 0.04  # One that misses it by less did not slip [rad]
 EVIDENCE = 40.0  # By so much, in squares of the noise, a slip has to lower the cost
 TRIED_FRAMES = 32  # So many frames are looked at where headings are tried
 ROUGH_FRAMES = 16  # And where other ways to read a recording are
+COARSE = 40
+COARSE_STEPS = 12
+"""Frames on which ways to read a recording are compared, in the place of `fit_mounting.FRAMES`, and
+Gauss-Newton steps there: a reading that is wrong does not converge.
+"""
 ROUGH_HEADINGS = 12
 
 
@@ -86,18 +91,10 @@ class SolvedMounting(NamedTuple):
     misfit: Misfit
     ambiguous: bool = False
 
-
-class _Slipped(NamedTuple):
-    """A mounting of which one more sensor has slipped after the pose.
-
-    Attributes
-    ----------
-    fit : setting, with the sensors that slipped
-    solved : to its end
-    """
-
-    fit: MountingFit
-    solved: SolvedMounting
+    def noted(self, notes: tuple[Message, ...], ambiguous: bool) -> SolvedMounting:
+        """Replace the mounting's messages, and whether its heading is ambiguous."""
+        mounting = replace(self.mounting, notes=notes)
+        return self._replace(mounting=mounting, ambiguous=ambiguous)
 
 
 class _Delay(NamedTuple):
@@ -113,6 +110,30 @@ class _Delay(NamedTuple):
     notes: tuple[Message, ...] = ()
 
 
+class Draft(NamedTuple):
+    """A mounting by few frames of a recording.
+
+    Attributes
+    ----------
+    solved : mounting, and what it leaves
+    slipped : numbers of sensors that slipped after the pose
+    begin : where the search began
+    delay : of the sensors' clock
+    near : what is said where another heading leaves hardly more
+    """
+
+    solved: SolvedMounting
+    slipped: frozenset[int]
+    begin: _Begin
+    delay: _Delay
+    near: tuple[Message, ...]
+
+    def as_solved(self) -> SolvedMounting:
+        """Return the mounting with all that is said of it."""
+        notes = (*self.delay.notes, *self.solved.mounting.notes, *self.near)
+        return self.solved.noted(notes, bool(self.near))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MountingSearch:
     """The search for the mounting of the sensors of one recording.
@@ -124,6 +145,7 @@ class MountingSearch:
     bodies : that each sensor is on
     tracked : markers of the trial, and their motion
     options : of inverse kinematics
+    frames : of a short recording that take part; a long one has as many more as usual
     """
 
     model: Model
@@ -131,6 +153,12 @@ class MountingSearch:
     bodies: tuple[str, ...]
     tracked: TrackedMarkers
     options: InverseKinematicsOptions
+    frames: int = fit_mounting.FRAMES
+
+    @property
+    def coarse(self) -> MountingSearch:
+        """The same search on few frames."""
+        return replace(self, frames=COARSE)
 
     @property
     def sensors(self) -> InertialSensors:
@@ -146,7 +174,8 @@ class MountingSearch:
         """Find the mounting the way that the options and the recording name.
 
         Where the heading of the calibration pose is not known, each that may be is solved to its
-        end, and that which leaves least is taken.
+        end on few frames, and that which leaves least is taken. So are sensors that slipped. All
+        frames are solved from there.
 
         Parameters
         ----------
@@ -162,23 +191,61 @@ class MountingSearch:
         BadData : nothing says how the sensors are mounted, or a heading is not known
         UnknownName : a sensor, an axis or a frame of the model is unknown
         """
-        kind = self.sizes.imu_mounting
-        if kind == "model":
+        if self.sizes.imu_mounting != "recording":
+            return self._without_recording(anywhere)
+        return self.on_all_frames(self.coarse.on_few_frames(anywhere, slips))
+
+    def _without_recording(self, anywhere: bool) -> SolvedMounting:
+        """Take the mounting from the calibration pose alone, or from the model."""
+        if self.sizes.imu_mounting == "model":
             mounting = self._as_modelled()
             return SolvedMounting(mounting=mounting, misfit=self._fit(0.0, None).misfit(mounting))
+        delay = self._delay()
+        fit = self._fit(delay.seconds, self._pose())
+        ended = [
+            self._by_pose(fit, begin, delay.seconds)
+            for begin in self._begins_by_pose(fit, delay.seconds, anywhere)
+        ]
+        ended.sort(key=lambda solved: solved.misfit.cost)
+        near = _of_heading(ended)
+        return ended[0].noted((*delay.notes, *ended[0].mounting.notes, *near), bool(near))
+
+    def on_few_frames(self, anywhere: bool, slips: bool) -> Draft:
+        """Solve the mounting on the frames of this search; see `solution`."""
         pose = self._pose()
         delay = self._delay()
         fit = self._fit(delay.seconds, pose)
         begins = self._begins(fit, delay.seconds, anywhere)
-        ended = [(self._ended(fit, begin, delay.seconds), begin) for begin in begins]
+        ended = [(self._fitted(fit, begin, delay.seconds), begin) for begin in begins]
         ended.sort(key=lambda pair: pair[0].misfit.cost)
         best, begin = ended[0]
-        near = _of_heading([solved for solved, _ in ended])
-        if slips and pose is not None and kind == "recording":
-            best = self._with_slips(fit, best, begin, delay.seconds)
-        notes = (*delay.notes, *best.mounting.notes, *near)
-        mounting = replace(best.mounting, notes=notes)
-        return best._replace(mounting=mounting, ambiguous=bool(near))
+        draft = Draft(
+            solved=best,
+            slipped=frozenset(),
+            begin=begin,
+            delay=delay,
+            near=_of_heading([solved for solved, _ in ended]),
+        )
+        if slips and pose is not None:
+            return self._with_slips(fit, draft)
+        return draft
+
+    def on_all_frames(self, draft: Draft) -> SolvedMounting:
+        """Solve the mounting from where few frames led to.
+
+        Parameters
+        ----------
+        draft : of the same recording on few frames
+
+        Returns
+        -------
+        the mounting with what looks wrong, and what it leaves
+        """
+        delay = draft.delay
+        fit = replace(self._fit(delay.seconds, self._pose()), slipped=draft.slipped)
+        solved = self._fitted(fit, draft.begin, delay.seconds, draft.solved.mounting)
+        notes = (*delay.notes, *solved.mounting.notes, *draft.near)
+        return solved.noted(notes, bool(draft.near))
 
     def rough_cost(self, anywhere: bool, angles: Sequence[float] = ()) -> float:
         """Compute the least cost of a few frames with mountings where the search would begin.
@@ -230,32 +297,37 @@ class MountingSearch:
             options=self.options,
             sizes=self.sizes,
             pose=pose,
+            steps=fit_mounting.STEPS if self.frames > COARSE else COARSE_STEPS,
         )
 
-    def _ended(self, fit: MountingFit, begin: _Begin, delay: float) -> SolvedMounting:
-        """Solve from one beginning to the end."""
-        if self.sizes.imu_mounting == "pose":
-            start = fit.at(begin.guess, delay)
-            by_pose = replace(fit.by_pose(start).mounting, notes=begin.notes)
-            return SolvedMounting(mounting=by_pose, misfit=fit.misfit(by_pose))
-        return self._fitted(fit, begin, delay)
+    def _by_pose(self, fit: MountingFit, begin: _Begin, delay: float) -> SolvedMounting:
+        """Take the mounting from the pose alone."""
+        start = fit.at(begin.guess, delay)
+        by_pose = replace(fit.by_pose(start).mounting, notes=begin.notes)
+        return SolvedMounting(mounting=by_pose, misfit=fit.misfit(by_pose))
 
-    def _with_slips(
-        self, fit: MountingFit, solved: SolvedMounting, begin: _Begin, delay: float
-    ) -> SolvedMounting:
+    def _with_slips(self, fit: MountingFit, draft: Draft) -> Draft:
         """Free sensors of the calibration pose one by one, as long as that is decisive."""
         for _ in range(MAX_SLIPS):
-            slipped = self._slipped(fit, solved, begin, delay)
-            if slipped is None:
+            # As much as is left is the most that a slip can lower the cost by.
+            if draft.solved.misfit.total < EVIDENCE:
                 break
-            fit = slipped.fit
-            solved = slipped.solved
-        return solved
+            freed = self._slipped(fit, draft)
+            if freed is None:
+                break
+            draft = freed
+        return draft
 
-    def _fitted(self, fit: MountingFit, begin: _Begin, delay: float) -> SolvedMounting:
-        """Fit the mounting to recording and pose."""
+    def _fitted(
+        self,
+        fit: MountingFit,
+        begin: _Begin,
+        delay: float,
+        near: SensorMounting | None = None,
+    ) -> SolvedMounting:
+        """Fit the mounting to recording and pose, from a mounting near to the solution if any."""
         start = fit.at(begin.guess, delay)
-        found = fit.fitted(start, begin.azimuth, begin.anywhere).mounting
+        found = fit.fitted(start, begin.azimuth, begin.anywhere, near).mounting
         of_pose = None
         if fit.pose is not None:
             headings = found.heading_at(np.array([fit.pose.time]))[0]
@@ -263,31 +335,29 @@ class MountingSearch:
         notes = (*begin.notes, *_of_mounting(found, of_pose))
         return SolvedMounting(mounting=replace(found, notes=notes), misfit=fit.misfit(found))
 
-    def _slipped(
-        self, fit: MountingFit, solved: SolvedMounting, begin: _Begin, delay: float
-    ) -> _Slipped | None:
+    def _slipped(self, fit: MountingFit, draft: Draft) -> Draft | None:
         """Find a sensor that slipped after the calibration pose, where that is decisive.
 
         Parameters
         ----------
-        fit : with the sensors that are known to have slipped
-        solved : to its end, of these
-        begin : of the search
-        delay : of the sensors' clock [s]
+        fit : setting
+        draft : with the sensors that are known to have slipped
 
         Returns
         -------
         None where none is shown
         """
-        left = np.array(solved.misfit.in_pose)
-        left[list(fit.slipped)] = 0.0
+        left = np.array(draft.solved.misfit.in_pose)
+        left[list(draft.slipped)] = 0.0
         tried = [int(index) for index in np.argsort(-left)[:TRIED_SLIPS] if left[index] > MIN_SLIP]
-        found = list[_Slipped]()
+        found = list[Draft]()
         for index in tried:
-            freed = replace(fit, slipped=fit.slipped | {index})
-            found.append(_Slipped(fit=freed, solved=self._fitted(freed, begin, delay)))
+            slipped = draft.slipped | {index}
+            freed = replace(fit, slipped=slipped)
+            solved = self._fitted(freed, draft.begin, draft.delay.seconds)
+            found.append(draft._replace(solved=solved, slipped=slipped))
         best = min(found, key=lambda one: one.solved.misfit.total, default=None)
-        if best is None or best.solved.misfit.total > solved.misfit.total - EVIDENCE:
+        if best is None or best.solved.misfit.total > draft.solved.misfit.total - EVIDENCE:
             return None
         return best
 
@@ -346,7 +416,7 @@ class MountingSearch:
                 " own: name each sensor's axis that points forward in the calibration pose"
                 " (--imu-heading SENSOR=AXIS ...)"
             )
-        thin = self._thin(fit, TRIED_FRAMES)
+        thin = self._thin(fit, min(TRIED_FRAMES, self.frames // 2))
         guesses = first_guess.by_trying(
             fit.tree, self.bodies, pose, lambda guess: self._cost(thin, guess, delay)
         )
@@ -500,7 +570,8 @@ class MountingSearch:
             raise BadData(f"{self.sensors.source or 'sensors'}: no time in common with the markers")
         duration = float(markers.time[usable[-1]] - markers.time[usable[0]])
         by_knots = int(fit_mounting.FRAMES_PER_KNOT * duration / fit_mounting.KNOTS)
-        count = min(max(fit_mounting.FRAMES, by_knots), len(usable))
+        thinned = self.frames / fit_mounting.FRAMES
+        count = min(max(self.frames, int(thinned * by_knots)), len(usable))
         frames = usable[np.unique(np.linspace(0, len(usable) - 1, count).astype(int))]
         names: tuple[str, ...] = ()
         weights = np.empty(0)

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.spatial import vector_from_rotation
 from myomorph.core.motion.marker_frames import STEP, nudged_poses
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.turns import floating_coordinates
@@ -108,7 +107,10 @@ def body_slopes(
     """
     poses, held = nudged_poses(tree, problem, values)
     rotations = poses.rotations[:, bodies].reshape(len(values), len(problem.free) + 1, -1, 3, 3)
-    steps = vector_from_rotation(rotations[:, 1:] @ np.swapaxes(rotations[:, :1], 3, 4)) / STEP
+    turned = rotations[:, 1:] @ np.swapaxes(rotations[:, :1], 3, 4)
+    # Of a small rotation the skew part is its vector.
+    skew = 0.5 * (turned - np.swapaxes(turned, 3, 4))
+    steps = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1) / STEP
     if bounded:
         steps[held] = 0.0
     return rotations[:, 0], np.moveaxis(steps, 1, 3)

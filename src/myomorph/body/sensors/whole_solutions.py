@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from myomorph.body.sensors.arrangement import (
     other_conventions,
     removals,
 )
-from myomorph.body.sensors.mounting_search import EVIDENCE, MountingSearch, SolvedMounting
+from myomorph.body.sensors.mounting_search import EVIDENCE, Draft, MountingSearch, SolvedMounting
 from myomorph.core.model.errors import BadData, few
 from myomorph.core.model.messages import Message
 from myomorph.core.rigid.tree import compile_tree
@@ -46,11 +47,13 @@ class WholeSolution:
     arrangement : the reading
     search : of the recording read so
     solved : mounting, and what it leaves
+    draft : by few frames, of which `solved` is; None where the recording has no part in it
     """
 
     arrangement: Arrangement
     search: MountingSearch
     solved: SolvedMounting
+    draft: Draft | None = None
 
     @property
     def excess(self) -> float:
@@ -68,6 +71,22 @@ class WholeSolution:
         """Whether it leaves so much less than another reading that chance does not make it."""
         gain = other.solved.misfit.total - self.solved.misfit.total
         return gain > EVIDENCE * max(self.excess, 1.0)
+
+    def replaces(self, other: WholeSolution) -> bool:
+        """Whether it is decisively better, and noise explains what it leaves."""
+        return self.explains_better(other) and self.excess < MAX_COST
+
+    def on_all_frames(self, labelled: MountingSearch) -> WholeSolution:
+        """Solve the reading on all frames of the recording.
+
+        Parameters
+        ----------
+        labelled : search of the recording as it is labelled
+        """
+        search = _read(labelled, self.arrangement)
+        if self.draft is None:
+            return self
+        return replace(self, search=search, solved=search.on_all_frames(self.draft), draft=None)
 
     def noted(self, *notes: Message) -> WholeSolution:
         """Add messages to the mounting."""
@@ -94,35 +113,71 @@ def whole_solution(search: MountingSearch, anywhere: bool, conventions: bool) ->
     BadData : nothing says how the sensors are mounted, or a heading is not known
     UnknownName : a sensor, an axis or a frame of the model is unknown
     """
-    labelled = WholeSolution(
-        arrangement=Arrangement(), search=search, solved=search.solution(anywhere)
-    )
-    if labelled.fits:
-        return labelled
+    few = _on_few_frames(search, Arrangement(), anywhere, slips=True)
+    if few.fits:
+        return few.on_all_frames(search)
+    other = _other_reading(few, anywhere, conventions)
+    if other is not None:
+        return other.taken.on_all_frames(search).noted(*other.notes)
+    labelled = few.on_all_frames(search)
+    return labelled if labelled.excess < MAX_LEFT else labelled.noted(_of_misfit(labelled))
+
+
+class _OtherReading(NamedTuple):
+    """A reading that is taken, by few frames.
+
+    Attributes
+    ----------
+    taken : the reading; that of the labels where two others are too near to each other
+    notes : that say so
+    """
+
+    taken: WholeSolution
+    notes: tuple[Message, ...]
+
+
+def _other_reading(
+    labelled: WholeSolution, anywhere: bool, conventions: bool
+) -> _OtherReading | None:
+    """Compare all readings of a recording that does not fit as it is labelled, on few frames.
+
+    Parameters
+    ----------
+    labelled : the recording as it is labelled
+    anywhere : whether each sensor has a heading of its own
+    conventions : whether its orientations are a file's, so that they may mean something else
+
+    Returns
+    -------
+    None where none is decisively better
+    """
+    search = labelled.search
     names = search.sensors.names
     readings = exchanges(compile_tree(search.model), names, search.bodies)
     if conventions:
         readings += other_conventions()
     found = _solved(search, readings, anywhere)
+    if found and found[0].replaces(labelled):
+        return _taken(found, labelled)
     apart = search.apart()
     if not anywhere and 0 < len(apart) <= MAX_APART:
-        found += [_with_own_heading(labelled, name) for name in apart]
-        found.sort(key=lambda one: one.solved.misfit.total)
-    if found and found[0].explains_better(labelled) and found[0].excess < MAX_COST:
-        return _taken(found, labelled)
+        turned = [_with_own_heading(labelled, name) for name in apart]
+        turned.sort(key=lambda one: one.solved.misfit.total)
+        if turned[0].replaces(labelled):
+            return _taken(turned, labelled)
     without = list[WholeSolution]()
     if len(names) >= MIN_SENSORS:
         without = _solved(search, removals(names), anywhere)
-    if without and without[0].explains_better(labelled) and without[0].excess < MAX_COST:
+    if without and without[0].replaces(labelled):
         return _without_one(without, labelled)
-    return labelled if labelled.excess < MAX_LEFT else labelled.noted(_of_misfit(labelled))
+    return None
 
 
 def _with_own_heading(labelled: WholeSolution, name: str) -> WholeSolution:
     """Solve the recording with the best heading of its own for one sensor to its end."""
     search = labelled.search
     # The heading of the others, which the wrong one has no part in.
-    others = _to_the_end(search, Arrangement(left_out=name), anywhere=False)
+    others = _on_few_frames(search, Arrangement(left_out=name), anywhere=False)
     common = (float(np.median(others.solved.mounting.headings[0])),)
 
     def tried(angle: float) -> tuple[float, float]:
@@ -134,7 +189,7 @@ def _with_own_heading(labelled: WholeSolution, name: str) -> WholeSolution:
     for _ in range(REFINED):
         step *= 0.5
         best = min(best, tried(best[1] - step), tried(best[1] + step))
-    return _to_the_end(search, Arrangement(turned=name, angle=best[1]), anywhere=False)
+    return _on_few_frames(search, Arrangement(turned=name, angle=best[1]), anywhere=False)
 
 
 def _solved(
@@ -160,17 +215,21 @@ def _solved(
             # A named axis may stand upright in another reading: it is none.
             continue
     solutions = [
-        _to_the_end(search, readings[index], anywhere) for _, index in sorted(rough)[:SOLVED]
+        _on_few_frames(search, readings[index], anywhere) for _, index in sorted(rough)[:SOLVED]
     ]
     return sorted(solutions, key=lambda one: one.solved.misfit.total)
 
 
-def _to_the_end(search: MountingSearch, reading: Arrangement, anywhere: bool) -> WholeSolution:
-    """Solve one reading of a recording."""
-    read = _read(search, reading)
-    return WholeSolution(
-        arrangement=reading, search=read, solved=read.solution(anywhere, slips=False)
-    )
+def _on_few_frames(
+    search: MountingSearch, reading: Arrangement, anywhere: bool, slips: bool = False
+) -> WholeSolution:
+    """Solve one reading of a recording on few frames."""
+    read = _read(search, reading).coarse
+    if read.sizes.imu_mounting != "recording":
+        solved = read.solution(anywhere)
+        return WholeSolution(arrangement=reading, search=read, solved=solved)
+    draft = read.on_few_frames(anywhere, slips)
+    return WholeSolution(arrangement=reading, search=read, solved=draft.as_solved(), draft=draft)
 
 
 def _read(search: MountingSearch, reading: Arrangement) -> MountingSearch:
@@ -182,7 +241,7 @@ def _read(search: MountingSearch, reading: Arrangement) -> MountingSearch:
     return replace(search, recording=reading.read(search.recording), bodies=bodies)
 
 
-def _taken(found: Sequence[WholeSolution], labelled: WholeSolution) -> WholeSolution:
+def _taken(found: Sequence[WholeSolution], labelled: WholeSolution) -> _OtherReading:
     """Take the best reading where no other is near, else name both.
 
     Parameters
@@ -202,11 +261,11 @@ def _taken(found: Sequence[WholeSolution], labelled: WholeSolution) -> WholeSolu
             f"{text}, and nearly as well with {words}: used as labelled, and angles beside"
             " these sensors are wrong"
         )
-        return labelled.noted(_message(text, [best, *near], labelled))
-    return best.noted(_message(f"{text}: used so", [best], labelled))
+        return _OtherReading(labelled, (_message(text, [best, *near], labelled),))
+    return _OtherReading(best, (_message(f"{text}: used so", [best], labelled),))
 
 
-def _without_one(without: Sequence[WholeSolution], labelled: WholeSolution) -> WholeSolution:
+def _without_one(without: Sequence[WholeSolution], labelled: WholeSolution) -> _OtherReading:
     """Leave a sensor out whose errors are far above the noise, or name those that may be wrong.
 
     Parameters
@@ -222,15 +281,15 @@ def _without_one(without: Sequence[WholeSolution], labelled: WholeSolution) -> W
             f"sensors {few(names)} do not agree, and the recording does not tell which of them is"
             " wrong: angles beside them are wrong. Leave one out (--imu-bodies SENSOR=-)"
         )
-        return labelled.noted(_message(text, [best, *near], labelled))
+        return _OtherReading(labelled, (_message(text, [best, *near], labelled),))
     turned = _with_own_heading(labelled, best.arrangement.left_out)
-    if turned.explains_better(labelled) and turned.excess < MAX_COST:
+    if turned.replaces(labelled):
         return _taken([turned], labelled)
     text = (
         f"sensor {best.arrangement.left_out} does not fit the others at all: left out, which"
         f" leaves {_left(best)} in the place of {_left(labelled)}"
     )
-    return best.noted(_message(text, [best], labelled))
+    return _OtherReading(best, (_message(text, [best], labelled),))
 
 
 def _of_misfit(labelled: WholeSolution) -> Message:

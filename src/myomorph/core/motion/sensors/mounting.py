@@ -247,7 +247,22 @@ class SensorMounting:
         -------
         (times, sensors, 3, 3) from bodies to ground, NaN where the sensors have none
         """
-        earth = rotations_at(sensors.only(self.sensors), time + self.delay, model)
+        return self.bodies_turned(
+            rotations_at(sensors.only(self.sensors), time + self.delay, model), time
+        )
+
+    def bodies_turned(self, earth: Array, time: Array) -> Array:
+        """Compute the rotations of bodies from those of their sensors; see `body_rotations`.
+
+        Parameters
+        ----------
+        earth : (times, sensors, 3, 3) from sensors to the model's ground, headings as recorded
+        time : (times,) on the motion's clock [s]
+
+        Returns
+        -------
+        (times, sensors, 3, 3) from bodies to ground
+        """
         turned = rotation_from_vector(self.heading_at(time)[..., None] * self.up)
         return np.asarray(turned @ earth @ np.swapaxes(self.rotations, 1, 2))
 
