@@ -18,6 +18,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.cutoff_choice import choose_cutoff
 from myomorph.core.motion.filters import lowpass
+from myomorph.core.motion.noise_evidence import NoiseEvidence
 from myomorph.core.motion.splines import natural_spline
 from myomorph.core.motion.turns import floating_coordinates
 from myomorph.core.rigid.kinematics import forward_kinematics
@@ -52,13 +53,41 @@ LOADED = 20.0
 """Vertical force from which somebody stands on the plates [N]."""
 
 RATES = (60.0, 100.0, 250.0)
-NOISES = ((0.3, 0.0), (1.0, 0.0), (3.0, 0.0), (0.5, 5.0), (1.0, 10.0))
+NOISES = ((0.0, 0.0), (0.3, 0.0), (1.0, 0.0), (3.0, 0.0), (0.5, 5.0), (1.0, 10.0))
 """White errors of markers and drift of skin, by standard deviation [mm]."""
 
 SKIN = 2.0
 """Frequency below which skin drifts [Hz]."""
 
-Rule = Callable[[mm.Model, mm.Motion], mm.Motion]
+LEAST = 0.1
+"""Smallest error that ratios are taken to [N m]: without noise no filter leaves nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorded:
+    """What a filter is chosen by.
+
+    Attributes
+    ----------
+    model : of the person
+    motion : by inverse kinematics
+    markers : that it was made of, None where there are none
+    wrenches : of plates, None where there are none
+    """
+
+    model: mm.Model
+    motion: mm.Motion
+    markers: mm.Markers | None = None
+    wrenches: mm.Wrenches | None = None
+
+    @property
+    def cutoff(self) -> float | None:
+        """The default cutoff [Hz]."""
+        evidence = NoiseEvidence(markers=self.markers, wrenches=self.wrenches)
+        return choose_cutoff(self.motion, self.model, evidence=evidence).cutoff
+
+
+Rule = Callable[[Recorded], mm.Motion]
 Row = dict[str, object]
 
 
@@ -104,23 +133,31 @@ MOVEMENTS = (
 )
 
 
-def by_default(model: mm.Model, motion: mm.Motion) -> mm.Motion:
+def by_default(recorded: Recorded) -> mm.Motion:
     """Smooth as the product does where nobody states a cutoff."""
-    return mm.smooth_motion(motion, model).motion
+    return mm.smooth_motion(
+        recorded.motion, recorded.model, markers=recorded.markers, wrenches=recorded.wrenches
+    ).motion
 
 
-def as_before(model: mm.Model, motion: mm.Motion) -> mm.Motion:
+def by_spectra(recorded: Recorded) -> mm.Motion:
+    """Smooth by the spectra of coordinates alone, as where no marker and no force is known."""
+    return mm.smooth_motion(recorded.motion, recorded.model).motion
+
+
+def as_before(recorded: Recorded) -> mm.Motion:
     """Filter as the product did before there was a noise model."""
-    return mm.differentiate(motion, white_noise_cutoff(motion))
+    return mm.differentiate(recorded.motion, white_noise_cutoff(recorded.motion))
 
 
 def at(cutoff: float) -> Rule:
     """Filter at a fixed cutoff [Hz]."""
-    return lambda model, motion: mm.differentiate(motion, cutoff)
+    return lambda recorded: mm.differentiate(recorded.motion, cutoff)
 
 
 RULES: dict[str, Rule] = {
     "automatic": by_default,
+    "spectra alone": by_spectra,
     "before": as_before,
     "6 Hz": at(6.0),
     "8 Hz": at(8.0),
@@ -133,6 +170,7 @@ def measure_truth(folder: Path) -> Iterator[Row]:
     all together.
     """
     together: dict[bool, list[dict[str, float]]] = {True: [], False: []}
+    exact: dict[bool, list[dict[str, float]]] = {True: [], False: []}
     for movement in MOVEMENTS:
         model, truth = _smooth(folder, movement)
         for white, skin in NOISES:
@@ -143,15 +181,20 @@ def measure_truth(folder: Path) -> Iterator[Row]:
                 true, recorded = _recorded(model, truth, movement, rate, white, skin)
                 error = partial(_torque_error, model, true)
                 fixed = {
-                    cutoff: error(mm.differentiate(recorded, cutoff)) for cutoff in (*FIXED, None)
+                    cutoff: error(mm.differentiate(recorded.motion, cutoff))
+                    for cutoff in (*FIXED, None)
                 }
                 best.append(min(fixed, key=fixed.__getitem__))
-                chosen.append(choose_cutoff(recorded, model).cutoff)
-                least = min(fixed.values())
+                chosen.append(recorded.cutoff)
+                least = max(min(fixed.values()), LEAST)
                 ratios.append(
-                    {name: error(rule(model, recorded)) / least for name, rule in RULES.items()}
+                    {
+                        name: max(error(rule(recorded)), LEAST) / least
+                        for name, rule in RULES.items()
+                    }
                 )
-            together[movement.chosen] += ratios
+            together[movement.chosen] += ratios if white else []
+            exact[movement.chosen] += [] if white else ratios
             yield {
                 "movement": movement.name,
                 "rule chosen with it": "yes" if movement.chosen else "no",
@@ -161,16 +204,11 @@ def measure_truth(folder: Path) -> Iterator[Row]:
                 "automatic [Hz]": _range(chosen),
                 **_means(ratios),
             }
-    for chosen_with, ratios in together.items():
-        head = {"movement": "all", "rule chosen with it": "yes" if chosen_with else "no"}
-        yield {
-            **head,
-            "noise [mm]": "",
-            "skin [mm]": "",
-            "best [Hz]": "",
-            "automatic [Hz]": "",
-            **_means(ratios),
-        }
+    for name, groups in (("all with noise", together), ("all without noise", exact)):
+        for chosen_with, ratios in groups.items():
+            head = {"movement": name, "rule chosen with it": "yes" if chosen_with else "no"}
+            empty = dict.fromkeys(("noise [mm]", "skin [mm]", "best [Hz]", "automatic [Hz]"), "")
+            yield {**head, **empty, **_means(ratios)}
 
 
 def _range(cutoffs: list[float | None]) -> str:
@@ -213,8 +251,8 @@ def _poses(folder: Path, recording: str) -> tuple[mm.Model, mm.Motion]:
 
 def _recorded(
     model: mm.Model, truth: mm.Motion, movement: Movement, rate: float, white: float, skin: float
-) -> tuple[mm.Motion, mm.Motion]:
-    """Truth at a sampling rate with exact derivatives, and the motion that noisy markers give."""
+) -> tuple[mm.Motion, Recorded]:
+    """Truth at a sampling rate with exact derivatives, and noisy markers with what they give."""
     spline = natural_spline(truth.time, truth.values)
     faster = movement.faster
     at = np.arange(truth.time[0], truth.time[-1], faster / rate)
@@ -231,7 +269,8 @@ def _recorded(
         drift = lowpass(random.standard_normal(places.shape), rate, SKIN)
         errors += skin * drift / drift.std()
     markers = Markers(true.time, model.marker_names, places + 1e-3 * movement.size * errors)
-    return true, mm.inverse_kinematics(model, markers).motion
+    motion = mm.inverse_kinematics(model, markers).motion
+    return true, Recorded(model=model, motion=motion, markers=markers)
 
 
 def _torque_error(model: mm.Model, true: mm.Motion, filtered: mm.Motion) -> float:
@@ -265,17 +304,19 @@ def measure(folder: Path) -> Iterator[Row]:
     for name in RECORDED:
         files = RECORDINGS[name]
         model = mm.read_model(folder / files.model)
-        if files.markers:
-            recorded = mm.inverse_kinematics(model, read_markers(folder / files.markers)).motion
+        markers = read_markers(folder / files.markers) if files.markers else None
+        if markers is not None:
+            motion = mm.inverse_kinematics(model, markers).motion
         else:
-            recorded = mm.read_motion(folder / files.motion, model)
-        measured = mm.read_loads(folder / files.loads, model, mm.differentiate(recorded, 6.0))
-        recorded = mm.cut(recorded, measured.time[0], measured.time[-1])
+            motion = mm.read_motion(folder / files.motion, model)
+        measured = mm.read_loads(folder / files.loads, model, mm.differentiate(motion, 6.0))
+        motion = mm.cut(motion, measured.time[0], measured.time[-1])
+        recorded = Recorded(model=model, motion=motion, markers=markers, wrenches=measured)
         held = partial(_held, model, measured)
-        fixed = {cutoff: held(mm.differentiate(recorded, cutoff)) for cutoff in (*FIXED, None)}
+        fixed = {cutoff: held(mm.differentiate(motion, cutoff)) for cutoff in (*FIXED, None)}
         least = np.min(list(fixed.values()), axis=0)
-        chosen = choose_cutoff(recorded, model).cutoff
-        row: Row = {"recording": name, "frames": len(recorded)}
+        chosen = recorded.cutoff
+        row: Row = {"recording": name, "frames": len(motion)}
         row["automatic cutoff [Hz]"] = "none" if chosen is None else f"{chosen:.2g}"
         for part, kind in enumerate(("force", "moment")):
             row[f"best for the {kind} [Hz]"] = (
@@ -283,7 +324,7 @@ def measure(folder: Path) -> Iterator[Row]:
             )
             row[f"least {kind} [{'N' if part == 0 else 'N m'}]"] = least[part]
             row |= {
-                f"{kind}, {rule}": held(of(model, recorded))[part] / least[part]
+                f"{kind}, {rule}": held(of(recorded))[part] / least[part]
                 for rule, of in RULES.items()
             }
         yield row

@@ -23,7 +23,8 @@ from myomorph.core.motion.turns import floating_coordinates
 FIXED = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0, 25.0, 30.0)
 NOISES = (0.5, 3.0)  # Standard deviations [mrad], and of translations [mm]
 WORKING_SEEDS = (0,)
-KEPT_SEEDS = (101,)
+KEPT_SEEDS = (211, 307)
+LONG = 30.0  # Of long walks [s]
 Row = dict[str, object]
 
 
@@ -38,6 +39,7 @@ class Truth:
     rate : of the frames that are made of it [Hz]
     start, stop : what is used of it [s]
     kept : whether it was kept apart
+    long : whether it is used for long walks alone
     """
 
     recording: str
@@ -46,6 +48,7 @@ class Truth:
     start: float = 0.0
     stop: float = 1e9
     kept: bool = False
+    long: bool = False
 
 
 TRUTHS = (
@@ -61,6 +64,8 @@ TRUTHS = (
     Truth(recording="lenhart", cutoff=12.0, kept=True),
     Truth(recording="run-5", cutoff=20.0, rate=200.0, kept=True),
     Truth(recording="opencap-rise", cutoff=8.0, stop=5.0, kept=True),
+    Truth(recording="gait2392", cutoff=12.0, start=5.0, stop=5.0 + LONG, long=True),
+    Truth(recording="treadmill", cutoff=12.0, start=2.0, stop=2.0 + LONG, kept=True, long=True),
 )
 
 
@@ -79,6 +84,11 @@ class Variant:
     frames : that are left in the middle; 0 for all
     travel : speed added to the first translation [m/s]
     noise_share : of the noise; 0 for none
+    wobble : noise whose power falls as 1 / f, as of skin, from 1 Hz on
+    software : another smoothing of the recording: "Savitzky-Golay", or "spline" of least
+        cross-validated error; "" for none
+    lost : share of the frames that are lost, up to five in a row
+    long : of walks of half a minute
     """
 
     name: str
@@ -90,6 +100,10 @@ class Variant:
     frames: int = 0
     travel: float = 0.0
     noise_share: float = 1.0
+    wobble: bool = False
+    software: str = ""
+    lost: float = 0.0
+    long: bool = False
 
 
 VARIANTS = (
@@ -103,6 +117,12 @@ VARIANTS = (
     Variant(name="smoothed at 20 Hz", smoothed=20.0),
     Variant(name="smoothed at 30 Hz", smoothed=30.0),
     Variant(name="smoothed at 20 Hz, AR", smoothed=20.0, coloured=True),
+    Variant(name="smoothed by Savitzky and Golay", software="Savitzky-Golay"),
+    Variant(name="smoothed by a spline", software="spline"),
+    Variant(name="1/f, as skin wobbles", wobble=True),
+    Variant(name="a tenth of the frames lost", lost=0.1),
+    Variant(name="30 s on a belt", long=True),
+    Variant(name="30 s over ground", long=True, travel=1.3),
     Variant(name="one empty frame in 29", empty_every=29),
     Variant(name="one empty frame", empty=1),
     Variant(name="5 empty frames", empty=5),
@@ -158,11 +178,11 @@ def measure(folder: Path) -> Iterator[Row]:
 
 def table(folder: Path, *, kept: bool, seeds: tuple[int, ...]) -> Iterator[Row]:
     """Rows by variant, the last of all together."""
-    motions = [opened(folder, truth) for truth in TRUTHS if truth.kept == kept]
+    motions = {truth: opened(folder, truth) for truth in TRUTHS if truth.kept == kept}
     together: list[dict[str, float]] = []
     for variant in VARIANTS:
         errors = []
-        for motion in motions:
+        for motion in (one for truth, one in motions.items() if truth.long == variant.long):
             for noise in NOISES if variant.noise_share else NOISES[:1]:
                 errors += [
                     errors_of(motion.recorded(variant, 1e-3 * noise, seed)) for seed in seeds
@@ -225,11 +245,12 @@ class Smooth:
             fast = variant.smoothed / 0.802
             sections = scipy.signal.butter(2, fast, fs=1.0 / (time[1] - time[0]), output="sos")
             values = scipy.signal.sosfiltfilt(sections, values, axis=0)
+        values = _smoothed(variant, time, values)
         half = variant.frames // 2 or len(time)
         middle = slice(max(len(time) // 2 - half, 0), len(time) // 2 + half)
         time = time[middle]
         values = values[middle].copy()
-        values[_empty(variant, len(time))] = np.nan
+        values[_empty(variant, len(time), seed)] = np.nan
         return self._case(time, values, travel)
 
     def _travel(self, variant: Variant) -> Array:
@@ -245,6 +266,8 @@ class Smooth:
         moves = np.ptp(true, axis=0) > 1e-9
         random = np.random.default_rng(seed)
         errors = _noise(random, true.shape, variant.coloured)
+        if variant.wobble:
+            errors = _wobble(random, true.shape, self.rate)
         return np.asarray(true + noise * variant.noise_share * errors * moves)
 
     def _case(self, time: Array, values: Array, travel: Array) -> Case:
@@ -308,9 +331,38 @@ def _noise(random: np.random.Generator, shape: tuple[int, int], coloured: bool) 
     return np.asarray(scipy.signal.lfilter([1.0], [1.0, -0.9], white, axis=0))
 
 
-def _empty(variant: Variant, frames: int) -> np.ndarray:
+def _wobble(random: np.random.Generator, shape: tuple[int, int], rate: float) -> Array:
+    """Noise of variance 1 whose power falls as 1 / f from 1 Hz on; steady below."""
+    frequency = np.fft.rfftfreq(shape[0], 1.0 / rate)
+    gain = 1.0 / np.sqrt(np.maximum(frequency, 1.0))
+    white = np.fft.rfft(random.standard_normal(shape), axis=0)
+    noise = np.fft.irfft(gain[:, None] * white, shape[0], axis=0)
+    return np.asarray(noise / noise.std(axis=0))
+
+
+def _smoothed(variant: Variant, time: Array, values: Array) -> Array:
+    """Smooth values (frames, coordinates) as another laboratory's software does."""
+    if variant.software == "Savitzky-Golay":
+        window = 2 * round(0.07 / (time[1] - time[0])) + 1
+        return np.asarray(scipy.signal.savgol_filter(values, window, 3, axis=0))
+    if variant.software == "spline":
+        moving = np.ptp(values, axis=0) > 1e-9
+        smooth = values.copy()
+        for column in np.flatnonzero(moving):
+            spline = scipy.interpolate.make_smoothing_spline(time, values[:, column])
+            smooth[:, column] = spline(time)
+        return smooth
+    return values
+
+
+def _empty(variant: Variant, frames: int, seed: int) -> np.ndarray:
     """Mark the frames (frames,) that are empty."""
     empty = np.zeros(frames, bool)
+    random = np.random.default_rng(1000 + seed)
+    while empty.mean() < variant.lost:
+        # The ends stay, as a clip would be cut there.
+        start = int(random.integers(5, max(frames - 10, 6)))
+        empty[start : start + int(random.integers(1, 6))] = True
     if variant.empty_every:
         empty[variant.empty_every // 2 :: variant.empty_every] = True
     empty[frames // 2 : frames // 2 + variant.empty] = True

@@ -12,9 +12,11 @@ import numpy as np
 from myomorph.core.contact.assign import OnlineFeet
 from myomorph.core.contact.site_motion import OnlineFootPath, root_places
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.errors import BadData
+from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.model import Model, index_of
+from myomorph.core.model.movement import MOVEMENTS, Movement
 from myomorph.core.motion.causal import CausalFilter, CausalStream
+from myomorph.core.motion.cutoff_choice import MOVEMENT_CUTOFFS, USUAL
 from myomorph.core.motion.measurements import default_markers
 from myomorph.core.motion.online import (
     BLEND,
@@ -44,24 +46,40 @@ class ChainOptions:
 
     Attributes
     ----------
-    cutoff : half power of the filter of coordinates and forces; its delay is 0.336 / cutoff [Hz]
+    cutoff : half power of the filter of coordinates and forces; its delay is 0.336 / cutoff [Hz];
+        by default 12 Hz for running and jumping, else 6 Hz
+    movement : that is to come, which decides the filter where no cutoff is stated
     blend : time constant with which the jump of a lost or found marker is given back [s]
     max_age : frames older than that are dropped, the oldest first, so that nothing piles up [s]
     joint_load : weight of the squared force that knees transmit, in body weights, beside the effort
         of muscles; 0 for none; by default that of 'myomorph tension'
     """
 
-    cutoff: float = 6.0
+    cutoff: float | None = None
+    movement: Movement | None = None
     blend: float = BLEND
     max_age: float = 0.1
     joint_load: float | None = None
 
     def __post_init__(self) -> None:
+        if self.movement is not None:
+            check_name("movement", self.movement, MOVEMENTS)
         for name in ("cutoff", "blend", "max_age"):
-            if not (getattr(self, name) > 0.0 and np.isfinite(getattr(self, name))):
+            value = getattr(self, name)
+            if value is not None and not (value > 0.0 and np.isfinite(value)):
                 raise BadData(f"{name} {getattr(self, name):g}: expected above 0")
         # Errors of the weight are found where it is given.
         RecruitmentOptions(joint_load=self.joint_load)
+
+    @property
+    def used_cutoff(self) -> float:
+        """Half power of the filter, as stated or usual for the movement [Hz].
+
+        It is known before the first frame comes, so that nothing changes its delay later.
+        """
+        if self.cutoff is not None:
+            return self.cutoff
+        return USUAL if self.movement is None else MOVEMENT_CUTOFFS.get(self.movement, USUAL)
 
     @property
     def recruitment(self) -> RecruitmentOptions:
@@ -192,7 +210,7 @@ class LiveChain:
     ):
         self.model = model
         self.options = options or ChainOptions()
-        self.filter = CausalFilter(self.options.cutoff)
+        self.filter = CausalFilter(self.options.used_cutoff)
         self.filter_delay = self.filter.delay
         self.max_age = self.options.max_age
         self.poses = Poses(model=model, source=source, blend=self.options.blend, mounting=mounting)

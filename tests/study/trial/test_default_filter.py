@@ -6,7 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from myomorph.core.model.motion_errors import MotionErrors
 from myomorph.core.motion.filters import differentiate
+from myomorph.lab.store import stored as store
+from myomorph.lab.store.quantities import get_value, put_value
+from myomorph.lab.store.results import new_result, read_result
 from myomorph.lab.study.inputs.table import settings_of_keys
 from myomorph.lab.study.trial.default_filter import (
     chosen_filter,
@@ -53,7 +57,7 @@ def test_an_empty_frame_is_bridged_and_said(arm):
 def test_a_stated_cutoff_is_the_filter_as_it_was(arm):
     trial = opened(arm, cutoff=6.0)
     recorded = noisy(arm, trial)
-    motion, _ = inverse_dynamics_step.with_derivatives(trial, recorded)
+    motion = inverse_dynamics_step.with_derivatives(trial, recorded).motion
     stated = differentiate(recorded, 6.0)
     np.testing.assert_array_equal(motion.accelerations, stated.accelerations)
     assert chosen_filter(trial, recorded) is None
@@ -67,3 +71,20 @@ def test_another_factor_of_a_chosen_filter_changes_the_cutoff_alone(arm):
     half = trial.having(replace(chosen, factor=0.5))
     assert cutoff_of(half, recorded) == 0.5 * cutoff_of(trial, recorded)
     assert len(filter_key(trial)) == 1
+
+
+def test_results_store_the_errors_that_the_filter_leaves(arm, tmp_path):
+    """Standard deviations and marks come back as they were written, on the frames used."""
+    trial = opened(arm)
+    recorded = noisy(arm, trial)
+    torques = inverse_dynamics_step.solve_dynamics(trial, recorded)
+    with new_result(tmp_path / "results.nc") as writer:
+        store.put_derivatives(writer, torques.motion, trial.model)
+        put_value(writer, torques.errors)
+    errors = get_value(read_result(tmp_path / "results.nc"), MotionErrors)
+    assert errors.names == torques.motion.names
+    np.testing.assert_allclose(errors.acceleration_sd, torques.errors.acceleration_sd, rtol=1e-6)
+    assert errors.uncertain[[0, -1]].all()
+    assert not errors.uncertain[len(recorded) // 2]
+    stated = inverse_dynamics_step.solve_dynamics(opened(arm, cutoff=6.0), recorded)
+    assert stated.errors is None

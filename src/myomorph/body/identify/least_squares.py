@@ -146,6 +146,7 @@ class Recording:
     finer : the same frames with little filter, from which masses are identified; None where nothing
         was filtered
     noise : of the motion's coordinates, as it is after the filter; None where it is not known
+    seen_noise : as far as the recording shows it, which is a bound from below: skin is not in it
     """
 
     motion: Motion
@@ -153,6 +154,7 @@ class Recording:
     use: np.ndarray | None = None
     finer: Finer | None = None
     noise: RecordingNoise | None = None
+    seen_noise: RecordingNoise | None = None
 
     def __post_init__(self) -> None:
         if self.use is not None:

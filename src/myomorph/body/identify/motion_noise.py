@@ -180,6 +180,9 @@ def coordinate_noise(motion: Motion, sd: float, cutoff: float | None = None) -> 
 def with_noise(recording: Recording, sd: float) -> Recording:
     """Give a recording the noise that its filter leaves in its coordinates, unless it has one.
 
+    Where the recording itself shows more, that is taken: what its spectra show is a bound from
+    below, as movement of skin is not in it.
+
     Parameters
     ----------
     recording : with a motion
@@ -188,7 +191,12 @@ def with_noise(recording: Recording, sd: float) -> Recording:
     if recording.noise is not None:
         return recording
     cutoff = None if recording.finer is None else recording.finer.cutoff
-    return replace(recording, noise=coordinate_noise(recording.motion, sd, cutoff))
+    noise = coordinate_noise(recording.motion, sd, cutoff)
+    seen = recording.seen_noise
+    if seen is not None and sd > 0.0:
+        larger = np.fmax(noise.sd, np.where(noise.sd > 0.0, seen.sd, 0.0))
+        noise = replace(noise, sd=larger, floor=larger)
+    return replace(recording, noise=noise)
 
 
 def motion_noise(

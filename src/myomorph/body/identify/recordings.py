@@ -23,6 +23,8 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.motion.cutoff_choice import choose_cutoff
 from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.noise_evidence import NoiseEvidence
+from myomorph.core.motion.smoother import SmoothedMotion, differentiated_at, smoothed_by
 from myomorph.core.motion.sync import cut, resample_wrenches
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.regressor import base_wrench, regressor_blocks
@@ -73,12 +75,6 @@ class RecordingOptions:
             raise BadData(
                 f"cutoff {self.cutoff} Hz: expected a positive frequency, or 0 for no filter"
             )
-
-    def cutoff_of(self, model: Model, motion: Motion) -> float | None:
-        """Return the cutoff for a motion as recorded [Hz]; None filters nothing."""
-        if self.cutoff is None:
-            return choose_cutoff(motion, model).cutoff
-        return self.cutoff or None
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,11 +211,14 @@ def usable(  # page: a recording, and what is known of it, all of it optional
     """
     options = options or RecordingOptions()
     mass = model.mass if mass is None else mass
-    cutoff = options.cutoff_of(model, motion)
-    whole = differentiate(motion, cutoff)
+    smoothed = _smoothed(model, motion, wrenches, options)
+    motion = smoothed.filled(motion)
+    cutoff = smoothed.cutoff
+    whole = smoothed.motion
     if time is not None:
         whole = cut(whole, *time)
     recording = _on_one_clock(name, motion, whole, wrenches, cutoff)
+    recording = replace(recording, seen_noise=smoothed.noise(motion))
     outside = {OUTSIDE: len(whole) - len(recording.motion)}
     balance = Balance.of(model, recording, mass)
 
@@ -250,6 +249,24 @@ def usable(  # page: a recording, and what is known of it, all of it optional
         name=name,
         notes=_notes_of_mass(name, weighs, mass),
     )
+
+
+def _smoothed(
+    model: Model, motion: Motion, wrenches: Wrenches, options: RecordingOptions
+) -> SmoothedMotion:
+    """Differentiate a motion by the stated filter, or the one that its noise asks for.
+
+    Parameters
+    ----------
+    model : whose torques count
+    motion : coordinates as recorded
+    wrenches : as recorded, which show the motion's noise; NaN where missing
+    options : with the cutoff
+    """
+    evidence = NoiseEvidence(wrenches=wrenches)
+    if options.cutoff is None:
+        return smoothed_by(motion, choose_cutoff(motion, model, evidence=evidence))
+    return differentiated_at(motion, options.cutoff or None)
 
 
 def _on_one_clock(
@@ -303,7 +320,9 @@ def _filtered(
     -------
     the recording itself where it is filtered or smooth
     """
-    asked = choose_cutoff(motion, model).cutoff if recording.finer is None else None
+    if recording.finer is not None:
+        return recording
+    asked = choose_cutoff(motion, model, evidence=NoiseEvidence(wrenches=wrenches)).cutoff
     if asked is None:
         return recording
     clock = recording.motion.time

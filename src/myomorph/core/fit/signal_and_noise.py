@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -66,6 +66,43 @@ class SignalAndNoise:
             moves=self.moves[which],
             doubtful=self.doubtful,
         )
+
+    def with_noise(self, seen: Array) -> SignalAndNoise:
+        """Take noise that something else shows, where the spectra show less.
+
+        A recording whose own spectra are doubtful is its motion, but for that noise. It is never
+        more than what was recorded.
+
+        Parameters
+        ----------
+        seen : (bins, columns) power of the noise in the recording [unit^2/Hz]
+
+        Returns
+        -------
+        motion and noise, no longer doubtful
+        """
+        fitted = np.zeros_like(self.noise) if self.doubtful else self.noise
+        passed = np.ones_like(self.passed) if self.doubtful else self.passed
+        inside = self.recorded > 0.0
+        noise = np.maximum(fitted, np.where(inside, np.minimum(seen, self.recorded), seen))
+        if self.doubtful:
+            motion = np.where(inside, self.recorded - noise, self.motion * ~self._beyond)
+        else:
+            restored = np.maximum(passed**2, MIN_PASSED)[:, None]
+            motion = np.maximum(self.motion - (noise - fitted) / restored, 0.0)
+        return replace(
+            self,
+            motion=motion,
+            noise=noise,
+            passed=passed,
+            known=self.known | (seen > 0.0).any(axis=0),
+            doubtful=False,
+        )
+
+    @property
+    def _beyond(self) -> np.ndarray:
+        """Mark the bins (bins, 1) beyond the end of the recording."""
+        return np.asarray(np.arange(len(self.frequency)) >= EXTENDED)[:, None]
 
     @property
     def sd(self) -> Array:

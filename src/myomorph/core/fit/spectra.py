@@ -40,6 +40,10 @@ class Spectra:
     width: Array
     power: Array
 
+    def columns(self, which: slice) -> Spectra:
+        """Take some of the columns."""
+        return Spectra(frequency=self.frequency, width=self.width, power=self.power[:, which])
+
     def only(self, bins: np.ndarray) -> Spectra:
         """Take some bins.
 
@@ -56,7 +60,7 @@ class Spectra:
         )
 
 
-def spectra_of(values: Array, rate: float) -> Spectra:
+def spectra_of(values: Array, rate: float, beside: Array | None = None) -> Spectra:
     """Estimate the power spectra of columns.
 
     Second differences y_i - 2 y_(i-1) + y_(i-2) remove offset and travel, and are small enough at
@@ -73,16 +77,18 @@ def spectra_of(values: Array, rate: float) -> Spectra:
     ----------
     values : (frames, columns) without gaps, at least eight frames
     rate : of the frames [Hz]
+    beside : (frames, others) further columns, which do not choose the segments
 
     Returns
     -------
-    spectra in bins that are even in log f
+    spectra of all columns in bins that are even in log f
     """
-    spectra = _spectra_of_segments(values, rate, SEGMENT)
-    duration = max(PERIODS / _speed(spectra), MIN_SEGMENT)
+    columns = values if beside is None else np.hstack([values, beside])
+    spectra = _spectra_of_segments(columns, rate, SEGMENT)
+    duration = max(PERIODS / _speed(spectra.columns(slice(values.shape[1]))), MIN_SEGMENT)
     if duration >= SEGMENT or len(values) <= WHOLE * duration * rate:
         return spectra
-    return _spectra_of_segments(values, rate, duration)
+    return _spectra_of_segments(columns, rate, duration)
 
 
 def _speed(spectra: Spectra) -> float:
@@ -104,7 +110,7 @@ def _spectra_of_segments(values: Array, rate: float, duration: float) -> Spectra
         length = min(int(duration * rate), frames)
     count = max(1, min(frames // length, MAX_FRAMES // length))
     starts = np.linspace(0.0, frames - length, count).astype(int)
-    tapers = _sine_tapers(length - 2)
+    tapers = sine_tapers(length - 2)
     power = np.zeros(((length - 2) // 2 + 1, values.shape[1]))
     for start in starts:
         bent = _without_line(np.diff(values[start : start + length], 2, axis=0))
@@ -123,7 +129,7 @@ def _without_line(values: Array) -> Array:
     return values - values.mean(axis=0) - across[:, None] * slope
 
 
-def _sine_tapers(length: int) -> Array:
+def sine_tapers(length: int) -> Array:
     """Sine tapers (tapers, length) of unit energy.
 
     v_k(n) = sqrt(2 / (N + 1)) sin(pi k n / (N + 1)),  k = 1, 2, ...

@@ -53,6 +53,44 @@ COORDINATE_UNIT = Quantity(
     meaning="unit of a coordinate, nothing where it is the file's own",
     kind="text",
 )
+COORDINATE_SD = Quantity(
+    name="coordinate_sd",
+    dims=BY_COORDINATE,
+    unit="rad or m",
+    meaning="standard deviation of the error that the low-pass filter leaves in a coordinate",
+    attribute="value_sd",
+    kind="single",
+)
+COORDINATE_VELOCITY_SD = Quantity(
+    name="coordinate_velocity_sd",
+    dims=BY_COORDINATE,
+    unit="rad/s or m/s",
+    meaning="standard deviation of the error that the low-pass filter leaves in a velocity",
+    attribute="velocity_sd",
+    kind="single",
+)
+COORDINATE_ACCELERATION_SD = Quantity(
+    name="coordinate_acceleration_sd",
+    dims=BY_COORDINATE,
+    unit="rad/s2 or m/s2",
+    meaning="standard deviation of the error that the low-pass filter leaves in an acceleration",
+    attribute="acceleration_sd",
+    kind="single",
+)
+COORDINATE_UNCERTAIN = Quantity(
+    name="coordinate_uncertain",
+    dims=("time",),
+    unit="1",
+    meaning="1 at ends and beside long gaps, where accelerations are less sure",
+    attribute="uncertain",
+    kind="flag",
+)
+MOTION_ERRORS = (
+    COORDINATE_SD,
+    COORDINATE_VELOCITY_SD,
+    COORDINATE_ACCELERATION_SD,
+    COORDINATE_UNCERTAIN,
+)
 MOTION = (COORDINATE_VALUE, COORDINATE_VELOCITY, COORDINATE_ACCELERATION)
 FILTERED_MOTION = (COORDINATE_FILTERED, COORDINATE_VELOCITY, COORDINATE_ACCELERATION)
 
@@ -164,6 +202,7 @@ PLATE_CORNER = Quantity(
 QUANTITIES = (
     *MOTION,
     COORDINATE_FILTERED,
+    *MOTION_ERRORS,
     COORDINATE_UNIT,
     MARKER_POSITION,
     *WRENCHES,

@@ -15,13 +15,13 @@ import numpy as np
 import scipy
 
 from myomorph.core.fit.noise import RecordingNoise
-from myomorph.core.fit.signal_and_noise import MIN_FRAMES, SignalAndNoise, signal_and_noise
-from myomorph.core.fit.spectra import spectra_of
+from myomorph.core.fit.signal_and_noise import MIN_FRAMES, SignalAndNoise
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Motion
+from myomorph.core.motion.noise_evidence import NO_EVIDENCE, NoiseEvidence, told_apart
 from myomorph.core.motion.splines import natural_spline
 from myomorph.core.motion.turns import floating_coordinates
 from myomorph.core.rigid.dynamics import inverse_dynamics
@@ -56,6 +56,7 @@ MAX_PER_SPEED = 3.0
 The wobble of skin has no plateau by which a spectrum could tell it from motion.
 """
 
+MAX_SURE = 7.5  # The same where markers or forces show the wobble of skin
 MIN_PERIODS = 3.0  # Of the usual cutoff in a recording that says how fast it is
 TRUST = 1.5  # Weight of that cutoff in log(error), over its periods in the recording
 LASTING_TRUST = 0.03  # However long the recording
@@ -78,7 +79,7 @@ ENOUGH = 0.01
 motions without a model, whose torques are not known.
 """
 
-Origin = Literal["noise", "movement", "speed", "usual", "smooth"]
+Origin = Literal["noise", "markers", "forces", "movement", "speed", "usual", "smooth"]
 
 
 @read_only
@@ -89,8 +90,9 @@ class CutoffChoice:
     Attributes
     ----------
     cutoff : [Hz], None where the motion is smooth already
-    origin : by what it was chosen: the recording's noise; where that is not known its movement,
-        else its speed, else what is usual, as it is too short; or that it is smooth
+    origin : by what it was chosen: the recording's noise as its spectra show it, or else as
+        residuals of markers or measured forces do; where that is not known its movement, else its
+        speed, else what is usual, as it is too short; or that it is smooth
     spectra : of motion and noise of each coordinate, None where there are none
     """
 
@@ -103,6 +105,8 @@ class CutoffChoice:
         """Why this cutoff, in words."""
         return {
             "noise": "by the noise of the recording",
+            "markers": "by the noise that residuals of markers show",
+            "forces": "by the noise that measured forces show",
             "movement": "usual for this movement, as the noise is not known",
             "speed": "by the speed of the movement, as the noise is not known",
             "usual": "usual for people, as the recording is short",
@@ -110,16 +114,27 @@ class CutoffChoice:
         }[self.origin]
 
 
-_KNOWN: WeakKeyDictionary[Motion, tuple[Model | None, Movement | None, CutoffChoice]] = (
-    WeakKeyDictionary()
-)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Asked:
+    """What a choice was made of."""
+
+    model: Model | None
+    movement: Movement | None
+    evidence: NoiseEvidence
+    choice: CutoffChoice
+
+
+_KNOWN: WeakKeyDictionary[Motion, _Asked] = WeakKeyDictionary()
 """Of motions that still exist: coordinates, external forces and what is printed ask for the same
 one.
 """
 
 
 def choose_cutoff(
-    motion: Motion, model: Model | None = None, movement: Movement | None = None
+    motion: Motion,
+    model: Model | None = None,
+    movement: Movement | None = None,
+    evidence: NoiseEvidence = NO_EVIDENCE,
 ) -> CutoffChoice:
     """Choose the cutoff that a motion needs before it is differentiated.
 
@@ -131,13 +146,15 @@ def choose_cutoff(
     noise, see `SignalAndNoise.expected_error`, and the usual cutoff fr. That is 2.5 times the
     frequency below which 85 % of the power of velocities lies; where the noise is not known, and
     the movement is, that of the movement. The weight w falls with the length of the recording, and
-    grows where the noise is not known. The cutoff is at most three times that frequency.
+    grows where the noise is not known. The cutoff is at most three times that frequency, and 7.5
+    times where residuals of markers or measured forces show how far skin wobbles.
 
     Parameters
     ----------
     motion : coordinates over time (frames, coordinates) [rad or m], NaN in gaps
     model : whose torques count; without one, accelerations of all coordinates do
     movement : that was recorded, None where it is not known
+    evidence : markers and forces that were measured; a model has to be given with them
 
     Returns
     -------
@@ -156,10 +173,17 @@ def choose_cutoff(
     ('noise', True)
     """
     known = _KNOWN.get(motion)
-    if known is None or known[0] is not model or known[1] != movement:
-        known = (model, movement, _choice(motion, model, movement))
+    asked_before = (
+        known is not None
+        and known.model is model
+        and known.movement == movement
+        and known.evidence.same(evidence)
+    )
+    if known is None or not asked_before:
+        choice = _choice(motion, model, movement, evidence)
+        known = _Asked(model=model, movement=movement, evidence=evidence, choice=choice)
         _KNOWN[motion] = known
-    return known[2]
+    return known.choice
 
 
 def recording_noise(motion: Motion, choice: CutoffChoice) -> RecordingNoise:
@@ -194,15 +218,17 @@ def recording_noise(motion: Motion, choice: CutoffChoice) -> RecordingNoise:
     )
 
 
-def _choice(motion: Motion, model: Model | None, movement: Movement | None) -> CutoffChoice:
+def _choice(
+    motion: Motion, model: Model | None, movement: Movement | None, evidence: NoiseEvidence
+) -> CutoffChoice:
     """Choose a cutoff; see `choose_cutoff`."""
     part = recorded_part(motion)
     if len(part) < MIN_FRAMES:
         cutoff = MOVEMENT_CUTOFFS.get(movement, USUAL) if movement else USUAL
         return CutoffChoice(cutoff=cutoff, origin="usual", spectra=None)
     rows = None if model is None else inertia_rows(model, motion)
-    columns = part.values if rows is None else np.hstack([part.values, part.values @ rows.T])
-    whole = signal_and_noise(spectra_of(columns, part.rate))
+    found = told_apart(part, model, rows, evidence)
+    whole = found.spectra
     count = len(motion.names)
     if whole is None or not whole.moves[:count].any():
         return CutoffChoice(cutoff=None, origin="smooth", spectra=None)
@@ -217,10 +243,11 @@ def _choice(motion: Motion, model: Model | None, movement: Movement | None) -> C
     costs = _torque_cost(whole, count, tried) if of_torques else _acceleration_cost(own, tried)
     trust = TRUST / (usual.cutoff * duration) + LASTING_TRUST + DOUBT * own.doubtful
     costs = costs + trust * np.square(np.log(tried / usual.cutoff))
-    cutoff = float(min(tried[costs.argmin()], usual.highest))
+    highest = MAX_SURE / PER_SPEED * usual.cutoff if found.sure else usual.highest
+    cutoff = float(min(tried[costs.argmin()], highest))
     if own.doubtful and _fast_share(own, cutoff) < SMOOTH:
         return CutoffChoice(cutoff=None, origin="smooth", spectra=own)
-    origin: Origin = usual.origin if own.doubtful else "noise"
+    origin: Origin = usual.origin if own.doubtful else found.shown_by
     return CutoffChoice(cutoff=cutoff, origin=origin, spectra=own)
 
 

@@ -6,16 +6,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.core.fit.noise import RecordingNoise
 from myomorph.core.fit.signal_and_noise import SignalAndNoise
 from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
+from myomorph.core.model.motion_errors import MotionErrors
 from myomorph.core.model.movement import Movement
-from myomorph.core.model.series import Motion
+from myomorph.core.model.series import Markers, Motion, Wrenches
 from myomorph.core.motion.cutoff_choice import CutoffChoice, choose_cutoff, is_even
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.kalman import smoothed_states
+from myomorph.core.motion.noise_evidence import NoiseEvidence
 
 MIN_FRAMES = 6  # That a motion with derivatives is made of
 END = 1.5  # Standard deviation of an acceleration over that inside, from which a frame is an end
@@ -49,9 +52,66 @@ class SmoothedMotion:
     blank: np.ndarray
     uncertain: np.ndarray
 
+    @property
+    def errors(self) -> MotionErrors | None:
+        """Standard deviations and marks, None where errors are not known."""
+        if not np.isfinite(self.acceleration_sd).any():
+            return None
+        return MotionErrors(
+            time=self.motion.time,
+            names=self.motion.names,
+            value_sd=self.value_sd,
+            velocity_sd=self.velocity_sd,
+            acceleration_sd=self.acceleration_sd,
+            uncertain=self.uncertain,
+        )
+
+    def noise(self, recorded: Motion) -> RecordingNoise | None:
+        """Describe what the filter leaves of the noise, None where that is not known.
+
+        Parameters
+        ----------
+        recorded : that was smoothed, (frames, coordinates), NaN in gaps
+
+        Returns
+        -------
+        noise of coordinates as smoothed; a low-pass has two samples a period of its cutoff
+        """
+        if self.cutoff is None or not np.isfinite(self.value_sd).any():
+            return None
+        count = len(recorded.names)
+        return RecordingNoise(
+            names=recorded.names,
+            unit="rad or m",
+            sd=np.nanmedian(self.value_sd, axis=0),
+            correlation_time=np.full(count, 0.5 / self.cutoff),
+            floor=np.full(count, np.nan),
+            gaps=1.0 - np.isfinite(recorded.values).mean(axis=0),
+        )
+
+    def filled(self, recorded: Motion) -> Motion:
+        """Coordinates as recorded, and as smoothed in gaps that were bridged.
+
+        Parameters
+        ----------
+        recorded : that was smoothed, (frames, coordinates), NaN in gaps
+
+        Returns
+        -------
+        without derivatives, NaN in gaps too long to bridge
+        """
+        missing = self.bridged[:, None] & ~np.isfinite(recorded.values)
+        values = np.where(missing, self.motion.values, recorded.values)
+        return replace(recorded, values=values, velocities=None, accelerations=None)
+
 
 def smooth_motion(
-    motion: Motion, model: Model | None = None, movement: Movement | None = None
+    motion: Motion,
+    model: Model | None = None,
+    movement: Movement | None = None,
+    *,
+    markers: Markers | None = None,
+    wrenches: Wrenches | None = None,
 ) -> SmoothedMotion:
     """Smooth a motion and differentiate it twice, by the noise that the recording shows.
 
@@ -60,6 +120,8 @@ def smooth_motion(
     motion : coordinates as recorded (frames, coordinates) [rad or m], NaN in gaps
     model : whose torques are to be right; without one, the accelerations of all coordinates
     movement : that was recorded, None where it is not known
+    markers : that inverse kinematics made the motion of; their residuals show its noise
+    wrenches : all external forces as measured, which show the noise by Newton's law
 
     Returns
     -------
@@ -79,7 +141,8 @@ def smooth_motion(
     (61, 2)
     """
     check_argument("motion", motion, Motion)
-    return smoothed_by(motion, choose_cutoff(motion, model, movement))
+    evidence = NoiseEvidence(markers=markers, wrenches=wrenches)
+    return smoothed_by(motion, choose_cutoff(motion, model, movement, evidence))
 
 
 def smoothed_by(
@@ -104,7 +167,7 @@ def smoothed_by(
     cutoff = cutoff or choice.cutoff
     seen = np.all(np.isfinite(motion.values), axis=1)
     if cutoff is None or not is_even(motion.time):
-        return _splined(motion, cutoff, seen)
+        return differentiated_at(motion, cutoff)
     if seen.sum() < MIN_FRAMES:
         raise BadData(
             f"derivatives need {MIN_FRAMES} frames without gaps: the motion has {int(seen.sum())}"
@@ -203,18 +266,25 @@ def _marks(seen: np.ndarray, longest: float, worse: np.ndarray) -> _Marks:
     return _Marks(bridged=~seen & ~blank, blank=blank, uncertain=(beside | worse) & ~blank)
 
 
-def _splined(motion: Motion, cutoff: float | None, seen: np.ndarray) -> SmoothedMotion:
+def differentiated_at(motion: Motion, cutoff: float | None) -> SmoothedMotion:
     """Differentiate a smooth motion, or one at uneven times, by splines; errors are not known.
 
     Parameters
     ----------
     motion : as recorded
-    cutoff : [Hz]; None for none
-    seen : (frames,) that were recorded
+    cutoff : of OpenSim's filter [Hz]; None for none
+
+    Returns
+    -------
+    as of `smooth_motion`, without standard deviations; no gap is bridged
+
+    Raises
+    ------
+    BadData : fewer than six frames in a row are known
     """
     whole = differentiate(motion, cutoff)
     unknown = np.full(motion.values.shape, np.nan)
-    blank = ~np.all(np.isfinite(whole.values), axis=1)
+    blank = np.asarray(~np.all(np.isfinite(whole.values), axis=1))
     reach = 0 if cutoff is None else int(LONGEST * motion.rate / cutoff)
     beside = np.convolve(np.pad(blank, 1, constant_values=True), np.ones(2 * reach + 1), "same")
     return SmoothedMotion(
@@ -223,7 +293,7 @@ def _splined(motion: Motion, cutoff: float | None, seen: np.ndarray) -> Smoothed
         value_sd=unknown,
         velocity_sd=unknown,
         acceleration_sd=unknown,
-        bridged=np.zeros(len(seen), bool),
+        bridged=np.zeros(len(motion), bool),
         blank=blank,
         uncertain=(beside[1:-1] > 0.0) & ~blank,
     )

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from myomorph.core.fit.noise import RecordingNoise
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.contacts import Site
 from myomorph.core.model.errors import BadData, check_name
@@ -158,7 +159,9 @@ def drawn_unseen(modes: Sequence[AssumedMode], time: Array, draw: Draw) -> Array
     return total
 
 
-def drawn_angles(model: Model, motion: Motion, draw: Draw) -> Motion:
+def drawn_angles(
+    model: Model, motion: Motion, draw: Draw, noise: RecordingNoise | None = None
+) -> Motion:
     """A motion with errors in all angles that are free; where a body floats, its place is kept.
 
     Parameters
@@ -166,6 +169,7 @@ def drawn_angles(model: Model, motion: Motion, draw: Draw) -> Motion:
     model : says which coordinates are free
     motion : without errors [rad or m]
     draw : which errors
+    noise : of the coordinates as recorded, which is drawn beside errors of angles; None for none
 
     Returns
     -------
@@ -196,7 +200,27 @@ def drawn_angles(model: Model, motion: Motion, draw: Draw) -> Motion:
             values[:, index] += (
                 size * draw.normals.process(draw.number, "angle", name, frames, width, 1)[:, 0]
             )
+    if noise is not None and draw.sources.marker_noise:
+        values += _drawn_noise(motion, noise, draw)
     return replace(motion, values=values)
+
+
+def _drawn_noise(motion: Motion, noise: RecordingNoise, draw: Draw) -> Array:
+    """Draw the noise of coordinates (frames, coordinates) [rad or m], none where it is not known.
+
+    What a Gaussian of width s smooths is alike over 2 sqrt(pi) s.
+    """
+    drawn = np.zeros(motion.values.shape)
+    known = np.flatnonzero(np.isfinite(noise.sd) & (noise.sd > 0.0))
+    for column in known:
+        alike = float(noise.correlation_time[column]) / (2.0 * np.sqrt(np.pi))
+        name = noise.names[column]
+        width = _width(motion.time, alike)
+        drawn[:, column] = (
+            noise.sd[column]
+            * draw.normals.process(draw.number, "noise", name, len(motion), width, 1)[:, 0]
+        )
+    return drawn
 
 
 def free_angles(model: Model) -> tuple[str, ...]:

@@ -11,15 +11,21 @@ from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.causes import HIDDEN
 from myomorph.core.model.errors import counted
 from myomorph.core.model.messages import Message
+from myomorph.core.model.motion_errors import MotionErrors
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Motion
 from myomorph.core.motion.cutoff_choice import CutoffChoice, choose_cutoff
 from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.ik import InverseKinematicsOptions
+from myomorph.core.motion.noise_evidence import NO_EVIDENCE, NoiseEvidence
 from myomorph.core.motion.root_chart import root_chart
 from myomorph.core.motion.smoother import SmoothedMotion, smoothed_by
 from myomorph.lab.store.settings import Differentiation
+from myomorph.lab.study.inputs.loads import ExternalLoads
+from myomorph.lab.study.inputs.motion import RecordedMotion
 from myomorph.lab.study.inputs.refined import RefinedMotion
 from myomorph.lab.study.inputs.session import RecordedSession
+from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.trial.trial_inputs import TrialInputs
 
 
@@ -52,8 +58,22 @@ def chosen_filter(trial: TrialInputs, recorded: Motion) -> ChosenFilter | None:
     chosen = trial.get(ChosenFilter)
     if chosen is not None:
         return chosen
-    charted = root_chart(trial.model, recorded).motion
-    return ChosenFilter(choice=choose_cutoff(charted, trial.model, movement_of(trial)))
+    chart = root_chart(trial.model, recorded)
+    # Forces and markers are those of the model's own angles.
+    evidence = NO_EVIDENCE if chart.pairs else evidence_of(trial, recorded)
+    choice = choose_cutoff(chart.motion, trial.model, movement_of(trial), evidence)
+    return ChosenFilter(choice=choice)
+
+
+def evidence_of(trial: TrialInputs, recorded: Motion) -> NoiseEvidence:
+    """Find the markers and forces that show the noise of a motion, where they were measured."""
+    loads = trial.get(ExternalLoads)
+    measured = loads is not None and trial.get(RecordedTorques) is None
+    return NoiseEvidence(
+        markers=None if trial.get(RecordedMotion) is not None else trial.recording.markers,
+        weights=trial.options[InverseKinematicsOptions],
+        wrenches=loads.of(recorded) if loads is not None and measured else None,
+    )
 
 
 def movement_of(trial: TrialInputs) -> Movement | None:
@@ -79,9 +99,17 @@ def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Differentiated:
-    """A motion with velocities and accelerations, and what is to be said of its gaps."""
+    """A motion with velocities and accelerations, and what is to be said of its gaps.
+
+    Attributes
+    ----------
+    motion : with derivatives
+    errors : that the filter leaves in it, None where they are not known
+    notes : of gaps
+    """
 
     motion: Motion
+    errors: MotionErrors | None = None
     notes: tuple[Message, ...] = ()
 
 
@@ -96,7 +124,12 @@ def differentiated(trial: TrialInputs, recorded: Motion) -> Differentiated:
         motion = differentiate(chart.motion, cutoff_of(trial, recorded))
         return Differentiated(motion=chart.back(motion))
     smoothed = smoothed_by(chart.motion, chosen.choice, chosen.cutoff)
-    return Differentiated(motion=chart.back(smoothed.motion), notes=gap_messages(smoothed))
+    return Differentiated(
+        motion=chart.back(smoothed.motion),
+        # Of other angles of a floating body, errors are those of these.
+        errors=None if chart.pairs else smoothed.errors,
+        notes=gap_messages(smoothed),
+    )
 
 
 def gap_messages(smoothed: SmoothedMotion) -> tuple[Message, ...]:

@@ -18,6 +18,7 @@ from myomorph.core.model.errors import MyomorphError
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion, Wrenches
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
+from myomorph.core.motion.cutoff_choice import recording_noise
 from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit, poses_near
 from myomorph.core.motion.sensors.mounting import (
     SensorMounting,
@@ -202,7 +203,10 @@ class Chain:
     def _moved(self, trial: TrialInputs, draw: Draw) -> Motion:
         """The motion that inverse kinematics finds under the errors of a draw."""
         if self.markers is None or self.base is None:
-            return drawn_inputs.drawn_angles(trial.model, self.recorded, draw)
+            noise = None
+            if self.chosen is not None and self.cutoff is not None:
+                noise = recording_noise(self.recorded, self.chosen.choice)
+            return drawn_inputs.drawn_angles(trial.model, self.recorded, draw, noise)
         if self.cutoff is None:
             # What is not filtered holds no noise that a filter would take off.
             draw = replace(draw, sources=replace(draw.sources, marker_noise=0.0))

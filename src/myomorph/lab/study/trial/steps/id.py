@@ -14,12 +14,14 @@ from myomorph.core.model.findings import messages_of_findings
 from myomorph.core.model.gravity import gravity_of
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
+from myomorph.core.model.motion_errors import MotionErrors
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
 from myomorph.core.model.series_quantities import (
     COORDINATE_UNIT,
     FILTERED_MOTION,
     FORCE_TIME,
     MEASURED_VERTICAL_FORCE,
+    MOTION_ERRORS,
     WRENCHES,
 )
 from myomorph.core.model.soft_tissue import SoftTissue
@@ -33,6 +35,7 @@ from myomorph.lab.report.trial.summary_lines import dynamics_line
 from myomorph.lab.report.trial.tables import residuals
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.store.quantities import get_value, put_value
 from myomorph.lab.store.quantity_files import quantity_table
 from myomorph.lab.store.results import Stored, get_findings, put_findings
 from myomorph.lab.store.settings import Differentiation, ForceOptions, TorqueTable
@@ -43,6 +46,7 @@ from myomorph.lab.study.inputs.refined import RefinedMotion
 from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
 from myomorph.lab.study.trial.default_filter import (
+    Differentiated,
     chosen_filter,
     cutoff_of,
     differentiated,
@@ -89,7 +93,8 @@ class FilterEffect:
 class Torques:
     """Generalized forces (frames, coordinates) [N m or N] of a motion, filtered where asked for,
     with derivatives; external forces at its times, as measured; what an automatic cutoff decides,
-    None where that was not examined.
+    None where that was not examined; errors that the filter leaves in the motion, None where they
+    are not known.
     """
 
     motion: Motion
@@ -97,6 +102,7 @@ class Torques:
     wrenches: Wrenches | None
     notes: tuple[Message, ...] = ()
     filter_effect: FilterEffect | None = None
+    errors: MotionErrors | None = None
 
 
 def filter_summary(trial: TrialInputs, recorded: Motion, dynamics: Torques | None = None) -> str:
@@ -152,7 +158,7 @@ def _largest_joint_torque(model: Model, torques: Series) -> float:
     return float(np.nanmax(np.abs(torques.values[:, turning]), initial=0.0))
 
 
-def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[Message, ...]]:
+def with_derivatives(trial: TrialInputs, recorded: Motion) -> Differentiated:
     """The motion with velocities and accelerations, cut to the time that is used, with closed loops
     closed; and notes. Where soft tissue is known, it is that of the body's mass; a refined motion
     is that already. Derivatives are taken of all frames first, as OpenSim does, so the cut leaves
@@ -165,7 +171,8 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tupl
         motion = tissue.of(motion)
     used = motion if trial.time is None else cut(motion, *trial.time)
     closed, notes = closed_motion(trial.model, used)
-    return closed, (*whole.notes, *notes)
+    errors = None if whole.errors is None else whole.errors.at(closed.time)
+    return Differentiated(motion=closed, errors=errors, notes=(*whole.notes, *notes))
 
 
 def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torques:
@@ -175,10 +182,10 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torqu
     recorded_torques = trial.get(RecordedTorques)
     loads = trial.get(ExternalLoads)
     if recorded_torques is not None:
-        motion, notes = with_derivatives(trial, recorded)
-        motion = motion.frames(slice(None, None, step))
+        whole = with_derivatives(trial, recorded)
+        motion = whole.motion.frames(slice(None, None, step))
         notes = (
-            *notes,
+            *whole.notes,
             SETTINGS.message(
                 "joint torques are those of the file that was given: no inverse dynamics was"
                 " computed"
@@ -191,8 +198,9 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torqu
             notes=notes,
         )
     has_mass(trial.model, "inverse dynamics")
-    motion, notes = with_derivatives(trial, recorded)
-    motion = motion.frames(slice(None, None, step))
+    whole = with_derivatives(trial, recorded)
+    motion = whole.motion.frames(slice(None, None, step))
+    notes = whole.notes
     wrenches = None
     if loads is not None:
         cutoff = cutoff_of(trial, recorded)
@@ -203,6 +211,7 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torqu
         torques=inverse_dynamics(trial.model, motion, wrenches),
         wrenches=wrenches,
         notes=notes,
+        errors=None if whole.errors is None else whole.errors.at(motion.time),
     )
 
 
@@ -213,6 +222,8 @@ def put_dynamics(output: StepOutput, torques: Torques, model: Model) -> None:
     if torques.wrenches is not None and torques.wrenches.findings:
         put_findings(output.writer, FINDINGS, torques.wrenches.findings)
     store.put_derivatives(output.writer, torques.motion, model)
+    if torques.errors is not None:
+        put_value(output.writer, torques.errors)
     store.put_torques(output.writer, torques.torques, torques.wrenches)
 
 
@@ -278,7 +289,12 @@ def _read(stored: Stored, options: OptionSet) -> Torques | None:
     torques = store.get_torques(stored)
     if motion is None or torques is None:
         return None
-    return Torques(motion, torques, _checked_wrenches(stored))
+    return Torques(
+        motion=motion,
+        torques=torques,
+        wrenches=_checked_wrenches(stored),
+        errors=get_value(stored, MotionErrors),
+    )
 
 
 def _checked_wrenches(stored: Stored) -> Wrenches | None:
@@ -376,7 +392,7 @@ STEP = Step(
     title="inverse dynamics",
     gives=Torques,
     quantities=(
-        *(*FILTERED_MOTION, COORDINATE_UNIT, GENERALIZED_FORCE, *WRENCHES),
+        *(*FILTERED_MOTION, *MOTION_ERRORS, COORDINATE_UNIT, GENERALIZED_FORCE, *WRENCHES),
         *(FORCE_TIME, MEASURED_VERTICAL_FORCE),
     ),
     needs=(Poses,),

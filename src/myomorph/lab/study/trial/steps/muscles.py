@@ -124,7 +124,9 @@ def _run(
 ) -> MuscleLengths:
     notes: tuple[Message, ...] = ()
     if torques is None:
-        motion, notes = with_derivatives(trial, poses.recorded)
+        whole = with_derivatives(trial, poses.recorded)
+        motion = whole.motion
+        notes = whole.notes
         store.put_derivatives(output.writer, motion, trial.model)
     else:
         motion = torques.motion
