@@ -119,9 +119,7 @@ def test_noise_that_a_camera_smoothed_shows_in_residuals(recorded):
 
 
 def test_residuals_show_the_noise_of_coordinates(recorded):
-    """Of white errors of markers the power of residuals, carried to coordinates, is that of the
-    coordinates' own errors.
-    """
+    """Their power, carried to coordinates, is that of the coordinates' own errors."""
     markers = noisy(recorded.markers, 0.003, seed=2)
     motion = mm.inverse_kinematics(recorded.model, markers).motion
     found = marker_noise(recorded.model, motion, markers)

@@ -130,9 +130,19 @@ def _without_line(values: Array) -> Array:
 
 
 def sine_tapers(length: int) -> Array:
-    """Sine tapers (tapers, length) of unit energy.
+    """Make sine tapers of unit energy.
 
-    v_k(n) = sqrt(2 / (N + 1)) sin(pi k n / (N + 1)),  k = 1, 2, ...
+        v_k(n) = sqrt(2 / (N + 1)) sin(pi k n / (N + 1)),  k = 1, 2, ...
+
+    Source: Riedel and Sidorenko 1995.
+
+    Parameters
+    ----------
+    length : N [frames]
+
+    Returns
+    -------
+    (tapers, length), more of a longer recording
     """
     count = 2 + (length >= FEW_FRAMES) + (length >= SOME_FRAMES)
     order = np.arange(1, count + 1)[:, None]

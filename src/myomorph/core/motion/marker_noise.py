@@ -94,31 +94,43 @@ def marker_noise(
         only_weighted=options is not None and options.only_weighted,
     )
     names, weights = tracked_markers(model, markers, options)
-    columns = [markers.names.index(name) for name in names]
-    observed = markers.values[frames][:, columns]
-    posed = marker_positions(model, motion)
-    of_model = posed.values[:, [posed.names.index(name) for name in names]]
-    residuals = _without_outliers(observed - of_model)
+    residuals = _without_outliers(_residuals(model, motion, markers, frames, names))
     steady = np.isfinite(residuals).all(axis=2).mean(axis=0) >= MIN_SEEN
     if not steady.any():
         return None
     kept = tuple(name for name, is_steady in zip(names, steady, strict=True) if is_steady)
-    tree = compile_tree(model)
-    slopes = _slopes(tree, kept, weights[steady], motion)
-    scale = np.repeat(np.sqrt(weights[steady]), 3)
-    to_free = np.linalg.pinv(scale[:, None] * slopes.matrix, rcond=DETERMINED) * scale
-    left = 1.0 - float(np.einsum("ij,ji->", slopes.matrix, to_free)) / len(scale)
+    slopes = _slopes(compile_tree(model), kept, weights[steady], motion)
+    to_free = slopes.inverse(weights[steady])
+    left = 1.0 - float(np.einsum("ij,ji->", slopes.matrix, to_free)) / len(slopes.matrix)
     if left < MIN_LEFT:
         return None
-    carried = np.zeros((len(motion.names), len(scale)))
+    carried = np.zeros((len(motion.names), len(slopes.matrix)))
     for row, name in zip(to_free, slopes.coordinates, strict=True):
         if name in motion.names:
             carried[motion.names.index(name)] = row
-    return MarkerNoise(
-        residuals=_bridged(residuals[:, steady]).reshape(len(motion), -1),
-        carried=carried,
-        left=left,
-    )
+    filled = _bridged(residuals[:, steady])
+    return MarkerNoise(residuals=filled.reshape(len(motion), -1), carried=carried, left=left)
+
+
+def _residuals(
+    model: Model, motion: Motion, markers: Markers, frames: np.ndarray, names: tuple[str, ...]
+) -> Array:
+    """Subtract the model's markers from the recorded ones.
+
+    Parameters
+    ----------
+    model, motion : whose markers are posed
+    markers : as recorded
+    frames : (frames,) of the recording, at the motion's times
+    names : of the markers
+
+    Returns
+    -------
+    (frames, markers, 3) [m], NaN where unseen
+    """
+    observed = markers.values[frames][:, [markers.names.index(name) for name in names]]
+    posed = marker_positions(model, motion)
+    return observed - posed.values[:, [posed.names.index(name) for name in names]]
 
 
 @read_only
@@ -134,6 +146,11 @@ class _Slopes:
 
     coordinates: tuple[str, ...]
     matrix: Array
+
+    def inverse(self, weights: Array) -> Array:
+        """Compute K for weights (markers,): (free coordinates, rows of markers)."""
+        scale = np.repeat(np.sqrt(weights), 3)
+        return np.linalg.pinv(scale[:, None] * self.matrix, rcond=DETERMINED) * scale
 
 
 def _slopes(tree: Tree, names: tuple[str, ...], weights: Array, motion: Motion) -> _Slopes:
