@@ -7,7 +7,7 @@ from dataclasses import FrozenInstanceError, replace
 
 import pytest
 
-from myomorph.core.model.causes import CONTACTS, FEET_BESIDE, READING
+from myomorph.core.model.causes import CONTACTS, FEET_BESIDE, PLATES, READING, UNITS
 from myomorph.core.model.message_groups import grouped_messages, outcome_lines, warnings_of
 from myomorph.core.model.messages import (
     GRAVITIES,
@@ -20,6 +20,7 @@ from myomorph.core.model.messages import (
     together,
     unique,
 )
+from myomorph.lab.causes import SESSION
 
 FOOT = FEET_BESIDE.message(
     "the load on 'calcn_l' is not determined",
@@ -127,3 +128,15 @@ def test_kinds_and_causes_stay_apart() -> None:
     said = summarized((("load", OTHER_FOOT), ("axes", AXES), ("load", FOOT), ("load", AXES)))
     assert [message.cause for message in said] == [FEET_BESIDE, READING, READING]
     assert said[0].startswith(FOOT)
+
+
+def test_of_one_gravity_what_explains_others_comes_first() -> None:
+    follows = CONTACTS.message("a force comes from nowhere", gravity="changes results")
+    plate = PLATES.message("a plate is turned", gravity="changes results")
+    person = SESSION.message("another person", gravity="changes results")
+    unit = UNITS.message("are they radians?", gravity="changes results")
+    light = UNITS.message("taken as mm", gravity="may change results")
+    groups = grouped_messages((follows, plate, light, person, unit))
+    first = {group.cause.key for group in groups[:2]}
+    assert first == {"session", "units"}
+    assert [group.cause.key for group in groups[2:]] == ["plates", "contacts", "units"]

@@ -10,6 +10,7 @@ SESSION = Cause(
     gravity="may change results",
     effect="Norms, sentences and pages are those of the movement and person that were taken.",
     remedy="State them in the study file, or check names and files.",
+    order=0,
 )
 STRIDES = Cause(
     key="strides",
@@ -38,6 +39,7 @@ FILE_SHAPE = Cause(
     gravity="may change results",
     effect="Steps that read it may fail or be wrong.",
     remedy="Correct the file.",
+    order=0,
 )
 CONVERSION = Cause(
     key="conversion",

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.core.contact.force_inspection import (
+    GAIN,
     Change,
     FootPoses,
     ForceSamples,
@@ -314,7 +315,7 @@ def _own_misfit(inspection: Inspection, number: int, samples: ForceSamples) -> f
 def check_mass(inspection: Inspection) -> Iterator[Finding]:
     """Compare the weight on plates with the model's, where all standing feet are on plates."""
     result = balance(inspection)
-    if result is None:
+    if result is None or any(finding.kind == GAIN for finding in inspection.findings):
         return
     up = inspection.feet.up
     model = inspection.feet.model

@@ -41,6 +41,7 @@ from myomorph.core.contact.force_placement import (
     check_origins,
     check_shared_plates,
 )
+from myomorph.core.contact.plate_gains import check_gains
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import PLATES, UNITS
 from myomorph.core.model.findings import Finding, repaired
@@ -464,6 +465,7 @@ CHECKS: tuple[Callable[[Inspection], Iterator[Finding]], ...] = (
     check_progress,
     check_feet,
     check_shared_plates,
+    check_gains,
     check_mass,
     check_clock,
 )

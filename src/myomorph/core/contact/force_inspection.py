@@ -36,6 +36,8 @@ LOAD = "load in the hands"
 MIRRORED_PLATE = "mirrored plate"
 UNSURE = "wrong foot or mirrored plate"
 """Kinds of findings about plates that may be mirrored about their own middle."""
+GAIN = "gain"
+"""Kind of a finding: a plate of another sensitivity, so that plates do not show the mass."""
 MOVES = 0.8
 """Speed of heel and tip of a human foot above which it does not stand [m/s]."""
 BELT = 0.3

@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.core.contact.states import steady
+from myomorph.core.contact.unloaded import Zero, zero_of
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.causes import PLATE_ZERO, PLATES
+from myomorph.core.model.causes import PLATES
 from myomorph.core.model.errors import BadData
-from myomorph.core.model.gravity import FORCE_ERROR, gravity_of
 from myomorph.core.model.messages import Message
 from myomorph.core.model.series import ForcePlate, Markers, PlateRecording, Trial, Wrenches
 
@@ -42,10 +42,9 @@ MIN_COUNT = 20
 """Number of such samples that tell a plate's first corner."""
 MAX_OUTSIDE = 0.1
 """Share of loaded samples whose center of pressure may lie outside the plate."""
-MAX_IDLE = 0.01
-"""Force that an unloaded plate may read, as a share of the largest."""
 
 
+MIN_IDLE = 10  # Samples without load that show what a plate reads then.
 REFUSED = {
     5: "AMTI or Kistler with eight channels and a calibration matrix",
     6: "four three-axis sensors",
@@ -348,7 +347,7 @@ def force_plates(trial: Trial) -> Trial:
     for recording, plate, state in zip(recordings, plates, states, strict=True):
         plate = _turned(plate, state, trial, warnings)
         recording = replace(recording, corners=plate.corners)
-        warnings += _warnings(recording, plate, state)
+        warnings += _warnings(recording, plate, state, rate)
         final.append(_while_loaded(plate, state))
     return replace(trial, plates=tuple(final), warnings=trial.warnings + tuple(warnings))
 
@@ -453,9 +452,17 @@ def _idle(pressing: Array, largest: float) -> float:
 
 
 def _warnings(
-    recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_]
+    recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_], rate: float
 ) -> list[Message]:
-    """Say what looks wrong with one plate; `state` (samples,) when it is loaded."""
+    """Say what looks wrong with one plate.
+
+    Parameters
+    ----------
+    recording : as the file has it
+    plate : with forces
+    state : (samples,) when it is loaded
+    rate : [Hz]
+    """
     result = []
     if recording.kind == 3 and not recording.origin[:2].any():
         result.append(
@@ -486,20 +493,15 @@ def _warnings(
                 share=share,
             )
         )
-    idle = plate.forces[~state & np.isfinite(plate.forces).all(axis=1)] @ axes[:, 2]
-    if len(idle) > 10:
-        rest = abs(float(np.median(idle)))
-        peak = float(np.nanmax(np.abs(plate.forces[state] @ axes[:, 2])))
-        if rest > MAX_IDLE * peak:
-            result.append(
-                PLATE_ZERO.message(
-                    f"{plate.name} reads {rest:.3g} N with nobody on it: was it set to zero?",
-                    place=plate.name,
-                    size=rest,
-                    gravity=gravity_of(rest, FORCE_ERROR * peak),
-                )
-            )
-    return result
+    normal = plate.forces @ axes[:, 2]
+    peak = float(np.nanmax(np.abs(normal[state])))
+    idle = normal[~state & np.isfinite(normal)]
+    zero = zero_of(normal, rate, peak)
+    if zero is None and len(idle) > MIN_IDLE:
+        rest = float(np.median(idle))
+        zero = Zero(first=rest, last=rest, largest=peak)
+    message = None if zero is None else zero.message(plate.name)
+    return result if message is None else [*result, message]
 
 
 def wrenches_from_plates(

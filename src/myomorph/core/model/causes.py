@@ -12,6 +12,7 @@ CONTACTS = Cause(
     effect="Torques, contact forces and muscles are wrong there.",
     remedy="Name the missing support (--contacts), or use the part on plates (--time).",
     quantities=("generalized_force", "contact_force", "muscle_force", "activation"),
+    order=2,
 )
 CONTACT_TIMES = Cause(
     key="contact_times",
@@ -29,6 +30,7 @@ FEET_BESIDE = Cause(
     effect="Torques of the loaded leg, and its muscles, are estimates there.",
     remedy="Use the part in which each foot has its own plate (--time), or record it again.",
     quantities=("generalized_force", "muscle_force", "activation", "joint_reaction"),
+    order=2,
 )
 WEIGHT = Cause(
     key="weight",
@@ -63,6 +65,7 @@ FORCE_FILES = Cause(
     effect="They were taken as their size and order suggest; torques follow them.",
     remedy="State columns and units (--force-columns).",
     quantities=("external_force_vector", "external_force_point", "generalized_force"),
+    order=0,
 )
 HIDDEN = Cause(
     key="hidden_markers",
@@ -72,6 +75,7 @@ HIDDEN = Cause(
     effect="The pose is left empty, or a guess of the joints that no marker shows.",
     remedy="Fill the gaps in the recording's program, or leave those frames out (--time).",
     quantities=("coordinate_value", "generalized_force"),
+    order=2,
 )
 UNSEEN = Cause(
     key="unseen_segments",
@@ -80,6 +84,7 @@ UNSEEN = Cause(
     effect="A trunk is assumed upright, other joints near their default pose.",
     remedy="Lock what is not measured, or add markers.",
     quantities=("coordinate_value", "generalized_force"),
+    order=2,
 )
 MARKERS = Cause(
     key="markers",
@@ -105,6 +110,7 @@ POSES = Cause(
     effect="Angles there are those of the nearest pose, and torques follow them.",
     remedy="Check the bounds, the markers there and the model's size.",
     quantities=("coordinate_value", "generalized_force"),
+    order=2,
 )
 SIZES = Cause(
     key="sizes",
@@ -139,6 +145,7 @@ FILTER = Cause(
     effect="Peaks of torques and powers hold within as much.",
     remedy="Choose the cutoff of your field (--cutoff), or fewer gaps in the markers.",
     quantities=("generalized_force",),
+    order=2,
 )
 SENSORS = Cause(
     key="sensors",
@@ -171,6 +178,7 @@ EMG_CONFLICTS = Cause(
     effect="Muscles leave their EMG, or reserves bear what it leaves.",
     remedy="Look at emg_conflicts.csv: channel, gain, moment arm or torque may be wrong.",
     quantities=("activation", "muscle_force", "actuator_force"),
+    order=2,
 )
 MUSCLES = Cause(
     key="muscles",
@@ -179,6 +187,7 @@ MUSCLES = Cause(
     effect="Tensions near them are not those of the person.",
     remedy="Check their strength and lengths, or calibrate the model.",
     quantities=("activation", "muscle_force", "joint_reaction"),
+    order=2,
 )
 PASSIVE = Cause(
     key="passive_force",
@@ -187,6 +196,7 @@ PASSIVE = Cause(
     effect="Muscles and joint loads hold more force than a living muscle would have.",
     remedy="Calibrate the model, take elastic tendons, or compare without passive force.",
     quantities=("muscle_force", "joint_reaction"),
+    order=2,
 )
 JOINT_POINTS = Cause(
     key="joint_points",
@@ -214,6 +224,7 @@ READING = Cause(
     title="How the recording was read",
     gravity="good to know",
     effect="As each says.",
+    order=0,
 )
 UNITS = Cause(
     key="units",
@@ -222,6 +233,7 @@ UNITS = Cause(
     effect="They were taken as their size suggests.",
     remedy="State them in the file, or look whether sizes are those of a body.",
     quantities=("coordinate_value", "external_force_vector"),
+    order=0,
 )
 SETTINGS = Cause(
     key="settings",

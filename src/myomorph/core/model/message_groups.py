@@ -80,9 +80,10 @@ class CauseGroup:
 
 
 def grouped_messages(messages: Iterable[str]) -> tuple[CauseGroup, ...]:
-    """Messages by gravity and cause, the gravest first; of one gravity in the order of the steps.
+    """Messages by gravity and cause, the gravest first.
 
-    A text that is no message is of an unknown cause.
+    Of one gravity a cause that others follow from comes before them, and alike ones are in the
+    order of the steps. A text that is no message is of an unknown cause.
     """
     of_group: dict[tuple[Gravity, Cause], list[Message]] = {}
     for message in unique(messages):
@@ -91,7 +92,9 @@ def grouped_messages(messages: Iterable[str]) -> tuple[CauseGroup, ...]:
         CauseGroup(cause=cause, gravity=gravity, messages=_largest_first(found))
         for (gravity, cause), found in of_group.items()
     ]
-    return tuple(sorted(groups, key=lambda group: GRAVITIES.index(group.gravity)))
+    return tuple(
+        sorted(groups, key=lambda group: (GRAVITIES.index(group.gravity), group.cause.order))
+    )
 
 
 def _largest_first(messages: Sequence[Message]) -> tuple[Message, ...]:

@@ -35,6 +35,8 @@ class Cause:
     remedy : a command or a better recording, "" where nothing needs to be done
     quantities : names of the quantities that it touches
     size : sentence with {size}, how much it is; "" where only the number of messages says it
+    order : of messages of one gravity: 0 where others follow from it, as from a wrong unit or
+        person; 2 where it may follow from others, as a force under no foot; 1 for the rest
     """
 
     key: str
@@ -44,6 +46,7 @@ class Cause:
     remedy: str = ""
     quantities: tuple[str, ...] = ()
     size: str = ""
+    order: int = 1
 
     def message(  # page: what is known of a message, all of it optional
         self,
@@ -226,6 +229,8 @@ class Message(str):
             remedy=cause["remedy"],
             quantities=tuple(cause["quantities"]),
             size=cause["size"],
+            # Files of versions before this one do not state it.
+            order=cause.get("order", 1),
         )
         return known.message(
             record["text"],

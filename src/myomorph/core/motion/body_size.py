@@ -41,31 +41,15 @@ def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]
     ------
     BadData : a size below 0.2 or above 5, as of positions that are not in metres
     """
-    marked = [model.marker(name) for name in names]
-    usual = default_markers(model, names)
-    segment = {
-        body: number for number, group in enumerate(segments_that_stretch(model)) for body in group
-    }
-    ratios = []
-    weights = []
-    shortest = SHORTEST * length_unit(compile_tree(model))
-    for i, marker in enumerate(marked):
-        for j in range(i):
-            distance = float(np.linalg.norm(usual[i] - usual[j]))
-            if segment[marker.body] != segment[marked[j].body] or distance < shortest:
-                continue
-            seen = np.concatenate(
-                [np.linalg.norm(part[:, i] - part[:, j], axis=1) for part in recordings]
-            )
-            if np.isfinite(seen).any():
-                ratios.append(float(np.nanmedian(seen)) / distance)
-                weights.append(distance**2)
-    if not ratios:
-        ratios = [_spread(recordings, usual, shortest)]
-        weights = [1.0]
+    ratios, weights = distance_ratios(model, names, recordings)
+    if not len(ratios):
+        usual = default_markers(model, names)
+        shortest = SHORTEST * length_unit(compile_tree(model))
+        ratios = np.array([_spread(recordings, usual, shortest)])
+        weights = np.ones(1)
     order = np.argsort(ratios)
-    reached = np.cumsum(np.array(weights)[order])
-    size = float(np.array(ratios)[order][np.searchsorted(reached, 0.5 * reached[-1])])
+    reached = np.cumsum(weights[order])
+    size = float(ratios[order][np.searchsorted(reached, 0.5 * reached[-1])])
     if not 0.2 < size < 5.0:
         guess = next((unit for factor, unit in UNITS if 0.2 < size / factor < 5.0), "")
         raise BadData(
@@ -78,6 +62,44 @@ def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]
             )
         )
     return size
+
+
+def distance_ratios(
+    model: Model, names: Sequence[str], recordings: Sequence[Array]
+) -> tuple[Array, Array]:
+    """Compare distances between markers of one segment with those of the model.
+
+    Parameters
+    ----------
+    model : of any size, with these markers
+    names : of the markers
+    recordings : each (frames, markers, 3) in the order of the names [m], NaN where hidden
+
+    Returns
+    -------
+    (pairs,) recorded over model distance [-], and (pairs,) the square of that of the model [m^2];
+    of pairs that are seen together, and not too near to each other
+    """
+    marked = [model.marker(name) for name in names]
+    usual = default_markers(model, names)
+    segment = {
+        body: number for number, group in enumerate(segments_that_stretch(model)) for body in group
+    }
+    ratios: list[float] = []
+    weights: list[float] = []
+    shortest = SHORTEST * length_unit(compile_tree(model))
+    for i, marker in enumerate(marked):
+        for j in range(i):
+            distance = float(np.linalg.norm(usual[i] - usual[j]))
+            if segment[marker.body] != segment[marked[j].body] or distance < shortest:
+                continue
+            seen = np.concatenate(
+                [np.linalg.norm(part[:, i] - part[:, j], axis=1) for part in recordings]
+            )
+            if np.isfinite(seen).any():
+                ratios.append(float(np.nanmedian(seen)) / distance)
+                weights.append(distance**2)
+    return np.array(ratios), np.array(weights)
 
 
 def _spread(recordings: Sequence[Array], usual: Array, shortest: float) -> float:

@@ -24,6 +24,8 @@ from myomorph.core.model.findings import Finding, Repair, Span, pairs_text, repa
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers
+from myomorph.core.motion.drawn_markers import drawn_findings
+from myomorph.core.motion.gap_filling import bridge
 from myomorph.core.motion.ik import (
     InverseKinematicsOptions,
     KinematicsFit,
@@ -33,6 +35,7 @@ from myomorph.core.motion.ik import (
 from myomorph.core.motion.label_repair import SwapSearch, swap_findings
 from myomorph.core.motion.lengths import length_unit
 from myomorph.core.motion.marker_influence import hidden_findings, place_findings
+from myomorph.core.motion.model_size import size_findings
 from myomorph.core.motion.pose_checks import pose_findings
 from myomorph.core.motion.sensors.sensor_fit import SensorFit
 from myomorph.core.motion.tasks.coordinates import CoordinateTask
@@ -120,6 +123,8 @@ def checked_kinematics(
     ]
     # Poses under wrong labels show nothing more.
     if all(finding.mended for finding in swapped):
+        columns = [used.names.index(name) for name in fit.marker_names]
+        findings += size_findings(model, fit.marker_names, used.values[:, columns])
         findings += place_findings(model, used, fit, problem, unit)
         findings += pose_findings(model, used, fit, problem, options)
     return CheckedFit(fit, used, tuple(findings))
@@ -150,7 +155,7 @@ def _check_matched(model: Model, markers: Markers, options: InverseKinematicsOpt
 
 
 def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding, ...]:
-    """Find labels exchanged for some frames, and markers that jump once these are exchanged back.
+    """Find labels exchanged for some frames, and what jumps or was drawn once these are put back.
 
     Parameters
     ----------
@@ -165,7 +170,9 @@ def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding,
     names = [name for name in markers.names if name in set(model.marker_names)]
     swapped = tuple(_exchange_findings(markers, names, unit))
     right, _ = repaired(markers, swapped)
-    return (*swapped, *_jump_findings(right, names, unit))
+    drawn = tuple(drawn_findings(model, right, names, unit))
+    right, _ = repaired(right, drawn)
+    return (*swapped, *drawn, *_jump_findings(right, names, unit))
 
 
 def _exchange_findings(markers: Markers, names: Sequence[str], unit: float) -> Iterator[Finding]:
@@ -255,38 +262,8 @@ def _bridged(markers: Markers, name: str, parts: Sequence[tuple[int, int]]) -> M
     values = np.array(markers.values)
     column = markers.names.index(name)
     for start, stop in parts:
-        values[start:stop, column] = _bridge(markers.time, values[:, column], start, stop)
+        values[start:stop, column] = bridge(markers.time, values[:, column], start, stop)
     return replace(markers, values=values)
-
-
-def _bridge(time: Array, path: Array, start: int, stop: int) -> Array:
-    """Bridge a gap by the cubic that continues position and velocity from before and after.
-
-    With u from 0 to 1 over the span, positions p and velocities v times the span (Hermite),
-
-        (1 + 2 u)(1 - u)^2 p_0 + u (1 - u)^2 v_0 + u^2 (3 - 2 u) p_1 + u^2 (u - 1) v_1
-
-    Parameters
-    ----------
-    time : (frames,) [s]
-    path : (frames, 3) [m]
-    start, stop : frames [start, stop) of the gap
-
-    Returns
-    -------
-    (stop - start, 3) [m], NaN without two frames before and after
-    """
-    if start < 2 or stop > len(path) - 2:
-        return np.full((stop - start, 3), np.nan)
-    t0 = time[start - 1]
-    t1 = time[stop]
-    span = t1 - t0
-    slope0 = span * (path[start - 1] - path[start - 2]) / (t0 - time[start - 2])
-    slope1 = span * (path[stop + 1] - path[stop]) / (time[stop + 1] - t1)
-    u = ((time[start:stop] - t0) / span)[:, None]
-    before = (1.0 + 2.0 * u) * (1.0 - u) ** 2 * path[start - 1] + u * (1.0 - u) ** 2 * slope0
-    after = u**2 * (3.0 - 2.0 * u) * path[stop] + u**2 * (u - 1.0) * slope1
-    return np.asarray(before + after)
 
 
 def _frames_text(count: int) -> str:

@@ -34,7 +34,11 @@ from myomorph.lab.analyze.sensor_trials import (
     unmarked_request,
     with_pose,
 )
-from myomorph.lab.analyze.session_sentences import people_sentences, stated_session
+from myomorph.lab.analyze.session_sentences import (
+    other_person_sentences,
+    people_sentences,
+    stated_session,
+)
 from myomorph.lab.analyze.unfit_markers import (
     MIN_MARKERS,
     missing_segments,
@@ -437,7 +441,10 @@ def _sorted_recordings(
     sentences = RecordingSentences()
     if looked_at:
         static, marked, of_static = static_trial(looked_at, of_person, request)
-        sentences = replace(sentences, static=[of_static])
+        # One among the recordings is of their person.
+        strange = static is not None and static.path not in of_person and len(marked) > 0
+        warned = other_person_sentences(static, marked[0]) if strange and static else []
+        sentences = replace(sentences, static=[of_static, *warned])
     else:
         request, worth = unmarked_request(request)
         sentences = replace(sentences, worth=[worth])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from myomorph.lab.session.read import session_of
+from myomorph.lab.session.recordings import Recording
 from myomorph.lab.session.session import Session, SessionTrial
 from myomorph.lab.study.inputs.session import TrialSession
 
@@ -30,6 +32,23 @@ def _who(session: Session) -> list[str]:
         for person in session.people
     ]
     return [f"The recordings are of {len(texts)} people: {'; '.join(texts)}."]
+
+
+def other_person_sentences(static: Recording, moving: Recording) -> list[str]:
+    """Warn of a static trial that is of another person than a motion; none where it need not be.
+
+    Parameters
+    ----------
+    static, moving : recordings of markers
+    """
+    people = session_of([moving, static]).people
+    if len(people) == 1:
+        return []
+    return [
+        f"WARNING: {static.path.name} seems to be of another person than {moving.path.name}"
+        f" ({people[1].why}): lengths of segments are taken from both, so give the static trial of"
+        " the person who moves (--static), or leave it out."
+    ]
 
 
 def stated_session(trial: SessionTrial, stated: TrialSession) -> tuple[TrialSession, list[str]]:

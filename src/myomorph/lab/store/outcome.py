@@ -40,7 +40,8 @@ class Outcome:
     condition : that the trial was recorded in
     timed : each step that was computed now, and how long it took [s]
     full : whether it stopped because no space is left where results go
-    findings : what checks of markers and forces found, one line each
+    findings : what is said of the files, and what checks of markers and forces found, one line
+        each
     """
 
     subject: str

@@ -28,6 +28,7 @@ FORCE_UNITS = {
 LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "meter": 1.0}
 FORCE_OF_MOMENT = (1, 6, 7)  # Letters of "n", "newton" and "newtons" before the unit of length.
 USUAL_EDGES = (0.15, 4.0)  # Of force plates and treadmills [m].
+MAX_ORIGIN = 1.0  # Distance of a plate's sensors from the middle of its surface [m].
 PLATE_UNITS = {"mm": 1e-3, "m": 1.0, "cm": 1e-2, "in": 0.0254}  # In order of preference [m].
 MIN_LOAD = 50.0  # A plate that carries more is loaded [N].
 
@@ -42,7 +43,8 @@ class _PlateParameters:
     group : name of the group that describes plates
     index : of the plate, from 0
     kind : C3D type of the plate
-    meters : the file's unit of length [m]
+    meters : unit of its corners [m]
+    sensor_meters : unit of its origin, and of moments by its matrix [m]
     """
 
     raw: RawC3d
@@ -50,6 +52,7 @@ class _PlateParameters:
     index: int
     kind: int
     meters: float
+    sensor_meters: float
 
     @property
     def number(self) -> int:
@@ -97,7 +100,7 @@ class _PlateParameters:
         matrix: Array = values.reshape(6, 6, order="F").copy()
         if any(text.upper() == "BYROW" for text in self.raw.texts(self.group, "MATRIX_STORE")):
             matrix = matrix.T.copy()
-        matrix[3:] *= self.meters
+        matrix[3:] *= self.sensor_meters
         return matrix
 
     def center_polynomial(self) -> Array | None:
@@ -137,11 +140,20 @@ def plate_recordings(
             PLATES.message(f"the file describes {count} force plates, but holds no analog samples")
         )
         return ()
-    meters = _plate_unit(raw.numbers(group, "CORNERS"), meters, notes)
+    corner_meters = _plate_unit(raw.numbers(group, "CORNERS"), meters, notes)
+    # Corners may be in another unit than all else.
+    origins = np.abs(np.nan_to_num(raw.numbers(group, "ORIGIN")))
+    near = origins.max(initial=0.0) * corner_meters <= MAX_ORIGIN
+    sensor_meters = corner_meters if near else meters
     plates = []
     for index in range(count):
         parameters = _PlateParameters(
-            raw=raw, group=group, index=index, kind=int(kinds[index]), meters=meters
+            raw=raw,
+            group=group,
+            index=index,
+            kind=int(kinds[index]),
+            meters=corner_meters,
+            sensor_meters=sensor_meters,
         )
         plate = _plate(parameters, notes)
         if plate is not None:
@@ -272,7 +284,7 @@ def _plate(parameters: _PlateParameters, notes: list[Message]) -> PlateRecording
         name=parameters.name,
         kind=kind,
         corners=corners,
-        origin=np.where(np.isfinite(origin), origin, 0.0) * parameters.meters,
+        origin=np.where(np.isfinite(origin), origin, 0.0) * parameters.sensor_meters,
         channels=channels,
         channel_names=_texts_of(columns, raw.texts("ANALOG", "LABELS")),
         calibration=calibration,

@@ -1,11 +1,12 @@
-"""What was assumed of a recording, for the first lines of the report."""
+"""What was assumed of a recording, for the first lines of the report, and warnings among it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Annotated
 
-from myomorph.lab.study.inputs.input import Input, Opened
+from myomorph.lab.causes import SESSION
+from myomorph.lab.study.inputs.input import Input, Opened, Opening
 from myomorph.lab.study.inputs.keys import Sentences
 
 
@@ -16,8 +17,20 @@ class Assumed:
     assumed: Annotated[tuple[str, ...], Sentences()] = ()
 
 
-INPUT = Input(
-    name="assumed",
-    settings=Assumed,
-    open=lambda settings, opening: Opened(assumed=settings.assumed),
-)
+WARNING = "WARNING: "
+"""Begins a sentence on persons or movements that is a warning."""
+
+
+def opened(settings: Assumed, opening: Opening) -> Opened:
+    """Sentences, those that warn of the person or the movement as messages."""
+    warnings = [text for text in settings.assumed if text.startswith(WARNING)]
+    return Opened(
+        assumed=tuple(text for text in settings.assumed if text not in warnings),
+        warnings=tuple(
+            SESSION.message(text.removeprefix(WARNING), gravity="changes results")
+            for text in warnings
+        ),
+    )
+
+
+INPUT = Input(name="assumed", settings=Assumed, open=opened)

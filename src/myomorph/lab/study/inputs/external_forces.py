@@ -9,9 +9,12 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from myomorph.core.contact.force_checks import checked_forces
 from myomorph.core.contact.force_inspection import LOAD
 from myomorph.core.contact.plan import ContactPlan
+from myomorph.core.contact.unloaded import zero_messages
 from myomorph.core.io.force_table import force_layout, read_forces
 from myomorph.core.io.formats import trial_format
 from myomorph.core.model.arrays import Array
@@ -300,7 +303,10 @@ def raw_loads(
     for body in wrenches.bodies:
         if body and body not in model.body_names and body != "ground":
             raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
-    return wrenches
+    if ending not in (*TABLES, ".xml"):
+        return wrenches
+    zeros = zero_messages(wrenches, np.asarray(model.up))
+    return replace(wrenches, notes=(*wrenches.notes, *zeros))
 
 
 def _refuse_wrong_kind(

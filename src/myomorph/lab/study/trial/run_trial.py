@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
+from myomorph.core.model.messages import unique
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.store import results as store
 from myomorph.lab.store.netcdf import HeldFile, open_netcdf
@@ -132,7 +133,7 @@ class TrialSteps(JobSteps):
         results = trial_step.StepResults(
             *(step.read(stored, self.trial.options) for step in telling)
         )
-        return with_results(replace(self.outcome, done=done, reused=done), results)
+        return self._with_results(replace(self.outcome, done=done, reused=done), results)
 
     def __enter__(self) -> Self:
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -189,7 +190,7 @@ class TrialSteps(JobSteps):
             shown = TrialResults(
                 path=self.stored, model=self.trial.model, stored=held, page=self.reports
             )
-            outcome = with_results(outcome, self.results)
+            outcome = self._with_results(outcome, self.results)
             if outcome.timed or not (self.folder / VALUES).is_file():
                 write_trial_values(shown, outcome)
         except Exception as error:
@@ -199,6 +200,12 @@ class TrialSteps(JobSteps):
             timed = tuple((step, seconds) for step, seconds in outcome.timed if step not in lost)
             return failed(replace(outcome, done=done, timed=timed), error, "results")
         return _report(self.trial, outcome, shown) if self.reports else outcome
+
+    def _with_results(self, outcome: Outcome, results: trial_step.StepResults) -> Outcome:
+        """Add what results tell of the trial, after what is said of its files."""
+        found = with_results(outcome, results)
+        said = unique((*self.trial.warnings, *found.findings))
+        return replace(found, findings=said)
 
     def _gather(self, outcome: Outcome) -> store.Stored | None:
         """Move the steps' tables up and put their values, and those reused, into one file; returns
