@@ -16,13 +16,14 @@ from myomorph.core.rigid.kinematics import marker_positions
 from myomorph.lab.study.inputs.reading import fitted_to, open_model, read_recording
 from stick_figure import stick_figure
 
-START, STOP = 30, 55
+START = 30
+STOP = 55
 MARKERS = {"knee": "LShankLateral", "gait2354": "R.Shank.Front"}
 
 
 @pytest.fixture(params=RECORDINGS)
 def walk(request, data):
-    """A scaled model, a clean walk of 90 frames, and a marker of it."""
+    """Open a scaled model, a clean walk of 90 frames, and a marker of it."""
     model, recording = map(data, RECORDINGS[request.param])
     body = open_model(model)
     markers = fitted_to(body, read_recording(recording)).markers

@@ -14,14 +14,14 @@ from myomorph.lab.study.inputs.reading import fitted_to, open_model, read_record
 
 
 def sizes(model, markers):
-    """Findings on the size of the model."""
+    """Return findings on the size of the model."""
     found = checked_kinematics(model, markers)
     return [one for one in found.findings if one.kind == "size of the model"]
 
 
 @pytest.fixture(params=RECORDINGS)
 def walk(request, data):
-    """A scaled model and a clean walk of 40 frames."""
+    """Open a scaled model and a clean walk of 40 frames."""
     model, recording = map(data, RECORDINGS[request.param])
     body = open_model(model)
     markers = fitted_to(body, read_recording(recording)).markers

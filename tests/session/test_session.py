@@ -14,9 +14,11 @@ from myomorph.core.io.trc import write_trc
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.series import Trial
 from myomorph.lab.analyze.analyze import prepare_study
+from myomorph.lab.analyze.session_sentences import other_person_sentences
 from myomorph.lab.info.inspect import inspect
 from myomorph.lab.session.names import named_movement, stated_date, subject_code
 from myomorph.lab.session.read import read_session
+from myomorph.lab.session.recordings import look_at
 from myomorph.lab.study.inputs.session import RecordedSession, TrialSession, recorded_movement
 from myomorph.lab.study.plan.plan import read_plan
 from myomorph.lab.study.trial.trial_inputs import open_trial
@@ -211,3 +213,16 @@ def test_two_people_of_plates_are_written_as_two_subjects(data, tmp_path: Path) 
     assert all(model.is_file() for model in models)
     assert {trial.get(TrialSession).movement for trial in plan.trials} == {"walking"}
     assert "of 2 people" in prepared.assumed[0]
+
+
+def test_a_static_trial_of_another_person_is_named(tmp_path: Path) -> None:
+    """Whoever stands is held against who walks, before lengths are taken from both."""
+    write_trc(made_person("walking"), tmp_path / "walk.trc")
+    for name, leg, width in (("own", LEG, 0.13), ("other", 0.82 * LEG, 0.1)):
+        write_trc(made_person("standing", leg, width), tmp_path / f"{name}.trc")
+    walk = look_at(tmp_path / "walk.trc")
+    own = look_at(tmp_path / "own.trc")
+    other = look_at(tmp_path / "other.trc")
+    assert other_person_sentences(own, walk) == []
+    (sentence,) = other_person_sentences(other, walk)
+    assert sentence.startswith("WARNING: other.trc seems to be of another person than walk.trc")

@@ -64,7 +64,16 @@ class Job:
     places: tuple[str, ...] = field(default=())
 
     def path(self, label: str) -> Array:
-        """Path (frames, 3) of a marker, as a view."""
+        """Return the path of a marker, as a view.
+
+        Parameters
+        ----------
+        label : of the marker
+
+        Returns
+        -------
+        (frames, 3) in the unit of the file
+        """
         return self.capture.points[:, self.capture.labels.index(label)]
 
     @property
@@ -80,7 +89,7 @@ class Job:
         return found
 
     def some_frames(self, random: Generator, least: float, most: float) -> slice:
-        """A stretch of frames that lasts some seconds, away from both ends."""
+        """Draw a stretch of frames that lasts some seconds, away from both ends."""
         count = round(random.uniform(least, most) * self.capture.rate)
         whole = self.frames.stop - self.frames.start
         count = max(3, min(count, round(RUN * whole)))
@@ -140,7 +149,7 @@ def exchanged_part(job: Job, random: Generator) -> bool:
 
 
 def misspelled(job: Job, random: Generator) -> bool:
-    """A letter of a marker's name twice."""
+    """Write a letter of a marker's name twice."""
     label = _sided(job, random)
     place = int(random.integers(1, len(label)))
     wrong = label[:place] + label[place - 1] + label[place:]
@@ -151,7 +160,7 @@ def misspelled(job: Job, random: Generator) -> bool:
 
 
 def other_unit(job: Job, random: Generator) -> bool:
-    """Unit of lengths: m for mm, or mm for m."""
+    """State another unit of lengths: m for mm, or mm for m."""
     was = job.capture.unit
     job.capture.unit = "m" if was.lower() == "mm" else "mm"
     job.said = f"{job.capture.unit} for {was}"
@@ -170,7 +179,7 @@ def other_axes(job: Job, random: Generator) -> bool:
 
 
 def straight_gap(job: Job, random: Generator) -> bool:
-    """A gap filled by a straight line."""
+    """Fill a gap by a straight line."""
     label = _sided(job, random)
     part = job.some_frames(random, 0.25, 0.5)
     path = job.path(label)
@@ -183,7 +192,7 @@ def straight_gap(job: Job, random: Generator) -> bool:
 
 
 def jump(job: Job, random: Generator) -> bool:
-    """A marker off its path for some frames."""
+    """Move a marker off its path for some frames."""
     label = _sided(job, random)
     part = job.some_frames(random, 0.03, 0.12)
     size = random.uniform(0.04, 0.12)
@@ -196,7 +205,7 @@ def jump(job: Job, random: Generator) -> bool:
 
 
 def frozen(job: Job, random: Generator) -> bool:
-    """A marker that stays where it was."""
+    """Keep a marker where it was."""
     label = _sided(job, random)
     part = job.some_frames(random, 0.25, 0.5)
     path = job.path(label)
@@ -207,7 +216,7 @@ def frozen(job: Job, random: Generator) -> bool:
 
 
 def mirrored_marker(job: Job, random: Generator) -> bool:
-    """A marker on the other side of its two nearest ones."""
+    """Move a marker to the other side of its two nearest ones."""
     label = _sided(job, random)
     labels = [other for other in job.used if other != label]
     paths = np.stack([job.path(other) for other in labels])
@@ -225,7 +234,9 @@ def _sided(job: Job, random: Generator) -> str:
     """One of the markers of the two sides that is seen most of the time."""
     labels = [label for pair in job.pairs for label in pair]
     seen = [
-        label for label in labels if np.isfinite(job.path(label)[job.frames]).all(axis=1).mean() > 0.8
+        label
+        for label in labels
+        if np.isfinite(job.path(label)[job.frames]).all(axis=1).mean() > 0.8
     ]
     choice = seen or labels
     return choice[int(random.integers(len(choice)))]
@@ -242,7 +253,7 @@ def _body_size(job: Job) -> float:
 
 
 def missing_plate(job: Job, random: Generator) -> bool:
-    """A plate that is not in the file."""
+    """Leave a plate out of the file."""
     if job.capture.plates < 2:
         return False
     plate = job.capture.used_plate()
@@ -263,7 +274,7 @@ def exchanged_plates(job: Job, random: Generator) -> bool:
 
 
 def turned_plate(quarters: int) -> Change:
-    """A plate turned about its vertical by some quarters."""
+    """Make a fault that turns a plate about its vertical by some quarters."""
 
     def change(job: Job, random: Generator) -> bool:
         plate = job.capture.used_plate()
@@ -275,7 +286,7 @@ def turned_plate(quarters: int) -> Change:
 
 
 def other_sign(job: Job, random: Generator) -> bool:
-    """Forces and moments of a plate with the other sign."""
+    """Reverse forces and moments of a plate."""
     plate = job.capture.used_plate()
     job.capture.scale_plate(plate, -1.0)
     job.said = f"plate {plate + 1}"
@@ -283,7 +294,7 @@ def other_sign(job: Job, random: Generator) -> bool:
 
 
 def offset(job: Job, random: Generator) -> bool:
-    """A plate that was not set to zero."""
+    """Add a force to a plate, as of one that was not set to zero."""
     plate = job.capture.used_plate()
     force = random.uniform(0.04, 0.12) * job.mass * 9.81
     job.capture.add_force(plate, (force, force))
@@ -292,7 +303,7 @@ def offset(job: Job, random: Generator) -> bool:
 
 
 def drift(job: Job, random: Generator) -> bool:
-    """A plate whose zero drifts."""
+    """Let the zero of a plate drift."""
     plate = job.capture.used_plate()
     force = random.uniform(0.08, 0.2) * job.mass * 9.81
     job.capture.add_force(plate, (0.0, force))
@@ -301,7 +312,7 @@ def drift(job: Job, random: Generator) -> bool:
 
 
 def gain(job: Job, random: Generator) -> bool:
-    """A plate whose sensitivity is another one."""
+    """Multiply what a plate measures, as of another sensitivity."""
     plate = job.capture.used_plate()
     factor = float(random.choice([random.uniform(0.7, 0.85), random.uniform(1.15, 1.4)]))
     job.capture.scale_plate(plate, factor)
@@ -320,7 +331,7 @@ def places_in_other_unit(job: Job, random: Generator) -> bool:
 
 
 def late_forces(job: Job, random: Generator) -> bool:
-    """Forces on a clock that is late or early."""
+    """Let forces come late or early."""
     seconds = float(random.choice([-1.0, 1.0])) * random.uniform(0.02, 0.1)
     job.capture.delay_forces(seconds)
     job.said = f"{1e3 * seconds:+.0f} ms"
@@ -358,7 +369,7 @@ def _smaller(capture: Capture, random: Generator) -> Array:
 
 
 def second_trial(job: Job, random: Generator) -> bool:
-    """A trial of another person among the recordings."""
+    """Add a trial of another person to the recordings."""
     assert job.second is not None
     job.second.points = _smaller(job.second, random)
     job.said = "a trial of a smaller person"
@@ -366,7 +377,7 @@ def second_trial(job: Job, random: Generator) -> bool:
 
 
 def other_static(job: Job, random: Generator) -> bool:
-    """A static trial of another person."""
+    """Take the static trial of another person."""
     if job.static is None:
         return False
     job.static.points = _smaller(job.static, random)
@@ -376,14 +387,14 @@ def other_static(job: Job, random: Generator) -> bool:
 
 
 def other_model(job: Job, random: Generator) -> bool:
-    """A model of another person."""
+    """Take the model of another person."""
     job.factor = float(random.choice([random.uniform(0.84, 0.92), random.uniform(1.08, 1.16)]))
     job.said = f"size times {job.factor:.2f}"
     return True
 
 
 def radians(job: Job, random: Generator) -> bool:
-    """A motion in radians that says degrees."""
+    """Write a motion in radians that says degrees."""
     job.radians = True
     job.said = "coordinates"
     return True
@@ -394,7 +405,7 @@ def exchanged_channels(job: Job, random: Generator) -> bool:
     names = list(job.capture.emg)
     if len(names) < 4:
         return False
-    first, second = (names[k] for k in random.choice(len(names), 2, replace=False))
+    first, second = random.choice(names, 2, replace=False).tolist()
     job.capture.rename_emg({first: second, second: first})
     job.places = (first, second)
     job.said = f"{first} and {second}"
@@ -404,7 +415,7 @@ def exchanged_channels(job: Job, random: Generator) -> bool:
 
 
 def saturated_channel(job: Job, random: Generator) -> bool:
-    """A channel of EMG cut off at a fraction of its peak."""
+    """Cut a channel of EMG off at a fraction of its peak."""
     return _on_channel(job, random, lambda values: np.clip(values, *_limits(values)))
 
 
@@ -414,7 +425,7 @@ def _limits(values: Array) -> tuple[float, float]:
 
 
 def mains(job: Job, random: Generator) -> bool:
-    """A channel of EMG with mains hum."""
+    """Add mains hum to a channel of EMG."""
 
     def hum(values: Array) -> Array:
         time = np.arange(len(values)) * len(job.capture.points) / len(values) / job.capture.rate
@@ -424,7 +435,7 @@ def mains(job: Job, random: Generator) -> bool:
 
 
 def millivolts(job: Job, random: Generator) -> bool:
-    """A channel of EMG in mV that says V; its envelope is scaled to its own largest value."""
+    """Write a channel of EMG in mV that says V, though its envelope is scaled to its peak."""
     applies = _on_channel(job, random, lambda values: 1000.0 * values)
     job.matters = False
     return applies
@@ -444,7 +455,7 @@ def _on_channel(job: Job, random: Generator, change: Callable[[Array], Array]) -
 
 
 def truncated(job: Job, random: Generator) -> bool:
-    """A file of markers that was cut off."""
+    """Cut the file of markers off."""
     job.kept = random.uniform(0.4, 0.9)
     job.said = f"{100.0 * job.kept:.0f} % left"
     return True

@@ -1,17 +1,22 @@
 """Two hundred faults put into the files of ten recordings, each through `myomorph analyze`.
 
 A model is fitted to each clean recording by `analyze`; then the faulty files are analyzed with it,
-as in a study whose person is known, up to inverse dynamics, or to muscles where EMG is at fault. What
-is said is compared with what is said of the clean recording. Kinds of faults take turns, so that
-each is in as many recordings as can have it.
+as in a study whose person is known, up to inverse dynamics, or to muscles where channels of EMG are
+exchanged. What is said is compared with what is said of the clean recording. Kinds of faults take
+turns, so that each is in as many recordings as can have it.
 
 A fault is named by a message of a cause that it has, or by the error that ends the command, with
 words that say what it is, and of markers and channels which. Its effect is the largest change of a
 joint torque or an angle.
+
+    python -m benchmarks.accuracy.faults.recordings [SEED]
+
+measures all, in about ten minutes of a quiet core, and prints three tables.
 """
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import io
 import json
@@ -37,6 +42,7 @@ from benchmarks.accuracy.faults.captures import (
 from benchmarks.accuracy.faults.fault_kinds import ANALYZE, KINDS, Job, Kind, truncate
 from benchmarks.accuracy.faults.marker_faults import inner_angles
 from benchmarks.accuracy.faults.unseen_faults import typed
+from data_collection import data_folder
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.gravity import ANGLE_ERROR, FORCE_ERROR
 from myomorph.core.model.message_groups import grouped_messages
@@ -234,7 +240,7 @@ class Clean:
         return path
 
     def job(self) -> Job:
-        """A job without fault."""
+        """Make a job without fault."""
         capture = self.recording.capture(self.data)
         fitted = self.model.is_file()
         known = set(mm.read_model(self.skeleton).marker_names) if fitted else set()
@@ -249,7 +255,7 @@ class Clean:
         )
 
     def of_steps(self, job: Job) -> Said:
-        """What is said of the clean recording by the steps of a job."""
+        """Return what is said of the clean recording by the steps of a job."""
         key = ("id alone",) if job.radians else job.steps
         if key not in self.said:
             clean = self.job()
@@ -379,28 +385,31 @@ def dynamics_alone(clean: Clean, factor: float) -> Said:
     """Type `id` on the coordinates of the clean recording, angles multiplied by a factor."""
     path = clean.home / f"coordinates_{factor:.3g}.mot"
     lines = clean.motion.read_text(encoding="utf-8").splitlines()
-    head = next(number for number, line in enumerate(lines) if line.startswith("time"))
-    names = lines[head].split("\t")
-    model = mm.read_model(clean.skeleton)
-    turning = {
-        coordinate.name for coordinate in model.coordinates if coordinate.motion == "rotational"
-    }
-    scales = np.array([factor if name in turning else 1.0 for name in names])
-    rows = np.array([[float(cell) for cell in line.split("\t")] for line in lines[head + 1 :]])
-    cells = ("\t".join(f"{cell:.9g}" for cell in row) for row in rows * scales)
-    path.write_text("\n".join([*lines[: head + 1], *cells]) + "\n", encoding="utf-8")
+    path.write_text("\n".join(_scaled_angles(lines, clean, factor)) + "\n", encoding="utf-8")
     out = path.with_suffix(".sto")
     status, printed = typed("id", "--model", clean.skeleton, "--motion", path, "--out", out)
-    lines = printed.splitlines()
     if status:
-        return Said(error=lines[-1])
-    messages = tuple(
-        OTHER.message(text, gravity="good to know" if word == "note" else "changes results")
-        for word, _, text in (line.partition(": ") for line in lines)
-        if word in ("warning", "note")
-    )
-    torques = mm.read_sto(out)
-    return Said(messages=messages, torques=torques.values)
+        return Said(error=printed.splitlines()[-1])
+    messages = []
+    for line in printed.splitlines():
+        word, _, text = line.partition(": ")
+        if word == "warning":
+            messages.append(OTHER.message(text, gravity="changes results"))
+        elif word == "note":
+            messages.append(OTHER.message(text, gravity="good to know"))
+    return Said(messages=tuple(messages), torques=mm.read_sto(out).values)
+
+
+def _scaled_angles(lines: Sequence[str], clean: Clean, factor: float) -> Iterator[str]:
+    """Lines of a table of coordinates with angles multiplied by a factor."""
+    head = next(number for number, line in enumerate(lines) if line.startswith("time"))
+    yield from lines[: head + 1]
+    coordinates = mm.read_model(clean.skeleton).coordinates
+    turning = {one.name for one in coordinates if one.motion == "rotational"}
+    factors = np.array([factor if name in turning else 1.0 for name in lines[head].split("\t")])
+    for line in lines[head + 1 :]:
+        row = factors * np.array(line.split("\t"), dtype=float)
+        yield "\t".join(f"{cell:.9g}" for cell in row)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -413,7 +422,7 @@ class Verdict:
     fault : its size in words
     outcome : one of `OUTCOMES`
     said : what is new, the first of it
-    torque : change of the torque that changes most, as share of the largest; NaN where there is none
+    torque : change of the torque that changes most, as share of the largest; NaN for none
     angle : the largest change of an angle [deg]
     """
 
@@ -467,7 +476,7 @@ def judged(clean: Clean, job: Job, kind: Kind, found: Said) -> Verdict:
 
 
 def _outcome(named: Sequence[Message], warnings: Sequence[Message], wrong: bool) -> str:
-    """What became of a fault that did not end the command."""
+    """Say what became of a fault that did not end the command."""
     if named and warnings and warnings[0] in named:
         return "named first"
     if named:
@@ -529,23 +538,35 @@ def _shortened(text: str, home: Path) -> str:
     return line if len(line) < 200 else f"{line[:197]}..."
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measured:
+    """What is said of all recordings.
+
+    Attributes
+    ----------
+    verdicts : on the faults
+    clean : what is said with nothing put in, by recording
+    """
+
+    verdicts: tuple[Verdict, ...]
+    clean: Mapping[str, Said]
+
+
 @cache
-def verdicts(folder: Path, seed: int = SEED) -> tuple[Verdict, ...]:
+def measured(folder: Path, seed: int) -> Measured:
     """Put twenty faults into each recording, and say what became of each."""
     used = Counter[str]()
     found: list[Verdict] = []
+    said: dict[str, Said] = {}
     for number, recording in enumerate(RECORDINGS):
         with tempfile.TemporaryDirectory() as name:
             clean = clean_of(folder, Path(name), recording)
-            for message in clean.said[CALIBRATE].messages:
-                print("CLEAN", recording.name, message.record, flush=True)
+            said[recording.name] = clean.said[CALIBRATE]
             found += _of_recording(clean, used, seed, number)
-    return tuple(found)
+    return Measured(verdicts=tuple(found), clean=said)
 
 
-def _of_recording(
-    clean: Clean, used: Counter[str], seed: int, number: int
-) -> Iterator[Verdict]:
+def _of_recording(clean: Clean, used: Counter[str], seed: int, number: int) -> Iterator[Verdict]:
     """Put the kinds that were used least into a recording."""
     count = 0
     for index in sorted(range(len(KINDS)), key=lambda index: (used[KINDS[index].name], index)):
@@ -584,12 +605,10 @@ JUDGED: Mapping[tuple[str, str], Judgement] = {}
 """By recording and cause."""
 
 
-def measure_clean(folder: Path) -> Iterator[Row]:
-    """A row a warning of a clean recording: what is said, and whether it is so."""
-    for recording, said in cleans(folder).items():
-        warnings = [
-            group for group in grouped_messages(said.messages) if group.is_warning
-        ]
+def measure_clean(folder: Path, seed: int = SEED) -> Iterator[Row]:
+    """Yield a row a warning of a clean recording: what is said, and whether it is so."""
+    for recording, said in measured(folder, seed).clean.items():
+        warnings = [group for group in grouped_messages(said.messages) if group.is_warning]
         if not warnings:
             yield {"recording": recording, "cause": "none", "gravity": "", "said": "", "right": ""}
         for group in warnings:
@@ -604,20 +623,10 @@ def measure_clean(folder: Path) -> Iterator[Row]:
             }
 
 
-@cache
-def cleans(folder: Path) -> Mapping[str, Said]:
-    """What is said of each clean recording, with the generic model fitted to it."""
-    found: dict[str, Said] = {}
-    for recording in RECORDINGS:
-        with tempfile.TemporaryDirectory() as name:
-            found[recording.name] = clean_of(folder, Path(name), recording).said[CALIBRATE]
-    return found
-
-
-def measure(folder: Path) -> Iterator[Row]:
-    """A row a kind: in how many recordings it was put, and what became of it."""
+def measure(folder: Path, seed: int = SEED) -> Iterator[Row]:
+    """Yield a row a kind: in how many recordings it was put, and what became of it."""
     for kind in KINDS:
-        of_kind = [verdict for verdict in verdicts(folder) if verdict.kind == kind.name]
+        of_kind = [one for one in measured(folder, seed).verdicts if one.kind == kind.name]
         counts = Counter(verdict.outcome for verdict in of_kind)
         missed = [one.recording for one in of_kind if one.outcome == "silent, wrong"]
         yield {
@@ -628,7 +637,21 @@ def measure(folder: Path) -> Iterator[Row]:
         }
 
 
-def measure_all(folder: Path) -> Iterator[Row]:
-    """A row a fault: its size, what became of it, its effect and what is said first."""
-    for verdict in verdicts(folder):
+def measure_all(folder: Path, seed: int = SEED) -> Iterator[Row]:
+    """Yield a row a fault: its size, what became of it, its effect and what is said first."""
+    for verdict in measured(folder, seed).verdicts:
         yield verdict.row
+
+
+def main() -> None:
+    """Print the tables of a seed."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("seed", nargs="?", type=int, default=SEED)
+    folder = data_folder()
+    seed = parser.parse_args().seed
+    for row in (*measure(folder, seed), *measure_all(folder, seed), *measure_clean(folder, seed)):
+        print("; ".join(f"{column}: {cell}" for column, cell in row.items()), flush=True)
+
+
+if __name__ == "__main__":
+    main()

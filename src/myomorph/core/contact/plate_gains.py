@@ -22,8 +22,8 @@ MIN_TIME = 0.15  # That a plate has to carry the body alone [s].
 MIN_FRAMES = 8
 RIGHT = 0.09  # Part by which the others may differ from the model's weight.
 APART = 0.145
-"""Part by which the plate differs from them: 0.02 in most clean walks, 0.14 where two plates were not
-set to zero.
+"""Part by which the plate differs from them: 0.02 in most clean walks, 0.14 where two plates were
+not set to zero.
 """
 SPREAD = 0.3  # Range of that share over nine of ten frames, above which it is no sensitivity.
 
@@ -82,15 +82,18 @@ def _shares(inspection: Inspection) -> list[Share]:
     margin = max(2, len(time) // 25)
     usable[:margin] = False
     usable[-margin:] = False
-    step = float(np.median(np.diff(time)))
+    min_count = max(MIN_FRAMES, MIN_TIME / float(np.median(np.diff(time))))
     shares = []
     for number in inspection.numbers:
         alone = usable & (carried[:, number] > ALONE * total) & (carried[:, number] > 0.0)
-        count = int(alone.sum())
-        if count < MIN_FRAMES or count * step < MIN_TIME:
+        if alone.sum() < min_count:
             continue
         measured = result.measured[alone] @ up
         low, high = np.percentile(measured / wanted[alone], [10.0, 90.0])
-        ratio = float(measured.sum() / wanted[alone].sum())
-        shares.append(Share(number=number, ratio=ratio, spread=float(high - low)))
+        share = Share(
+            number=number,
+            ratio=float(measured.sum() / wanted[alone].sum()),
+            spread=float(high - low),
+        )
+        shares.append(share)
     return shares

@@ -73,6 +73,10 @@ def zero_of(pressing: Array, rate: float, largest: float) -> Zero | None:
     pressing : (samples,) force along the plate's normal [N], NaN where unknown
     rate : [Hz]
     largest : force of all plates [N]
+
+    Returns
+    -------
+    what it reads at first and at last
     """
     if not largest > 0.0:
         return None
@@ -105,6 +109,10 @@ def zero_messages(wrenches: Wrenches, up: Array) -> tuple[Message, ...]:
     ----------
     wrenches : in ground, at their own times
     up : (3,)
+
+    Returns
+    -------
+    a message for each such force
     """
     if len(wrenches) < 2 or not wrenches.names:
         return ()

@@ -15,8 +15,6 @@ MAX_PLACES = 3
 """Places that are named of one cause."""
 EVERYWHERE = frozenset({"contacts", "frames", "markers", "all markers"})
 """Places of findings that name no single thing."""
-MAX_SHOWN = 2
-"""Messages that are printed of one cause; the others stand in a file that is named."""
 NOTE: Gravity = "good to know"
 
 
@@ -105,8 +103,8 @@ def _largest_first(messages: Sequence[Message]) -> tuple[Message, ...]:
 def outcome_lines(messages: Iterable[str], listed: str) -> list[str]:
     """Lines for people on what messages say, the gravest cause first.
 
-    A warning's cause has its size and place, its largest messages, its effect and remedy; what is
-    good to know has one line in all.
+    A warning's cause has its size and place, its messages, the largest first, its effect and
+    remedy; what is good to know has one line in all.
 
     Parameters
     ----------
@@ -122,10 +120,7 @@ def outcome_lines(messages: Iterable[str], listed: str) -> list[str]:
         where = f" ({group.where})" if group.where else ""
         size = f": {group.size}" if group.size else ""
         lines.append(f"{group.gravity}: {group.cause.title}{where}{size}")
-        lines += [f"  {' '.join(text.split())}" for text in group.messages[:MAX_SHOWN]]
-        rest = len(group.messages) - MAX_SHOWN
-        if rest > 0:
-            lines.append(f"  and {rest} more of this cause: {listed}")
+        lines += [f"  {' '.join(text.split())}" for text in group.messages]
         lines.append(f"  {group.cause.effect} {group.cause.remedy}".rstrip())
     if known:
         titles = ", ".join(f"{group.cause.title} ({len(group.messages)})" for group in known)

@@ -1,4 +1,4 @@
-"""Paths of markers over gaps: by what goes on before and after, and by other markers of the body."""
+"""Paths of markers over gaps: by what goes on at both ends, and by other markers of the body."""
 
 from __future__ import annotations
 

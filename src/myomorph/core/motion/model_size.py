@@ -37,9 +37,7 @@ def size_findings(model: Model, names: Sequence[str], values: Array) -> Iterator
         return
     order = np.argsort(ratios)
     reached = np.cumsum(weights[order]) / weights.sum()
-    low, size, high = (
-        float(ratios[order][np.searchsorted(reached, share)]) for share in (0.25, 0.5, 0.75)
-    )
+    low, size, high = ratios[order][np.searchsorted(reached, [0.25, 0.5, 0.75])].tolist()
     apart = size - 1.0
     nearest = min(abs(low - 1.0), abs(high - 1.0)) if (low - 1.0) * (high - 1.0) > 0.0 else 0.0
     if abs(apart) < APART or nearest < AGREE * abs(apart):

@@ -13,8 +13,8 @@ from myomorph.core.model.errors import BadFile, one_line
 from myomorph.core.model.message_groups import grouped_messages
 from myomorph.lab.store.results import STORED, ResultWriter, new_result, whole_folder
 
-MAX_WARNINGS = 5
-"""Messages of one cause that are printed."""
+MAX_NOTES = 5
+"""Messages of one cause that are printed where it is good to know."""
 LISTED = "'myomorph info FILE' lists them"
 
 
@@ -27,13 +27,15 @@ def said(text: str) -> None:
 def warn(warnings: Iterable[str], where: str = LISTED) -> None:
     """Print what looked wrong but did not stop the work, the gravest cause first.
 
-    Of a cause with many messages the largest are printed, and where all are listed.
+    All that may change results is printed; of a cause that is good to know, with many messages, the
+    largest, and where all are listed.
     """
     for group in grouped_messages(warnings):
         word = "warning" if group.is_warning else "note"
-        for text in group.messages[:MAX_WARNINGS]:
+        shown = group.messages if group.is_warning else group.messages[:MAX_NOTES]
+        for text in shown:
             sys.stderr.write(f"{word}: {one_line(' '.join(text.split()))}\n")
-        rest = len(group.messages) - MAX_WARNINGS
+        rest = len(group.messages) - len(shown)
         if rest > 0:
             title = group.cause.title
             sys.stderr.write(f"{word}: and {rest} more of the same cause ({title}): {where}\n")
