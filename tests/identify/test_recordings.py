@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import myomorph as mm
 from myomorph.body.identify.recordings import (
     EDGE,
     NO_FORCE,
+    NO_MOTION,
     OUTSIDE,
     REACH,
     UNMEASURED,
@@ -223,3 +225,25 @@ def test_forces_of_another_place_are_refused_behind_noise_too(opencap):
     elsewhere = replace(wrenches, points=wrenches.points + np.array([0.0, 0.0, 1.5]))
     with pytest.raises(BadData, match="do they belong to this recording"):
         usable(model, noisy, elsewhere, options=RecordingOptions(cutoff=0.0))
+
+
+def test_a_short_gap_is_bridged_where_nobody_states_a_cutoff(arm):
+    """A frame without a pose cuts no motion in two: its neighbors are used as others are."""
+    model = read_model(arm.model)
+    time = np.arange(0.0, 3.0, 0.01)
+    noise = 0.002 * np.random.default_rng(0).standard_normal((len(time), 2))
+    exact = np.column_stack([np.sin(3.0 * time), 1.0 + 0.8 * np.sin(5.0 * time)])
+    motion = mm.Motion(time, model.coordinate_names, exact + noise)
+    moved = mm.differentiate(mm.Motion(time, model.coordinate_names, exact))
+    at = mm.joint_reactions(model, moved, None, joints=["shoulder"], frame="ground")
+    wrenches = mm.Wrenches(time, ("shoulder",), ("upper",), at.forces, at.points, at.moments)
+    values = motion.values.copy()
+    values[150] = np.nan
+    whole = usable(model, motion, wrenches)
+    bridged = usable(model, replace(motion, values=values), wrenches)
+    assert NO_MOTION not in bridged.left_out
+    np.testing.assert_array_equal(bridged.use, whole.use)
+    assert bridged.use[140:160].all()
+    assert bridged.recording.seen_noise.names == motion.names
+    stated = RecordingOptions(cutoff=6.0)
+    assert usable(model, replace(motion, values=values), wrenches, options=stated).left_out[EDGE]

@@ -19,7 +19,7 @@ import pytest
 from live_walk import WALK, Kept, played, recorded_walk
 
 from myomorph.core.io.sto import read_sto
-from myomorph.core.model.errors import BadData
+from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Wrenches
 from myomorph.core.motion.sync import cut
@@ -108,6 +108,14 @@ def test_a_folder_holds_everything(
     opened = next(iter(recordings(out).values()))()
     assert opened.tension is not None
     assert opened.kinematics is not None
+
+
+def test_the_movement_decides_the_filter_where_no_cutoff_is_stated() -> None:
+    assert ChainOptions().used_cutoff == 6.0
+    assert ChainOptions(movement="running").used_cutoff == 12.0
+    assert ChainOptions(movement="running", cutoff=8.0).used_cutoff == 8.0
+    with pytest.raises(UnknownName, match="flying"):
+        ChainOptions(movement="flying")
 
 
 def test_what_cannot_be_is_told_before_anything_is_written(

@@ -63,7 +63,7 @@ class ChainOptions:
 
     def __post_init__(self) -> None:
         if self.movement is not None:
-            check_name("movement", self.movement, MOVEMENTS)
+            check_name("movement", self.movement, MOVEMENTS, where="Myomorph")
         for name in ("cutoff", "blend", "max_age"):
             value = getattr(self, name)
             if value is not None and not (value > 0.0 and np.isfinite(value)):
