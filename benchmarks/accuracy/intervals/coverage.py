@@ -116,8 +116,8 @@ MASSES_OFF = 0.4
 LATE = 0.03
 GAINED = 6
 PERSONAL = 30
-LIMBS = 24
-RELAXED = 16
+LIMBS = 40
+RELAXED = 24
 DRAWN_PEOPLE = 1
 """Truths of each estimator, frames of a walk, seconds of recordings: few, for the table's time."""
 PERSONAL_CASES = {
@@ -181,6 +181,7 @@ def measure(folder: Path, only: Sequence[str] = ()) -> Iterator[Row]:
                 "truths": case.truths,
                 **case.covered.row(),
                 "promised [%]": case.promised,
+                "first seed": FIRST,
             }
         print(f"coverage, {estimator}: {time.perf_counter() - began:.0f} s", flush=True)
 
