@@ -26,7 +26,8 @@ def measure() -> Iterator[Row]:
         for row in SPECIMENS
     ]
     lines = {one.quantity.name: one for one in cohort(known)}
-    for quantity in QUANTITIES:
+    printed = SPECIMENS[0].values
+    for quantity in (one for one in QUANTITIES if one.name in printed):
         line = lines[quantity.name]
         values = np.array([getattr(one, quantity.name) for one in SPECIMENS])
         means, sds = _reachable(values)
