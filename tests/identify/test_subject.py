@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from myomorph.body.identify.base_parameters import base_parameters, held_in
-from myomorph.body.identify.determined import LINK_SD, MeasuredRows, determined
+from myomorph.body.identify.determined import MeasuredRows, determined
+from myomorph.body.identify.link_prior import LINK_SD
 from myomorph.body.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
 from myomorph.body.identify.parts import parts_of
 from myomorph.body.identify.pseudo_inertia import PseudoInertiaOptions, solve_ridge

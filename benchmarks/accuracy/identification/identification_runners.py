@@ -14,8 +14,8 @@ from threadpoolctl import threadpool_limits
 import myomorph as mm
 from benchmarks.accuracy.identification.identification import CUTOFF, SPACING, SUBJECTS, opened
 from myomorph.body.identify.base_parameters import base_parameters
-from myomorph.body.identify.determined import LINK_SD
 from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.link_prior import LINK_SD
 from myomorph.body.identify.motion_noise import coordinate_noise, noise_of, plus
 from myomorph.body.identify.parts import parts_of
 from myomorph.body.identify.recordings import RecordingOptions, Usable, usable

@@ -19,9 +19,11 @@ import myomorph as mm
 from benchmarks.errors import rms
 from data_collection import data_folder
 from myomorph.body.identify.base_parameters import base_parameters, held_in
+from myomorph.body.identify.mass_points import MassPointOptions
 from myomorph.body.identify.parts import parts_of
 from myomorph.body.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.body.identify.subject import Identification, IdentificationOptions
+from myomorph.body.identify.unseen import Paper
 from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertia import (
@@ -38,6 +40,7 @@ from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.study.subject.body_points import body_points
 from myomorph.lab.study.subject.subject_files import BodyOptions, BodyShape
+from truths.simulated_bodies import many_coordinates
 from truths.simulated_engines import SimbodyEngine
 from truths.simulated_subject import (
     Instruments,
@@ -52,8 +55,9 @@ from truths.simulated_subject import (
 )
 
 MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"
-SEEDS = (101, 102, 103)
-"""Of the people in the table. The estimator was made with people of other seeds, 1 to 6."""
+MANY_LINKS = "fullbody-many-muscles/cyclistFullBodyMuscle.osim"
+SEEDS = (201, 202, 203, 204, 205, 206)
+"""Of the people in the table. The estimator was made with people of other seeds, 1 to 22."""
 SECONDS = (60.0, 30.0)
 """Of the exciting motion that masses are identified from, and of another that is predicted."""
 RATE = 50.0
@@ -76,6 +80,10 @@ EXTENT = 1e-3
 """Least root mean square of a body's mass along an axis, from its mass center [m]."""
 HEAVY = 0.01
 """Share of the body's mass from which a body counts."""
+ROUNDING = 1e-4
+"""Share of a mass by which it is farther from the truth before that counts."""
+SPREADS = (100.0, 1.0, 0.2)
+"""Multiples of a base parameter's size within which [D]'s weights hold what no frame shows."""
 TRUNK = ("lower_trunk", "upper_trunk", "head")
 Row = dict[str, object]
 
@@ -99,7 +107,7 @@ class Person:
     other: Usable
 
 
-def person(folder: Path, seed: int, exact: bool = False) -> Person:
+def person(folder: Path, seed: int, exact: bool = False, links: bool = False) -> Person:
     """Simulate a person and two recordings of them.
 
     Parameters
@@ -107,13 +115,16 @@ def person(folder: Path, seed: int, exact: bool = False) -> Person:
     folder : of the data collection
     seed : of the person
     exact : whether lengths, motion and forces are known without any error
+    links : whether the person has 80 links
 
     Returns
     -------
     the person, and the model that is given to the estimator
     """
     random = np.random.default_rng(seed)
-    generic = mm.read_model(folder / MODEL)
+    generic = mm.read_model(folder / (MANY_LINKS if links else MODEL))
+    if links:
+        generic = many_coordinates(generic)
     generic = replace(generic, muscles=(), wrap_objects=())
     grown = scale(generic, _factors(generic, random), inertia="affine")
     truth = drawn_masses(grown, random)
@@ -322,6 +333,50 @@ def measure_exact(folder: Path, seeds: Sequence[int] = SEEDS[:1]) -> Iterator[Ro
             yield {"person": seed, "method": way, **facts(one, identified(one, options))}
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def measure_links(folder: Path, seeds: Sequence[int] = SEEDS[:1]) -> Iterator[Row]:
+    """Measure a row for each person of 80 links."""
+    if not (folder / MANY_LINKS).exists():
+        return
+    for seed in seeds:
+        one = person(folder, seed, links=True)
+        yield {"person": seed, **facts(one, identified(one, WAYS["points"]))}
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def measure_paper(folder: Path, seeds: Sequence[int] = SEEDS[:2]) -> Iterator[Row]:
+    """Measure a row for each person and multiple: [D]'s weights, whole mass free."""
+    if not (folder / MODEL).exists():
+        return
+    for seed in seeds:
+        one = person(folder, seed)
+        recording = one.exciting.recording
+        base = base_parameters(one.model, held=held_in(one.model, [recording.motion]))
+        seen = parts_of(one.model, [recording], base)
+        points = next(iter(one.points.values()))
+        generic = inertial_parameters(one.model)
+        for spread in SPREADS:
+            paper = Paper(
+                model=one.model,
+                options=MassPointOptions(prior="paper"),
+                mass=None,
+                spread=spread,
+            )
+            masses = paper.solve(points, seen, seen.rms(generic)).parameters
+            errors = _predicted(one, [generic, masses, one.truth])
+            limbs = _limbs(one, generic, masses)
+            yield {
+                "person": seed,
+                "base parameters within so many times their size": spread,
+                "force: generic, identified, true masses [N]": _listed(errors[:, 1]),
+                "moment: generic, identified, true masses [N m]": _listed(errors[:, 0]),
+                "whole mass: identified, true [kg]": _listed(
+                    [masses[:, 0].sum(), one.truth[:, 0].sum()]
+                ),
+                **{name: limbs[name] for name in list(limbs)[:4]},
+            }
+
+
 def identified(one: Person, options: IdentificationOptions) -> Identification:
     """Identify a person from the exciting motion."""
     return mm.identify(
@@ -345,8 +400,10 @@ def facts(one: Person, found: Identification) -> Row:
         "force: generic, identified, true masses [N]": _listed(errors[:, 1]),
         "moment: generic, identified, true masses [N m]": _listed(errors[:, 0]),
         **_limbs(one, generic, masses),
+        "expected masses of limbs: error, RMS [%]": _expected_error(one, found.expected),
+        "single links farther": _links_farther(one, generic, masses),
         "trunk: generic, identified, true [kg]": _trunk(one, list(tables.values())),
-        "masses inside 90 % intervals": _inside(one, found, masses),
+        "masses inside 90 % intervals": _inside(one, found),
         "mass SD": found.mass_sd,
         "soft tissue": "none" if tissue is None else tissue.words,
         "said to be worse": found.unseen.worse,
@@ -365,6 +422,7 @@ def _limbs(one: Person, generic: Array, masses: Array) -> Row:
     """Compare masses (bodies, 10) of limbs with the truth."""
     before = []
     after = []
+    lost = []
     farther = []
     for name, rows in parts(one.model).items():
         if name.split()[0] in TRUNK:
@@ -374,15 +432,36 @@ def _limbs(one: Person, generic: Array, masses: Array) -> Row:
         true = one.truth[rows, 0].sum()
         before.append(old / true - 1.0)
         after.append(new / true - 1.0)
-        if abs(new - true) > abs(old - true):
+        lost.append(abs(new / true - 1.0) - abs(old / true - 1.0))
+        if lost[-1] > ROUNDING:
             farther.append(f"{name} {old:.2f} to {new:.2f} of {true:.2f} kg")
     return {
         "limbs: error of the generic masses, RMS [%]": 100.0 * rms(before),
         "of the identified ones [%]": 100.0 * rms(after),
         "largest of these [%]": 100.0 * float(np.abs(after).max()),
         "limbs farther from the truth than the generic model": f"{len(farther)} of {len(after)}",
+        "by at most [% of the true mass]": 100.0 * max(max(lost), 0.0),
         "which": "; ".join(farther) or "none",
     }
+
+
+def _expected_error(one: Person, expected: Array) -> float:
+    """Root mean square error of limbs' masses in the middle of their intervals [%]."""
+    errors = [
+        expected[rows, 0].sum() / one.truth[rows, 0].sum() - 1.0
+        for name, rows in parts(one.model).items()
+        if name.split()[0] not in TRUNK
+    ]
+    return 100.0 * rms(errors)
+
+
+def _links_farther(one: Person, generic: Array, masses: Array) -> str:
+    """Count links whose mass is farther from the truth than the generic one."""
+    true = one.truth[:, 0]
+    massive = true > 0.0
+    lost = np.abs(masses[:, 0] - true) - np.abs(generic[:, 0] - true)
+    farther = lost[massive] > ROUNDING * true[massive]
+    return f"{int(farther.sum())} of {len(farther)}"
 
 
 def _trunk(one: Person, tables: Sequence[Array]) -> str:
@@ -390,10 +469,10 @@ def _trunk(one: Person, tables: Sequence[Array]) -> str:
     return _listed([table[rows, 0].sum() for table in tables])
 
 
-def _inside(one: Person, found: Identification, masses: Array) -> str:
+def _inside(one: Person, found: Identification) -> str:
     """Count heavy bodies whose mass is inside its interval."""
     heavy = one.truth[:, 0] > HEAVY * one.truth[:, 0].sum()
-    off = np.abs(masses[:, 0] - one.truth[:, 0])[heavy]
+    off = np.abs(found.expected[:, 0] - one.truth[:, 0])[heavy]
     inside = off < half_width(found.known.sd[heavy, 0])
     return f"{int(inside.sum())} of {len(inside)}"
 

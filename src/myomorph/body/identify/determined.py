@@ -11,23 +11,16 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.body.identify.estimate import mass_unknowns
-from myomorph.body.identify.mass_points import MassPointOptions, prior_variances
+from myomorph.body.identify.link_prior import LINK_SD, LinkPrior, conditioned
+from myomorph.body.identify.shifts import MatterShifts
 from myomorph.body.identify.sides import Sides
-from myomorph.body.shape.points import MassPoints, point_moments
+from myomorph.body.shape.points import MassPoints
 from myomorph.core.fit.posterior import Posterior
 from myomorph.core.fit.unknowns import Unknowns
 from myomorph.core.model.arrays import Array, read_only
 
 # Share of a parameter's prior variance that the data must take away to count as determined by them
 DETERMINED = 0.9
-MASS_ERROR = 1e-6  # Relative error of the whole mass, which counts as exact
-LINK_SD = 0.2
-"""Relative standard deviation by which a link's mass differs from the scaled model's, for
-intervals.
-
-Segment masses of cadaver studies differ by 10 to 20 % of themselves at the same body mass (Clauser
-1969, de Leva 1996).
-"""
 
 
 @read_only
@@ -43,6 +36,7 @@ class MeasuredRows:
     scores : (draws, 10 bodies) how noise of the motion pulls at the estimate
         (`MotionNoise.scores`), which adds to its standard deviation; more than three draws
     sides : left and right alike, which is known and was not measured; None where nothing ties them
+    shifts : of the matter of bodies; None where it lies as the points say
     """
 
     A: Array
@@ -50,6 +44,7 @@ class MeasuredRows:
     forces: Array | None = None
     scores: Array | None = None
     sides: Sides | None = None
+    shifts: MatterShifts | None = None
 
     def gradient_covariance(self) -> Array:
         """Compute the covariance of A^T r, with the noise r of the rows.
@@ -117,7 +112,8 @@ def determined(
     shares of the data, and the posterior of the parameters
     """
     names = points.links.names
-    covariance = prior_covariance(points, LINK_SD)
+    prior = LinkPrior(points=points, mass=mass, sides=measured.sides, shifts=measured.shifts)
+    covariance = prior.free(LINK_SD)
     sizes = np.sqrt(np.diag(covariance))
     scaled = (measured.A / np.sqrt(measured.samples)) * sizes
     free = np.diag(conditioned(np.eye(len(sizes)), scaled))
@@ -134,52 +130,27 @@ def determined(
         data=data.reshape(table),
         posterior=_posterior(
             mass_unknowns(names, x, sizes),
-            Prior(
-                covariance=covariance,
-                share=(mass_sd / LINK_SD) ** 2,
-                mass=mass,
-                sides=measured.sides,
-            ),
+            FitPrior(of_people=prior.held(LINK_SD), of_fit=prior.without_shifts.held(mass_sd)),
             measured,
         ),
     )
 
 
 @read_only
-class Prior:
-    """What is known of parameters before anything is measured.
+class FitPrior:
+    """Covariances before anything is measured, with the whole mass known and both sides alike.
 
     Attributes
     ----------
-    covariance : (n, n) of links' parameters of people, the whole mass and both sides free
-    share : of it that the fit holds parameters by
-    mass : of the body, known exactly [kg]
-    sides : left and right alike; None where nothing ties them
+    of_people : (n, n) of the parameters of people's links
+    of_fit : (n, n) that the fit holds parameters by
     """
 
-    covariance: Array
-    share: float
-    mass: float
-    sides: Sides | None
-
-    def held(self, share: float) -> Array:
-        """Condition a share of the covariance on the whole mass and on both sides.
-
-        Parameters
-        ----------
-        share : of the covariance
-
-        Returns
-        -------
-        (n, n)
-        """
-        whole = np.zeros((1, len(self.covariance)))
-        whole[0, ::10] = 1.0 / (MASS_ERROR * self.mass)
-        known = conditioned(share * self.covariance, whole)
-        return known if self.sides is None else conditioned(known, self.sides.rows)
+    of_people: Array
+    of_fit: Array
 
 
-def _posterior(unknowns: Unknowns, prior: Prior, measured: MeasuredRows) -> Posterior:
+def _posterior(unknowns: Unknowns, prior: FitPrior, measured: MeasuredRows) -> Posterior:
     """Make the posterior of parameters whose fit had another prior than bodies have.
 
     The fit leans on its own prior, which may be tighter than what bodies differ by. With its
@@ -197,8 +168,8 @@ def _posterior(unknowns: Unknowns, prior: Prior, measured: MeasuredRows) -> Post
     """
     n = len(unknowns)
     A = measured.A
-    truth = prior.held(1.0)
-    after = conditioned(prior.held(prior.share), A)
+    truth = prior.of_people
+    after = conditioned(prior.of_fit, A)
     left = np.eye(n) - after @ A.T @ A
     error = left @ truth @ left.T + after @ measured.gradient_covariance() @ after.T
     return Posterior(
@@ -210,49 +181,3 @@ def _posterior(unknowns: Unknowns, prior: Prior, measured: MeasuredRows) -> Post
         before=np.maximum(np.diag(truth), 0.0),
         hidden=np.zeros((0, n)),
     )
-
-
-def prior_covariance(points: MassPoints, mass_sd: float) -> Array:
-    """Compute the prior covariance of all parameters where points' masses vary independently.
-
-    With phi = W rho ([D] eq. 3.5), cov(phi) = W V W^T and the variances V of the points. The sum of
-    the masses is free.
-
-    Parameters
-    ----------
-    points : with weights
-    mass_sd : relative standard deviation of a link's mass
-
-    Returns
-    -------
-    (10 links, 10 links) [kg, kg m, kg m^2], squared
-    """
-    links = len(points.links.names)
-    variances = prior_variances(points, MassPointOptions(mass_sd=mass_sd))
-    moments = point_moments(points.points)
-    # Parameters of unit masses times the points' standard deviations.
-    columns = np.empty((links, 10, len(moments)))
-    for i in range(links):
-        columns[i] = (points.places[i] @ moments.T) * (
-            points.weights[:, [i]].toarray().ravel() * np.sqrt(variances)
-        )
-    flat = columns.reshape(10 * links, -1)
-    return flat @ flat.T
-
-
-def conditioned(covariance: Array, rows: Array) -> Array:
-    """Condition a covariance on measured `rows` x of unit noise.
-
-        C - C A^T (A C A^T + 1)^-1 A C
-
-    Parameters
-    ----------
-    covariance : (n, n) C before
-    rows : (m, n) A
-
-    Returns
-    -------
-    (n, n) covariance after
-    """
-    crossed = rows @ covariance
-    return covariance - crossed.T @ np.linalg.solve(crossed @ rows.T + np.eye(len(rows)), crossed)

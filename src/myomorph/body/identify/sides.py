@@ -8,6 +8,7 @@ E_right - mirrored E_left has the standard deviation of that difference.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,20 @@ not taken for mirror images.
 """
 
 
+class MirrorPair(NamedTuple):
+    """Two bodies that are mirror images of each other.
+
+    Attributes
+    ----------
+    right, left : their numbers
+    mirror : (3, 3) that turns vectors in the left body's frame into those of the right one's
+    """
+
+    right: int
+    left: int
+    mirror: Array
+
+
 @read_only
 class Sides:
     """Rows of unit noise that both sides of a body are alike.
@@ -36,11 +51,13 @@ class Sides:
     Attributes
     ----------
     pairs : names of right and left bodies
+    mirrors : the same bodies, with what mirrors them
     rows : (10 pairs, 10 bodies) A
     right : (10 pairs,) b of A x = b
     """
 
     pairs: tuple[tuple[str, str], ...]
+    mirrors: tuple[MirrorPair, ...]
     rows: Array
     right: Array
 
@@ -75,6 +92,7 @@ def sides_of(model: Model, shape: Array, sd: float = SIDE_SD) -> Sides:
     own = possible_reference(inertial_parameters(model))
     means = possible_reference(shape)
     pairs = []
+    mirrors = []
     rows = [np.zeros((0, own.size))]
     right = [np.zeros(0)]
     for i, j, mirrored in _mirrored_pairs(model):
@@ -89,9 +107,16 @@ def sides_of(model: Model, shape: Array, sd: float = SIDE_SD) -> Sides:
         row[:, j] = -weighed @ mirrored
         flat = row.reshape(10, -1)
         pairs.append((model.body_names[i], model.body_names[j]))
+        # First moments are vectors.
+        mirrors.append(MirrorPair(right=i, left=j, mirror=mirrored[1:4, 1:4]))
         rows.append(flat)
         right.append(flat @ shape.ravel())
-    return Sides(pairs=tuple(pairs), rows=np.vstack(rows), right=np.concatenate(right))
+    return Sides(
+        pairs=tuple(pairs),
+        mirrors=tuple(mirrors),
+        rows=np.vstack(rows),
+        right=np.concatenate(right),
+    )
 
 
 def _mirrored_pairs(model: Model) -> Iterator[tuple[int, int, Array]]:

@@ -14,15 +14,11 @@ import numpy as np
 from myomorph.body.causes import HELD_OUT, MASSES, SEARCH
 from myomorph.body.identify.base import BaseFit, BaseOptions, fit_base
 from myomorph.body.identify.base_parameters import base_parameters, held_in
-from myomorph.body.identify.determined import (
-    Determined,
-    MeasuredRows,
-    determined,
-    prior_covariance,
-)
+from myomorph.body.identify.determined import Determined, MeasuredRows, determined
 from myomorph.body.identify.estimate import mass_problem
 from myomorph.body.identify.fitted import Fitted
 from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.link_prior import prior_covariance
 from myomorph.body.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
 from myomorph.body.identify.motion_noise import MOTION_SD, MotionNoise, motion_noise, with_noise
 from myomorph.body.identify.parts import Parts, parts_of
@@ -33,6 +29,7 @@ from myomorph.body.identify.pseudo_inertia import (
     solve_pseudo_inertia,
 )
 from myomorph.body.identify.recordings import RecordingOptions, Usable, all_left_out, check_excited
+from myomorph.body.identify.shown_masses import HeldMasses, shown_masses
 from myomorph.body.identify.sides import SIDE_SD, Sides, sides_of
 from myomorph.body.identify.skin_errors import SKIN_SD, skin_errors
 from myomorph.body.identify.soft_tissue import Use, with_soft_tissue
@@ -168,7 +165,8 @@ class Identification:
         at its mass
     residuals : (2,) root mean square of the base wrench's misfit of each in the frames used, moment
         [N m] and force [N]
-    estimate : the identified parameters as unknowns "femur_r m", ... with their intervals. Its
+    estimate : the expected parameters as unknowns "femur_r m", ... with their intervals. Masses of
+        the model change no more than is shown (`shown_masses`), but lie in these intervals. Its
         verdict is on what was not used: recordings given apart, else each recording or part in
         turn, with the strength of the prior chosen without it
     tried : relative standard deviation of the prior -> held-out misfit (2,)
@@ -226,8 +224,16 @@ class Identification:
         """
         index = index_of("body", body, self.model.body_names)
         mass = float(self.model.bodies[index].mass)
+        middle = float(self.expected[index, 0])
         half = float(half_width(self.sd[index, 0], level))
-        return Interval(value=mass, low=max(mass - half, 0.0), high=mass + half)
+        return Interval(value=mass, low=max(middle - half, 0.0), high=middle + half)
+
+    @property
+    def expected(self) -> Array:
+        """(bodies, 10) parameters in the middle of their intervals [kg, kg m, kg m^2]."""
+        if self.chosen != self.identified:
+            return self.parameters[self.chosen]
+        return self.known.posterior.x.reshape(-1, 10)
 
     @property
     def from_shape(self) -> Mapping[str, tuple[str, ...]]:
@@ -286,7 +292,8 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
     Noise of moments and forces is at first the misfit of the scaled model, then what the fit leaves
     of parts of the recordings that it did not see, as long as that falls: the residual of the fit
     itself would be too small, since faults of kinematics do not shrink with more frames. The same
-    parts choose how far the data may move the masses away from the shape (`mass_sd`).
+    parts choose how far the data may move the masses away from the shape (`mass_sd`). Masses then
+    change no more than is shown (`shown_masses`).
 
     Before that, each recording, or each part of a single one, is predicted by masses identified
     without it. Where these predict worse than the generic model, the generic masses are kept
@@ -350,8 +357,9 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
     # Every way to identify, beside the shape alone and the generic model.
     solved = _solved(body, equations, strength, options, advance)
     identified = body.first_way if options.method == "points" else CONIC
-    parameters = _parameters(body, solved, identified)
-    found = parameters[identified]
+    known = _known(body, equations, solved[identified].parameters, strength)
+    found = _shown(body, equations, strength, identified, known)
+    parameters = _parameters(body, solved, identified) | {identified: found}
 
     # Masses that predict worse than the generic model's are not used.
     if unseen:
@@ -362,7 +370,6 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
     kept = verdict.worse and options.if_worse == "generic"
     chosen = GENERIC if kept else identified
 
-    known = _known(body, equations, found, strength.sides)
     notes = [
         *_verdict(verdict, chosen == identified),
         *_not_converged(solved),
@@ -691,9 +698,7 @@ def _used(recording: Recording, model: Model, parameters: Array) -> Array:
     return left
 
 
-def _known(
-    body: _Body, equations: _Equations, parameters: Array, sides: Sides | None
-) -> Determined:
+def _known(body: _Body, equations: _Equations, parameters: Array, strength: Strength) -> Determined:
     """Judge what the data determine, with noise of the motion apart from other misfit.
 
     Parameters
@@ -701,9 +706,12 @@ def _known(
     body : before anything is measured
     equations : that were solved
     parameters : (bodies, 10) that were identified
-    sides : left and right alike
+    strength : what is known beforehand
     """
     parts = equations.parts
+    sides = strength.sides
+    # [D] holds points by other weights, and its intervals are those of densities.
+    shifts = strength.shifts if strength.paper is None else None
     recordings = equations.fitted.recordings
     misfits = [_used(one, body.generic, parameters) for one in recordings]
     # Frames that make one independent sample, beyond those that count as one already.
@@ -713,7 +721,7 @@ def _known(
     rows, _ = equations.rows
     motion = equations.noise
     if motion is None:
-        measured = MeasuredRows(A=rows, samples=samples, sides=sides)
+        measured = MeasuredRows(A=rows, samples=samples, sides=sides, shifts=shifts)
         return determined(body.few, measured, body.mass, mass_sd, parameters)
     # Variances add up: what noise of the motion did not make of the misfit is noise of forces.
     share = np.square(motion.misfit(parameters) / noise)
@@ -725,8 +733,35 @@ def _known(
         forces=force_rows,
         scores=motion.scores(noise, parameters),
         sides=sides,
+        shifts=shifts,
     )
     return determined(body.few, measured, body.mass, mass_sd, parameters)
+
+
+def _shown(
+    body: _Body, equations: _Equations, strength: Strength, way: str, known: Determined
+) -> Array:
+    """Identify parameters whose masses change no more than is shown; [D] has no such rule.
+
+    Parameters
+    ----------
+    body : before anything is measured
+    equations : to be solved
+    strength : what is known beforehand
+    way : to identify
+    known : what is expected, and how far it may be off
+
+    Returns
+    -------
+    (bodies, 10)
+    """
+    expected = known.posterior.x.reshape(-1, 10)
+    if strength.paper is not None:
+        return expected
+    before = body.points.parameters(body.points.reference)[:, 0]
+    masses = shown_masses(before, expected[:, 0], known.sd[:, 0])
+    rows = HeldMasses.of(masses).beside(equations.rows)
+    return _solve_way(body, equations, strength, way, rows).parameters
 
 
 def _on_other_recordings(
@@ -833,25 +868,47 @@ def _solved(
     options : of identification
     advance : called with the number of ways solved, as they are
     """
-    A, b = equations.rows if strength.sides is None else strength.sides.beside(equations.rows)
-    mass = body.mass
-    mass_sd = equations.choice.mass_sd
     solved: dict[str, MassPointFit | PseudoInertiaFit] = {}
-    for name, point in body.maps.items():
+    for name in body.maps:
         if options.compare or (name == body.first_map and options.method == "points"):
-            of_points = MassPointOptions(mass_sd=mass_sd)
-            fit = solve_mass_points(point, A, b, mass=mass, options=of_points)
-            solved[f"{BY_POINTS}{name}"] = fit
+            way = f"{BY_POINTS}{name}"
+            solved[way] = _solve_way(body, equations, strength, way, equations.rows)
             advance(1)
     if options.compare or options.method == "pseudo-inertia":
-        shape = possible_reference(body.points.parameters(body.points.reference))
-        of_cones = PseudoInertiaOptions(mass_sd=mass_sd)
-        solved[CONIC] = solve_pseudo_inertia(A, b, shape, mass=mass, options=of_cones)
+        solved[CONIC] = _solve_way(body, equations, strength, CONIC, equations.rows)
         advance(1)
     if strength.paper is not None:
         noise = equations.choice.noise
         solved[body.first_way] = strength.paper.solve(body.points, equations.parts, noise)
     return solved
+
+
+def _solve_way(
+    body: _Body,
+    equations: _Equations,
+    strength: Strength,
+    way: str,
+    rows: tuple[Array, Array],
+) -> MassPointFit | PseudoInertiaFit:
+    """Fit rows by one way.
+
+    Parameters
+    ----------
+    body : before anything is measured
+    equations : with the strength of the prior
+    strength : what is known beforehand
+    way : to identify
+    rows : (rows, 10 bodies) A and (rows,) b of unit noise
+    """
+    A, b = rows if strength.sides is None else strength.sides.beside(rows)
+    mass_sd = equations.choice.mass_sd
+    if way == CONIC:
+        shape = possible_reference(body.points.parameters(body.points.reference))
+        of_cones = PseudoInertiaOptions(mass_sd=mass_sd)
+        return solve_pseudo_inertia(A, b, shape, mass=body.mass, options=of_cones)
+    points = body.maps[way.removeprefix(BY_POINTS)]
+    of_points = MassPointOptions(mass_sd=mass_sd)
+    return solve_mass_points(points, A, b, mass=body.mass, options=of_points)
 
 
 def _far_from_shape(

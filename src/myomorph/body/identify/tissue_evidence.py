@@ -29,9 +29,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from myomorph.body.identify.determined import LINK_SD, conditioned, prior_covariance
 from myomorph.body.identify.fitted import Fitted
 from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.link_prior import LINK_SD, conditioned, prior_covariance
 from myomorph.body.identify.parts import BORDER, Parts, TissueColumns, parts_of
 from myomorph.body.identify.triangles import absorb
 from myomorph.body.identify.unseen import ChosenPrior, Strength

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from myomorph.body.identify.base_parameters import BaseParameters, base_sizes
+from myomorph.body.identify.determined import MeasuredRows, determined
 from myomorph.body.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
 from myomorph.body.identify.parts import Parts, held_out, predicted
 from myomorph.body.identify.pseudo_inertia import (
@@ -21,6 +23,8 @@ from myomorph.body.identify.pseudo_inertia import (
     possible_reference,
     solve_pseudo_inertia,
 )
+from myomorph.body.identify.shifts import MatterShifts
+from myomorph.body.identify.shown_masses import HeldMasses, shown_masses
 from myomorph.body.identify.sides import Sides
 from myomorph.body.shape.points import MassPoints
 from myomorph.core.fit.verdict import Verdict
@@ -70,11 +74,13 @@ class Paper:
     model : that holds what no frame shows, by a prior of `PAPER_SPREAD`
     options : weights of both terms, and the least mass of a point
     mass : of all points, kept exactly [kg]; None leaves it free, as [D] does
+    spread : standard deviation of base parameters in that prior, over their size
     """
 
     model: Model
     options: MassPointOptions
     mass: float | None
+    spread: float = PAPER_SPREAD
 
     def solve(
         self, points: MassPoints, parts: Parts, noise: Array, others: np.ndarray | None = None
@@ -94,7 +100,7 @@ class Paper:
         """
         base: BaseParameters = parts.base
         mean = base.of(inertial_parameters(self.model))
-        spread = PAPER_SPREAD * base_sizes(self.model, base)
+        spread = self.spread * base_sizes(self.model, base)
         estimate = (parts if others is None else parts.only(others)).estimate(noise, mean, spread)
         return solve_mass_points(
             points, base.combination, estimate, mass=self.mass, options=self.options
@@ -154,6 +160,35 @@ class Strength:
         if self.paper is not None:
             return self.paper.solve(self.points, parts, noise, others).parameters
         return self._solved(parts.rows(noise, others), sd)
+
+    @cached_property
+    def shifts(self) -> MatterShifts:
+        """How the matter of bodies may lie beside their frames."""
+        return MatterShifts.of(self.points.parameters(self.points.reference), self.sides)
+
+    def fit_shown(self, parts: Parts, noise: Array, sd: float) -> Array:
+        """Identify parameters whose masses change no more than all parts show.
+
+        Parameters
+        ----------
+        parts : equations of the base parameters
+        noise : (2,) of moments and forces [N m], [N]
+        sd : relative standard deviation of a link's mass
+
+        Returns
+        -------
+        (bodies, 10)
+        """
+        fitted = self.fit(parts, noise, sd)
+        if self.paper is not None:
+            return fitted
+        rows = parts.rows(noise)
+        mass = float(self.generic[:, 0].sum())
+        measured = MeasuredRows(A=rows[0], sides=self.sides, shifts=self.shifts)
+        known = determined(self.points, measured, mass, sd, fitted)
+        before = self.points.parameters(self.points.reference)[:, 0]
+        masses = shown_masses(before, fitted[:, 0], known.sd[:, 0])
+        return self._solved(HeldMasses.of(masses).beside(rows), sd)
 
     def _solved(self, rows: tuple[Array, Array], sd: float) -> Array:
         """Identify parameters from rows A x = b of unit noise.
@@ -308,7 +343,7 @@ def unseen_parts(
         if len(rest.names) < 2:
             continue
         noise, _, sd = strength.choose(rest)
-        identified.append(predicted(parts, fold, strength.fit(rest, noise, sd), noise))
+        identified.append(predicted(parts, fold, strength.fit_shown(rest, noise, sd), noise))
         generic.append(markers.rms(strength.generic, left_out))
         frames.append(int(parts.frames[left_out].sum()))
     several = len(names) > 1

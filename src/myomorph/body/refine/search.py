@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from myomorph.body.identify.determined import LINK_SD
+from myomorph.body.identify.link_prior import LINK_SD
 from myomorph.body.refine.equations import with_trust
 from myomorph.body.refine.estimating import RecordingsAt, as_fit
 from myomorph.body.refine.mass_prior import MassPrior

@@ -1,0 +1,132 @@
+"""What is known of links before anything is measured: a covariance of their parameters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from myomorph.body.identify.mass_points import MassPointOptions, prior_variances
+from myomorph.body.identify.shifts import MatterShifts
+from myomorph.body.identify.sides import Sides
+from myomorph.body.shape.points import MassPoints, point_moments
+from myomorph.core.model.arrays import Array, read_only
+
+MASS_ERROR = 1e-6  # Relative error of the whole mass, which counts as exact
+LINK_SD = 0.2
+"""Relative standard deviation by which a link's mass differs from the scaled model's, for
+intervals.
+
+Segment masses of cadaver studies differ by 10 to 20 % of themselves at the same body mass (Clauser
+1969, de Leva 1996).
+"""
+
+
+@read_only
+class LinkPrior:
+    """Parameters of links whose points' masses vary, with sides alike, and matter that is shifted.
+
+    Attributes
+    ----------
+    points : mass points, whose geometry ties the parameters
+    mass : of the body, known exactly [kg]
+    sides : left and right alike; None where nothing ties them
+    shifts : of the matter of bodies; None where it lies as the points say
+    """
+
+    points: MassPoints
+    mass: float
+    sides: Sides | None = None
+    shifts: MatterShifts | None = None
+
+    @cached_property
+    def _relative(self) -> Array:
+        """(n, n) covariance where masses of links have a relative standard deviation of 1."""
+        return prior_covariance(self.points, 1.0)
+
+    @property
+    def without_shifts(self) -> LinkPrior:
+        """The prior of links whose matter lies as the points say, as fits have it."""
+        return replace(self, shifts=None)
+
+    def free(self, sd: float) -> Array:
+        """Compute the covariance with the whole mass and both sides free.
+
+        Parameters
+        ----------
+        sd : relative standard deviation of a link's mass
+
+        Returns
+        -------
+        (n, n)
+        """
+        return self._shifted(sd**2 * self._relative)
+
+    def held(self, sd: float) -> Array:
+        """Compute the covariance with the whole mass known, and both sides alike.
+
+        Parameters
+        ----------
+        sd : relative standard deviation of a link's mass
+
+        Returns
+        -------
+        (n, n)
+        """
+        whole = np.zeros((1, len(self._relative)))
+        whole[0, ::10] = 1.0 / (MASS_ERROR * self.mass)
+        known = conditioned(sd**2 * self._relative, whole)
+        if self.sides is not None:
+            known = conditioned(known, self.sides.rows)
+        return self._shifted(known)
+
+    def _shifted(self, covariance: Array) -> Array:
+        """Add what shifts of matter make of parameters, which change no mass."""
+        return covariance if self.shifts is None else covariance + self.shifts.covariance
+
+
+def prior_covariance(points: MassPoints, mass_sd: float) -> Array:
+    """Compute the prior covariance of all parameters where points' masses vary independently.
+
+    With phi = W rho ([D] eq. 3.5), cov(phi) = W V W^T and the variances V of the points. The sum of
+    the masses is free.
+
+    Parameters
+    ----------
+    points : with weights
+    mass_sd : relative standard deviation of a link's mass
+
+    Returns
+    -------
+    (10 links, 10 links) [kg, kg m, kg m^2], squared
+    """
+    links = len(points.links.names)
+    variances = prior_variances(points, MassPointOptions(mass_sd=mass_sd))
+    moments = point_moments(points.points)
+    # Parameters of unit masses times the points' standard deviations.
+    columns = np.empty((links, 10, len(moments)))
+    for i in range(links):
+        columns[i] = (points.places[i] @ moments.T) * (
+            points.weights[:, [i]].toarray().ravel() * np.sqrt(variances)
+        )
+    flat = columns.reshape(10 * links, -1)
+    return flat @ flat.T
+
+
+def conditioned(covariance: Array, rows: Array) -> Array:
+    """Condition a covariance on measured `rows` x of unit noise.
+
+        C - C A^T (A C A^T + 1)^-1 A C
+
+    Parameters
+    ----------
+    covariance : (n, n) C before
+    rows : (m, n) A
+
+    Returns
+    -------
+    (n, n) covariance after
+    """
+    crossed = rows @ covariance
+    return covariance - crossed.T @ np.linalg.solve(crossed @ rows.T + np.eye(len(rows)), crossed)
