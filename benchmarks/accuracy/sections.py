@@ -207,8 +207,6 @@ PAGES: dict[str, dict[str, str]] = {
         "identification_people": "accuracy.identification.independent:measure",
         "identification_exact": "accuracy.identification.independent:measure_exact",
         "tissue_noise": "accuracy.identification.tissue_noise:measure",
-        "identification_links": "accuracy.identification.independent:measure_links",
-        "identification_paper": "accuracy.identification.independent:measure_paper",
         "identification_segments": "accuracy.identification.identification:measure_segments",
         "chapter3_wrenches": "accuracy.identification.chapter3:measure_wrenches",
         "chapter3_masses": "accuracy.identification.chapter3:measure_masses",

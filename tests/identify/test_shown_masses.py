@@ -25,7 +25,7 @@ def test_a_mass_is_seldom_farther_than_before(sd):
     expected_farther = np.abs(expected - truth) > np.abs(before - truth)
     assert expected_farther.mean() > 2.0 * farther.mean()
     # The mass lies in the interval about the expected one, and what is sure is taken whole.
-    half = half_width(after[0])
+    half = half_width(after[0], 1.0 - 2.0 * MAX_RISK)
     assert (np.abs(masses - expected) <= half + 1e-12).all()
     sure = np.abs(expected - 1.0) > 2.0 * half
     np.testing.assert_allclose(masses[sure], expected[sure])

@@ -6,7 +6,7 @@ of x is farther from the truth than m with the probability
     Phi((d / 2 - (x - m)) / p)
 
 for the truth must then lie on the other side of m + d / 2. The largest change for which that is at
-most `MAX_RISK` is taken, and no more than x: d = 0 where the interval of x holds m, and d = x - m
+most `MAX_RISK` is taken, and no more than x: d = 0 where the 95 % interval of x holds m, and d = x - m
 from twice its half width on. Single masses hardly change any wrench, as mass moves between
 neighbors unseen: mass centers and moments of inertia take over.
 """
@@ -19,7 +19,7 @@ from myomorph.body.identify.pseudo_inertia import SMALLEST_SHARE
 from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array, read_only
 
-MAX_RISK = 0.05
+MAX_RISK = 0.025
 """Probability with which a link's mass may end farther from the truth than it was before."""
 HELD = 1e-6  # Relative error of a mass that is held
 

@@ -166,8 +166,7 @@ class Identification:
     residuals : (2,) root mean square of the base wrench's misfit of each in the frames used, moment
         [N m] and force [N]
     estimate : the expected parameters as unknowns "femur_r m", ... with their intervals. Masses of
-        the model change no more than is shown (`shown_masses`), but lie in these intervals. Its
-        verdict is on what was not used: recordings given apart, else each recording or part in
+        the model change no more than is shown (`shown_masses`). Its verdict is on what was not used: recordings given apart, else each recording or part in
         turn, with the strength of the prior chosen without it
     tried : relative standard deviation of the prior -> held-out misfit (2,)
     mass_sd : the one that was used
@@ -226,7 +225,8 @@ class Identification:
         mass = float(self.model.bodies[index].mass)
         middle = float(self.expected[index, 0])
         half = float(half_width(self.sd[index, 0], level))
-        return Interval(value=mass, low=max(middle - half, 0.0), high=middle + half)
+        low = max(middle - half, 0.0)
+        return Interval(value=mass, low=min(low, mass), high=max(middle + half, mass))
 
     @property
     def expected(self) -> Array:
