@@ -295,6 +295,7 @@ def _joints_at(model: mm.Model, body: str) -> Iterator[Joint]:
 
 
 WAYS = {
+    "points, shown": IdentificationOptions(compare=False, if_worse="identified", masses="shown"),
     "points": IdentificationOptions(compare=False, if_worse="identified"),
     "pseudo-inertia": IdentificationOptions(
         compare=False, if_worse="identified", method="pseudo-inertia"

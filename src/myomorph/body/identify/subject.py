@@ -100,6 +100,8 @@ class IdentificationOptions:
     if_worse : masses of the model where identified ones predict recordings that were not used worse
         than the generic model's do: "generic" keeps those, "identified" takes the identified ones
         all the same and warns
+    masses : "expected" takes each link's mass as it is fitted; "shown" changes it only as far as it
+        is hardly farther from the truth than before (`shown_masses`)
     soft_tissue : whether markers move more than the body's mass: "auto" where measured forces show
         it and held-out parts of the recordings are predicted better, "always" or "never"; never
         with prior "paper"
@@ -117,6 +119,7 @@ class IdentificationOptions:
     skin_sd: float = SKIN_SD
     side_sd: float = SIDE_SD
     if_worse: Literal["generic", "identified"] = "generic"
+    masses: Literal["expected", "shown"] = "expected"
     soft_tissue: Use = "auto"
 
     def __post_init__(self) -> None:
@@ -165,8 +168,8 @@ class Identification:
         at its mass
     residuals : (2,) root mean square of the base wrench's misfit of each in the frames used, moment
         [N m] and force [N]
-    estimate : the expected parameters as unknowns "femur_r m", ... with their intervals. Masses of
-        the model change no more than is shown (`shown_masses`). Its verdict is on what was not used: recordings given apart, else each recording or part in
+    estimate : the expected parameters as unknowns "femur_r m", ... with their intervals. Its
+        verdict is on what was not used: recordings given apart, else each recording or part in
         turn, with the strength of the prior chosen without it
     tried : relative standard deviation of the prior -> held-out misfit (2,)
     mass_sd : the one that was used
@@ -292,8 +295,7 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
     Noise of moments and forces is at first the misfit of the scaled model, then what the fit leaves
     of parts of the recordings that it did not see, as long as that falls: the residual of the fit
     itself would be too small, since faults of kinematics do not shrink with more frames. The same
-    parts choose how far the data may move the masses away from the shape (`mass_sd`). Masses then
-    change no more than is shown (`shown_masses`).
+    parts choose how far the data may move the masses away from the shape (`mass_sd`).
 
     Before that, each recording, or each part of a single one, is predicted by masses identified
     without it. Where these predict worse than the generic model, the generic masses are kept
@@ -458,6 +460,7 @@ class _Body:
             mass_sd=options.mass_sd,
             sides=self.sides(options),
             paper=_paper(self.generic, options, self.mass),
+            only_shown=options.masses == "shown" and options.prior != "paper",
         )
 
     def sides(self, options: IdentificationOptions) -> Sides | None:
@@ -710,8 +713,7 @@ def _known(body: _Body, equations: _Equations, parameters: Array, strength: Stre
     """
     parts = equations.parts
     sides = strength.sides
-    # [D] holds points by other weights, and its intervals are those of densities.
-    shifts = strength.shifts if strength.paper is None else None
+    shifts = strength.shifts if strength.only_shown else None
     recordings = equations.fitted.recordings
     misfits = [_used(one, body.generic, parameters) for one in recordings]
     # Frames that make one independent sample, beyond those that count as one already.
@@ -741,7 +743,7 @@ def _known(body: _Body, equations: _Equations, parameters: Array, strength: Stre
 def _shown(
     body: _Body, equations: _Equations, strength: Strength, way: str, known: Determined
 ) -> Array:
-    """Identify parameters whose masses change no more than is shown; [D] has no such rule.
+    """Identify parameters whose masses change no more than is shown, where that was requested.
 
     Parameters
     ----------
@@ -756,7 +758,7 @@ def _shown(
     (bodies, 10)
     """
     expected = known.posterior.x.reshape(-1, 10)
-    if strength.paper is not None:
+    if not strength.only_shown:
         return expected
     before = body.points.parameters(body.points.reference)[:, 0]
     masses = shown_masses(before, expected[:, 0], known.sd[:, 0])

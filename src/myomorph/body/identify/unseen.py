@@ -134,6 +134,7 @@ class Strength:
     mass_sd : the strength to use; None chooses
     sides : left and right alike; None where nothing ties them
     paper : how base parameters are met with weights as [D]'s; None weighs by noise and prior
+    only_shown : whether masses change no more than is shown
     """
 
     points: MassPoints
@@ -142,6 +143,7 @@ class Strength:
     mass_sd: float | None
     sides: Sides | None = None
     paper: Paper | None = None
+    only_shown: bool = False
 
     def fit(self, parts: Parts, noise: Array, sd: float, others: np.ndarray | None = None) -> Array:
         """Identify parameters by a strength from some parts.
@@ -180,7 +182,7 @@ class Strength:
         (bodies, 10)
         """
         fitted = self.fit(parts, noise, sd)
-        if self.paper is not None:
+        if not self.only_shown:
             return fitted
         rows = parts.rows(noise)
         mass = float(self.generic[:, 0].sum())
