@@ -7,8 +7,8 @@ of x is farther from the truth than m with the probability
 
 for the truth must then lie on the other side of m + d / 2. The largest change for which that is at
 most `MAX_RISK` is taken, and no more than x: d = 0 where the 95 % interval of x holds m, and
-d = x - m from twice its half width on. Single masses hardly change any wrench, as mass moves between
-neighbors unseen: mass centers and moments of inertia take over.
+d = x - m from twice its half width on. Single masses hardly change any wrench, as mass moves
+between neighbors unseen: mass centers and moments of inertia take over.
 """
 
 from __future__ import annotations
