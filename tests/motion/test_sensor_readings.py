@@ -12,6 +12,7 @@ from myomorph.body.causes import SENSOR_READING
 from myomorph.body.sensors.arrangement import CONVENTIONS, Arrangement, Convention, exchanges
 from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
 from myomorph.body.sensors.sensor_recording import SensorRecording
+from myomorph.body.sensors.steps import largest_step
 from myomorph.core.model.spatial import (
     axis_rotation,
     quaternion_from_rotation,
@@ -76,7 +77,11 @@ def test_a_clean_recording_is_read_as_labelled(recorded):
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [(exchanged_shanks, "exchanged"), (scalar_last, "x, y, z, w"), (turned_shank, "heading")],
+    [
+        (exchanged_shanks, "exchanged"),
+        (scalar_last, "x, y, z, w"),
+        (turned_shank, "heading"),
+    ],
 )
 def test_another_reading_is_found_and_named(recorded, change, words):
     model, motion, recording = recorded
@@ -84,6 +89,35 @@ def test_another_reading_is_found_and_named(recorded, change, words):
     (note,) = readings(fit)
     assert words in note
     assert errors_of(fit, motion, model) < 5.0
+
+
+def test_a_sensor_that_turns_half_way_is_turned_back(recorded):
+    model, motion, recording = recorded
+    quaternions = np.array(recording.sensors.orientations)
+    half = len(quaternions) // 2
+    index = BODIES.index("femur_r")
+    about = axis_rotation((0.6, 0.0, 0.8), np.radians(25.0))
+    turned = rotation_from_quaternion(quaternions[half:, index]) @ about
+    quaternions[half:, index] = quaternion_from_rotation(turned)
+    sensors = replace(recording.sensors, orientations=quaternions)
+    fit = sensor_kinematics(model, replace(recording, sensors=sensors))
+    (note,) = readings(fit)
+    assert note.place == "femur_r_imu"
+    assert "on its body" in note
+    assert errors_of(fit, motion, model) < 6.0
+
+
+def test_noise_has_no_step_and_a_step_is_found_where_it_is():
+    rng = np.random.default_rng(5)
+    time = np.linspace(0.0, 20.0, 60)
+    errors = 0.03 * rng.normal(size=(60, 3, 3))
+    assert largest_step(time, errors) is None
+    errors[40:, 1] += np.array([0.0, 0.1, 0.05])
+    errors[10:12, 1] = np.nan
+    step = largest_step(time, errors)
+    assert step.sensor == 1
+    assert step.time == pytest.approx(0.5 * (time[39] + time[40]))
+    np.testing.assert_allclose(step.vector, [0.0, 0.1, 0.05], atol=0.03)
 
 
 @pytest.mark.parametrize("convention", CONVENTIONS)

@@ -11,6 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
 from tests.truths.sensed_person import (
     SEGMENTS,
     Chain,
@@ -36,8 +38,11 @@ SEEDS = (100,)
 JOINTS = {"hip": ("hip_flexion", "hip_adduction", "hip_rotation"), "knee": ("knee_angle",)}
 SHANK = SEGMENTS.index("tibia_r")
 OTHER_SHANK = SEGMENTS.index("tibia_l")
+THIGH = SEGMENTS.index("femur_r")
 LOST = slice(150, 225)
 """Frames of three seconds."""
+LOOSE = 3.0  # Frames over which the swing of a loose sensor is correlated
+MAGNET = 12.0  # Frames in which a magnetic field changes
 
 
 def measure(folder: Path) -> Iterator[Row]:
@@ -118,25 +123,105 @@ def _without_shank(recording: SensorRecording) -> SensorRecording:
     return replace(recording, sensors=recording.sensors.only(kept), pose=recording.pose.only(kept))
 
 
-def _shanks_exchanged(quaternion: np.ndarray) -> np.ndarray:
-    pair = [SHANK, OTHER_SHANK]
-    quaternion[:, pair] = quaternion[:, pair[::-1]]
-    return quaternion
+def _exchanged(first: int, second: int) -> Change:
+    """Two sensors have each other's labels."""
+    pair = [first, second]
+
+    def change(quaternion: np.ndarray) -> np.ndarray:
+        quaternion[:, pair] = quaternion[:, pair[::-1]]
+        return quaternion
+
+    return _changed(change)
 
 
 def _scalar_last(quaternion: np.ndarray) -> np.ndarray:
     return np.roll(quaternion, -1, axis=-1)
 
 
-def _held(quaternion: np.ndarray) -> np.ndarray:
-    quaternion[LOST, SHANK] = quaternion[LOST.start, SHANK]
+def _conjugate(quaternion: np.ndarray) -> np.ndarray:
+    return quaternion * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def _held(*sensors: int) -> Change:
+    """Sensors repeat their last sample for three seconds."""
+
+    def change(quaternion: np.ndarray) -> np.ndarray:
+        quaternion[LOST, sensors] = quaternion[LOST.start, sensors]
+        return quaternion
+
+    return _changed(change, pose=False)
+
+
+def _lost(quaternion: np.ndarray) -> np.ndarray:
+    quaternion[LOST, SHANK] = np.nan
     return quaternion
+
+
+def _turned(quaternion: np.ndarray, sensor: int, vectors: np.ndarray, earth: bool) -> np.ndarray:
+    """Turn a sensor by rotation vectors (frames, 3) [rad], in the earth or on its body."""
+    recorded = Rotation.from_quat(np.roll(quaternion[:, sensor], -1, axis=-1))
+    by = Rotation.from_rotvec(vectors)
+    turned = by * recorded if earth else recorded * by
+    quaternion[:, sensor] = np.roll(turned.as_quat(), 1, axis=-1)
+    return quaternion
+
+
+def _loose(*sensors: int) -> Change:
+    """Sensors swing on their bodies by 15 degrees."""
+
+    def change(quaternion: np.ndarray) -> np.ndarray:
+        rng = np.random.default_rng(7)
+        for sensor in sensors:
+            swing = gaussian_filter1d(rng.normal(size=(len(quaternion), 3)), LOOSE, axis=0)
+            vectors = np.radians(15.0) * swing / swing.std(axis=0)
+            quaternion = _turned(quaternion, sensor, vectors, earth=False)
+        return quaternion
+
+    return _changed(change, pose=False)
+
+
+def _slipped_once(sensor: int) -> Change:
+    """Turn a sensor by 20 degrees on its body half way."""
+
+    def change(quaternion: np.ndarray) -> np.ndarray:
+        vectors = np.zeros((len(quaternion), 3))
+        axis = np.random.default_rng(9).normal(size=3)
+        vectors[len(vectors) // 2 :] = np.radians(20.0) * axis / np.linalg.norm(axis)
+        return _turned(quaternion, sensor, vectors, earth=False)
+
+    return _changed(change, pose=False)
+
+
+def _late(quaternion: np.ndarray) -> np.ndarray:
+    """Set the clock of a sensor behind by a frame, 40 ms."""
+    quaternion[1:, SHANK] = quaternion[:-1, SHANK].copy()
+    return quaternion
+
+
+def _magnet(quaternion: np.ndarray) -> np.ndarray:
+    """Turn the heading of a sensor by 30 degrees in the middle half."""
+    count = len(quaternion)
+    off = np.zeros(count)
+    off[count // 4 : 3 * count // 4] = np.radians(30.0)
+    vectors = np.zeros((count, 3))
+    vectors[:, 2] = gaussian_filter1d(off, MAGNET)
+    return _turned(quaternion, SHANK, vectors, earth=True)
 
 
 FAULTS: dict[str, Change] = {
     "none": lambda recording: recording,
     "right shank's sensor missing": _without_shank,
-    "shanks exchanged": _changed(_shanks_exchanged),
+    "shanks exchanged": _exchanged(SHANK, OTHER_SHANK),
+    "right thigh and shank exchanged": _exchanged(THIGH, SHANK),
     "x, y, z, w": _changed(_scalar_last),
-    "right shank's last sample held for 3 s": _changed(_held, pose=False),
+    "from the earth to the sensor": _changed(_conjugate),
+    "right shank's last sample held for 3 s": _held(SHANK),
+    "both shanks' last samples held for 3 s": _held(SHANK, OTHER_SHANK),
+    "right shank lost for 3 s": _changed(_lost, pose=False),
+    "right shank loose": _loose(SHANK),
+    "both shanks loose": _loose(SHANK, OTHER_SHANK),
+    "right thigh slips by 20 degrees half way": _slipped_once(THIGH),
+    "right shank slips by 20 degrees half way": _slipped_once(SHANK),
+    "right shank 40 ms late": _changed(_late, pose=False),
+    "right shank's heading off by 30 degrees for half of the time": _changed(_magnet, pose=False),
 }

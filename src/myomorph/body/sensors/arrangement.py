@@ -20,6 +20,7 @@ from myomorph.core.model.spatial import (
     axis_rotation,
     quaternion_from_rotation,
     rotation_from_quaternion,
+    rotation_from_vector,
 )
 from myomorph.core.rigid.tree import Tree
 
@@ -89,16 +90,22 @@ class Arrangement:
     ----------
     convention : of its quaternions
     exchanged : two sensors whose data are each other's; empty for none
-    left_out : a sensor that takes no part; "" for none
+    left_out : sensors that take no part
     turned : a sensor whose earth is turned about the vertical against the others'; "" for none
     angle : by which it is [rad]
+    stepped : a sensor that turned on its body in the recording; "" for none
+    step_time : when it did [s]
+    step : rotation vector by which it is turned back from then on, in its own axes [rad]
     """
 
     convention: Convention = AS_WRITTEN
     exchanged: tuple[str, ...] = ()
-    left_out: str = ""
+    left_out: tuple[str, ...] = ()
     turned: str = ""
     angle: float = 0.0
+    stepped: str = ""
+    step_time: float = 0.0
+    step: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     @property
     def words(self) -> str:
@@ -109,16 +116,22 @@ class Arrangement:
         if self.exchanged:
             parts.append(f"sensors {' and '.join(self.exchanged)} exchanged")
         if self.left_out:
-            parts.append(f"sensor {self.left_out} left out")
+            names = " and ".join(self.left_out)
+            parts.append(f"sensor {names} left out")
         if self.turned:
             wrapped = (np.degrees(self.angle) + 180.0) % 360.0 - 180.0
             parts.append(f"the heading of sensor {self.turned} turned by {abs(wrapped):.0f}°")
+        if self.stepped:
+            angle = np.degrees(np.linalg.norm(self.step))
+            moment = f"at {self.step_time:.1f} s"
+            parts.append(f"sensor {self.stepped} turned by {angle:.0f}° on its body {moment}")
         return ", ".join(parts) or "what it is labelled"
 
     @property
     def sensors(self) -> tuple[str, ...]:
         """Names of the sensors that it says something of."""
-        return tuple(name for name in (*self.exchanged, self.left_out, self.turned) if name)
+        named = (*self.exchanged, *self.left_out, self.turned, self.stepped)
+        return tuple(name for name in named if name)
 
     def read(self, recording: SensorRecording) -> SensorRecording:
         """Read a recording and its calibration pose this way.
@@ -130,13 +143,13 @@ class Arrangement:
         pose = recording.pose
         return replace(
             recording,
-            sensors=self._read_sensors(recording.sensors),
+            sensors=self._turned_back(self._read_sensors(recording.sensors)),
             pose=None if pose is None else self._read_sensors(pose),
         )
 
     def _read_sensors(self, sensors: InertialSensors) -> InertialSensors:
         """Read sensors this way; names stay in their order."""
-        kept = tuple(name for name in sensors.names if name != self.left_out)
+        kept = tuple(name for name in sensors.names if name not in self.left_out)
         others = dict(zip(self.exchanged, reversed(self.exchanged), strict=True))
         taken = sensors.only([others.get(name, name) for name in kept])
         result = replace(taken, names=kept)
@@ -149,6 +162,18 @@ class Arrangement:
             rotations = turn @ rotation_from_quaternion(quaternions[:, index])
             quaternions[:, index] = quaternion_from_rotation(rotations)
         return replace(result, orientations=quaternions)
+
+    def _turned_back(self, sensors: InertialSensors) -> InertialSensors:
+        """Turn the sensor that turned on its body back, from then on."""
+        if not self.stepped or sensors.orientations is None:
+            return sensors
+        index = sensors.names.index(self.stepped)
+        later = sensors.time >= self.step_time
+        quaternions = np.array(sensors.orientations)
+        rotations = rotation_from_quaternion(quaternions[later, index])
+        back = rotation_from_vector(np.array(self.step))
+        quaternions[later, index] = quaternion_from_rotation(rotations @ back)
+        return replace(sensors, orientations=quaternions)
 
 
 def other_conventions() -> list[Arrangement]:
@@ -198,4 +223,4 @@ def removals(names: tuple[str, ...]) -> list[Arrangement]:
     ----------
     names : of the sensors
     """
-    return [Arrangement(left_out=name) for name in names]
+    return [Arrangement(left_out=(name,)) for name in names]

@@ -123,6 +123,9 @@ class Misfit:
     frames : as how many independent ones the recording counts
     freedom : numbers of a frame that its pose does not explain, in the mean
     slipped : number of sensors that slipped after the pose
+    time : (frames,) of the frames that took part [s]
+    errors : (frames, sensors, 3) rotation vectors from what each sensor reports to its body, in the
+        axes of the body [rad], NaN where unknown
     """
 
     by_sensor: Array
@@ -132,6 +135,8 @@ class Misfit:
     frames: float
     freedom: float
     slipped: int
+    time: Array
+    errors: Array
 
     @property
     def cost(self) -> float:
@@ -303,6 +308,8 @@ class MountingFit:
             frames=max(self.chosen.share * int(frames.sum()), 1e-9),
             freedom=_freedom(errors, len(problem.free)) / len(errors),
             slipped=len(self.slipped),
+            time=self.chosen.time,
+            errors=np.einsum("fsji,fsj->fsi", solved.reported, errors),
         )
 
     def _left_in_pose(self, mounting: SensorMounting, moved: Array) -> Array:

@@ -39,8 +39,11 @@ STILL_TIME = 0.5
 """A body that turns slower [rad/s] for so long [s] at the start stands in its calibration pose."""
 # Ratio of the second best heading's cost to the best's below which the heading is questioned
 AMBIGUOUS = 1.3
-# A mounting that the recording turns further from the calibration pose's is reported [rad]
+# A mounting of a sensor that slipped is reported where the recording turns it further from the
+# calibration pose's [rad]
 SLIPPED = 0.2
+STANDS_OTHERWISE = 0.4
+"""And that of one that did not: below, whoever stands with other joint angles explains it [rad]."""
 DRIFTED = 0.09  # A heading that turns further in a recording is reported [rad]
 MAX_DELAY = 2.0  # The sensors' clock may differ from that of the markers by so much [s]
 # A sensor whose axis of turning is further from that of the others is reported
@@ -332,7 +335,7 @@ class MountingSearch:
         if fit.pose is not None:
             headings = found.heading_at(np.array([fit.pose.time]))[0]
             of_pose = first_guess.from_pose(fit.tree, self.bodies, fit.pose, headings)
-        notes = (*begin.notes, *_of_mounting(found, of_pose))
+        notes = (*begin.notes, *_of_mounting(found, of_pose, fit.slipped))
         return SolvedMounting(mounting=replace(found, notes=notes), misfit=fit.misfit(found))
 
     def _slipped(self, fit: MountingFit, draft: Draft) -> Draft | None:
@@ -646,13 +649,15 @@ def _of_heading(solved: Sequence[SolvedMounting]) -> tuple[Message, ...]:
     return (text,)
 
 
-def _of_mounting(found: SensorMounting, by_pose: Guess | None) -> Iterator[Message]:
+def _of_mounting(
+    found: SensorMounting, by_pose: Guess | None, slipped: frozenset[int]
+) -> Iterator[Message]:
     """Report sensors that are not mounted as the calibration pose says, and drifting headings."""
     if by_pose is not None:
         turned = found.rotations @ np.swapaxes(by_pose.rotations, 1, 2)
         angles = np.linalg.norm(vector_from_rotation(turned), axis=1)
-        for name, angle in zip(found.sensors, angles, strict=True):
-            if angle > SLIPPED:
+        for index, (name, angle) in enumerate(zip(found.sensors, angles, strict=True)):
+            if angle > (SLIPPED if index in slipped else STANDS_OTHERWISE):
                 yield (
                     SENSORS.message(
                         f"sensor '{name}' is turned by {np.degrees(angle):.0f}° on its body against"

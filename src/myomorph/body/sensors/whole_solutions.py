@@ -22,8 +22,10 @@ from myomorph.body.sensors.arrangement import (
     removals,
 )
 from myomorph.body.sensors.mounting_search import EVIDENCE, Draft, MountingSearch, SolvedMounting
+from myomorph.body.sensors.steps import largest_step
 from myomorph.core.model.errors import BadData, few
 from myomorph.core.model.messages import Message
+from myomorph.core.model.spatial import rotation_from_vector, vector_from_rotation
 from myomorph.core.rigid.tree import compile_tree
 
 MAX_COST = 1.2
@@ -35,6 +37,14 @@ SOLVED = 2  # Readings of the least rough cost that are solved to their end
 MIN_SENSORS = 4  # With fewer, leaving one out explains anything
 MAX_APART = 2  # Sensors that rotate about other axes may each have a heading of their own
 HEADINGS = 12  # Of a single sensor, round the circle, that are tried
+BETWEEN_FAULTS = 10.0
+"""By so much, in squares of the noise, one fault has to explain more than another: with thigh and
+shank exchanged, a slip of the shank by 41 degrees leaves 31 more.
+"""
+STEP_ROUNDS = 6
+STEP_FACTOR = 1.6
+"""Poses take a part of a step on themselves: it is turned back by more than is seen, several times.
+"""
 REFINED = 4  # Times that the step between them is halved about the best
 
 
@@ -67,14 +77,29 @@ class WholeSolution:
         sure = not self.solved.ambiguous and not self.solved.misfit.slipped
         return sure and self.excess < MAX_COST
 
-    def explains_better(self, other: WholeSolution) -> bool:
-        """Whether it leaves so much less than another reading that chance does not make it."""
-        gain = other.solved.misfit.total - self.solved.misfit.total
-        return gain > EVIDENCE * max(self.excess, 1.0)
+    def explains_better(self, other: WholeSolution, evidence: float = EVIDENCE) -> bool:
+        """Whether it leaves so much less than another reading that chance does not make it.
 
-    def replaces(self, other: WholeSolution) -> bool:
+        Parameters
+        ----------
+        other : reading
+        evidence : by how much less, in squares of the noise
+        """
+        gain = other.solved.misfit.total - self.solved.misfit.total
+        return gain > evidence * max(self.excess, 1.0)
+
+    def replaces(self, labelled: WholeSolution) -> bool:
         """Whether it is decisively better, and noise explains what it leaves."""
-        return self.explains_better(other) and self.excess < MAX_COST
+        return self.explains_better(labelled) and self.excess < MAX_COST
+
+    def explains_slip(self, labelled: WholeSolution) -> bool:
+        """Whether it replaces the recording as labelled, also where a slip explains that.
+
+        A slip is a fault as the other reading is, so that less decides between them.
+        """
+        if not labelled.solved.misfit.slipped:
+            return self.replaces(labelled)
+        return self.explains_better(labelled, BETWEEN_FAULTS) and self.excess < MAX_COST
 
     def on_all_frames(self, labelled: MountingSearch) -> WholeSolution:
         """Solve the reading on all frames of the recording.
@@ -114,6 +139,10 @@ def whole_solution(search: MountingSearch, anywhere: bool, conventions: bool) ->
     UnknownName : a sensor, an axis or a frame of the model is unknown
     """
     few = _on_few_frames(search, Arrangement(), anywhere, slips=True)
+    stepped = _with_step(few, anywhere)
+    if stepped is not None:
+        note = _message(f"{stepped.arrangement.words}: turned back from there on", [stepped], few)
+        return stepped.on_all_frames(search).noted(note)
     if few.fits:
         return few.on_all_frames(search)
     other = _other_reading(few, anywhere, conventions)
@@ -157,7 +186,7 @@ def _other_reading(
     if conventions:
         readings += other_conventions()
     found = _solved(search, readings, anywhere)
-    if found and found[0].replaces(labelled):
+    if found and found[0].explains_slip(labelled):
         return _taken(found, labelled)
     apart = search.apart()
     if not anywhere and 0 < len(apart) <= MAX_APART:
@@ -165,19 +194,83 @@ def _other_reading(
         turned.sort(key=lambda one: one.solved.misfit.total)
         if turned[0].replaces(labelled):
             return _taken(turned, labelled)
-    without = list[WholeSolution]()
-    if len(names) >= MIN_SENSORS:
-        without = _solved(search, removals(names), anywhere)
+    return _removal(labelled, anywhere)
+
+
+def _removal(labelled: WholeSolution, anywhere: bool) -> _OtherReading | None:
+    """Leave out one sensor, or two, whose errors are far above the noise; see `_other_reading`."""
+    search = labelled.search
+    names = search.sensors.names
+    if len(names) < MIN_SENSORS:
+        return None
+    without = _solved(search, removals(names), anywhere)
     if without and without[0].replaces(labelled):
         return _without_one(without, labelled)
+    if not without or len(names) == MIN_SENSORS or labelled.excess < MAX_COST:
+        return None
+    first = without[0].arrangement.left_out
+    pairs = [
+        replace(one, left_out=(*first, *one.left_out))
+        for one in removals(names)
+        if one.left_out != first
+    ]
+    two = _solved(search, pairs, anywhere)
+    if two and two[0].replaces(labelled):
+        return _without_one(two[:1], labelled)
     return None
+
+
+def _with_step(labelled: WholeSolution, anywhere: bool) -> WholeSolution | None:
+    """Turn a sensor back whose errors step at one moment, where that is decisive.
+
+    Parameters
+    ----------
+    labelled : the recording as it is labelled
+    anywhere : whether each sensor has a heading of its own
+
+    Returns
+    -------
+    None where none does
+    """
+    misfit = labelled.solved.misfit
+    step = largest_step(misfit.time, misfit.errors)
+    if step is None or labelled.draft is None or labelled.search.tracked.fit is not None:
+        return None
+    name = labelled.search.sensors.names[step.sensor]
+    back = np.eye(3)
+    solution = labelled
+    for _ in range(STEP_ROUNDS):
+        misfit = solution.solved.misfit
+        later = misfit.time > step.time
+        errors = misfit.errors[:, step.sensor]
+        seen = np.nanmean(errors[later], axis=0) - np.nanmean(errors[~later], axis=0)
+        mounted = solution.solved.mounting.rotations[step.sensor]
+        back = back @ rotation_from_vector(STEP_FACTOR * mounted.T @ seen)
+        reading = Arrangement(
+            stepped=name,
+            step_time=step.time,
+            step=tuple(vector_from_rotation(back).tolist()),
+        )
+        solution = _near(labelled, reading)
+    return solution if solution.replaces(labelled) else None
+
+
+def _near(labelled: WholeSolution, reading: Arrangement) -> WholeSolution:
+    """Solve a reading from where the recording as it is labelled ended, on few frames."""
+    assert labelled.draft is not None
+    read = _read(labelled.search, reading)
+    draft = labelled.draft._replace(slipped=frozenset())
+    solved = read.on_all_frames(draft)
+    return WholeSolution(
+        arrangement=reading, search=read, solved=solved, draft=draft._replace(solved=solved)
+    )
 
 
 def _with_own_heading(labelled: WholeSolution, name: str) -> WholeSolution:
     """Solve the recording with the best heading of its own for one sensor to its end."""
     search = labelled.search
     # The heading of the others, which the wrong one has no part in.
-    others = _on_few_frames(search, Arrangement(left_out=name), anywhere=False)
+    others = _on_few_frames(search, Arrangement(left_out=(name,)), anywhere=False)
     common = (float(np.median(others.solved.mounting.headings[0])),)
 
     def tried(angle: float) -> tuple[float, float]:
@@ -236,7 +329,9 @@ def _read(search: MountingSearch, reading: Arrangement) -> MountingSearch:
     """Set the search of a recording read another way."""
     names = search.sensors.names
     bodies = tuple(
-        body for name, body in zip(names, search.bodies, strict=True) if name != reading.left_out
+        body
+        for name, body in zip(names, search.bodies, strict=True)
+        if name not in reading.left_out
     )
     return replace(search, recording=reading.read(search.recording), bodies=bodies)
 
@@ -276,17 +371,22 @@ def _without_one(without: Sequence[WholeSolution], labelled: WholeSolution) -> _
     best = without[0]
     near = [one for one in without[1:] if not best.explains_better(one)]
     if near:
-        names = [one.arrangement.left_out for one in (best, *near)]
+        names = [name for one in (best, *near) for name in one.arrangement.left_out]
         text = (
             f"sensors {few(names)} do not agree, and the recording does not tell which of them is"
             " wrong: angles beside them are wrong. Leave one out (--imu-bodies SENSOR=-)"
         )
         return _OtherReading(labelled, (_message(text, [best, *near], labelled),))
-    turned = _with_own_heading(labelled, best.arrangement.left_out)
-    if turned.replaces(labelled):
-        return _taken([turned], labelled)
+    removed = best.arrangement.left_out
+    if len(removed) == 1:
+        turned = _with_own_heading(labelled, removed[0])
+        if turned.replaces(labelled):
+            return _taken([turned], labelled)
+    subject = f"sensor {removed[0]} does"
+    if len(removed) > 1:
+        subject = f"sensors {few(removed)} do"
     text = (
-        f"sensor {best.arrangement.left_out} does not fit the others at all: left out, which"
+        f"{subject} not fit the others at all: left out, which"
         f" leaves {_left(best)} in the place of {_left(labelled)}"
     )
     return _OtherReading(best, (_message(text, [best], labelled),))
