@@ -115,7 +115,7 @@ def marker_rows(marked: MarkerFrames, width: int) -> FrameRows:
     the rows, in m
     """
     frames, count = marked.errors.shape[:2]
-    seen = np.isfinite(marked.errors).all(axis=2)
+    seen = np.asarray(np.isfinite(marked.errors).all(axis=2))
     return FrameRows(
         of_pose=np.where(seen[..., None, None], marked.slopes, 0.0).reshape(frames, 3 * count, -1),
         of_unknowns=np.zeros((frames, 3 * count, width)),

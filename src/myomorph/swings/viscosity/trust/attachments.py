@@ -19,6 +19,7 @@ from myomorph.core.model.interval import Interval
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle, PathPoint
 from myomorph.core.model.series import Motion
+from myomorph.core.rigid.coordinates import Ints
 from myomorph.swings.viscosity.identification.budget import ErrorShare
 from myomorph.swings.viscosity.identification.identify import (
     Condition,
@@ -63,7 +64,7 @@ class MovedArms:
     samples: Array
     spring: Array
 
-    def drawn(self, chosen: Array, times: int) -> Array:
+    def drawn(self, chosen: Ints, times: int) -> Array:
         """Find d_M with points that are moved.
 
         Parameters
