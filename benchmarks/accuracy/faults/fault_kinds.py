@@ -231,8 +231,8 @@ def mirrored_marker(job: Job, random: Generator) -> bool:
 
 
 def _sided(job: Job, random: Generator) -> str:
-    """One of the markers of the two sides that is seen most of the time."""
-    labels = [label for pair in job.pairs for label in pair]
+    """One of the markers of the two sides that is seen most of the time, else of all."""
+    labels = [label for pair in job.pairs for label in pair] or list(job.used)
     seen = [
         label
         for label in labels
