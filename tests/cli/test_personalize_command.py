@@ -65,6 +65,8 @@ def test_muscles_from_torques_of_loads(plate, command):
 
 def test_torques_of_a_table_give_the_same_as_loads(plate, command):
     table = plate.folder / "tau.sto"
+    # The filter is stated: by default forces, which a table of torques is without, help to find it.
+    filtered = ("--cutoff", 6.0)
     assert (
         command(
             "id",
@@ -74,14 +76,16 @@ def test_torques_of_a_table_give_the_same_as_loads(plate, command):
             plate.motion,
             "--loads",
             plate.loads,
+            *filtered,
             "--out",
             table,
         ).status
         == 0
     )
-    assert command(*given(plate, "--motion", plate.motion, "--loads", plate.loads)).status == 0
+    motion = ("--motion", plate.motion, *filtered)
+    assert command(*given(plate, *motion, "--loads", plate.loads)).status == 0
     first = read_osim(plate.folder / "own.osim")
-    assert command(*given(plate, "--motion", plate.motion, "--torques", table)).status == 0
+    assert command(*given(plate, *motion, "--torques", table)).status == 0
     second = read_osim(plate.folder / "own.osim")
     for one, other in zip(first.muscles, second.muscles, strict=True):
         assert one.tendon_slack_length == pytest.approx(other.tendon_slack_length, rel=1e-4)

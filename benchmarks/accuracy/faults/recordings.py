@@ -273,7 +273,6 @@ def _frames(capture: Capture, span: tuple[float, float] | None) -> slice:
     return slice(round(span[0] * capture.rate), round(span[1] * capture.rate))
 
 
-@cache
 def clean_of(folder: Path, home: Path, recording: Recording) -> Clean:
     """Analyze a clean recording, with the generic model fitted to it."""
     own = home / re.sub(r"\W+", "_", recording.name)

@@ -23,7 +23,6 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.motion.cutoff_choice import choose_cutoff
 from myomorph.core.motion.filters import differentiate
-from myomorph.core.motion.noise_evidence import NoiseEvidence
 from myomorph.core.motion.smoother import SmoothedMotion, differentiated_at, smoothed_by
 from myomorph.core.motion.sync import cut, resample_wrenches
 from myomorph.core.rigid.kinematics import forward_kinematics
@@ -211,7 +210,7 @@ def usable(  # page: a recording, and what is known of it, all of it optional
     """
     options = options or RecordingOptions()
     mass = model.mass if mass is None else mass
-    smoothed = _smoothed(model, motion, wrenches, options)
+    smoothed = _smoothed(model, motion, options)
     motion = smoothed.filled(motion)
     cutoff = smoothed.cutoff
     whole = smoothed.motion
@@ -251,21 +250,20 @@ def usable(  # page: a recording, and what is known of it, all of it optional
     )
 
 
-def _smoothed(
-    model: Model, motion: Motion, wrenches: Wrenches, options: RecordingOptions
-) -> SmoothedMotion:
+def _smoothed(model: Model, motion: Motion, options: RecordingOptions) -> SmoothedMotion:
     """Differentiate a motion by the stated filter, or the one that its noise asks for.
+
+    Measured forces are not asked what is noise: masses, which are not known yet, part them from
+    the motion as well.
 
     Parameters
     ----------
     model : whose torques count
     motion : coordinates as recorded
-    wrenches : as recorded, which show the motion's noise; NaN where missing
     options : with the cutoff
     """
-    evidence = NoiseEvidence(wrenches=wrenches)
     if options.cutoff is None:
-        return smoothed_by(motion, choose_cutoff(motion, model, evidence=evidence))
+        return smoothed_by(motion, choose_cutoff(motion, model))
     return differentiated_at(motion, options.cutoff or None)
 
 
@@ -322,7 +320,7 @@ def _filtered(
     """
     if recording.finer is not None:
         return recording
-    asked = choose_cutoff(motion, model, evidence=NoiseEvidence(wrenches=wrenches)).cutoff
+    asked = choose_cutoff(motion, model).cutoff
     if asked is None:
         return recording
     clock = recording.motion.time

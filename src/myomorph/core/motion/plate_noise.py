@@ -4,11 +4,12 @@ By Newton's law all external forces together are the mass times the acceleration
 gravity. At frequencies at which the motion's own acceleration a has more power than the forces f
 account for, that is noise of the motion:
 
-    share = 1 - |mean of a* f / m| / mean of |a|^2
+    share = 1 - r / r_0,    r = |mean of a* f / m| / mean of |a|^2
 
-The mean product knows no error of one that the other does not have, and its magnitude no delay of
-one clock. What chance alone would make of it is taken off its square: mean |a|^2 mean |f / m|^2 / n
-for n samples.
+with r_0 the largest ratio of all frequencies, at most 1: masses that are not the body's, or the
+gain of a plate, part motion and forces at all frequencies alike, and are no noise. The mean product
+knows no error of one that the other does not have, and its magnitude no delay of one clock. What
+chance alone would make of it is taken off its square: mean |a|^2 mean |f / m|^2 / n for n samples.
 """
 
 from __future__ import annotations
@@ -198,7 +199,9 @@ class _CrossSpectra:
         beyond_chance = np.maximum(squares - motion * force / samples, 0.0)
         common = np.sqrt(beyond_chance / (1.0 - 1.0 / samples)).sum(axis=1)
         whole = motion.sum(axis=1)
-        share = 1.0 - np.divide(common, whole, out=np.ones_like(common), where=whole > 0.0)
+        ratio = np.divide(common, whole, out=np.zeros_like(common), where=whole > 0.0)
+        usual = min(float(ratio.max()), 1.0)
+        share = 1.0 - ratio / usual if usual > 0.0 else np.zeros_like(ratio)
         return PlateNoise(
             frequency=np.add.reduceat(f, starts) / counts, share=np.clip(share, 0.0, 1.0)
         )
