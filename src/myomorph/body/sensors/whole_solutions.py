@@ -139,7 +139,7 @@ def whole_solution(search: MountingSearch, anywhere: bool, conventions: bool) ->
     UnknownName : a sensor, an axis or a frame of the model is unknown
     """
     few = _on_few_frames(search, Arrangement(), anywhere, slips=True)
-    stepped = _with_step(few, anywhere)
+    stepped = _with_step(few)
     if stepped is not None:
         note = _message(f"{stepped.arrangement.words}: turned back from there on", [stepped], few)
         return stepped.on_all_frames(search).noted(note)
@@ -186,14 +186,13 @@ def _other_reading(
     if conventions:
         readings += other_conventions()
     found = _solved(search, readings, anywhere)
-    if found and found[0].explains_slip(labelled):
-        return _taken(found, labelled)
+    decisive = [one for one in found if one.explains_slip(labelled)]
     apart = search.apart()
     if not anywhere and 0 < len(apart) <= MAX_APART:
         turned = [_with_own_heading(labelled, name) for name in apart]
-        turned.sort(key=lambda one: one.solved.misfit.total)
-        if turned[0].replaces(labelled):
-            return _taken(turned, labelled)
+        decisive += [one for one in turned if one.replaces(labelled)]
+    if decisive:
+        return _taken(sorted(decisive, key=lambda one: one.solved.misfit.total), labelled)
     return _removal(labelled, anywhere)
 
 
@@ -215,18 +214,18 @@ def _removal(labelled: WholeSolution, anywhere: bool) -> _OtherReading | None:
         if one.left_out != first
     ]
     two = _solved(search, pairs, anywhere)
-    if two and two[0].replaces(labelled):
+    # Without two sensors less holds the body: what is left has to say which way it faces.
+    if two and two[0].replaces(labelled) and not two[0].solved.ambiguous:
         return _without_one(two[:1], labelled)
     return None
 
 
-def _with_step(labelled: WholeSolution, anywhere: bool) -> WholeSolution | None:
+def _with_step(labelled: WholeSolution) -> WholeSolution | None:
     """Turn a sensor back whose errors step at one moment, where that is decisive.
 
     Parameters
     ----------
     labelled : the recording as it is labelled
-    anywhere : whether each sensor has a heading of its own
 
     Returns
     -------
