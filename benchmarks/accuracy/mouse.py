@@ -224,7 +224,7 @@ def measure_commands(folder: Path) -> Iterator[Row]:
         return
     for name, one in by_command(folder).items():
         tension = one.tension
-        posed = ~np.isnan(one.tension.torques).all(axis=1)
+        posed = ~np.isnan(one.tension.balanced_torque).all(axis=1)
         row: Row = {"recording": name, "frames with a pose": int(posed.sum())}
         for side, word in (("r", "right"), ("l", "left")):
             muscle = tension.muscles.index("SOL" if side == "r" else "SOL_l")
@@ -234,7 +234,7 @@ def measure_commands(folder: Path) -> Iterator[Row]:
                 np.nan_to_num(one.wrenches.forces[:, bodies, 1]).sum(axis=1)
                 > 0.1 * one.model.weight
             )
-            torques = mm.Series(tension.time, tension.coordinates, tension.torques)
+            torques = mm.Series(tension.time, tension.coordinates, tension.balanced_torque)
             row |= {
                 f"{word} leg solved [% of frames]": 100.0 * solved.sum() / posed.sum(),
                 f"{word}, loaded and solved": int((solved & pushed).sum()),

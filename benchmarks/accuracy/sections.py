@@ -153,6 +153,9 @@ PAGES: dict[str, dict[str, str]] = {
         ),
         "marker_faults_raw": "accuracy.faults.unseen_marker_faults:injected_marker_faults",
         "marker_faults_raw_clean": "accuracy.faults.unseen_marker_faults:clean_markers",
+        "recording_faults": "accuracy.faults.recordings:measure",
+        "recording_faults_all": "accuracy.faults.recordings:measure_all",
+        "recording_faults_clean": "accuracy.faults.recordings:measure_clean",
     },
     "ground-forces": {
         "hidden_plates": "accuracy.contact.hidden_plates:measure",

@@ -600,8 +600,25 @@ class Judgement:
     why: str
 
 
-JUDGED: Mapping[tuple[str, str], Judgement] = {}
+BESIDE = Judgement(
+    is_right=True, why="one foot stands beside the plates for that time, as its markers show"
+)
+JUDGED: Mapping[tuple[str, str], Judgement] = {
+    ("child, walk with EMG", "feet_beside"): BESIDE,
+    ("OpenSim's walk", "feet_beside"): BESIDE,
+    ("vendor, walk with EMG", "feet_beside"): BESIDE,
+    ("Rajagopal, walk", "feet_beside"): BESIDE,
+    ("OpenSim's walk", "plate_zero"): Judgement(
+        is_right=True, why="the file has these 18.6 N before and after the step on the plate"
+    ),
+    ("vendor, walk with EMG", "emg"): Judgement(
+        is_right=True, why="the labels of these channels name no muscle"
+    ),
+}
 """By recording and cause."""
+
+
+COLUMNS = ("cause", "gravity", "said", "right", "why")
 
 
 def measure_clean(folder: Path, seed: int = SEED) -> Iterator[Row]:
@@ -609,7 +626,10 @@ def measure_clean(folder: Path, seed: int = SEED) -> Iterator[Row]:
     for recording, said in measured(folder, seed).clean.items():
         warnings = [group for group in grouped_messages(said.messages) if group.is_warning]
         if not warnings:
-            yield {"recording": recording, "cause": "none", "gravity": "", "said": "", "right": ""}
+            yield dict.fromkeys(("recording", *COLUMNS), "") | {
+                "recording": recording,
+                "cause": "none",
+            }
         for group in warnings:
             judged_by = JUDGED.get((recording, group.cause.key))
             yield {
