@@ -609,7 +609,7 @@ JUDGED: Mapping[tuple[str, str], Judgement] = {
     ("vendor, walk with EMG", "feet_beside"): BESIDE,
     ("Rajagopal, walk", "feet_beside"): BESIDE,
     ("OpenSim's walk", "plate_zero"): Judgement(
-        is_right=True, why="the file has these 18.6 N before and after the step on the plate"
+        is_right=True, why="the plate reads about 20 N before and after somebody steps on it"
     ),
     ("vendor, walk with EMG", "emg"): Judgement(
         is_right=True, why="the labels of these channels name no muscle"
