@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.body.identify.pseudo_inertia import SMALLEST_SHARE
+from myomorph.body.identify.stated_rows import StatedRows
 from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array, read_only
 
@@ -43,7 +44,7 @@ def shown_masses(before: Array, expected: Array, sd: Array) -> Array:
 
 
 @read_only
-class HeldMasses:
+class HeldMasses(StatedRows):
     """Rows of unit noise that hold masses of all links but the heaviest, which has the rest.
 
     Attributes
@@ -51,9 +52,6 @@ class HeldMasses:
     rows : (held, 10 bodies) A
     right : (held,) b of A x = b
     """
-
-    rows: Array
-    right: Array
 
     @classmethod
     def of(cls, masses: Array) -> HeldMasses:
@@ -73,17 +71,3 @@ class HeldMasses:
         rows = np.zeros((len(chosen), 10 * len(masses)))
         rows[np.arange(len(chosen)), 10 * chosen] = 1.0 / (HELD * masses[chosen])
         return cls(rows=rows, right=np.full(len(chosen), 1.0 / HELD))
-
-    def beside(self, rows: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Put the rows below measured ones.
-
-        Parameters
-        ----------
-        rows : (rows, 10 bodies) A and (rows,) b of unit noise
-
-        Returns
-        -------
-        both
-        """
-        A, b = rows
-        return np.vstack([A, self.rows]), np.concatenate([b, self.right])

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.body.identify.pseudo_inertia import SMALLEST_SHARE, possible_reference, tangents
+from myomorph.body.identify.stated_rows import StatedRows
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
 from myomorph.core.model.model import Model
@@ -45,7 +46,7 @@ class MirrorPair(NamedTuple):
 
 
 @read_only
-class Sides:
+class Sides(StatedRows):
     """Rows of unit noise that both sides of a body are alike.
 
     Attributes
@@ -58,22 +59,6 @@ class Sides:
 
     pairs: tuple[tuple[str, str], ...]
     mirrors: tuple[MirrorPair, ...]
-    rows: Array
-    right: Array
-
-    def beside(self, rows: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Put the rows below measured ones.
-
-        Parameters
-        ----------
-        rows : (rows, 10 bodies) A and (rows,) b of unit noise
-
-        Returns
-        -------
-        both
-        """
-        A, b = rows
-        return np.vstack([A, self.rows]), np.concatenate([b, self.right])
 
 
 def sides_of(model: Model, shape: Array, sd: float = SIDE_SD) -> Sides:
