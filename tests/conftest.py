@@ -4,6 +4,7 @@ tests run first.
 
 from __future__ import annotations
 
+import math
 import os
 from collections import Counter
 from collections.abc import Callable
@@ -72,6 +73,22 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             str(item.path),
         )
     )
+
+
+@pytest.fixture(autouse=True, scope="session")
+def told_of_no_wait() -> None:
+    """Say nothing of kernels that compile, nor of how long work took: both depend on the machine
+    and on what ran before, and are no warning.
+
+    Tests of what is said run a process of their own, or set the patience themselves.
+    """
+    # Here, because shapes are checked only in what is imported after `check_shapes`.
+    from myomorph.core.rigid import kernels
+    from myomorph.lab.cli import program
+    from myomorph.lab.store import progress
+
+    kernels._ANNOUNCED[program._say_that_kernels_compile] = True
+    progress.PATIENCE = math.inf
 
 
 @pytest.fixture(scope="session")

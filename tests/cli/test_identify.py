@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import csv
-import math
 
 import numpy as np
 import pytest
 
 from identified_arm import UPPER, put_on_plate
 from myomorph.core.io.osim.read import read_osim
-from myomorph.lab.store import progress
 from opensim_oracle import ask
 
 
@@ -27,9 +25,7 @@ def given(arm, *more, out="identified.osim"):
     )
 
 
-def test_masses_move_to_where_the_forces_are(plate, command, monkeypatch):
-    # A slow machine says how long it took, which is no warning.
-    monkeypatch.setattr(progress, "PATIENCE", math.inf)
+def test_masses_move_to_where_the_forces_are(plate, command):
     told = command(*given(plate, "--mass", 4.0))
     assert told.status == 0, told.err
     model = read_osim(plate.folder / "identified.osim")
