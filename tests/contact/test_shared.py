@@ -15,7 +15,7 @@ from myomorph.core.contact.shared import misplaced_forces, shared_wrenches, with
 from myomorph.core.contact.site_motion import site_motion
 from myomorph.core.contact.states import contact_activations, find_contacts
 from myomorph.core.model.errors import BadData
-from myomorph.core.model.series import ForcePlate
+from myomorph.core.model.series import ForcePlate, Wrenches
 from myomorph.core.motion.sync import resample_wrenches
 from truths.carried_bodies import assign_feet
 
@@ -77,6 +77,34 @@ def test_two_feet_on_one_plate_share_it(walk):
     assert total.max() == 1
     assert {name[-1] for one in found for name in one.sites} == {"r", "l"}
     assert any({name[-1] for name in one.sites} == {"r", "l"} for one in found)
+
+
+def members_of(found, frames):
+    """Names of the sites that share a plate, by frame."""
+    members = [set() for _ in range(frames)]
+    for one in found:
+        for frame in np.flatnonzero(np.isfinite(one.forces).all(axis=1)):
+            members[frame] |= set(one.sites)
+    return members
+
+
+@pytest.mark.parametrize("body", ["", "calcn_r", "calcn_l"])
+def test_a_plate_of_two_feet_is_shared_however_it_is_given(walk, body):
+    """As a plate with an outline, as a table, and as external loads that put it on one foot."""
+    model, motion, sites, wrenches, contacts = walk
+    plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
+    outlined = shared_wrenches(model, motion, sites, contacts, (plate,), motion.time)
+    loads = Wrenches(
+        time=motion.time,
+        names=("plate",),
+        bodies=(body,),
+        forces=plate.forces[:, None],
+        points=plate.points[:, None],
+        torques=plate.torques[:, None],
+    )
+    given = shared_wrenches(model, motion, sites, contacts, loads)
+    same = np.equal(members_of(outlined, len(motion)), members_of(given, len(motion)))
+    assert same.mean() > 0.95
 
 
 def test_wrenches_that_name_bodies_belong_to_their_foot(walk):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from myomorph.core.io.contact_events import read_events
+from myomorph.core.model.contacts import FOREVER
 from myomorph.core.model.errors import BadFile
 
 
@@ -55,8 +56,13 @@ def test_events_are_paired_site_by_site(tmp_path):
     text = "\n".join(("time,site,event", *rows))
     found = read_events(written(tmp_path, text))
     assert [(one.start, one.stop) for one in found.of("a")] == [(0.0, 0.2), (0.2, 0.4), (0.6, 0.7)]
-    assert [(one.start, one.stop) for one in found.of("c")] == [(0.5, 0.7)]
+    assert [(one.start, one.stop) for one in found.of("c")] == [(0.5, FOREVER)]
     assert "never leaves" in found.warnings[0]
+
+
+def test_a_span_without_an_end_goes_on(tmp_path):
+    found = read_events(written(tmp_path, "site,start,stop\nfoot_l,0.5,\n"))
+    assert [(one.start, one.stop) for one in found.of("foot_l")] == [(0.5, FOREVER)]
 
 
 def test_spans_that_overlap_are_told(tmp_path):

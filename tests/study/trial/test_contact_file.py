@@ -140,7 +140,7 @@ def test_touches_of_another_clock_are_named(arm, command, tmp_path):
         arm.out,
     )
     assert done.status == 0
-    assert "'hand' is specified to touch at 900 to 901 s" in done.err
+    assert "'hand' is specified to touch from 900 s to 901 s" in done.err
 
 
 def test_soles_that_a_table_leaves_out_are_named():

@@ -13,8 +13,6 @@ from myomorph.core.model.frozen_map import FrozenMap
 
 When: TypeAlias = Literal["always", "motion", "file"]
 
-FOREVER = 1e9  # End of a contact interval that always lasts [s]
-
 
 @dataclass(frozen=True, eq=False)
 class ContactPlan:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.contact.plates import wrenches_from_plates
 from myomorph.core.contact.site_motion import SiteMotion, site_motion
@@ -36,6 +37,10 @@ height of the center of mass.
 """
 SHORTEST = 0.03
 """Loadings and gaps that last less are taken for noise [s]."""
+UNMEASURED = 0.1
+"""Where plates measure all but so much of what carries the body, over the weight, nothing that
+touches stands beside them.
+"""
 
 
 class Together(NamedTuple):
@@ -66,7 +71,9 @@ def shared_wrenches(  # page: the measurements, and two limits
     other frames. Of plates with an outline a site belongs to the one it is over; one within the
     margin of two loaded plates joins these: their sum is known for the sites of both. Of wrenches
     without an outline a site belongs to that which acts on a body of its group, or, where bodies
-    are not known, to those whose center of pressure its group is near.
+    are not known, to those whose center of pressure its group is near. While wrenches without an
+    outline carry the whole body, a group that touches and has none of them stands on the one that
+    is nearest: a file may put on one foot what two feet press on.
 
     Parameters
     ----------
@@ -103,6 +110,10 @@ def shared_wrenches(  # page: the measurements, and two limits
     state = hysteresis(pressing > LOADED * weight, pressing < UNLOADED * weight)
     loaded = np.stack([steady(column, motion.time, SHORTEST) for column in state.T], axis=1)
     standing = near & loaded[:, :, None] & touching[:, None]
+    if isinstance(plates, Wrenches):
+        whole = pressing.sum(axis=1) > (moving.carried - UNMEASURED) * weight
+        alone = touching & steady(whole, motion.time, SHORTEST)[:, None] & ~standing.any(axis=1)
+        standing |= alone[:, None] & _nearest(moving, wrenches, sites, loaded)
     sd = DEVIATION * weight
     return _wrenches(_together(standing, loaded), wrenches, sites, sd, sd * moving.height)
 
@@ -157,6 +168,34 @@ def _beside(
             else:
                 near[:, plate, members] = (distance[:, members].min(axis=1) < reach)[:, None]
     return near
+
+
+def _nearest(
+    moving: SiteMotion, wrenches: Wrenches, sites: Sequence[Site], loaded: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return whether a plate's center of pressure is the nearest one to a site's group.
+
+    Parameters
+    ----------
+    wrenches : of the plates, at the motion's times
+    loaded : (frames, plates) whether a plate carries something; only these count
+
+    Returns
+    -------
+    (frames, plates, sites), nothing where no plate is loaded
+    """
+    distances = np.stack(
+        [
+            moving.distances_to(np.nan_to_num(wrenches.points[:, plate]))
+            for plate in range(len(wrenches.names))
+        ],
+        axis=1,
+    )
+    for members in _groups(sites).values():
+        distances[:, :, members] = distances[:, :, members].min(axis=2, keepdims=True)
+    distances = np.where(loaded[:, :, None], distances, np.inf)
+    nearest = distances == distances.min(axis=1, keepdims=True)
+    return np.asarray(nearest & np.isfinite(distances))
 
 
 def _groups(sites: Sequence[Site]) -> dict[str, list[int]]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from myomorph.core.io.parsing.text import file_text, write_csv
 from myomorph.core.model.causes import CONTACT_TIMES
-from myomorph.core.model.contacts import Contacts, Touch
+from myomorph.core.model.contacts import FOREVER, Contacts, Touch
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND
@@ -85,6 +85,10 @@ class _Row:
             return self.start + self.value(seconds)
         return self.start + self.value(frames) / self.rate
 
+    def is_open(self) -> bool:
+        """Return whether the row has no end of its contact."""
+        return not (self.cells.get("stop") or self.cells.get("last_frame"))
+
     def site(self) -> str:
         """Read the name of the site.
 
@@ -153,8 +157,8 @@ def read_events(
 
     A span has the columns `site,start,stop` [s] or `site,first_frame,last_frame`; an event `time`
     [s] or `frame`, `site` and `event` ("touch" or "leave"). Columns `surface`, `confidence` (0 to
-    1) and `source` may be added; lines that begin with # are remarks. A site that still touches at
-    the end does so until the last event of the table.
+    1) and `source` may be added; lines that begin with # are remarks. A contact whose end is empty,
+    or that has no `leave`, goes on to the end of the recording.
 
     Parameters
     ----------
@@ -303,7 +307,7 @@ def _span(row: _Row) -> Touch:
     site = row.site()
     confidence = row.confidence()
     start = row.time("start", "first_frame")
-    stop = row.time("stop", "last_frame")
+    stop = FOREVER if row.is_open() else row.time("stop", "last_frame")
     if start > stop:
         raise row.bad(f": site '{site}' touches from {start:g} to {stop:g} s", "swap the two")
     return Touch(
@@ -357,7 +361,6 @@ def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[Messa
     """
     intervals = []
     warnings = []
-    last = max((mark.time for mark in marks), default=0.0)
     for site in dict.fromkeys(mark.site for mark in marks):
         begun: _Mark | None = None
         for mark in _in_order(marks, site):
@@ -367,11 +370,12 @@ def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[Messa
             begun = mark if mark.touches else None
         if begun is None:
             continue
-        intervals.append(begun.until(last))
+        intervals.append(begun.until(FOREVER))
         warnings.append(
             CONTACT_TIMES.message(
-                f"{path.name}: '{site}' touches at {begun.time:g} s and never leaves: taken until"
-                f" {last:g} s"
+                f"{path.name}: '{site}' touches at {begun.time:g} s and never leaves: taken to the"
+                " end of the recording",
+                gravity="good to know",
             )
         )
     return intervals, warnings

@@ -25,6 +25,8 @@ CONTACT_LAWS: dict[str, str | type[Cone]] = with_extensions(
     lambda extension: extension.contact_laws,
 )
 """Contact laws by their names in files: a subclass of `Cone`, or its module and name."""
+FOREVER = 1e9
+"""End of a contact interval that goes on to the end of a recording [s]."""
 
 
 class Generators(NamedTuple):

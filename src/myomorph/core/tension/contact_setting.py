@@ -11,7 +11,7 @@ import numpy as np
 from myomorph.core.contact.feet_on_steps import Stairs, shared_stairs, stairs_contacts
 from myomorph.core.contact.heard import heard_contacts
 from myomorph.core.contact.held_objects import RaisedContact, find_holds, raised_contacts
-from myomorph.core.contact.plan import FOREVER, ContactPlan
+from myomorph.core.contact.plan import ContactPlan
 from myomorph.core.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.core.contact.site_motion import plate_height, rest_on_floor
 from myomorph.core.contact.sites import foot_sites
@@ -22,9 +22,10 @@ from myomorph.core.contact.states import (
     find_contacts,
     preferred_directions,
 )
+from myomorph.core.contact.whole_feet import contacts_of_sites
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import CONTACT_TIMES
-from myomorph.core.model.contacts import ContactForces, Contacts, SharedWrench, Site
+from myomorph.core.model.contacts import FOREVER, ContactForces, Contacts, SharedWrench, Site
 from myomorph.core.model.errors import BadData, MyomorphError
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
@@ -95,6 +96,8 @@ def set_contacts(
     if plan.sound is not None:
         heard = heard_contacts(plan.sound, model, motion, sites, known.recorded, known.cutoff)
 
+    if plan.reported is not None:
+        plan = replace(plan, reported=contacts_of_sites(plan.reported, model, standing, sites))
     reported = [] if plan.reported is None else [plan.reported]
     reported += [] if heard is None else [heard.contacts]
     raised = _raised(plan, reported, model, motion, feet)
@@ -263,9 +266,10 @@ def never_during(reported: Contacts, time: Array) -> tuple[Message, ...]:
             continue
         first = min(contact.start for contact in contacts)
         last = max(contact.stop for contact in contacts)
+        until = "on" if last >= FOREVER else f"to {last:g} s"
         notes.append(
             CONTACT_TIMES.message(
-                f"'{name}' is specified to touch at {first:g} to {last:g} s, the motion is"
+                f"'{name}' is specified to touch from {first:g} s {until}, the motion is"
                 f" {start:g} to {stop:g} s: it never touches"
             )
         )
@@ -317,11 +321,12 @@ def _all_contacts(
 def _refuse_unknown_sites(names: set[str], sites: Sequence[Site]) -> None:
     """Raise where contacts are reported for sites that do not exist."""
     existing = [site.name for site in sites]
+    groups = dict.fromkeys(site.group for site in sites)
     for name in sorted(names):
         if name not in existing:
             raise BadData(
                 f"contact intervals are specified for '{name}', but the contact sites are"
-                f" {', '.join(existing)}"
+                f" {', '.join(existing)}; all of one together: {', '.join(groups)}"
             )
 
 

@@ -14,7 +14,7 @@ from pydantic import Field, FiniteFloat
 
 from myomorph.core.contact.feet_on_steps import Stairs, Unmeasured
 from myomorph.core.contact.heard import Impulse, SoundPlan
-from myomorph.core.contact.plan import FOREVER, ContactPlan, When
+from myomorph.core.contact.plan import ContactPlan, When
 from myomorph.core.contact.sites import body_sites, foot_sites
 from myomorph.core.contact.sound import Instrument, speed_of_sound
 from myomorph.core.contact.stairs import StairOptions, Step, step_loads
@@ -22,7 +22,7 @@ from myomorph.core.io.channels import read_channels
 from myomorph.core.io.contact_events import read_events
 from myomorph.core.io.wav import read_wav
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.contacts import Cone, Contacts, Site, Touch, contact_law
+from myomorph.core.model.contacts import FOREVER, Cone, Contacts, Site, Touch, contact_law
 from myomorph.core.model.errors import (
     BadData,
     BadFile,
