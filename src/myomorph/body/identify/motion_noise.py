@@ -127,7 +127,8 @@ class MotionNoise:
         share = float(np.min(np.where(noise_alone > 0.0, ratios, np.inf)))
         if share >= 1.0:
             return self
-        whole = np.einsum("pkji,pkjl->kil", self.parts.factors, self.parts.factors)
+        factors = self.parts.factors
+        whole = (factors.swapaxes(2, 3) @ factors).sum(axis=0)
         # Squares grow with the variance of the noise, what one draw does to them with its standard
         # deviation.
         mean = self.squares.sum(axis=0)
@@ -227,10 +228,10 @@ def motion_noise(
         factors = parts_of(
             model, noisy_ones, parts.base, least=parts.least, tissue=parts.tissue
         ).factors
-        squares = np.einsum("pkji,pkjl->pkil", factors, factors)
+        squares = factors.swapaxes(2, 3) @ factors
         mean += squares / draws
         made.append(squares.sum(axis=0))
-    before = np.einsum("pkji,pkjl->pkil", parts.factors, parts.factors)
+    before = parts.factors.swapaxes(2, 3) @ parts.factors
     return MotionNoise(share=1.0, parts=parts, squares=mean - before, draws=np.array(made))
 
 

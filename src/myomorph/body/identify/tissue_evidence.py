@@ -172,7 +172,8 @@ def _scores(blocks: Parts, strength: Strength, choice: ChosenPrior) -> Array:
     parameters = strength.fit(equations, choice.noise, choice.mass_sd)
     unknowns = blocks.unknowns(parameters)
     weights = np.square(blocks.weights(choice.noise))
-    squares = np.einsum("pkji,pkjl,k->pil", blocks.factors, blocks.factors, weights)
+    products_by_kind = blocks.factors.swapaxes(2, 3) @ blocks.factors
+    squares = np.einsum("pkil,k->pil", products_by_kind, weights)
     combination = blocks.base.combination
     prior = combination @ prior_covariance(strength.points, LINK_SD) @ combination.T
     R, _ = equations.factor(choice.noise)

@@ -31,6 +31,7 @@ from myomorph.core.fit.verdict import Verdict
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.model import Model
+from myomorph.core.rigid.coordinates import Ints
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2)
 """Relative standard deviations of a link's mass to choose from where none is given, up to how far
@@ -381,7 +382,7 @@ def thinned(points: MassPoints, most: int = POINTS_PER_LINK) -> MassPoints:
     step = max(1, len(points.points) // (most * links))
     if step == 1:
         return points
-    owner = np.asarray(points.weights.argmax(axis=1)).ravel()
+    owner = _owners(points.weights)
     kept = []
     for link in range(links):
         rows = np.flatnonzero(owner == link)
@@ -393,3 +394,24 @@ def thinned(points: MassPoints, most: int = POINTS_PER_LINK) -> MassPoints:
     reference = points.reference[index] * (mass / np.maximum(left, 1e-300))[owner[index]]
     weights = scipy.sparse.csr_array(points.weights[index])
     return replace(points, points=points.points[index], reference=reference, weights=weights)
+
+
+def _owners(weights: scipy.sparse.csr_array) -> Ints:
+    """Number of the link that has most of each point.
+
+    SciPy's own maximum of sparse rows goes through them one by one.
+
+    Parameters
+    ----------
+    weights : (points, links) shares, none below 0
+
+    Returns
+    -------
+    (points,) the first of several that have as much
+    """
+    entries = weights.tocoo()
+    order = np.lexsort((entries.col, -entries.data, entries.row))
+    points, first = np.unique(entries.row[order], return_index=True)
+    owner = np.zeros(weights.shape[0], dtype=np.int64)
+    owner[points] = entries.col[order][first]
+    return owner

@@ -101,7 +101,7 @@ class Spread:
         -------
         (rows,) infinite for what has a part in a hidden direction
         """
-        known = np.einsum("ri,ij,rj->r", rows, self.covariance, rows)
+        known = np.einsum("ri,ri->r", rows @ self.covariance, rows)
         scaled = rows * self.scale
         reached = np.abs(scaled @ self.hidden.T).max(axis=1, initial=0.0)
         touched = reached > 1e-6 * np.maximum(np.abs(scaled).max(axis=1, initial=0.0), 1e-300)

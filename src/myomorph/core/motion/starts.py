@@ -9,15 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from itertools import product
 from operator import attrgetter
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.model import Joint
 from myomorph.core.motion.newton import SCOUT, PoseRoom, Settings, frames_shown, solve_chunk
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.turns import nearest_turn, other_branch
+from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.loops import close_loops
 from myomorph.core.rigid.tree import Tree
@@ -123,6 +125,68 @@ def _same(one: _Solved, other: _Solved) -> bool:
     return bool(np.abs(one.values - other.values).max() < 10.0 * SCOUT_TOLERANCE)
 
 
+class _BoundedJoints(NamedTuple):
+    """Joints of up to three free rotations, all of which have bounds, and the angles by which each
+    is asked: all of a ball joint, of a hinge its own.
+
+    Attributes
+    ----------
+    joints : numbers of the free rotations of each, of a hinge those above it before it
+    angles : (angles,) their numbers, joint by joint
+    owner : (angles,) of which joint each is
+    hinge : (angles,) whether it is the only one of its joint
+    low, high : (angles,) bounds [rad]
+    """
+
+    joints: list[list[int]]
+    angles: Ints
+    owner: Ints
+    hinge: NDArray[np.bool_]
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, tree: Tree, problem: PoseProblem) -> Self:
+        """Find the joints of a model of which a problem leaves the rotations free."""
+        place = {int(j): i for i, j in enumerate(problem.free)}
+        joints = _bounded_joints(tree, problem)
+        # Of a hinge the rotations above it stand before it, and are not asked.
+        asked = [
+            joint[-1:] if len(joint) > MAX_TURNED or _is_chain(tree, joint) else joint
+            for joint in joints
+        ]
+        angles = [j for angles in asked for j in angles]
+        places = [place[j] for j in angles]
+        return cls(
+            joints=joints,
+            angles=np.array(angles, dtype=np.int64),
+            owner=np.repeat(np.arange(len(joints)), [len(angles) for angles in asked]),
+            hinge=np.array([len(angles) == 1 for angles in asked for _ in angles], dtype=np.bool_),
+            low=problem.lower[places],
+            high=problem.upper[places],
+        )
+
+    def at_bounds(self, pose: Array) -> list[list[int]]:
+        """Find joints that may be on a wrong branch, as a free rotation lies at its bound.
+
+        The angles of a joint of two or three rotations have two branches. A hinge bends the other
+        way where the joint above it turns the limb round, as an elbow with the shoulder: both are
+        tried. Rotations with an infinite bound are left out.
+
+        Parameters
+        ----------
+        pose : (coordinates,) [rad or m]
+
+        Returns
+        -------
+        numbers of the free rotations of each such joint, of a hinge those above it too
+        """
+        values = pose[self.angles]
+        stuck = (values <= self.low + AT_BOUND) | (values >= self.high - AT_BOUND)
+        back = _bends_back(self.low, self.high, values) & self.hinge
+        return [self.joints[number] for number in np.unique(self.owner[stuck | back])]
+
+
 class _ScoutSearch:
     """Tries frames from several starts.
 
@@ -139,6 +203,7 @@ class _ScoutSearch:
         root = root_coordinates(tree)
         self._turning = _turning(tree, problem, root)
         self._whole_body = _only(problem, root)
+        self._bounded = _BoundedJoints.of(tree, problem)
         self.shown = frames_shown(problem)
         self.rest = closed_defaults(tree)
         self._room = PoseRoom.of(np.empty((len(self.shown), len(self.rest))))
@@ -191,8 +256,7 @@ class _ScoutSearch:
         -------
         numbers of the coordinates of each, the hinge last
         """
-        limbs = _bounded_joints(self._tree, self._problem)
-        return [limb for limb in limbs if _turns_round(self._tree, limb)]
+        return [limb for limb in self._bounded.joints if _turns_round(self._tree, limb)]
 
     def unbend(self, values: Array, frame: int, limb: list[int]) -> bool:
         """Solve a frame with a hinge inside its range, and its neighbors from there.
@@ -240,7 +304,7 @@ class _ScoutSearch:
         solved : kept where no other pose is better
         tried : whether a joint is tried, by the numbers of its coordinates
         """
-        for joint in filter(tried, _at_bounds(self._tree, self._problem, solved.values)):
+        for joint in filter(tried, self._bounded.at_bounds(solved.values)):
             best = self._best(frame, _within(self._tree, joint, solved.values))
             if best.cost < MIN_GAIN * solved.cost:
                 solved = best
@@ -259,35 +323,6 @@ def closed_defaults(tree: Tree) -> Array:
     (coordinates,) [rad or m]
     """
     return close_loops(tree, tree.defaults[None])[0] if tree.model.loops else tree.defaults.copy()
-
-
-def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]:
-    """Find joints that may be on a wrong branch, as a free rotation lies at its bound.
-
-    The angles of a joint of two or three rotations have two branches. A hinge bends the other way
-    where the joint above it turns the limb round, as an elbow with the shoulder: both are tried.
-    Rotations with an infinite bound are left out.
-
-    Parameters
-    ----------
-    pose : (coordinates,) [rad or m]
-
-    Returns
-    -------
-    numbers of the free rotations of each such joint, of a hinge those above it too
-    """
-    place = {int(j): i for i, j in enumerate(problem.free)}
-    result = []
-    for joint in _bounded_joints(tree, problem):
-        # Of a hinge the rotations above it stand before it, and are not asked.
-        angles = joint[-1:] if len(joint) > MAX_TURNED or _is_chain(tree, joint) else joint
-        low = problem.lower[[place[j] for j in angles]]
-        high = problem.upper[[place[j] for j in angles]]
-        stuck = (pose[angles] <= low + AT_BOUND) | (pose[angles] >= high - AT_BOUND)
-        back = _bends_back(low, high, pose[angles]) & (len(angles) == 1)
-        if (stuck | back).any():
-            result.append(joint)
-    return result
 
 
 def _is_chain(tree: Tree, joint: list[int]) -> bool:

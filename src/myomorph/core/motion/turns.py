@@ -21,6 +21,7 @@ from myomorph.core.rigid.tree import Tree
 SAME_POSE = 1e-6  # Entries of poses that differ by less are those of one pose [1 or m]
 # Change of an angle from frame to frame beyond which another branch is looked for [rad]
 JUMP = 0.5 * np.pi
+QUARTER_TURN = 0.5 * np.pi  # An angle that stays so near its default has made no whole turn [rad]
 SLACK = 1e-9  # Of an angle, that counts as none [rad]
 MASSLESS = 1e-6  # A body lighter than this share of the whole is a link on the way from the ground
 
@@ -73,12 +74,13 @@ def of_one_turn(tree: Tree, problem: PoseProblem, values: Array) -> Array:
     """
     values = values.copy()
     for index, low, high in zip(problem.free, problem.lower, problem.upper, strict=True):
-        if problem.coordinates.weight[index] or not _turns_whole(
-            tree.model, tree.model.coordinates[index].name
-        ):
-            continue
         column = values[:, index].copy()
         last = tree.defaults[index]
+        name = tree.model.coordinates[index].name
+        if np.nanmax(np.abs(column - last)) < QUARTER_TURN or problem.coordinates.weight[index]:
+            continue
+        if not _turns_whole(tree.model, name):
+            continue
         for start, stop in runs(np.isfinite(column)):
             column[start:stop] = np.unwrap(column[start:stop])
             column[start:stop] -= 2.0 * np.pi * np.round((column[start] - last) / (2.0 * np.pi))
