@@ -93,6 +93,8 @@ def test_chain_on_a_real_walk(data, command, tmp_path):
         told = command(step, "--model", model, *arguments)
         assert told.status == 0, told.err
     assert "31 frames, 80 muscles, all frames optimal" in told.out
+    # What inverse dynamics says of the root, where it was not asked by itself.
+    assert "of the peak external force (times height)" in told.out
     arms = sorted(path.name for path in (tmp_path / "walk").glob("moment_arms_*.sto"))
     assert "moment_arms_knee_angle_r.sto" in arms
     assert "moment_arms_lumbar_extension.sto" not in arms

@@ -96,13 +96,24 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
     text = f"largest residual {parts[0]}, {parts[1]}"
     if wrenches is None or not len(wrenches.names):
         return f"{text}: without external forces they carry the body"
+    verdict = residual_verdict(model, motion, torques, wrenches)
+    return f"{text}: {verdict}" if verdict else text
+
+
+def residual_verdict(model: Model, motion: Motion, torques: Series, wrenches: Wrenches) -> str:
+    """Largest residuals of the root against limits by the external force; "" without a free root or
+    external force. Source: that of `dynamics_line`.
+    """
+    root = tables.residuals(model, torques)
+    if root is None or not np.isfinite(root[0]).any():
+        return ""
     net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
     height = float(np.nanmean(centroid(model, motion).values @ model.up)) - tables.loaded_height(
         wrenches, model.up
     )
     peak = float(net.max(initial=0.0))
     if peak <= 0.0 or not height > 0.0:
-        return text
+        return ""
     force_component, moment_component = root
     force = float(np.nanmax(force_component))
     moment = float(np.nanmax(moment_component))
@@ -112,7 +123,7 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
     )
     limits = f"{100 * tables.RESIDUAL_FORCE:g} and {100 * tables.RESIDUAL_MOMENT:g} %"
     judged = f"{'within' if within else 'over'} the limits of {limits} (Hicks et al. 2015)"
-    return f"{text}: {shares} of the peak external force (times height), {judged}"
+    return f"{shares} of the peak external force (times height), {judged}"
 
 
 def tension_line(model: Model, tension: Tension) -> str:

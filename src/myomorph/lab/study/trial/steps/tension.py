@@ -57,7 +57,7 @@ from myomorph.core.tension.terms.contacts import ContactOptions
 from myomorph.lab.analysis.strides import Strides
 from myomorph.lab.analysis.walking import walking_strides
 from myomorph.lab.report.trial.report_input import EstimatedContacts, ReportInput, Situation
-from myomorph.lab.report.trial.summary_lines import tension_line
+from myomorph.lab.report.trial.summary_lines import residual_verdict, tension_line
 from myomorph.lab.store import contact_store
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.outcome import Outcome
@@ -110,7 +110,8 @@ FINDINGS = "tension_findings"
 class Tensions:
     """Muscle tensions of a motion; where contact forces were estimated, which site touches what.
     `loads` are every external force, those of estimated contacts included, `carried` the
-    generalized forces under all of them; `findings`: where contacts cannot carry the body.
+    generalized forces under all of them; `findings`: where contacts cannot carry the body;
+    `residuals`: how far measured forces leave the root, "" where inverse dynamics has said it.
     """
 
     tension: Tension
@@ -119,6 +120,7 @@ class Tensions:
     carried: Series | None = None
     notes: tuple[Message, ...] = ()
     findings: tuple[Finding, ...] = ()
+    residuals: str = ""
 
 
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None) -> Tensions:
@@ -126,9 +128,11 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     found.
     """
     notes: tuple[Message, ...] = ()
+    residuals = ""
     if torques is None:
         torques = solve_dynamics(trial, poses.recorded)
         notes = torques.notes
+        residuals = _residual_verdict(trial, torques)
         put_dynamics(output, torques, trial.model)
         put_measured(trial, poses.recorded, output)
     task = task_of(trial, poses.recorded, torques)
@@ -156,7 +160,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         forces = task.joint_contacts(tension, points)
         notes += write_joint_contacts(forces, points, strides, output)
     if task.setting is None or plan is None:
-        return Tensions(tension, notes=notes)
+        return Tensions(tension, notes=notes, residuals=residuals)
     loads, carried = _write_contacts(task, tension, plan.situation, output)
     notes += task.setting.notes
     infeasible: tuple[Message, ...] = ()
@@ -177,6 +181,13 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         notes=notes,
         findings=findings,
     )
+
+
+def _residual_verdict(trial: TrialInputs, torques: Torques) -> str:
+    """Judge what measured forces leave at the root; "" where nothing was measured."""
+    if torques.wrenches is None:
+        return ""
+    return residual_verdict(trial.model, torques.motion, torques.torques, torques.wrenches)
 
 
 def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques | None) -> Strides | None:
@@ -444,10 +455,12 @@ def _outcome(outcome: Outcome, tensions: Tensions) -> Outcome:
 
 
 def _line(trial: TrialInputs, results: ByType) -> str:
-    """Frames that are optimal, reserves, and the filter."""
-    return tension_line(trial.model, results[Tensions].tension) + filter_summary(
-        trial, results[Poses].recorded
-    )
+    """Frames that are optimal, reserves, what forces leave at the root, and the filter."""
+    found = results[Tensions]
+    line = tension_line(trial.model, found.tension)
+    if found.residuals:
+        line += f"; residuals are {found.residuals}"
+    return line + filter_summary(trial, results[Poses].recorded)
 
 
 STEP = Step(
