@@ -492,7 +492,9 @@ KINDS = (
         places_in_other_unit,
     ),
     _kind("forces late or early", "clocks", r"late|early|clock|shift", late_forces),
-    _kind("another rate in the head", "clocks session reading", r"rate|clock|\bHz\b", other_rate),
+    _kind(
+        "another rate in the head", "rates clocks session reading", r"rate|clock|\bHz\b", other_rate
+    ),
     _kind("mass of somebody else", "weight", r"carr|weigh", wrong_mass),
     _kind("mass in pounds", "weight", r"carr|weigh|pound", mass_in_pounds),
     _kind("a trial of a second person", "session", r"people|person", second_trial),

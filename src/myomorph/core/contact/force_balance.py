@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from myomorph.core.contact.force_inspection import (
     GAIN,
+    TURNED_PLATE,
     Change,
     FootPoses,
     ForceSamples,
@@ -22,7 +23,7 @@ from myomorph.core.contact.force_inspection import (
     changed_wrenches,
     supported,
 )
-from myomorph.core.contact.force_placement import FITS, MARKED, NEAR
+from myomorph.core.contact.force_placement import FITS, MARKED, NEAR, shared_frames
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.causes import CLOCKS, PLATES, WEIGHT
 from myomorph.core.model.findings import Finding, Repair
@@ -42,6 +43,8 @@ SPREAD = 0.35
 """How far that part may differ from frame to frame, where all of the weight is measured."""
 
 
+RISES = 0.15
+"""Way of the center of mass of a body that rises from a seat, of a human foot [m]."""
 CARRIED = 0.55
 """Share of the weight that walkers put on plates whenever all standing feet are on them."""
 SHARP_FEET = 0.4
@@ -104,13 +107,18 @@ def balance(inspection: Inspection) -> BalancedForces | None:
     if float(np.mean(steps)) > 0.03 or len(feet.feet) > 2:
         return None
     rate = 1.0 / float(np.mean(steps))
-    cutoff = CUTOFF / np.sqrt(feet.unit)
+    cutoff = cutoff_of(inspection)
     if rate < 2.5 * cutoff:
         return None
     return BalancedForces(
         measured=np.asarray(lowpass(inspection.samples.forces.sum(axis=1), rate, cutoff)),
         needed=np.asarray(lowpass(feet.needed, rate, cutoff)),
     )
+
+
+def cutoff_of(inspection: Inspection) -> float:
+    """Low-pass filter of the compared forces, of a body of this size [Hz]."""
+    return float(CUTOFF / np.sqrt(inspection.feet.unit))
 
 
 def covered(inspection: Inspection, measured: Array, needed: Array) -> NDArray[np.bool_]:
@@ -170,6 +178,8 @@ def turns(up: Array) -> list[Turn]:
 
 def check_directions(inspection: Inspection) -> Iterator[Finding]:
     """Find axes of forces and points that are turned or mirrored against the motion's."""
+    if any(finding.kind == TURNED_PLATE for finding in inspection.findings):
+        return
     choices = turns(inspection.feet.up)
     errors = _turn_errors(inspection, choices)
     forces = _turn_of_forces(inspection, choices, errors)
@@ -312,42 +322,89 @@ def _own_misfit(inspection: Inspection, number: int, samples: ForceSamples) -> f
     return float(np.average(chosen, weights=inspection.weights(number)))
 
 
+class WeightRatio(NamedTuple):
+    """What plates carry over what the center of mass needs, over some frames.
+
+    Attributes
+    ----------
+    mean : of the sums over time
+    median : over the frames
+    spread : range that holds eight of ten frames
+    """
+
+    mean: float
+    median: float
+    spread: float
+
+    @property
+    def is_even(self) -> bool:
+        """Whether it is about the same in all frames.
+
+        A part of the weight that another contact carries changes; a wrong mass does not.
+        """
+        return self.spread <= SPREAD * self.median and abs(self.mean - self.median) <= 0.05
+
+
 def check_mass(inspection: Inspection) -> Iterator[Finding]:
     """Compare the weight on plates with the model's, where all standing feet are on plates."""
     result = balance(inspection)
     if result is None or any(finding.kind == GAIN for finding in inspection.findings):
         return
-    up = inspection.feet.up
-    model = inspection.feet.model
-    time = inspection.feet.time
-    carried = result.measured @ up
-    wanted = result.needed @ up
-    steady = supported(inspection) & (wanted > 0.5 * model.weight) & (carried > 0.0)
-    margin = max(2, len(time) // 25)
-    steady[:margin] = steady[-margin:] = False
-    if steady.sum() < 15 or steady.sum() * np.median(np.diff(time)) < 0.3:
+    ratio = _weight_ratio(inspection, result)
+    if ratio is None or not LIGHTEST < ratio < HEAVIEST or abs(ratio - 1.0) < MASS:
         return
-    ratios = carried[steady] / wanted[steady]
-    low, middle, high = np.percentile(ratios, [10, 50, 90])
-    ratio = float(carried[steady].sum() / wanted[steady].sum())
-    # A part of the weight that another contact carries changes; a wrong mass is the same in all
-    # frames.
-    if (
-        high - low > SPREAD * middle
-        or abs(ratio - middle) > 0.05
-        or not LIGHTEST < ratio < HEAVIEST
-        or abs(ratio - 1.0) < MASS
-    ):
-        return
+    mass = inspection.feet.model.mass
     difference = 100.0 * (1.0 / ratio - 1.0)
     text = WEIGHT.message(
-        f"the plates carry {ratio * model.mass:.1f} kg where all standing feet are on them, the"
-        f" model weighs {model.mass:.1f} kg ({difference:+.0f} %): scale the model"
+        f"the plates carry {ratio * mass:.1f} kg where all standing feet are on them, the"
+        f" model weighs {mass:.1f} kg ({difference:+.0f} %): scale the model"
         " to the subject's mass, or check the calibration of the plates",
         size=difference,
         gravity=gravity_of(difference, 100.0 * FORCE_ERROR),
     )
     yield Finding("mass", ", ".join(map(inspection.name, inspection.numbers)), text)
+
+
+def _weight_ratio(inspection: Inspection, forces: BalancedForces) -> float | None:
+    """What plates carry over what the body needs, where that is the same over time; else None."""
+    up = inspection.feet.up
+    weight = inspection.feet.model.weight
+    time = inspection.feet.time
+    carried = forces.measured @ up
+    wanted = forces.needed @ up
+    steady = (wanted > 0.5 * weight) & (carried > 0.0)
+    margin = max(2, len(time) // 25)
+    steady[:margin] = False
+    steady[-margin:] = False
+    step = float(np.median(np.diff(time)))
+    for frames in _weighing_frames(inspection):
+        used = frames & steady
+        if used.sum() < 15 or used.sum() * step < 0.3:
+            continue
+        ratios = carried[used] / wanted[used]
+        low, middle, high = np.percentile(ratios, [10, 50, 90])
+        mean = float(carried[used].sum() / wanted[used].sum())
+        ratio = WeightRatio(mean=mean, median=float(middle), spread=float(high - low))
+        if ratio.is_even:
+            return ratio.mean
+    return None
+
+
+def _weighing_frames(inspection: Inspection) -> Iterator[NDArray[np.bool_]]:
+    """Choose frames (frames,) in which plates may carry all of the body, the surest first.
+
+    They are those in which all feet that stand are on plates; of a body that rises from a seat
+    those in which it is up; and those in which two feet share a plate.
+    """
+    feet = inspection.feet
+    stands = supported(inspection)
+    yield stands
+    height = feet.center @ feet.up
+    low = float(height.min())
+    high = float(height.max())
+    if high - low > RISES * feet.unit:
+        yield stands & (height > 0.5 * (low + high))
+    yield shared_frames(inspection)
 
 
 class Lag(NamedTuple):
@@ -412,10 +469,10 @@ def lag_of_mass(inspection: Inspection) -> Lag | None:
     result = balance(inspection)
     if result is None:
         return None
-    core = _core(inspection)
+    core = core_frames(inspection)
     # On treadmills and in flight all frames count, though stances of fast runners hardly show in
     # the feet's motion.
-    parts = (supported(inspection) & core, _between_steps(inspection, result[0]), core)
+    parts = (supported(inspection) & core, between_steps(inspection, result[0]), core)
     lags = (_lag(inspection, *result, frames) for frames in parts)
     known = [lag for lag in lags if lag is not None and lag.explained > EXPLAINED]
     return min(known, key=lambda value: value.sd, default=None)
@@ -464,13 +521,13 @@ def _least(lags: Array, values: Array) -> tuple[float, float]:
     return lag, float(values[index] / max(values[len(lags) // 2], 1e-300))
 
 
-def _core(inspection: Inspection) -> NDArray[np.bool_]:
+def core_frames(inspection: Inspection) -> NDArray[np.bool_]:
     """Find frames (frames,) that no lag moves out of the recording."""
     time = inspection.feet.time
     return np.asarray((time > time[0] + SLACK) & (time < time[-1] - SLACK))
 
 
-def _between_steps(inspection: Inspection, measured: Array) -> NDArray[np.bool_]:
+def between_steps(inspection: Inspection, measured: Array) -> NDArray[np.bool_]:
     """Find frames in which the plates carry most of the weight at every lag: from step to step.
 
     Parameters
@@ -489,7 +546,7 @@ def _between_steps(inspection: Inspection, measured: Array) -> NDArray[np.bool_]
         result[start:stop] = (time[start:stop] > time[start] + SLACK) & (
             time[start:stop] < time[stop - 1] - SLACK
         )
-    return result & _core(inspection)
+    return result & core_frames(inspection)
 
 
 def _gliding(inspection: Inspection, lags: Array) -> Array | None:
@@ -520,7 +577,7 @@ def _gliding(inspection: Inspection, lags: Array) -> Array | None:
     count = 0.0
     for index in used:
         weights = inspection.weights(index)
-        frames = np.flatnonzero((weights > 0.0) & _core(inspection))
+        frames = np.flatnonzero((weights > 0.0) & core_frames(inspection))
         if not len(frames):
             continue
         velocities = np.stack(

@@ -14,7 +14,7 @@ belt does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -41,7 +41,10 @@ from myomorph.core.contact.force_placement import (
     check_origins,
     check_shared_plates,
 )
+from myomorph.core.contact.plate_directions import check_plate_directions
 from myomorph.core.contact.plate_gains import check_gains
+from myomorph.core.contact.rates import check_paces, check_rates
+from myomorph.core.contact.unloaded import without_zeros
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import PLATES, UNITS
 from myomorph.core.model.findings import Finding, repaired
@@ -317,14 +320,19 @@ class CheckedForces:
 
 
 def checked_forces(
-    wrenches: Wrenches, model: Model, motion: Motion, mend: bool = True
+    wrenches: Wrenches,
+    model: Model,
+    motion: Motion,
+    mend: bool = True,
+    checks: Sequence[Check] = (),
 ) -> CheckedForces:
     """Hold external forces against the motion, correct what is safe and name the rest.
 
-    Looked for are forces that pull instead of push, turned axes or a mirrored one, a plate mirrored
-    about its own middle, other units, moments about another point than the center of pressure, a
-    wrong foot, two feet on one plate, forces under no foot, a mass that is not the model's, and a
-    clock that is not the motion's. Models without feet are not looked at.
+    Looked for are rates that gravity contradicts, forces that pull instead of push, turned axes or
+    a mirrored one, a plate turned or mirrored about its own middle, other units, moments about
+    another point than the center of pressure, a wrong foot, two feet on one plate, forces under no
+    foot, a mass that is not the model's, and a clock that is not the motion's. What plates read
+    with nobody on them is taken off before. Models without feet are not looked at.
 
     Parameters
     ----------
@@ -332,6 +340,7 @@ def checked_forces(
     model : of the body
     motion : (frames, coordinates) [rad or m]
     mend : whether to correct what is safe to correct
+    checks : those that are made, all by default
 
     Returns
     -------
@@ -343,10 +352,10 @@ def checked_forces(
     feet = foot_poses(model, _smooth(motion, inside))
     if feet is None:
         return CheckedForces(wrenches, ())
-    inspection = Inspection(wrenches, feet)
+    inspection = Inspection(without_zeros(wrenches, np.asarray(model.up)), feet)
     if not inspection.numbers:
         return CheckedForces(wrenches, ())
-    for check in CHECKS:
+    for check in checks or CHECKS:
         # Each looks at forces in which what was found before is put right, whether the result has
         # it so or not.
         findings = tuple(check(inspection))
@@ -456,10 +465,15 @@ def _lift(inspection: Inspection, number: int) -> float:
     return float(upwards / weights.sum()) if weights.any() else 0.0
 
 
-CHECKS: tuple[Callable[[Inspection], Iterator[Finding]], ...] = (
+Check = Callable[[Inspection], Iterator[Finding]]
+
+CHECKS: tuple[Check, ...] = (
     check_units,
+    check_paces,
+    check_rates,
     check_origins,
     check_signs,
+    check_plate_directions,
     check_directions,
     check_mirrors,
     check_progress,
@@ -469,3 +483,12 @@ CHECKS: tuple[Callable[[Inspection], Iterator[Finding]], ...] = (
     check_mass,
     check_clock,
 )
+
+BODY_CHECKS: tuple[Check, ...] = (
+    check_units,
+    check_paces,
+    check_rates,
+    check_plate_directions,
+    check_mass,
+)
+"""Those that ask for no foot of a force: of plates that feet share."""

@@ -36,6 +36,8 @@ LOAD = "load in the hands"
 MIRRORED_PLATE = "mirrored plate"
 UNSURE = "wrong foot or mirrored plate"
 """Kinds of findings about plates that may be mirrored about their own middle."""
+TURNED_PLATE = "turned plate"
+"""Kind of a finding: one plate whose axes are not those of the others."""
 GAIN = "gain"
 """Kind of a finding: a plate of another sensitivity, so that plates do not show the mass."""
 MOVES = 0.8

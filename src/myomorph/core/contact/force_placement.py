@@ -372,6 +372,22 @@ def _between(inspection: Inspection, distances: Array) -> NDArray[np.bool_]:
     return np.asarray((order[:, 0] > BETWEEN * feet.unit) & inside)
 
 
+def shared_frames(inspection: Inspection) -> NDArray[np.bool_]:
+    """Flag when a plate carries two feet, and the body: its center of pressure is between them.
+
+    Returns
+    -------
+    (frames,)
+    """
+    feet = inspection.feet
+    result = np.zeros(len(feet.time), bool)
+    for number in inspection.numbers:
+        distances = feet.distances(inspection.samples.centers(feet.up)[:, [number]])[:, 0]
+        firm = inspection.weights(number) > FIRM * feet.model.weight
+        result |= _between(inspection, distances) & firm
+    return result
+
+
 def check_shared_plates(inspection: Inspection) -> Iterator[Finding]:
     """Find plates that two feet stand on: the center of pressure lies between the soles."""
     feet = inspection.feet

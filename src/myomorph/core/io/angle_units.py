@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import UNITS
 from myomorph.core.model.messages import Message
-from myomorph.core.model.model import Coordinate, Model
+from myomorph.core.model.model import GROUND, Coordinate, Model
 from myomorph.core.model.series import Table
 
 STATED = "inDegrees"  # Key of a head that states the unit.
@@ -19,6 +19,8 @@ MAX_BEYOND = np.pi  # By which an angle may leave its range as radians, floating
 SLACK = 0.6  # By which angles may leave their ranges as degrees [rad].
 MAX_TURN = 3.2  # Radians of a whole recording in which everything moves and nothing turns round.
 MIN_TRAVEL = 0.3  # Of a body that walks [m].
+MIN_RISE = 0.02  # Of a body that legs raise or lower [m].
+ALONG = 0.99  # Cosine of the angle between an axis and the vertical.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,22 +106,47 @@ def _beyond(values: Array, angles: list[Coordinate]) -> Array:
 def _radians(
     table: Table, model: Model, columns: Mapping[str, int], values: Array
 ) -> tuple[Message, ...]:
-    """Warn of a body that travels while no angle of a head in degrees moves by more than 3."""
-    lengths = [
-        columns[coordinate.name]
-        for coordinate in model.coordinates
-        if coordinate.name in columns and coordinate.motion == "translational"
-    ]
-    if not lengths or np.nanmax(np.abs(values), initial=0.0) > MAX_TURN:
+    """Warn of a body that travels or rises while no angle of a head in degrees changes by over 3.
+
+    Legs that turn by 3 degrees carry nobody over 0.3 m, and neither lift nor lower a body by 2 cm.
+
+    Parameters
+    ----------
+    table, model, columns : as of `unit_of_angles`
+    values : (rows, angles) as the table has them
+    """
+    known = np.isfinite(values).all(axis=1)
+    if known.sum() < 2 or np.abs(values[known]).max(initial=0.0) > MAX_TURN:
         return ()
-    travel = float(np.nanmax(np.ptp(table.values[:, lengths], axis=0)))
-    turn = float(np.nanmax(np.ptp(values, axis=0)))
-    if travel < MIN_TRAVEL or turn == 0.0:
+    turn = float(np.ptp(values[known], axis=0).max())
+    moved = _way(table, columns, _slides(model))
+    risen = _way(table, columns, _slides(model, upwards=True))
+    if turn == 0.0 or (moved < MIN_TRAVEL and risen < MIN_RISE):
         return ()
+    way = f"travels {moved:.2g} m" if moved >= MIN_TRAVEL else f"rises by {100.0 * risen:.2g} cm"
     return (
         UNITS.message(
-            f"the head states {STATED}=yes, but the body travels {travel:.2g} m while no angle"
-            f" changes by more than {turn:.2g}: are they radians?",
+            f"the head states {STATED}=yes, but the body {way} while no angle changes by more than"
+            f" {turn:.2g}: are they radians?",
             gravity="changes results",
         ),
     )
+
+
+def _slides(model: Model, upwards: bool = False) -> list[str]:
+    """Names of the coordinates along which a body moves against the ground, or against gravity."""
+    axes = (
+        axis
+        for joint in model.joints
+        if joint.parent == GROUND
+        for axis in joint.axes
+        if axis.kind == "translation" and (not upwards or abs(axis.vector @ model.up) > ALONG)
+    )
+    return [name for axis in axes for name in axis.coordinates]
+
+
+def _way(table: Table, columns: Mapping[str, int], names: Iterable[str]) -> float:
+    """Largest way of some coordinates in a table [m], 0 for those that it does not have."""
+    paths = (table.values[:, columns[name]] for name in names if name in columns)
+    ways = (float(np.nanmax(path) - np.nanmin(path)) for path in paths if np.isfinite(path).any())
+    return max(ways, default=0.0)

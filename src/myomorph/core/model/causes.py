@@ -57,6 +57,7 @@ PLATE_ZERO = Cause(
     effect="Forces are wrong by as much while the foot stands.",
     remedy="Set the plates to zero before each recording.",
     quantities=("external_force_vector", "generalized_force"),
+    order=0,
 )
 FORCE_FILES = Cause(
     key="force_files",
@@ -136,6 +137,16 @@ CLOCKS = Cause(
     effect="Torques and powers change where forces or speeds change fast.",
     remedy="Synchronize the recordings, or shift one of them (--force-shift).",
     quantities=("generalized_force",),
+)
+RATES = Cause(
+    key="rates",
+    title="Rates that do not fit gravity or each other",
+    gravity="changes results",
+    size="{size} times the rate",
+    effect="Speeds scale with the rate, accelerations and powers with its square.",
+    remedy="Compare the rates in the heads of the files with the recording's.",
+    quantities=("coordinate_value", "generalized_force"),
+    order=0,
 )
 FILTER = Cause(
     key="filter",

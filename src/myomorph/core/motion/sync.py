@@ -18,6 +18,9 @@ LOADED = 0.02  # Part of its largest force above which a plate's center of press
 # Samples beyond the wanted times that a cubic spline is made of: 0.27^40 is less than rounding
 REACH = 40
 SAME_LENGTH = 1.5  # Recordings of one length differ by fewer samples of the slower
+# Ratios of usual rates below 1: of 50, 60, 100, 120, 200, 240, 250 and 300 Hz
+USUAL_RATIOS = (0.4, 5 / 12, 0.5, 0.6, 2 / 3, 0.75, 0.8, 5 / 6)
+RATE_ERROR = 0.01  # Of a ratio and of a start, as a share of the motion's time
 MIN_SAMPLES = 20  # Samples of the slower from which on an equal length is no chance
 
 SeriesKind = TypeVar("SeriesKind", bound=Series)
@@ -99,8 +102,8 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
     if time[0] < wrenches.time[0] - slack or time[-1] > wrenches.time[-1] + slack:
         raise BadData(
             f"external forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion"
-            f" from {time[0]:g} to {time[-1]:g} s: cut the motion with --time START END, or move"
-            " the forces with --force-shift SECONDS"
+            f" from {time[0]:g} to {time[-1]:g} s: {_other_rate(wrenches.time, time)}cut the motion"
+            " with --time START END, or move the forces with --force-shift SECONDS"
         )
     forces = wrenches.forces
     points = wrenches.points
@@ -125,6 +128,23 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
     moments = _splined(wrenches.time, moments, time)
     torques = moments - np.cross(points, forces)
     return replace(wrenches, time=time, forces=forces, points=points, torques=torques)
+
+
+def _other_rate(times: Array, time: Array) -> str:
+    """Ask for rates where forces begin with the motion and last a usual ratio of its time.
+
+    Parameters
+    ----------
+    times : (samples,) of the forces [s]
+    time : (frames,) of the motion [s]
+    """
+    lasts = float(time[-1] - time[0])
+    starts_with_it = abs(times[0] - time[0]) < RATE_ERROR * lasts
+    share = float(times[-1] - times[0]) / lasts if lasts > 0.0 else 1.0
+    usual = any(abs(share / ratio - 1.0) < RATE_ERROR for ratio in USUAL_RATIOS)
+    if not (starts_with_it and usual):
+        return ""
+    return f"they last {share:.2g} times as long: look whether both rates are right in Hz; else "
 
 
 def refuse_other_times(what: str, times: Array, time: Array) -> None:

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.core.contact.force_checks import checked_forces
+from myomorph.core.contact.force_checks import BODY_CHECKS, CHECKS, checked_forces
 from myomorph.core.contact.force_inspection import LOAD
 from myomorph.core.contact.plan import ContactPlan
-from myomorph.core.contact.unloaded import zero_messages
+from myomorph.core.contact.unloaded import ZERO, zero_messages
 from myomorph.core.io.force_table import force_layout, read_forces
 from myomorph.core.io.formats import trial_format
 from myomorph.core.model.arrays import Array
@@ -69,9 +69,12 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
             "The force of each plate acts on the foot that is nearest to its center of pressure."
         )
         plated = recording.trial
-        options = _force_options(opening)
+        options = opening.options[ForceOptions]
+        shared = _are_shared(opening)
         of_plates = ExternalLoads(
-            lambda moved: on_feet(plate_wrenches(plated, settings.plates), model, moved, options)
+            lambda moved: on_feet(
+                plate_wrenches(plated, settings.plates), model, moved, options, shared
+            )
         )
         contacts = opening.values.get(ContactPlan)
         assumed = (
@@ -83,14 +86,15 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
     path = settings.loads
     markers = opening.settings.or_default(MarkersFile)
     loads = partial(
-        read_loads,
+        _loads_of_file,
         path,
         model,
         bodies=settings.bodies,
         trial=markers.markers,
         plates=settings.plates,
         laboratory=opening.settings.or_default(Laboratory),
-        options=_force_options(opening),
+        options=opening.options[ForceOptions],
+        shared=_are_shared(opening),
     )
     sources += (file_source("loads", path), *load_tables(path, markers.markers))
     by_nearness = path.suffix.lower() in TABLES and not settings.bodies
@@ -101,19 +105,14 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
     )
 
 
-def _force_options(opening: Opening) -> ForceOptions:
-    """What is done with external forces: forces that contacts share are not on one body each, and
-    stay as they are.
+def _are_shared(opening: Opening) -> bool:
+    """Whether contacts share the external forces, so that they are not on one body each: they stay
+    as they are, and only what needs no foot of a force is checked.
     """
-    options = opening.options[ForceOptions]
     contacts = opening.settings.get(ContactsFile)
     if contacts is None or not contacts.contacts:
-        return options
-    return (
-        replace(options, force_checks="none")
-        if opening.values[ContactPlan].measured == "shared"
-        else options
-    )
+        return False
+    return opening.values[ContactPlan].measured == "shared"
 
 
 def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
@@ -185,26 +184,51 @@ def read_loads(
         return on_feet(wrenches, model, motion, options)
 
 
+def _loads_of_file(
+    path: Path,
+    model: Model,
+    motion: Motion,
+    *,
+    bodies: Mapping[str, str],
+    trial: Path | None,
+    plates: Sequence[str],
+    laboratory: Laboratory,
+    options: ForceOptions,
+    shared: bool,
+) -> Wrenches:
+    """External forces of a file as `read_loads` has them, or `shared` by contacts."""
+    wrenches = raw_loads(path, model, motion, bodies, trial, plates, laboratory, options)
+    with about(path):
+        return on_feet(wrenches, model, motion, options, shared)
+
+
 def on_feet(
-    wrenches: Wrenches, model: Model, motion: Motion, options: ForceOptions | None = None
+    wrenches: Wrenches,
+    model: Model,
+    motion: Motion,
+    options: ForceOptions | None = None,
+    shared: bool = False,
 ) -> Wrenches:
     """Forces held against the motion, each on a body: what is wrong is mended and noted, or noted
-    only. Raises `BadData` where a body is not known and the model has no foot.
+    only. `shared`: contacts share them, so that nothing is asked of the foot of a force. Raises
+    `BadData` where a body is not known and the model has no foot.
     """
     options = options or ForceOptions()
     findings: tuple[Finding, ...] = ()
+    checked = options.force_checks != "none"
+    mend = options.force_checks == "mend" and not shared
     if options.force_shift:
         wrenches = replace(wrenches, time=wrenches.time + options.force_shift)
     else:
-        wrenches = on_clock(wrenches, motion.time, options.force_checks == "mend")
+        wrenches = on_clock(wrenches, motion.time, mend)
     # Of frames that are still to arrive there is no motion to hold forces against.
-    if options.force_checks != "none" and len(motion) > 1:
-        found = checked_forces(wrenches, model, motion, options.force_checks == "mend")
-        wrenches = found.wrenches
+    if checked and len(motion) > 1:
+        checks = BODY_CHECKS if shared else CHECKS
+        found = checked_forces(wrenches, model, motion, mend, checks)
         findings = found.findings
-        wrenches = _without_loads(wrenches, findings)
+        wrenches = _without_loads(found.wrenches, findings)
     if not all(wrenches.bodies):
-        wrenches = nearest_feet(wrenches, model, motion, options.force_checks != "none")
+        wrenches = nearest_feet(wrenches, model, motion, checked and not shared)
     texts = messages_of_findings(findings)
     places = tuple(f"{finding.place} may carry" for finding in findings)
     kept = (text for text in wrenches.notes if text not in texts and not text.startswith(places))
@@ -305,8 +329,12 @@ def raw_loads(
             raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
     if ending not in (*TABLES, ".xml"):
         return wrenches
-    zeros = zero_messages(wrenches, np.asarray(model.up))
-    return replace(wrenches, notes=(*wrenches.notes, *zeros))
+    weight = model.weight if model.mass > 0.0 else 0.0
+    zeros = zero_messages(wrenches, np.asarray(model.up), weight)
+    findings = (Finding(kind=ZERO, place=zero.place, text=zero) for zero in zeros)
+    return replace(
+        wrenches, notes=(*wrenches.notes, *zeros), findings=(*wrenches.findings, *findings)
+    )
 
 
 def _refuse_wrong_kind(
