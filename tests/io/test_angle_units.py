@@ -58,3 +58,33 @@ def test_angles_that_are_neither_are_left_with_a_note(read):
     values, (note,) = read(100.0 * np.degrees(RADIANS))
     np.testing.assert_allclose(values, 100.0 * np.degrees(RADIANS), rtol=1e-5)
     assert "taken as radians" in note
+
+
+JOINT = """
+<CustomJoint name="ground_pelvis"><socket_parent_frame>/ground</socket_parent_frame>
+<socket_child_frame>/bodyset/pelvis</socket_child_frame>
+<coordinates><Coordinate name="pelvis_ty"/><Coordinate name="knee"/></coordinates>
+<SpatialTransform>
+<TransformAxis name="rotation3"><coordinates>knee</coordinates><axis>0 0 1</axis>
+<LinearFunction><coefficients>1 0</coefficients></LinearFunction></TransformAxis>
+<TransformAxis name="translation2"><coordinates>pelvis_ty</coordinates><axis>0 1 0</axis>
+<LinearFunction><coefficients>1 0</coefficients></LinearFunction></TransformAxis>
+</SpatialTransform></CustomJoint>
+"""
+RISING = f"""<OpenSimDocument Version="40000"><Model name="rising"><gravity>0 -9.81 0</gravity>
+<BodySet><objects><Body name="pelvis"><mass>10</mass><inertia>1 1 1 0 0 0</inertia></Body></objects>
+</BodySet><JointSet><objects>{JOINT}</objects></JointSet></Model></OpenSimDocument>"""
+
+
+@pytest.mark.parametrize(("rise", "named"), [(0.05, True), (0.004, False)])
+def test_radians_of_a_body_that_rises_on_the_spot_are_named(tmp_path, rise, named):
+    """Legs that turn by a degree lower nobody by centimeters; who sways is not lowered by them."""
+    osim = tmp_path / "rising.osim"
+    osim.write_text(RISING, encoding="utf-8")
+    phase = np.linspace(0.0, 3.0, 40)
+    rows = (f"{t:.4g}\t{0.9 + rise * np.sin(t):.6g}\t{0.6 * np.sin(t):.6g}\n" for t in phase)
+    path = tmp_path / "rise.mot"
+    head = "rise\nversion=1\nnRows=40\nnColumns=3\ninDegrees=yes\nendheader\n"
+    path.write_text(f"{head}time\tpelvis_ty\tknee\n{''.join(rows)}", encoding="utf-8")
+    notes = motion_notes(read_sto(path), read_osim(osim))
+    assert ["are they radians?" in note for note in notes] == ([True] if named else [])

@@ -18,6 +18,8 @@ from myomorph.core.model.arrays import Array
 
 VERTICAL = 2
 """Row of the vertical force among the channels of a plate of type 2 or 4."""
+MATRIX_TYPE = 4
+"""Of plates whose channels a matrix turns into forces."""
 QUARTER = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """A quarter of a turn about y, which is up in tables of forces."""
 LOADED = 30.0
@@ -158,7 +160,13 @@ class C3dCapture(Capture):
         lift = self.analogs[self._rows(plate)[VERTICAL]]
         # Whichever sign the plate has, the force presses as feet do.
         sign = np.sign(lift[np.argmax(np.abs(lift))])
-        lift += sign * np.linspace(force[0], force[-1], len(lift))
+        lift += sign * np.linspace(force[0], force[-1], len(lift)) / self._gain(plate)
+
+    def _gain(self, plate: int) -> float:
+        """Newtons of the vertical channel's unit: plates of type 4 have a matrix of them."""
+        if int(self.platform["TYPE"]["value"][plate]) != MATRIX_TYPE:
+            return 1.0
+        return float(abs(self.platform["CAL_MATRIX"]["value"][VERTICAL, VERTICAL, plate]))
 
     def scale_places(self, factor: float) -> None:
         """Do as `Capture` says."""

@@ -366,7 +366,7 @@ def check_mass(inspection: Inspection) -> Iterator[Finding]:
 
 
 def _weight_ratio(inspection: Inspection, forces: BalancedForces) -> float | None:
-    """What plates carry over what the body needs, where that is the same over time; else None."""
+    """Divide what plates carry by what the body needs; None where that changes over time."""
     up = inspection.feet.up
     weight = inspection.feet.model.weight
     time = inspection.feet.time
@@ -522,7 +522,16 @@ def _least(lags: Array, values: Array) -> tuple[float, float]:
 
 
 def core_frames(inspection: Inspection) -> NDArray[np.bool_]:
-    """Find frames (frames,) that no lag moves out of the recording."""
+    """Find frames that no lag moves out of the recording.
+
+    Parameters
+    ----------
+    inspection : forces with the motion
+
+    Returns
+    -------
+    (frames,)
+    """
     time = inspection.feet.time
     return np.asarray((time > time[0] + SLACK) & (time < time[-1] - SLACK))
 
@@ -532,6 +541,7 @@ def between_steps(inspection: Inspection, measured: Array) -> NDArray[np.bool_]:
 
     Parameters
     ----------
+    inspection : forces with the motion
     measured : (frames, 3) [N]
 
     Returns

@@ -375,6 +375,10 @@ def _between(inspection: Inspection, distances: Array) -> NDArray[np.bool_]:
 def shared_frames(inspection: Inspection) -> NDArray[np.bool_]:
     """Flag when a plate carries two feet, and the body: its center of pressure is between them.
 
+    Parameters
+    ----------
+    inspection : forces with the motion
+
     Returns
     -------
     (frames,)

@@ -39,15 +39,15 @@ from myomorph.core.motion.filters import lowpass
 
 RATE = "rate"
 """Kind of a finding: a rate that is not the recording's."""
-USUAL = (0.4, 0.42, 0.5, 0.6, 0.67, 0.75, 0.8, 0.83, 1.2, 1.25, 1.33, 1.5, 1.67, 2.0, 2.4, 2.5)
-"""Ratios of usual rates: 50, 60, 100, 120, 200, 240, 250 and 300 Hz."""
 PACES = (2 / 5, 5 / 12, 1 / 2, 3 / 5, 2 / 3, 3 / 4, 4 / 5, 5 / 6, 1, 6 / 5, 5 / 4, 4 / 3, 3 / 2) + (
     5 / 3,
     2,
     12 / 5,
     5 / 2,
 )
-"""The same exactly, by which times of forces are stretched."""
+"""Ratios of usual rates, of 50, 60, 100, 120, 200, 240, 250 and 300 Hz, by which times of forces
+are stretched.
+"""
 SHORTEST = 0.3
 """Time over which forces and motion are compared [s], and twice as much where times stretch."""
 SWINGS = 0.08
@@ -121,11 +121,10 @@ def check_rates(inspection: Inspection) -> Iterator[Finding]:
 def _of_the_recording(inspection: Inspection, ratio: float) -> Finding:
     """Name the rate of motion and forces, by the ratio of force to motion."""
     factor = ratio**-0.5
-    usual = min(USUAL, key=lambda value: abs(np.log(value / factor)))
     text = RATES.message(
         f"plates and motion agree in the weight, but forces change {ratio:.2f} times as much as the"
-        f" motion's acceleration: the head of the recording seems to state {factor:.2f} times its"
-        f" rate (usual: {usual:g} times): check its rates in Hz",
+        f" motion's acceleration: the head of the recording seems to state about {factor:.2g} times"
+        " its rate: check its rates in Hz",
         size=factor,
     )
     return Finding(RATE, ", ".join(map(inspection.name, inspection.numbers)), text)

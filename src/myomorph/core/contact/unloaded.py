@@ -44,13 +44,30 @@ class Zero:
     ----------
     first, last : at the beginning and at the end of a recording [N]
     largest : force of the recording [N]
+    first_sample, last_sample : numbers of the samples that these are of
     weight : of the body, 0 where it is not known [N]
     """
 
     first: float
     last: float
     largest: float
+    first_sample: float = 0.0
+    last_sample: float = 1.0
     weight: float = 0.0
+
+    def readings(self, count: int) -> Array:
+        """Interpolate the readings of all samples.
+
+        Parameters
+        ----------
+        count : of samples
+
+        Returns
+        -------
+        (count,) [N]
+        """
+        known = (self.first_sample, self.last_sample)
+        return np.asarray(np.interp(np.arange(count), known, (self.first, self.last)))
 
     @property
     def worst(self) -> float:
@@ -128,11 +145,20 @@ def zero_of(pressing: Array, rate: float, largest: float) -> Zero | None:
     levels = sorted([*whole, *within])
     if not levels:
         return None
+    first = levels[0]
+    last = levels[-1]
     if within:
         line = _lowest_line(levels, largest, _side(pressing))
-        last = len(pressing) - 1
-        return Zero(first=line.at(0), last=line.at(last), largest=largest)
-    return Zero(first=levels[0].reading, last=levels[-1].reading, largest=largest)
+        end = len(pressing) - 1
+        first = _Level(sample=0.0, reading=line.at(0.0))
+        last = _Level(sample=end, reading=line.at(end))
+    return Zero(
+        first=first.reading,
+        last=last.reading,
+        largest=largest,
+        first_sample=first.sample,
+        last_sample=last.sample,
+    )
 
 
 def _small_parts(pressing: Array, rate: float, largest: float) -> Iterator[slice]:
@@ -148,12 +174,12 @@ def _small_parts(pressing: Array, rate: float, largest: float) -> Iterator[slice
 
 
 def _min_count(rate: float) -> int:
-    """Samples of the shortest stretch that is looked at."""
+    """Count the samples of the shortest stretch that is looked at."""
     return int(np.ceil(max(MIN_SAMPLES, MIN_TIME * rate)))
 
 
 def _unevenness(values: Array) -> float:
-    """Standard deviation of readings (samples,) from a line: a drift is no load [N]."""
+    """Measure how far readings (samples,) leave a line, which a drift is [N]."""
     number = np.arange(len(values))
     slope = np.polyfit(number, values, 1)
     return float((values - np.polyval(slope, number)).std())
@@ -237,6 +263,8 @@ def zeros_of(wrenches: Wrenches, up: Array, weight: float = 0.0) -> tuple[Zero |
 def without_zeros(wrenches: Wrenches, up: Array) -> Wrenches:
     """Take the readings of unloaded plates off the vertical forces, where they are beyond noise.
 
+    A force that is never large is left: it may be a load in the hands.
+
     Parameters
     ----------
     wrenches : in ground, at their own times
@@ -246,14 +274,17 @@ def without_zeros(wrenches: Wrenches, up: Array) -> Wrenches:
     -------
     the same wrenches where all plates are at zero
     """
-    zeros = zeros_of(wrenches, up)
-    if not any(zero is not None and zero.matters for zero in zeros):
+    peaks = np.nanmax(np.abs(wrenches.forces @ up), axis=0, initial=0.0)
+    zeros = {
+        number: zero
+        for number, zero in enumerate(zeros_of(wrenches, up))
+        if zero is not None and zero.matters and peaks[number] > LOW * zero.largest
+    }
+    if not zeros:
         return wrenches
-    share = np.linspace(0.0, 1.0, len(wrenches))[:, None]
     forces = np.array(wrenches.forces)
-    for number, zero in enumerate(zeros):
-        if zero is not None and zero.matters:
-            forces[:, number] -= (zero.first + (zero.last - zero.first) * share) * up
+    for number, zero in zeros.items():
+        forces[:, number] -= np.outer(zero.readings(len(wrenches)), up)
     return replace(wrenches, forces=forces)
 
 
