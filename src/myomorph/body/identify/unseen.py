@@ -397,7 +397,7 @@ def thinned(points: MassPoints, most: int = POINTS_PER_LINK) -> MassPoints:
 
 
 def _owners(weights: scipy.sparse.csr_array) -> Ints:
-    """Number of the link that has most of each point.
+    """Find the link that has most of each point.
 
     SciPy's own maximum of sparse rows goes through them one by one.
 
@@ -407,7 +407,7 @@ def _owners(weights: scipy.sparse.csr_array) -> Ints:
 
     Returns
     -------
-    (points,) the first of several that have as much
+    (points,) numbers of links, the first of several that have as much
     """
     entries = weights.tocoo()
     order = np.lexsort((entries.col, -entries.data, entries.row))

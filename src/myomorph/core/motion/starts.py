@@ -126,8 +126,9 @@ def _same(one: _Solved, other: _Solved) -> bool:
 
 
 class _BoundedJoints(NamedTuple):
-    """Joints of up to three free rotations, all of which have bounds, and the angles by which each
-    is asked: all of a ball joint, of a hinge its own.
+    """Joints of up to three free rotations, all of which have bounds, and their angles.
+
+    A ball joint is asked by all of its angles, a hinge by its own.
 
     Attributes
     ----------

@@ -11,6 +11,7 @@ import numpy as np
 from myomorph.body.sensors.sensor_recording import SensorRecording
 from myomorph.body.tension.task import (
     EmgRecording,
+    EmgTargets,
     TensionTask,
     added_reserves,
     contact_warnings,
@@ -127,42 +128,72 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     """Solve for muscle tensions, and for contact forces where they are asked for; write what was
     found.
     """
-    notes: tuple[Message, ...] = ()
-    residuals = ""
-    if torques is None:
-        torques = solve_dynamics(trial, poses.recorded)
-        notes = torques.notes
-        residuals = _residual_verdict(trial, torques)
-        put_dynamics(output, torques, trial.model)
-        put_measured(trial, poses.recorded, output)
-    task = task_of(trial, poses.recorded, torques)
+    dynamics = torques or _solved_dynamics(trial, poses, output)
+    task = task_of(trial, poses.recorded, dynamics)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
         tension, solution = task.solved(advance)
     if task.setting is None:
-        tension = without_unmeasured_limbs(tension, trial.model, torques.wrenches, _driven(task))
-    notes = (*task.notes(tension), *notes)
+        tension = without_unmeasured_limbs(tension, trial.model, dynamics.wrenches, _driven(task))
+    notes = task.notes(tension) + (() if torques is not None else dynamics.notes)
     _write_tension(tension, task, output)
     points = trial.get(JointPoints)
-    plan = trial.get(ContactPlan)
     strides = (
-        strides_of_trial(trial, poses, torques) if tension.fibers is not None or points else None
+        strides_of_trial(trial, poses, dynamics) if tension.fibers is not None or points else None
     )
     notes += write_fibers(tension, trial.model, strides, output)
     if task.emg is not None:
-        if task.emg.calibration is not None:
-            measured = trial.inputs[RecordedEmg].muscles
-            write_channels(task.emg.calibration, measured, output.folder / CHANNEL_TABLE)
-        notes = (*write_conflicts(trial.model, tension, task.emg, output), *task.emg.notes, *notes)
+        notes = _write_emg(trial, tension, task.emg, output) + notes
     frame = trial.options[TensionTables].reactions
     if frame != "none":
         write_reactions(task.reactions(tension, frame), trial.model, output)
     if points is not None:
         forces = task.joint_contacts(tension, points)
         notes += write_joint_contacts(forces, points, strides, output)
-    if task.setting is None or plan is None:
-        return Tensions(tension, notes=notes, residuals=residuals)
-    loads, carried = _write_contacts(task, tension, plan.situation, output)
-    notes += task.setting.notes
+    if task.setting is not None and trial.get(ContactPlan) is not None:
+        found = Tensions(tension, contacts=task.setting.contacts, notes=notes)
+        return _with_contacts(found, trial, task, solution, output)
+    residuals = _residual_verdict(trial, dynamics) if torques is None else ""
+    return Tensions(tension, notes=notes, residuals=residuals)
+
+
+def _solved_dynamics(trial: TrialInputs, poses: Poses, output: StepOutput) -> Torques:
+    """Solve inverse dynamics where that was no step of its own, and store what it gives."""
+    dynamics = solve_dynamics(trial, poses.recorded)
+    put_dynamics(output, dynamics, trial.model)
+    put_measured(trial, poses.recorded, output)
+    return dynamics
+
+
+def _write_emg(
+    trial: TrialInputs, tension: Tension, emg: EmgTargets, output: StepOutput
+) -> tuple[Message, ...]:
+    """Write gains of channels and where tensions contradict EMG; return what there is to say."""
+    if emg.calibration is not None:
+        measured = trial.inputs[RecordedEmg].muscles
+        write_channels(emg.calibration, measured, output.folder / CHANNEL_TABLE)
+    return (*write_conflicts(trial.model, tension, emg, output), *emg.notes)
+
+
+def _with_contacts(
+    found: Tensions,
+    trial: TrialInputs,
+    task: TensionTask,
+    solution: ContactSolution | None,
+    output: StepOutput,
+) -> Tensions:
+    """Write contact forces, and find where contacts cannot carry the body.
+
+    Parameters
+    ----------
+    found : tensions, contacts and notes so far
+    task : with contacts
+    solution : problem that contact forces come from, None where it cannot be asked
+    """
+    assert task.setting is not None
+    tension = found.tension
+    situation = trial.inputs[ContactPlan].situation
+    loads, carried = _write_contacts(task, tension, situation, output)
+    notes = found.notes + task.setting.notes
     infeasible: tuple[Message, ...] = ()
     if solution is not None:
         infeasible = _write_warnings(trial, solution, output)
@@ -173,14 +204,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     )
     notes += () if findings else infeasible
     put_findings(output.writer, FINDINGS, findings)
-    return Tensions(
-        tension=tension,
-        contacts=task.setting.contacts,
-        loads=loads,
-        carried=carried,
-        notes=notes,
-        findings=findings,
-    )
+    return replace(found, loads=loads, carried=carried, notes=notes, findings=findings)
 
 
 def _residual_verdict(trial: TrialInputs, torques: Torques) -> str:
