@@ -127,6 +127,18 @@ def test_noise_of_the_markers_moves_events_little():
         assert np.median(errors) < 0.01
 
 
+def test_feet_that_tremble_make_no_strides():
+    """Of an animal that stands: noise of its points, and a shake of 0.07 mm every 10 ms."""
+    time = np.arange(0.0, 3.0, 1.0 / 400.0)
+    noise = 1e-5 * np.random.default_rng(4).normal(size=(len(time), 3, 3))
+    standing = np.array([[0.0, -0.01, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.02]]) + noise
+    standing[:, 0, 0] += 3.5e-5 * np.sin(2.0 * np.pi * time / 0.01)
+    points = Series(time, ("paw_r", "paw_l", "trunk"), standing)
+    found = find_strides(points, LIMBS, ["trunk"], Z)
+    assert not found.strides
+    assert "not seen to go forward and back" in found.notes[0]
+
+
 def test_plates_go_before_markers():
     made = gait(belt=False)
     strikes = 0.25 * np.arange(1, 12)

@@ -23,6 +23,10 @@ MIN_SEPARATION = 0.6
 """Strikes of a foot, and its lifts, are apart by this share of a stride at least: a foot that drags
 stops on its way ahead, and plates, events and points may differ by more than `NEAREST`.
 """
+STILL = 0.02
+"""A foot that goes forward and back by a smaller share of its distance from the trunk does not
+step: it trembles, or its points are noisy.
+"""
 MIN_FRAMES = 8  # Frames in which trunk and foot must be seen
 
 
@@ -108,8 +112,9 @@ def foot_track(
     time = travel.time
     ahead = _along(foot - trunk, travel)
     behind = _along(lifting - trunk, travel)
-    strikes = _extremes(travel, ahead, options)
-    lifts = _extremes(travel, -behind, options)
+    least = STILL * float(np.nanmedian(np.linalg.norm(foot - trunk, axis=1)))
+    strikes = _extremes(travel, ahead, options, least)
+    lifts = _extremes(travel, -behind, options, least)
     both = np.concatenate([np.diff(strikes), np.diff(lifts)])
     usual = float(np.median(both)) if len(both) else np.inf
     return FootTrack(
@@ -132,13 +137,15 @@ def _seen_events(time: Array, values: Array, events: Array, within: float) -> Ar
     return np.array([at for at in events if _is_seen(time, values, at, within)])
 
 
-def _extremes(travel: Travel, values: Array, options: StrideOptions) -> Array:
+def _extremes(travel: Travel, values: Array, options: StrideOptions, least: float) -> Array:
     """Find times of the maxima that stand out, between samples by the parabola around each.
 
     Parameters
     ----------
     travel : at the times of the values
     values : (frames,) NaN where unknown
+    options : how far a maximum must stand out
+    least : way of the values below which they have no maxima [m]
 
     Returns
     -------
@@ -150,7 +157,7 @@ def _extremes(travel: Travel, values: Array, options: StrideOptions) -> Array:
         return np.zeros(0)
     filled = np.interp(time, time[known], values[known])
     way = float(np.ptp(np.percentile(values[known], (5.0, 95.0))))
-    if not way > 0.0:
+    if not way > least:
         return np.zeros(0)
     step = float(np.median(np.diff(time)))
     apart = MIN_SEPARATION * travel.period / step if np.isfinite(travel.period) else 1.0
