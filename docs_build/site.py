@@ -30,7 +30,7 @@ from docs_build.tables import rendered  # noqa: E402
 
 PACKAGE = ROOT / "src" / "myomorph"
 # Wings, from the main job outwards.
-WINGS = ("core", "body", "lab", "bones", "swings", "exchange", "live", "show")
+WINGS = ("core", "body", "lab", "bones", "swings", "exchange", "live", "show", "forward")
 # Names that the converter does not know, by those that it does.
 TEX = {r"\arg": r"\operatorname{arg}"}
 

@@ -66,7 +66,7 @@ def test_core_body_and_laboratory_name_no_guest():
     """Nor in a text that is imported later: what a wing adds is in its own `extension.py`."""
     package = ROOT / "src" / "myomorph"
     guests = sorted(path.parent.name for path in package.glob("*/extension.py"))
-    assert guests == ["bones", "exchange", "live", "show", "swings"]
+    assert guests == ["bones", "exchange", "forward", "live", "show", "swings"]
     named = re.compile(rf"\bmyomorph[./\\](?:{'|'.join(guests)})\b")
     found = [
         f"{path.relative_to(ROOT).as_posix()}: {match[0]}"

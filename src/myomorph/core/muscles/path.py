@@ -139,14 +139,14 @@ def path_frames(T, paths, rules, motion, results):
         the work of points that move in their bodies; nodes only where they have muscles, and what
         is beyond a path's last point is left
     """
-    room = _path_room(T, paths)
+    room = path_room(T, paths)
     for frame in range(motion.coordinates.shape[0]):
         place_frame(T, paths, motion.coordinates[frame], room.frame)
-        _paths(paths, rules[0], rules[1], room, motion, results, frame)
+        frame_paths(paths, rules, room, (motion, results), frame)
 
 
 @inner
-def _path_room(T, paths):
+def path_room(T, paths):
     """Make the scratch arrays."""
     return PathRoom(
         frame=frame_room(T, paths),
@@ -154,6 +154,22 @@ def _path_room(T, paths):
         passes=pass_room(paths),
         pull=np.zeros((paths.sizes[2], 6)),
     )
+
+
+@bare
+def frame_paths(paths, rules, room, values, frame):
+    """Compute all paths in a frame whose poses are known.
+
+    Parameters
+    ----------
+    paths : `PathArrays`
+    rules : `WrapRules`
+    room : `PathRoom`, placed by `place_frame`
+    values : `PathMotion` and `PathResults`
+    frame : its number
+    """
+    motion, results = values
+    _paths(paths, rules[0], rules[1], room, motion, results, frame)
 
 
 @bare

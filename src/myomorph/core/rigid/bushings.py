@@ -17,7 +17,18 @@ from myomorph.core.model.shapes import (
     GeneralizedForces,
 )
 from myomorph.core.model.spatial import Transform
-from myomorph.core.rigid.kinematics import Poses, forward_kinematics
+from myomorph.core.rigid.bushing_kernels import BushingArrays, add_bushings
+from myomorph.core.rigid.coordinates import State
+from myomorph.core.rigid.dynamics import project
+from myomorph.core.rigid.frames import run_frames
+from myomorph.core.rigid.kernels import kernel
+from myomorph.core.rigid.kinematics import (
+    Poses,
+    body_poses,
+    body_rates,
+    pose_room,
+    rate_room,
+)
 from myomorph.core.rigid.tree import Tree
 
 
@@ -73,15 +84,59 @@ def bushing_forces(
     -------
     (frames, coordinates) [N m or N]
     """
-    tau = np.zeros_like(coordinates)
-    poses = forward_kinematics(tree, coordinates)
-    for bushing in bushings:
-        q, B = deflection(tree, poses, bushing)
-        stiffness = np.concatenate([bushing.rotational_stiffness, bushing.translational_stiffness])
-        damping = np.concatenate([bushing.rotational_damping, bushing.translational_damping])
-        force = stiffness * q + damping * np.einsum("fij,fj->fi", B, rates)
-        tau -= np.einsum("fij,fi->fj", B, force)
+    tau = np.empty_like(coordinates)
+    arrays = (np.ascontiguousarray(coordinates), np.ascontiguousarray(rates), tau)
+    run_frames(_bushing_forces, (tree.arrays, bushing_arrays(tree, bushings)), *arrays)
     return tau
+
+
+def bushing_arrays(tree: Tree, bushings: Sequence[Bushing]) -> BushingArrays:
+    """Compile bushings to flat arrays.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    bushings : of the model
+    """
+
+    def stacked(rows: list[Array], shape: tuple[int, ...]) -> Array:
+        return np.array(rows, dtype=np.float64).reshape(-1, *shape)
+
+    stiffness = [
+        np.concatenate([bushing.rotational_stiffness, bushing.translational_stiffness])
+        for bushing in bushings
+    ]
+    damping = [
+        np.concatenate([bushing.rotational_damping, bushing.translational_damping])
+        for bushing in bushings
+    ]
+    return BushingArrays(
+        body_1=np.array([tree.body_index[bushing.body_1] for bushing in bushings], np.int64),
+        body_2=np.array([tree.body_index[bushing.body_2] for bushing in bushings], np.int64),
+        point_1=stacked([bushing.pose_1.translation for bushing in bushings], (3,)),
+        point_2=stacked([bushing.pose_2.translation for bushing in bushings], (3,)),
+        turn_1=stacked([bushing.pose_1.rotation for bushing in bushings], (3, 3)),
+        turn_2=stacked([bushing.pose_2.rotation for bushing in bushings], (3, 3)),
+        stiffness=stacked(stiffness, (6,)),
+        damping=stacked(damping, (6,)),
+    )
+
+
+@kernel
+def _bushing_forces(T, bushings, c, cdot, tau):
+    """`bushing_forces` of frames: c, cdot and tau (frames, coordinates), the last filled."""
+    pose = pose_room(T)
+    rates = rate_room(T)
+    still = np.zeros(c.shape[1])
+    f = np.empty((T.parent.shape[0], 3))
+    m = np.empty((T.parent.shape[0], 3))
+    for frame in range(c.shape[0]):
+        body_poses(T, c[frame], pose)
+        body_rates(T, State(c=c[frame], cdot=cdot[frame], cddot=still), pose, rates)
+        f[:, :] = 0.0
+        m[:, :] = 0.0
+        add_bushings(bushings, pose, rates, f, m)
+        project(T, pose, f, m, tau[frame])
 
 
 def deflection(tree: Tree, poses: Poses, bushing: Bushing) -> Deflection:

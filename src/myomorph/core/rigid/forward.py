@@ -15,9 +15,11 @@ from myomorph.core.model.shapes import (
 )
 from myomorph.core.rigid.coordinates import Ints, couple_rates_frames, gather_dependents
 from myomorph.core.rigid.dynamics import MotionArrays, joint_wrenches
+from myomorph.core.rigid.frames import run_frames
 from myomorph.core.rigid.kernels import kernel
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.loops import RANK, closure_jacobian, closure_rates, free_coordinates
+from myomorph.core.rigid.mass_matrix import mass_matrix_frames
 from myomorph.core.rigid.tree import Tree
 
 
@@ -113,7 +115,7 @@ def forward_accelerations(
 
 
 def _mass_matrix(tree: Tree, c: Coordinates, free: Ints) -> Array:
-    """Mass matrix, column by column from the forces that unit accelerations need at rest.
+    """Mass matrix of the free coordinates.
 
     Parameters
     ----------
@@ -124,16 +126,10 @@ def _mass_matrix(tree: Tree, c: Coordinates, free: Ints) -> Array:
     -------
     (frames, free, free)
     """
-    at_rest = np.zeros_like(c)
-    unloaded = np.zeros((len(c), len(tree.arrays.parent), 6))
-    weight = _required_forces(tree, c, at_rest, at_rest, unloaded)[:, free]
-    M = np.empty((len(c), len(free), len(free)))
-    for column, j in enumerate(free):
-        unit = at_rest.copy()
-        unit[:, j] = 1.0
-        unit = _consistent(tree, c, at_rest, unit)
-        M[:, :, column] = _required_forces(tree, c, at_rest, unit, unloaded)[:, free] - weight
-    return M
+    coordinates = np.array(c, dtype=np.float64, order="C")
+    M = np.empty((len(c), c.shape[1], c.shape[1]))
+    run_frames(mass_matrix_frames, (tree.arrays,), coordinates, M)
+    return M[:, free][:, :, free]
 
 
 def balancing_multipliers(

@@ -1,0 +1,1 @@
+"""Forward dynamics: how a body moves under its muscles, torques, passive forces and contacts."""

@@ -1,0 +1,27 @@
+"""Causes of what may be wrong with a simulation."""
+
+from __future__ import annotations
+
+from myomorph.core.model.messages import Cause
+
+ENERGY = Cause(
+    key="energy",
+    title="Energy without a cause",
+    gravity="changes results",
+    effect="The motion gains or loses energy that no force explains.",
+    remedy="Lower --tolerance, and compare with --certify.",
+)
+RANGES = Cause(
+    key="ranges",
+    title="Coordinates out of their ranges",
+    gravity="may change results",
+    effect="Nothing in the model stops a joint at the end of its range.",
+    remedy="Give the model limit forces, or simulate less time.",
+)
+LEFT_OUT = Cause(
+    key="left_out",
+    title="Parts of the model without a part in the simulation",
+    gravity="may change results",
+    effect="The body moves as if they were not there.",
+    remedy="Compare with a model without them.",
+)
