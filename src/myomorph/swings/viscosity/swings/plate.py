@@ -38,8 +38,8 @@ SEARCH = 2.0
 LAG = 0.05  # Offsets that are tried where no clock so near agrees, and their distance [s].
 AS_GOOD = 1.1  # Of lags that leave up to this much more than the best, the smallest is taken.
 MAX_LAG_FRAMES = 500  # Frames on which every lag is judged.
-# Squared distance of offset and drift from zero, in SDs, that chance passes 1 time in 1000.
-CHANCE = 13.8
+# Squared distance of offset and drift from zero, in SDs, that chance passes 1 time in 20.
+CHANCE = 6.0
 MIN_CLOCK_ERROR = 5e-4  # Largest lag of a recording that is left as it is [s].
 
 
@@ -107,6 +107,7 @@ def wrench_clock(
     wrench: Array,
     options: ClockOptions | None = None,
     used: np.ndarray | None = None,
+    placed: Array | None = None,
 ) -> Clock:
     """The plate's clock: offset and drift that leave the least of wrench = rows phi + constant, phi
     and constant unknown.
@@ -115,7 +116,8 @@ def wrench_clock(
     it is its own synchronisation signal. The constant takes what the plate was tared with. Rows
     (frames, 6, parameters, as `SwingRecording.wrench_rows`) and wrench are low-pass filtered alike,
     so neither needs to be filtered before (`ClockOptions.cutoff`); `used` is False in frames in
-    which the limb is touched.
+    which the limb is touched. `placed` (frames, 6) is about the same wrench: what small turns and
+    shifts of the plate make of it is left open too, since they would pass for an offset.
     """
     if rows.ndim != 3 or rows.shape[1] != 6 or wrench.shape[1:] != (6,):
         raise BadData(
@@ -123,9 +125,22 @@ def wrench_clock(
             f" {wrench.shape}"
         )
     constant = np.broadcast_to(np.eye(6), (len(time), 6, 6))
-    return fit_clock(
-        time, np.concatenate((rows, constant), axis=2), wrench_time, wrench, options, used
-    )
+    columns = [rows, constant]
+    if placed is not None:
+        columns.append(_of_misplacement(placed))
+    return fit_clock(time, np.concatenate(columns, axis=2), wrench_time, wrench, options, used)
+
+
+def _of_misplacement(wrench: Array) -> Array:
+    """(frames, 6, 6) what a turn of a plate's axes (3) and a shift (3) make of a wrench (frames,
+    6).
+    """
+    axes = np.eye(3)
+    moment = wrench[:, None, :3]
+    force = wrench[:, None, 3:]
+    turned = np.concatenate([np.cross(axes, moment), np.cross(axes, force)], axis=2)
+    shifted = np.concatenate([np.cross(axes, force), np.zeros((len(wrench), 3, 3))], axis=2)
+    return np.concatenate([turned, shifted], axis=1).swapaxes(1, 2)
 
 
 def plate_clock(
@@ -188,23 +203,37 @@ def _fitted(
     share: float,
     lag: float,
 ) -> Clock:
-    """The clock from the frames that nobody touches if the plate lags by `lag` [s]."""
+    """The clock from the frames that nobody touches if the plate lags by `lag` [s].
+
+    Noise of differentiated markers moves an offset, by more the faster what is compared. So what
+    half the cutoff would give counts as an error too.
+    """
     seen, force = _filtered(time, whole, plate_time + lag, wrench)
     if seen.sum() < 6:
         return Clock()
     carried = CarriedLimb(time=time, rows=slow, wrench=force, candidates=seen)
     (hand,) = touched_frames([carried], share, 0.5 * REACH / CUTOFF)
     options = ClockOptions(search=AROUND, cutoff=CUTOFF)
+
+    def compared(options: ClockOptions) -> Clock:
+        return wrench_clock(time, rows, plate_time + lag, wrench, options, seen & ~hand, force)
+
     try:
-        clock = wrench_clock(time, rows, plate_time + lag, wrench, options, seen & ~hand)
+        clock = compared(options)
         # A drift that chance may have made would only spoil the ends of the recording.
         if abs(clock.drift) < SIGNIFICANT * clock.drift_sd:
-            clock = wrench_clock(
-                time, rows, plate_time + lag, wrench, replace(options, drift=False), seen & ~hand
-            )
+            options = replace(options, drift=False)
+            clock = compared(options)
+        slower = compared(replace(options, cutoff=0.5 * CUTOFF))
     except BadData:
         return Clock(explained=0.0)
-    return replace(clock, offset=clock.offset + lag, epoch=clock.epoch - lag)
+    apart = np.array([slower.offset - clock.offset, slower.drift - clock.drift])
+    return replace(
+        clock,
+        offset=clock.offset + lag,
+        epoch=clock.epoch - lag,
+        covariance=clock.covariance + np.diag(np.square(apart)),
+    )
 
 
 def _filtered(
