@@ -113,7 +113,12 @@ def test_identified_masses_are_nearer_to_the_true_ones(ran):
     assumed = names["wrong"].body("torso").mass
     true = names["walk"].model.body("torso").mass
     found = names["found"]
-    assert abs(found.model.body("torso").mass - true) < 0.5 * abs(assumed - true)
+    # The interval holds what was assumed: the mass stays, and the expected one is nearer.
+    index = found.model.body_names.index("torso")
+    assert abs(found.expected[index, 0] - true) < 0.5 * abs(assumed - true)
+    assert found.mass_evidence["torso"] == "not shown"
+    assert found.model.body("torso").mass == pytest.approx(assumed, rel=1e-4)
+    assert names["interval"].low < true < names["interval"].high
     assert found.model.mass == pytest.approx(70.0, abs=1e-6)
     moments = {way: residual[0] for way, residual in found.residuals.items()}
     assert moments["identified, own"] < 0.5 * moments["generic, scaled"]

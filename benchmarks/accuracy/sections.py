@@ -209,6 +209,8 @@ PAGES: dict[str, dict[str, str]] = {
         ),
         "identification_people": "accuracy.identification.independent:measure",
         "identification_exact": "accuracy.identification.independent:measure_exact",
+        "identification_links": "accuracy.identification.independent:measure_links",
+        "identification_paper": "accuracy.identification.independent:measure_paper",
         "tissue_noise": "accuracy.identification.tissue_noise:measure",
         "identification_segments": "accuracy.identification.identification:measure_segments",
         "chapter3_wrenches": "accuracy.identification.chapter3:measure_wrenches",

@@ -25,8 +25,8 @@ def given(arm, *more, out="identified.osim"):
     )
 
 
-def test_masses_move_to_where_the_forces_are(plate, command):
-    told = command(*given(plate, "--mass", 4.0))
+def test_expected_masses_move_to_where_the_forces_are(plate, command):
+    told = command(*given(plate, "--mass", 4.0, "--masses", "expected"))
     assert told.status == 0, told.err
     model = read_osim(plate.folder / "identified.osim")
     assert model.mass == pytest.approx(4.0, abs=1e-6)
@@ -43,6 +43,21 @@ def test_masses_move_to_where_the_forces_are(plate, command):
     assert "soft tissue: not shown" in told.out
     assert told.err == ""
     assert not list(plate.folder.glob(".*"))
+
+
+def test_a_mass_that_is_not_shown_stays_and_is_named(plate, command):
+    """The default: the interval of the upper arm holds what the model says."""
+    told = command(*given(plate, "--mass", 4.0, "--no-compare"))
+    assert told.status == 0, told.err
+    assert "masses that forces show to be other ones than the shape's: none" in told.out
+    model = read_osim(plate.folder / "identified.osim")
+    assert model.body("upper").mass == pytest.approx(2.0, rel=1e-5)
+    table = (plate.folder / "identified_identification" / "masses.csv").read_text().splitlines()
+    rows = {row["link"]: row for row in csv.DictReader(table)}
+    assert rows["upper"]["another mass than the shape's"] == "not shown"
+    assert float(rows["upper"]["expected [kg]"]) == pytest.approx(UPPER, abs=0.15)
+    assert float(rows["upper"]["90 % interval from [kg]"]) < UPPER
+    assert float(rows["upper"]["90 % interval to [kg]"]) > UPPER
 
 
 def test_opensim_opens_what_was_written(plate, command, tmp_path):

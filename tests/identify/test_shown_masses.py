@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.body.identify.shown_masses import MAX_RISK, HeldMasses, shown_masses
+from myomorph.body.identify.shown_masses import (
+    MAX_RISK,
+    HeldMasses,
+    mass_evidence,
+    shown_masses,
+)
 from myomorph.core.fit.interval_rule import half_width
 
 
@@ -34,6 +39,14 @@ def test_a_mass_is_seldom_farther_than_before(sd):
 def test_what_the_interval_holds_does_not_change():
     masses = shown_masses(np.array([2.0, 2.0]), np.array([2.1, 1.5]), np.array([0.1, 0.01]))
     np.testing.assert_allclose(masses, [2.0, 1.5])
+
+
+def test_the_evidence_is_what_is_taken_of_the_change():
+    before = np.array([2.0, 2.0, 2.0, 2.0])
+    expected = np.array([2.1, 1.7, 1.5, 2.0])
+    sd = np.array([0.1, 0.1, 0.01, 0.0])
+    words = mass_evidence(before, expected, sd)
+    assert words == ("not shown", "partly shown", "shown", "not shown")
 
 
 def test_the_heaviest_link_has_the_rest():

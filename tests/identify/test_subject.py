@@ -11,11 +11,12 @@ import pytest
 
 from myomorph.body.identify.base_parameters import base_parameters, held_in
 from myomorph.body.identify.determined import MeasuredRows, determined
-from myomorph.body.identify.link_prior import LINK_SD
+from myomorph.body.identify.link_prior import LINK_SD, LinkPrior
 from myomorph.body.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
 from myomorph.body.identify.parts import parts_of
 from myomorph.body.identify.pseudo_inertia import PseudoInertiaOptions, solve_ridge
 from myomorph.body.identify.recordings import RecordingOptions, usable
+from myomorph.body.identify.sides import sides_of
 from myomorph.body.identify.subject import (
     CONIC,
     GENERIC,
@@ -77,9 +78,45 @@ def forces_of(model, recording):
 
 @pytest.fixture(scope="module")
 def real(walk):
+    """Masses as they are expected, from half of the walk."""
     model, points, found = walk
     first, second = halves(found)
-    return model, second, identify(model, [first], points, mass=MASS)
+    expected = IdentificationOptions(masses="expected")
+    return model, second, identify(model, [first], points, mass=MASS, options=expected)
+
+
+@pytest.fixture(scope="module")
+def by_default(walk):
+    model, points, found = walk
+    first, second = halves(found)
+    options = IdentificationOptions(compare=False)
+    return model, second, identify(model, [first], points, mass=MASS, options=options)
+
+
+def test_masses_that_are_not_shown_stay_and_the_other_half_is_explained_better(by_default, real):
+    """The default: a second of walking shows no single mass; mass centers and inertias do it."""
+    model, second, found = by_default
+    shape = found.parameters[SHAPE][:, 0]
+    kept = found.model
+    heaviest = int(np.argmax(shape))
+    for index, (body, word) in enumerate(
+        zip(kept.bodies, found.mass_evidence.values(), strict=True)
+    ):
+        if word == "not shown" and index != heaviest:
+            assert body.mass == pytest.approx(shape[index], rel=1e-5)
+    assert set(found.mass_evidence.values()) == {"not shown"}
+    # The expected masses, and how sure they are, are beside them.
+    np.testing.assert_allclose(found.expected, real[2].expected, rtol=1e-9)
+    np.testing.assert_allclose(found.sd, real[2].sd, rtol=1e-9)
+    assert (found.model_error >= found.sd).all()
+    interval = found.mass_interval("torso")
+    assert interval.low <= interval.value <= interval.high
+    models = {"found": kept, GENERIC: with_inertial_parameters(model, found.parameters[GENERIC])}
+    check = cross_validate(models, second.recording)
+    moment, force = check.rms("found") / check.rms(GENERIC)
+    assert moment < 0.85
+    assert force < 1.02
+    assert found.unseen.ratios[0] < 0.85
 
 
 def test_the_half_that_was_not_seen_is_explained_better(real):
@@ -212,6 +249,23 @@ def test_truth_is_found_again_from_clean_forces(walk):
     assert list(result.parameters) == ["identified, own", SHAPE, GENERIC]
 
 
+def test_links_that_are_alike_are_as_uncertain_as_others(walk):
+    """Tying both sides halved what each may differ by, and 90 % intervals held 75 % of masses."""
+    model, points, _ = walk
+    few = thinned(points["own"])
+    shape = few.parameters(few.reference)
+    tied = LinkPrior(points=few, mass=MASS, sides=sides_of(model, shape))
+    alone = LinkPrior(points=few, mass=MASS)
+    shank = 10 * model.body_names.index("tibia_r")
+    of_tied = tied.of_people(LINK_SD)[shank, shank]
+    assert of_tied == pytest.approx(alone.of_people(LINK_SD)[shank, shank], rel=0.05)
+    assert of_tied == pytest.approx((LINK_SD * shape[shank // 10, 0]) ** 2, rel=0.05)
+    assert tied.held(LINK_SD)[shank, shank] < 0.6 * of_tied
+    # What both have in common may differ by as much, what they do not by little.
+    other = 10 * model.body_names.index("tibia_l")
+    assert tied.of_people(LINK_SD)[shank, other] > 0.9 * of_tied
+
+
 def test_cross_validation_of_the_true_model_is_exact(walk):
     model, _, found = walk
     recording = replace(found.recording, wrenches=forces_of(model, found.recording), finer=None)
@@ -290,6 +344,8 @@ def test_strength_can_be_given(walk):
     )
     with pytest.raises(BadData, match="mass_sd"):
         IdentificationOptions(mass_sd=0.0)
+    with pytest.raises(BadData, match="masses is 'all'"):
+        IdentificationOptions(masses="all")
     with pytest.raises(BadData, match="mass points"):
         identify(model, [found], {})
 

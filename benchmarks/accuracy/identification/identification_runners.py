@@ -151,7 +151,7 @@ def measure(folder: Path) -> Iterator[Row]:
             inside = []
             taken = 0
             for runner in runners:
-                parameters, sd, found = (
+                parameters, expected, sd, found = (
                     _identified(model, runner, points, use)
                     if way == "identify"
                     else _refined(model, runner, use)
@@ -160,7 +160,7 @@ def measure(folder: Path) -> Iterator[Row]:
                 errors.append(
                     [_errors(model, runner.truth, parameters, limbs) for limbs in LIMBS.values()]
                 )
-                off = np.abs(parameters[:, 0] - runner.truth[:, 0]) / np.maximum(sd, 1e-12)
+                off = np.abs(expected - runner.truth[:, 0]) / np.maximum(sd, 1e-12)
                 inside.append(off[heavy] < half_width(1.0))
                 taken += found is not None
             name = way if use == "auto" else f"{way}, soft tissue never"
@@ -172,8 +172,10 @@ def measure(folder: Path) -> Iterator[Row]:
         yield _row(tissue, "generic", [np.ones(2)], errors)
 
 
-Found = tuple[Array, Array, SoftTissue | None]
-"""(bodies, 10) parameters, (bodies,) standard deviations of masses [kg], and soft tissue."""
+Found = tuple[Array, Array, Array, SoftTissue | None]
+"""(bodies, 10) parameters, (bodies,) expected masses and their standard deviations [kg], and soft
+tissue.
+"""
 
 
 def _identified(
@@ -188,14 +190,15 @@ def _identified(
         options=options,
         recording=RecordingOptions(CUTOFF),
     )
-    return found.parameters[found.chosen], found.sd[:, 0], found.soft_tissue
+    masses = found.parameters[found.chosen]
+    return masses, found.expected[:, 0], found.sd[:, 0], found.soft_tissue
 
 
 def _refined(model: mm.Model, runner: _Runner, use: Use) -> Found:
     """Lengths and marker positions are the model's, which are true."""
     options = mm.RefineOptions(cutoff=CUTOFF, fit=("masses",), soft_tissue=use)
     found = mm.refine(model, [runner.recorded[TRAIN]], model.mass, options)
-    return found.parameters, found.mass_sd, found.soft_tissue
+    return found.parameters, found.parameters[:, 0], found.mass_sd, found.soft_tissue
 
 
 def _row(
@@ -311,7 +314,7 @@ def measure_intervals(folder: Path) -> Iterator[dict[str, object]]:
                 seen = [_recorded(model, truth, one, sd, random) for one in trials.values()]
                 options = IdentificationOptions(compare=False, motion_sd=sd)
                 found = mm.identify(model, seen, points, mass=model.mass, options=options)
-                errors.append(((found.parameters[found.chosen] - truth) / found.sd)[heavy])
+                errors.append(((found.expected - truth) / found.sd)[heavy])
                 kept += found.chosen == GENERIC
                 ranks.append(found.known.rank)
                 shown.append(int(found.known.data.sum()))

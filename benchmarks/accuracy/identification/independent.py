@@ -295,8 +295,10 @@ def _joints_at(model: mm.Model, body: str) -> Iterator[Joint]:
 
 
 WAYS = {
-    "points, shown": IdentificationOptions(compare=False, if_worse="identified", masses="shown"),
     "points": IdentificationOptions(compare=False, if_worse="identified"),
+    "points, expected masses": IdentificationOptions(
+        compare=False, if_worse="identified", masses="expected"
+    ),
     "pseudo-inertia": IdentificationOptions(
         compare=False, if_worse="identified", method="pseudo-inertia"
     ),

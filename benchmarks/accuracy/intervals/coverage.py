@@ -415,7 +415,7 @@ def _masses_covered(
         options=IdentificationOptions(compare=False, motion_sd=COORDINATE_SD),
         recording=RecordingOptions(cutoff=identification.CUTOFF),
     )
-    off = (found.parameters[found.chosen] - truth)[heavy, 0]
+    off = (found.expected - truth)[heavy, 0]
     return Covered.of_sd(off, found.sd[heavy, 0], found.known.prior_sd[heavy, 0])
 
 

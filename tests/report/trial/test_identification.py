@@ -19,7 +19,7 @@ from myomorph.body.identify.base import BaseFit, Tare
 from myomorph.body.identify.base_parameters import BaseParameters
 from myomorph.body.identify.determined import Determined
 from myomorph.body.identify.estimate import mass_unknowns
-from myomorph.body.identify.subject import Identification
+from myomorph.body.identify.subject import SHAPE, Identification
 from myomorph.body.identify.validation import Consistency, CrossValidation, LinkConsistency
 from myomorph.body.shape.points import MassPoints, links_of
 from myomorph.core.fit.estimation import Estimate
@@ -253,7 +253,7 @@ def walker_identification() -> Identification:
         model=body,
         chosen="identified",
         identified="identified",
-        parameters={"identified": true, "generic": 1.1 * true},
+        parameters={"identified": true, SHAPE: true, "generic": 1.1 * true},
         residuals={"identified": np.array([1.0, 2.0]), "generic": np.array([3.0, 4.0])},
         estimate=Estimate(
             unknowns=posterior.unknowns,
@@ -400,7 +400,7 @@ def test_vertebrae_are_found_by_many_names() -> None:
 def test_masses_sum() -> None:
     *links, total = identification_tables(walker_identification(), {})["masses.csv"].rows
     assert total[0] == "Total"
-    for column in (1, 2):
+    for column in (1, 2, 3):
         assert total[column] == pytest.approx(sum(row[column] for row in links))  # type: ignore[misc]
     assert total[1] == pytest.approx(60.0)
 
@@ -503,7 +503,9 @@ def test_the_page_prints_the_numbers() -> None:
     assert not page.xpath("//section[@class='absent']")
     masses = page.xpath("//section[@id='masses']//table")[0]
     for body, row in zip(everything().model.bodies, masses.xpath("tbody/tr"), strict=False):
-        assert row.xpath("td/text()")[:3] == [body.name, number(body.mass), number(1.1 * body.mass)]
+        name, *masses = row.xpath("td/text()")
+        assert name == body.name
+        assert masses[:3] == [number(body.mass), number(body.mass), number(1.1 * body.mass)]
     rms = page.xpath("//section[@id='cross-validation']//table")[0]
     assert rms.xpath("tbody/tr[1]/td/text()") == ["Fx [N]", number(1.0), number(4.0)]
     assert "center outside <skin>" in page.xpath("string(//section[@id='body-identified']/p)")

@@ -130,7 +130,7 @@ def determined(
         data=data.reshape(table),
         posterior=_posterior(
             mass_unknowns(names, x, sizes),
-            FitPrior(of_people=prior.held(LINK_SD), of_fit=prior.without_shifts.held(mass_sd)),
+            FitPrior(of_people=prior.of_people(LINK_SD), of_fit=prior.without_shifts.held(mass_sd)),
             measured,
         ),
     )

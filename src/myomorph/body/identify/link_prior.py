@@ -64,7 +64,7 @@ class LinkPrior:
         return self._shifted(sd**2 * self._relative)
 
     def held(self, sd: float) -> Array:
-        """Compute the covariance with the whole mass known, and both sides alike.
+        """Compute the covariance with the whole mass known, and both sides alike, as fits have it.
 
         Parameters
         ----------
@@ -74,9 +74,33 @@ class LinkPrior:
         -------
         (n, n)
         """
-        whole = np.zeros((1, len(self._relative)))
+        return self._known(sd**2 * self._relative)
+
+    def of_people(self, sd: float) -> Array:
+        """Compute the covariance of links that differ by `sd` each, also those that have a twin.
+
+        Two links of the variance v that turn out to be alike keep v / 2 each, since each says what
+        the other is. So twins begin with twice the variance.
+
+        Parameters
+        ----------
+        sd : relative standard deviation of a link's mass, the whole mass free
+
+        Returns
+        -------
+        (n, n) with the whole mass known, and both sides alike
+        """
+        sizes = np.full(len(self._relative), sd)
+        for pair in () if self.sides is None else self.sides.mirrors:
+            for link in (pair.right, pair.left):
+                sizes[10 * link : 10 * link + 10] *= np.sqrt(2.0)
+        return self._known(self._relative * sizes[:, None] * sizes)
+
+    def _known(self, covariance: Array) -> Array:
+        """Condition a covariance on the whole mass and on both sides, and add shifts of matter."""
+        whole = np.zeros((1, len(covariance)))
         whole[0, ::10] = 1.0 / (MASS_ERROR * self.mass)
-        known = conditioned(sd**2 * self._relative, whole)
+        known = conditioned(covariance, whole)
         if self.sides is not None:
             known = conditioned(known, self.sides.rows)
         return self._shifted(known)

@@ -13,6 +13,8 @@ between neighbors unseen: mass centers and moments of inertia take over.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from myomorph.body.identify.pseudo_inertia import SMALLEST_SHARE
@@ -23,6 +25,8 @@ from myomorph.core.model.arrays import Array, read_only
 MAX_RISK = 0.025
 """Probability with which a link's mass may end farther from the truth than it was before."""
 HELD = 1e-6  # Relative error of a mass that is held
+Evidence = Literal["shown", "partly shown", "not shown"]
+"""Whether a mass takes all of its expected change, some of it or none."""
 
 
 def shown_masses(before: Array, expected: Array, sd: Array) -> Array:
@@ -41,6 +45,31 @@ def shown_masses(before: Array, expected: Array, sd: Array) -> Array:
     change = expected - before
     shown = np.abs(change) - half_width(sd, 1.0 - 2.0 * MAX_RISK)
     return before + np.sign(change) * np.clip(2.0 * shown, 0.0, np.abs(change))
+
+
+def mass_evidence(before: Array, expected: Array, sd: Array) -> tuple[Evidence, ...]:
+    """Say of each mass whether a measurement shows that it is another one than before.
+
+    Parameters
+    ----------
+    before, expected, sd : as of `shown_masses`
+
+    Returns
+    -------
+    one for each link
+    """
+    taken = np.abs(shown_masses(before, expected, sd) - before)
+    whole = np.abs(expected - before)
+    return tuple(
+        _evidence(part, change) for part, change in zip(taken.tolist(), whole.tolist(), strict=True)
+    )
+
+
+def _evidence(taken: float, change: float) -> Evidence:
+    """Compare the change of a mass that is taken with the expected one [kg]."""
+    if not taken > 0.0:
+        return "not shown"
+    return "shown" if taken >= change else "partly shown"
 
 
 @read_only

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -29,7 +30,12 @@ from myomorph.body.identify.pseudo_inertia import (
     solve_pseudo_inertia,
 )
 from myomorph.body.identify.recordings import RecordingOptions, Usable, all_left_out, check_excited
-from myomorph.body.identify.shown_masses import HeldMasses, shown_masses
+from myomorph.body.identify.shown_masses import (
+    Evidence,
+    HeldMasses,
+    mass_evidence,
+    shown_masses,
+)
 from myomorph.body.identify.sides import SIDE_SD, Sides, sides_of
 from myomorph.body.identify.skin_errors import SKIN_SD, skin_errors
 from myomorph.body.identify.soft_tissue import Use, with_soft_tissue
@@ -100,8 +106,9 @@ class IdentificationOptions:
     if_worse : masses of the model where identified ones predict recordings that were not used worse
         than the generic model's do: "generic" keeps those, "identified" takes the identified ones
         all the same and warns
-    masses : "expected" takes each link's mass as it is fitted; "shown" changes it only as far as it
-        is hardly farther from the truth than before (`shown_masses`)
+    masses : "shown" changes each link's mass only as far as it is hardly farther from the truth
+        than before (`shown_masses`); "expected" takes it as it is fitted, which is nearer to the
+        truth on the mean, and farther wherever the mass before was right by chance
     soft_tissue : whether markers move more than the body's mass: "auto" where measured forces show
         it and held-out parts of the recordings are predicted better, "always" or "never"; never
         with prior "paper"
@@ -119,7 +126,7 @@ class IdentificationOptions:
     skin_sd: float = SKIN_SD
     side_sd: float = SIDE_SD
     if_worse: Literal["generic", "identified"] = "generic"
-    masses: Literal["expected", "shown"] = "expected"
+    masses: Literal["shown", "expected"] = "shown"
     soft_tissue: Use = "auto"
 
     def __post_init__(self) -> None:
@@ -148,6 +155,8 @@ class IdentificationOptions:
             raise BadData(f"side_sd is {self.side_sd:g}: expected above 0")
         if self.if_worse not in ("generic", "identified"):
             raise BadData(f"if_worse is '{self.if_worse}': expected 'generic' or 'identified'")
+        if self.masses not in ("shown", "expected"):
+            raise BadData(f"masses is '{self.masses}': expected 'shown' or 'expected'")
         if self.soft_tissue not in ("auto", "always", "never"):
             raise BadData(
                 f"soft_tissue is '{self.soft_tissue}': expected 'auto', 'always' or 'never'"
@@ -239,6 +248,13 @@ class Identification:
         return self.known.posterior.x.reshape(-1, 10)
 
     @property
+    def mass_evidence(self) -> Mapping[str, Evidence]:
+        """Body to whether the data show that its mass is another one than its shape's."""
+        before = self.parameters[SHAPE][:, 0]
+        found = mass_evidence(before, self.expected[:, 0], self.sd[:, 0])
+        return FrozenMap(dict(zip(self.model.body_names, found, strict=True)))
+
+    @property
     def from_shape(self) -> Mapping[str, tuple[str, ...]]:
         """Body to its parameters that the data do not determine, but the body's shape."""
         return FrozenMap(
@@ -251,8 +267,16 @@ class Identification:
 
     @property
     def sd(self) -> Array:
-        """(bodies, 10) standard deviation of the parameters' error [kg, kg m, kg m^2]."""
+        """(bodies, 10) standard deviation of the expected parameters [kg, kg m, kg m^2]."""
         return self.known.sd if self.chosen == self.identified else self.known.prior_sd
+
+    @property
+    def model_error(self) -> Array:
+        """(bodies, 10) root mean square error of the model's parameters, beside the expected ones.
+
+        [kg, kg m, kg m^2]
+        """
+        return np.hypot(self.sd, self.parameters[self.chosen] - self.expected)
 
     @property
     def from_data(self) -> np.ndarray:
@@ -358,10 +382,9 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
 
     # Every way to identify, beside the shape alone and the generic model.
     solved = _solved(body, equations, strength, options, advance)
-    identified = body.first_way if options.method == "points" else CONIC
-    known = _known(body, equations, solved[identified].parameters, strength)
-    found = _shown(body, equations, strength, identified, known)
-    parameters = _parameters(body, solved, identified) | {identified: found}
+    way = body.way(options)
+    known = _known(body, equations, solved[way].parameters, strength)
+    found = _shown(body, equations, strength, way, known)
 
     # Masses that predict worse than the generic model's are not used.
     if unseen:
@@ -370,42 +393,17 @@ def identify(  # page: recordings and a body's shape, and what is known of them,
         names = tuple(values.name for values in recordings)
         verdict = unseen_parts(equations.parts, strength, names, equations.markers)
     kept = verdict.worse and options.if_worse == "generic"
-    chosen = GENERIC if kept else identified
-
-    notes = [
-        *_verdict(verdict, chosen == identified),
-        *_not_converged(solved),
-        *_far_from_shape(
-            model, parameters[chosen][:, 0], parameters[SHAPE][:, 0], equations.choice.mass_sd
-        ),
-    ]
-    notes += _not_shown(equations, options)
-    for one in recordings:
-        notes += one.notes
-    return Identification(
-        model=with_inertial_parameters(model, parameters[chosen]),
-        chosen=chosen,
-        identified=identified,
-        parameters=FrozenMap({name: frozen_array(values) for name, values in parameters.items()}),
-        residuals=_misfits(equations, parameters),
-        estimate=_estimate(
-            body,
-            equations,
-            Judged(known=known, sides=strength.sides, verdict=verdict),
-            solved[identified],
-        ),
-        tried=FrozenMap(equations.choice.misfits),
-        mass_sd=equations.choice.mass_sd,
-        noise=equations.choice.noise,
-        base=_base_fit(body, equations),
-        points=body.points,
-        known=known,
-        consistency=_consistency(body, parameters, inside),
-        recordings=tuple(recordings),
-        soft_tissue=equations.fitted.tissue if chosen == identified else None,
-        tissue_evidence=equations.evidence,
-        notes=tuple(notes),
+    ways = _Ways(
+        solved=FrozenMap(solved),
+        parameters=FrozenMap(_parameters(body, solved, way) | {way: found}),
+        identified=way,
+        chosen=GENERIC if kept else way,
+        inside=inside,
     )
+    judged = _Judged(known=known, sides=strength.sides, verdict=verdict)
+    notes = _notes(model, equations, ways, verdict) + _not_shown(equations, options)
+    notes += tuple(chain.from_iterable(one.notes for one in recordings))
+    return replace(_identification(body, equations, ways, judged, tuple(recordings)), notes=notes)
 
 
 @read_only
@@ -450,6 +448,10 @@ class _Body:
     def points(self) -> MassPoints:
         """Mass points of the first map."""
         return self.maps[self.first_map]
+
+    def way(self, options: IdentificationOptions) -> str:
+        """Return the name of the way to identify that is used."""
+        return self.first_way if options.method == "points" else CONIC
 
     def strength(self, options: IdentificationOptions) -> Strength:
         """State the problem of choosing how far data may move masses."""
@@ -564,21 +566,39 @@ def _misfits(equations: _Equations, parameters: Mapping[str, Array]) -> Mapping[
     return FrozenMap(misfits)
 
 
-def _consistency(
-    body: _Body, parameters: Mapping[str, Array], inside: Inside | None
-) -> Mapping[str, Consistency]:
+def _consistency(body: _Body, ways: _Ways) -> Mapping[str, Consistency]:
     """Check the links of all ways."""
     names = body.generic.body_names
     return FrozenMap(
         {
-            name: consistency(names, masses, inside=inside, points=body.points)
-            for name, masses in parameters.items()
+            name: consistency(names, masses, inside=ways.inside, points=body.points)
+            for name, masses in ways.parameters.items()
         }
     )
 
 
 @read_only
-class Judged:
+class _Ways:
+    """Ways to identify, and which of them the model gets its masses from.
+
+    Attributes
+    ----------
+    solved : by name, with what certifies each
+    parameters : (bodies, 10) by name, with the shape alone and the generic model
+    identified : name of the one that was asked for
+    chosen : of those that the model has
+    inside : tells whether points are inside the skin; None where nobody knows
+    """
+
+    solved: Mapping[str, MassPointFit | PseudoInertiaFit]
+    parameters: Mapping[str, Array]
+    identified: str
+    chosen: str
+    inside: Inside | None
+
+
+@read_only
+class _Judged:
     """What is known of identified masses beside their equations.
 
     Attributes
@@ -593,10 +613,63 @@ class Judged:
     verdict: Verdict
 
 
+def _identification(
+    body: _Body,
+    equations: _Equations,
+    ways: _Ways,
+    judged: _Judged,
+    recordings: tuple[Usable, ...],
+) -> Identification:
+    """Put together what was found, without notes.
+
+    Parameters
+    ----------
+    body : before anything is measured
+    equations : that were solved
+    ways : their solutions
+    judged : posterior, and verdict on what was not used
+    recordings : that were used
+    """
+    choice = equations.choice
+    solved = ways.solved[ways.identified]
+    parameters = {name: frozen_array(values) for name, values in ways.parameters.items()}
+    return Identification(
+        model=with_inertial_parameters(body.generic, ways.parameters[ways.chosen]),
+        chosen=ways.chosen,
+        identified=ways.identified,
+        parameters=FrozenMap(parameters),
+        residuals=_misfits(equations, ways.parameters),
+        estimate=_estimate(body, equations, judged, solved),
+        tried=FrozenMap(choice.misfits),
+        mass_sd=choice.mass_sd,
+        noise=choice.noise,
+        base=_base_fit(body, equations),
+        points=body.points,
+        known=judged.known,
+        consistency=_consistency(body, ways),
+        recordings=recordings,
+        soft_tissue=equations.fitted.tissue if ways.chosen == ways.identified else None,
+        tissue_evidence=equations.evidence,
+    )
+
+
+def _notes(
+    model: Model, equations: _Equations, ways: _Ways, verdict: Verdict
+) -> tuple[Message, ...]:
+    """List what looks wrong with masses, first of all whether they may be believed."""
+    masses = ways.parameters[ways.chosen][:, 0]
+    shape = ways.parameters[SHAPE][:, 0]
+    return (
+        *_verdict(verdict, ways.chosen == ways.identified),
+        *_not_converged(ways.solved),
+        *_far_from_shape(model, masses, shape, equations.choice.mass_sd),
+    )
+
+
 def _estimate(
     body: _Body,
     equations: _Equations,
-    judged: Judged,
+    judged: _Judged,
     solved: MassPointFit | PseudoInertiaFit,
 ) -> Estimate:
     """State the identified masses with all that certifies them.
@@ -713,7 +786,6 @@ def _known(body: _Body, equations: _Equations, parameters: Array, strength: Stre
     """
     parts = equations.parts
     sides = strength.sides
-    shifts = strength.shifts if strength.only_shown else None
     recordings = equations.fitted.recordings
     misfits = [_used(one, body.generic, parameters) for one in recordings]
     # Frames that make one independent sample, beyond those that count as one already.
@@ -723,7 +795,7 @@ def _known(body: _Body, equations: _Equations, parameters: Array, strength: Stre
     rows, _ = equations.rows
     motion = equations.noise
     if motion is None:
-        measured = MeasuredRows(A=rows, samples=samples, sides=sides, shifts=shifts)
+        measured = MeasuredRows(A=rows, samples=samples, sides=sides, shifts=strength.shifts)
         return determined(body.few, measured, body.mass, mass_sd, parameters)
     # Variances add up: what noise of the motion did not make of the misfit is noise of forces.
     share = np.square(motion.misfit(parameters) / noise)
@@ -735,7 +807,7 @@ def _known(body: _Body, equations: _Equations, parameters: Array, strength: Stre
         forces=force_rows,
         scores=motion.scores(noise, parameters),
         sides=sides,
-        shifts=shifts,
+        shifts=strength.shifts,
     )
     return determined(body.few, measured, body.mass, mass_sd, parameters)
 

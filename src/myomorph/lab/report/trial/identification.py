@@ -174,6 +174,7 @@ def mass_section(identification: Identification) -> Section:
     left = len(bodies) - len(shown)
     lead = "Every method's mass of every link, heaviest first."
     lead += f" {left} links below one gram are only in the table." if left else ""
+    lead += f" {evidence_sentence(identification)}"
     legend = tuple(zip(STYLES, masses, strict=False))
     return Section(
         key="masses",
@@ -182,6 +183,19 @@ def mass_section(identification: Identification) -> Section:
         legend=legend,
         figures=(Figure(plot, "full"),),
         grids=grids,
+    )
+
+
+def evidence_sentence(identification: Identification) -> str:
+    """Say which masses the forces show to be other ones than the shape's."""
+    evidence = identification.mass_evidence
+    named = [name for name, word in evidence.items() if word != "not shown"]
+    others = len(evidence) - len(named)
+    if not named:
+        return f"Another mass than the shape's is not shown for any of {others} links."
+    return (
+        f"Another mass than the shape's is shown for {', '.join(named)}, and not for the"
+        f" {others} other links."
     )
 
 

@@ -18,10 +18,12 @@ from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.lab.report.page.parts import Cell, Sheet
 
 TRUST = (
+    "expected [kg]",
     "standard deviation [kg]",
     "90 % interval from [kg]",
     "90 % interval to [kg]",
     "determined by",
+    "another mass than the shape's",
 )
 """Columns that say how sure the mass of a link in the model is."""
 
@@ -86,14 +88,23 @@ def named_segments(model: Model) -> Mapping[str, Segment]:
 
 def mass_sheet(identification: Identification) -> Sheet:
     """Mass of every link by every method [kg], its sum last ([D] tables 3.1 and 3.2), and
-    intervals.
+    intervals about the expected mass.
     """
     masses = identification.masses
+    expected = identification.expected
+    evidence = identification.mass_evidence
     rows: list[tuple[Cell, ...]] = []
     for i, body in enumerate(identification.model.bodies):
         interval = identification.mass_interval(body.name)
         origin = "data" if identification.from_data[i, 0] else "prior"
-        trust = (float(identification.sd[i, 0]), interval.low, interval.high, origin)
+        trust = (
+            float(expected[i, 0]),
+            float(identification.sd[i, 0]),
+            interval.low,
+            interval.high,
+            origin,
+            evidence[body.name],
+        )
         rows.append((body.name, *(float(mass[i]) for mass in masses.values()), *trust))
     total = ("Total", *(float(mass.sum()) for mass in masses.values()), *(None,) * len(TRUST))
     return Sheet(("link", *(f"{name} [kg]" for name in masses), *TRUST), (*rows, total))
@@ -101,8 +112,8 @@ def mass_sheet(identification: Identification) -> Sheet:
 
 def parameter_sheet(identification: Identification) -> Sheet:
     """All ten parameters of every link in the model, about the body's origin [kg, kg m, kg m^2].
-    Below the methods stand the standard deviations of the model's parameters, and whether data or
-    prior say them.
+    Below the methods stand the expected parameters, their standard deviations, and whether data
+    or prior say them.
     """
     units = ("kg",) + 3 * ("kg m",) + 6 * ("kg m^2",)
     head = (
@@ -113,6 +124,7 @@ def parameter_sheet(identification: Identification) -> Sheet:
     determined = np.where(identification.from_data, "data", "prior")
     tables = {
         **identification.parameters,
+        "expected": identification.expected,
         "standard deviation": identification.sd,
         "determined by": determined,
     }

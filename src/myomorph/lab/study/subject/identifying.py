@@ -269,7 +269,9 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
     surfaces = _surfaces(identification.model)
     for name, sheet in identification_tables(identification, identified.validation).items():
         (folder / name).write_text(sheet.csv(), encoding="utf-8")
-    write_error_sizes(folder, STEP.name, identified_errors(identification.model, identification.sd))
+    write_error_sizes(
+        folder, STEP.name, identified_errors(identification.model, identification.model_error)
+    )
     recordings = ", ".join(recording.name for recording in identification.recordings)
     notes = [Note("real", f"Motions: {recordings}.")]
     notes.append(Note("assumed", f"Shape of the body: {identification.points.source}."))
@@ -346,6 +348,7 @@ def summary(identified: Identified) -> list[str]:
         f"{identification.known.rank}), the others "
         f"from the prior ({identification.points.source})"
     )
+    lines.append(evidence_line(identification))
     lines.append(identification.consistency[identification.chosen].verdict)
     for name, validation in identified.validation.items():
         moment, force = validation.rms(identification.identified)
@@ -363,6 +366,15 @@ def _filters(recordings: Sequence[Usable]) -> str:
         f"{recording.cutoff:.3g}" for recording in recordings if recording.cutoff is not None
     )
     return f"; low-pass filter at {', '.join(cutoffs)} Hz" if cutoffs else ""
+
+
+def evidence_line(identification: Identification) -> str:
+    """What is printed of masses: which of them forces show to be other ones than the shape's."""
+    evidence = identification.mass_evidence
+    named = [name for name, word in evidence.items() if word != "not shown"]
+    return (
+        f"masses that forces show to be other ones than the shape's: {', '.join(named) or 'none'}"
+    )
 
 
 def tissue_line(tissue: SoftTissue) -> str:
