@@ -76,6 +76,15 @@ link does not count.
 """
 
 
+WORDS: Mapping[str, tuple[str, ...]] = {
+    "prior": ("relative", "paper"),
+    "if_worse": ("generic", "identified"),
+    "masses": ("shown", "expected"),
+    "soft_tissue": ("auto", "always", "never"),
+}
+"""Options of identification that are one of some words."""
+
+
 @dataclass(frozen=True)
 class IdentificationOptions:
     """Options of identification.
@@ -132,8 +141,8 @@ class IdentificationOptions:
     def __post_init__(self) -> None:
         if self.mass_sd is not None and not self.mass_sd > 0.0:
             raise BadData(f"mass_sd is {self.mass_sd:g}: expected above 0")
-        if self.prior not in ("relative", "paper"):
-            raise BadData(f"prior is '{self.prior}': expected 'relative' or 'paper'")
+        for name, words in WORDS.items():
+            _check_word(name, getattr(self, name), words)
         weighed = (self.weight_phi, self.weight_rho, self.point_floor, self.keep_mass)
         if self.prior != "paper" and weighed != (1.0, 1.0, 1e-3, True):
             raise BadData(
@@ -153,14 +162,18 @@ class IdentificationOptions:
             raise BadData(f"skin_sd is {self.skin_sd:g}: expected metres, 0 to below 0.2")
         if not self.side_sd > 0.0:
             raise BadData(f"side_sd is {self.side_sd:g}: expected above 0")
-        if self.if_worse not in ("generic", "identified"):
-            raise BadData(f"if_worse is '{self.if_worse}': expected 'generic' or 'identified'")
-        if self.masses not in ("shown", "expected"):
-            raise BadData(f"masses is '{self.masses}': expected 'shown' or 'expected'")
-        if self.soft_tissue not in ("auto", "always", "never"):
-            raise BadData(
-                f"soft_tissue is '{self.soft_tissue}': expected 'auto', 'always' or 'never'"
-            )
+
+
+def _check_word(name: str, word: str, words: tuple[str, ...]) -> None:
+    """Refuse a word that an option does not know.
+
+    Raises
+    ------
+    BadData : it is none of the words
+    """
+    if word not in words:
+        *others, last = (f"'{one}'" for one in words)
+        raise BadData(f"{name} is '{word}': expected {', '.join(others)} or {last}")
 
 
 @read_only
