@@ -172,8 +172,8 @@ def _check_word(name: str, word: str, words: tuple[str, ...]) -> None:
     BadData : it is none of the words
     """
     if word not in words:
-        *others, last = (f"'{one}'" for one in words)
-        raise BadData(f"{name} is '{word}': expected {', '.join(others)} or {last}")
+        others = ", ".join(f"'{one}'" for one in words[:-1])
+        raise BadData(f"{name} is '{word}': expected {others} or '{words[-1]}'")
 
 
 @read_only
