@@ -99,7 +99,15 @@ def _lines(report: SpecimenReport, dampers: Dampers, joint: str) -> tuple[str, .
     if not dampers.muscles:
         return (of_joint,)
     value = report.row["muscle_viscosity"].value
-    return of_joint, f"{len(dampers.muscles)} muscles: {value:.3g} N s/m each"
+    count = len(dampers.muscles) if report.muscles is None else len(report.muscles.muscles)
+    of_muscles = f"{count} muscles: {value:.3g} N s/m each"
+    lines = dampers.muscles.values()
+    if len(lines) > count:
+        least = f"{min(lines):.3g}"
+        most = f"{max(lines):.3g}"
+        span = least if least == most else f"{least} to {most}"
+        of_muscles += f", which its lines share: {len(lines)} of {span} N s/m"
+    return of_joint, of_muscles
 
 
 def _ball(model: Model, base: str, first: str) -> str | None:
