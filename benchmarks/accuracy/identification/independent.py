@@ -80,6 +80,8 @@ EXTENT = 1e-3
 """Least root mean square of a body's mass along an axis, from its mass center [m]."""
 HEAVY = 0.01
 """Share of the body's mass from which a body counts."""
+PLACEHOLDER = 1e-5
+"""Share of the body's mass up to which a link is there for its joints alone."""
 ROUNDING = 1e-4
 """Share of a mass by which it is farther from the truth before that counts."""
 SPREADS = (100.0, 1.0, 0.2)
@@ -461,7 +463,7 @@ def _expected_error(one: Person, expected: Array) -> float:
 def _links_farther(one: Person, generic: Array, masses: Array) -> str:
     """Count links whose mass is farther from the truth than the generic one."""
     true = one.truth[:, 0]
-    massive = true > 0.0
+    massive = true > PLACEHOLDER * true.sum()
     lost = np.abs(masses[:, 0] - true) - np.abs(generic[:, 0] - true)
     farther = lost[massive] > ROUNDING * true[massive]
     return f"{int(farther.sum())} of {len(farther)}"
