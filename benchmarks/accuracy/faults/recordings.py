@@ -631,7 +631,7 @@ JUDGED: Mapping[tuple[str, str], Judgement] = {
     ),
     ("Hamner, run", "markers"): Judgement(
         is_right=True,
-        why="it lies 3 cm to the right of the middle of shoulders and of pelvis, in another run too",
+        why="it lies 3 cm to the right of the middle of shoulders and pelvis, in another run too",
     ),
 }
 """By recording and cause."""

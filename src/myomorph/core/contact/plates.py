@@ -500,7 +500,8 @@ def _warnings(
     if zero is None and len(idle) > MIN_IDLE:
         rest = float(np.median(idle))
         zero = Zero(first=rest, last=rest, largest=peak)
-    message = None if zero is None else zero.message(plate.name)
+    # Nobody weighs more than the largest force.
+    message = None if zero is None else replace(zero, weight=peak).message(plate.name)
     return result if message is None else [*result, message]
 
 
