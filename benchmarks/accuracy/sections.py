@@ -249,6 +249,7 @@ PAGES: dict[str, dict[str, str]] = {
         "pendulum_damping": "accuracy.viscosity.pendulum:measure_decay",
         "pendulum_period": "accuracy.viscosity.pendulum:measure_periods",
         "cohort": "accuracy.viscosity.cohort:measure",
+        "plate_clocks": "accuracy.viscosity.plate_clocks:measure",
         "limbs_systematic": "accuracy.viscosity.limbs:measure_systematic",
         "limbs_coverage": "accuracy.viscosity.limbs:measure_coverage",
         "limbs_signatures": "accuracy.viscosity.signatures:measure",

@@ -11,7 +11,7 @@ from myomorph.swings.viscosity.study.into_model import _lines
 
 
 def told(lines):
-    """The lines that are printed for muscles of 12 N s/m that consist of these lines."""
+    """Print the lines for muscles of 12 N s/m that consist of these lines."""
     muscles = dict.fromkeys(lines, 12.0)
     report = SimpleNamespace(
         row={

@@ -28,7 +28,8 @@ it, where limbs swing and filters cut, it takes less than 1 in 10^3.
 """
 
 
-CUTOFF = 6.0  # Low-pass of what looks for clocks and for hands [Hz]: limbs swing at about 1 Hz.
+COMPARED = 4.0  # Low-pass at which clocks are compared [Hz]
+CUTOFF = 6.0  # Low-pass of what looks for lags and for hands [Hz]: limbs swing at about 1 Hz.
 # Share of the wrench that the motion explains, from which two clocks are taken as brought together.
 AGREES = 0.98
 # How far off a clock is first looked for [s]: a swing further away looks much the same, only
@@ -107,7 +108,7 @@ def wrench_clock(
     wrench: Array,
     options: ClockOptions | None = None,
     used: np.ndarray | None = None,
-    placed: Array | None = None,
+    turned: Array | None = None,
 ) -> Clock:
     """The plate's clock: offset and drift that leave the least of wrench = rows phi + constant, phi
     and constant unknown.
@@ -116,8 +117,8 @@ def wrench_clock(
     it is its own synchronisation signal. The constant takes what the plate was tared with. Rows
     (frames, 6, parameters, as `SwingRecording.wrench_rows`) and wrench are low-pass filtered alike,
     so neither needs to be filtered before (`ClockOptions.cutoff`); `used` is False in frames in
-    which the limb is touched. `placed` (frames, 6) is about the same wrench: what small turns and
-    shifts of the plate make of it is left open too, since they would pass for an offset.
+    which the limb is touched. `turned` (frames, 6, turns) is what small turns of the plate's axes
+    make of the wrench: they are left open too, since they would pass for an offset.
     """
     if rows.ndim != 3 or rows.shape[1] != 6 or wrench.shape[1:] != (6,):
         raise BadData(
@@ -126,21 +127,29 @@ def wrench_clock(
         )
     constant = np.broadcast_to(np.eye(6), (len(time), 6, 6))
     columns = [rows, constant]
-    if placed is not None:
-        columns.append(_of_misplacement(placed))
+    if turned is not None:
+        columns.append(turned)
     return fit_clock(time, np.concatenate(columns, axis=2), wrench_time, wrench, options, used)
 
 
-def _of_misplacement(wrench: Array) -> Array:
-    """(frames, 6, 6) what a turn of a plate's axes (3) and a shift (3) make of a wrench (frames,
-    6).
+def _of_turned_axes(wrench: Array, origin: Array) -> Array:
+    """What small turns of a plate's axes make of the wrench that it measures.
+
+    Parameters
+    ----------
+    wrench : (frames, 6) moment about the joint's center and force
+    origin : (3,) what the plate's own moments are about, from the center [m]
+
+    Returns
+    -------
+    (frames, 6, 3) of a turn about each axis [1/rad]
     """
     axes = np.eye(3)
-    moment = wrench[:, None, :3]
     force = wrench[:, None, 3:]
-    turned = np.concatenate([np.cross(axes, moment), np.cross(axes, force)], axis=2)
-    shifted = np.concatenate([np.cross(axes, force), np.zeros((len(wrench), 3, 3))], axis=2)
-    return np.concatenate([turned, shifted], axis=1).swapaxes(1, 2)
+    own_moment = wrench[:, None, :3] - np.cross(origin, force)
+    turned_force = np.cross(axes, force)
+    turned_moment = np.cross(axes, own_moment) + np.cross(origin, turned_force)
+    return np.concatenate([turned_moment, turned_force], axis=2).swapaxes(1, 2)
 
 
 def plate_clock(
@@ -150,6 +159,7 @@ def plate_clock(
     whole: np.ndarray,
     wrench_time: Array,
     wrench: Array,
+    origin: Array,
     share: float,
 ) -> tuple[Clock, list[str]]:
     """Offset and drift of the plate, or the clock as it is where nothing speaks against it; and
@@ -158,8 +168,9 @@ def plate_clock(
     Frames in which a hand carries the limb mislead the fit, and can be told only once the clocks
     agree. So the clock as given is tried first; where the motion then does not explain the wrench,
     the lag at which most frames agree (least median mismatch of the force) is the start. `slow` are
-    the rows filtered at `CUTOFF`, `whole` the frames out of the reach of the filter's ends, `share`
-    as `TrackingOptions.touch`.
+    the rows filtered at `CUTOFF`, `whole` the frames out of the reach of the filter's ends,
+    `origin` (3,) what the plate's moments are about, from the joint's center [m], `share` as
+    `TrackingOptions.touch`.
     """
     known = np.asarray(np.isfinite(wrench).all(axis=1))
     start, end = np.flatnonzero(known)[[0, -1]]
@@ -170,10 +181,10 @@ def plate_clock(
         column[~known[part]] = np.interp(
             plate_time[~known[part]], plate_time[known[part]], column[known[part]]
         )
-    best = _fitted(time, rows, slow, whole, plate_time, values, share, 0.0)
+    best = _fitted(time, rows, slow, whole, plate_time, values, origin, share, 0.0)
     if best.explained < AGREES:
         lag = _best_lag(time, slow, whole, plate_time, values)
-        other = _fitted(time, rows, slow, whole, plate_time, values, share, lag)
+        other = _fitted(time, rows, slow, whole, plate_time, values, origin, share, lag)
         best = other if other.explained > best.explained else best
     if best.explained < AGREES:
         explained = f"{100 * best.explained:.0f} %"
@@ -200,6 +211,7 @@ def _fitted(
     whole: np.ndarray,
     plate_time: Array,
     wrench: Array,
+    origin: Array,
     share: float,
     lag: float,
 ) -> Clock:
@@ -213,10 +225,11 @@ def _fitted(
         return Clock()
     carried = CarriedLimb(time=time, rows=slow, wrench=force, candidates=seen)
     (hand,) = touched_frames([carried], share, 0.5 * REACH / CUTOFF)
-    options = ClockOptions(search=AROUND, cutoff=CUTOFF)
+    turned = _of_turned_axes(force, origin)
+    options = ClockOptions(search=AROUND, cutoff=COMPARED)
 
     def compared(options: ClockOptions) -> Clock:
-        return wrench_clock(time, rows, plate_time + lag, wrench, options, seen & ~hand, force)
+        return wrench_clock(time, rows, plate_time + lag, wrench, options, seen & ~hand, turned)
 
     try:
         clock = compared(options)
@@ -224,7 +237,7 @@ def _fitted(
         if abs(clock.drift) < SIGNIFICANT * clock.drift_sd:
             options = replace(options, drift=False)
             clock = compared(options)
-        slower = compared(replace(options, cutoff=0.5 * CUTOFF))
+        slower = compared(replace(options, cutoff=0.5 * COMPARED))
     except BadData:
         return Clock(explained=0.0)
     apart = np.array([slower.offset - clock.offset, slower.drift - clock.drift])

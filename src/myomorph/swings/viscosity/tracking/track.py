@@ -354,7 +354,14 @@ def _wrench(
     if options.clock and np.isfinite(raw).all(axis=1).sum() > 3:
         rows, slow, whole = _rows(specimen, motion, sway)
         clock, warnings = plate_clock(
-            motion.time, rows, slow, whole, time, raw, options.contact_threshold
+            motion.time,
+            rows,
+            slow,
+            whole,
+            time,
+            raw,
+            _plate_origin(specimen, trial),
+            options.contact_threshold,
         )
     wrench = on_clock(clock.times(time), raw, motion.time)
     if not np.isfinite(wrench).any():
