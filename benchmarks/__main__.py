@@ -32,6 +32,10 @@ COMPARISONS = {
         "benchmarks.speed.elastic",
         "tensions on elastic tendons: a stride, and 60 s of walking",
     ),
+    "forward": (
+        "benchmarks.speed.simulate",
+        "forward dynamics against OpenSim's Manager and MuJoCo, alone and 1,000 in a row",
+    ),
     "identify": (
         "benchmarks.speed.identify",
         "base parameters of 36,000 frames: time and memory, sequential rate",

@@ -46,6 +46,7 @@ NOT_RUN = {
     "a large problem, whose size is what is measured": (
         "size",
         "elastic",
+        "forward",
         "identify",
         "morph",
         "registration",

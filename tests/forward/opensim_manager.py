@@ -43,16 +43,39 @@ def _changed(opensim, model, change):
                 forces.remove(k)
 
 
+def _ball(opensim, law):
+    """A free ball that falls on a plane."""
+    model = opensim.Model()
+    ball = opensim.Body("ball", 1.5, opensim.Vec3(0.0), opensim.Inertia(0.01))
+    model.addBody(ball)
+    model.addJoint(opensim.FreeJoint("free", model.getGround(), ball))
+    down = opensim.Vec3(0.0, 0.0, -0.5 * np.pi)
+    plane = opensim.ContactHalfSpace(opensim.Vec3(0.0), down, model.getGround(), "plane")
+    sphere = opensim.ContactSphere(0.1, opensim.Vec3(0.0), ball, "sphere")
+    model.addContactGeometry(plane)
+    model.addContactGeometry(sphere)
+    force = opensim.SmoothSphereHalfSpaceForce("contact", sphere, plane)
+    for name, value in law.items():
+        getattr(force, f"set_{name}")(value)
+    model.addForce(force)
+    return model, (ball, plane, sphere, force)
+
+
 def _run(wanted, folder):
     import opensim
 
     opensim.Logger.setLevelString("Off")
-    model = opensim.Model(wanted["model"])
+    owned = ()
+    if wanted["model"] == "ball":
+        model, owned = _ball(opensim, wanted["law"])
+    else:
+        model = opensim.Model(wanted["model"])
     for change in wanted["changes"]:
         _changed(opensim, model, change)
     model.finalizeConnections()
     model.printToXML(str(folder / "ran.osim"))
-    kept = []
+    # OpenSim's objects go where nothing holds them.
+    kept = list(owned)
     if wanted.get("controls"):
         controller = opensim.PrescribedController()
         for name, samples in wanted["controls"].items():

@@ -117,7 +117,7 @@ class SimulatedBody:
             prescribed=prescribed,
             prescribed_functions=compile_functions(functions),
             held=np.array(held, dtype=np.float64),
-            springs=_springs(self.model if self.has_tissue else None, self.model),
+            springs=spring_arrays(self.model if self.has_tissue else None, self.model),
             bushings=bushing_arrays(tree, self.model.bushings if self.has_tissue else ()),
             paths=paths.arrays,
             muscles=self._muscles(),
@@ -251,8 +251,18 @@ def _smoothing(kind: MuscleModel, muscle: Muscle) -> float:
     return float(muscle.parameters.get("activation_dynamics_smoothing", STEEPNESS))
 
 
-def _springs(model: Model | None, named: Model) -> Springs:
-    """Compile passive torques; none without a model."""
+def spring_arrays(model: Model | None, named: Model) -> Springs:
+    """Compile passive torques.
+
+    Parameters
+    ----------
+    model : with the torques; None for none
+    named : whose coordinates count
+
+    Returns
+    -------
+    the torques as the kernels read them
+    """
     torques = () if model is None else model.passive_torques
     functions: list[Function] = []
     for torque in torques:

@@ -25,3 +25,10 @@ LEFT_OUT = Cause(
     effect="The body moves as if they were not there.",
     remedy="Compare with a model without them.",
 )
+FLOOR = Cause(
+    key="floor",
+    title="Feet in the floor",
+    gravity="may change results",
+    effect="The body is thrown up at the start.",
+    remedy="Give the height of the floor, or a start in which the feet stand on it.",
+)

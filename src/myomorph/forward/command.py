@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -53,6 +53,8 @@ class CaseFlags:
     torques : of joints over time (.sto), as 'myomorph id' writes them; they hold what muscles and
         passive tissue do, which take no part then
     loads : external forces on the body of the motion
+    contacts : auto for compliant spheres under the feet, which touch a floor; none
+    floor : height of the floor [m]
     time : part of the motion, begin and end [s]
     cutoff : low-pass of the motion and the external forces [Hz], as torques were found with; 0 for
         none
@@ -68,6 +70,8 @@ class CaseFlags:
     excitations: Path | None = None
     torques: Path | None = None
     loads: Path | None = None
+    contacts: Literal["none", "auto"] = "none"
+    floor: float = 0.0
     time: tuple[float, float] | None = None
     cutoff: float = 0.0
     follow: float = 0.0
@@ -96,6 +100,8 @@ class CaseFlags:
             time=self.time,
             cutoff=self.cutoff,
             follow=self.follow,
+            contacts=self.contacts,
+            floor=self.floor,
         )
 
 

@@ -19,7 +19,8 @@ from myomorph.core.rigid.vectors import (
     vector,
 )
 
-EPS = 1e-5  # Of the smooth functions, as in OpenSim
+EPS = 1e-5  # Of the smooth depth, as in OpenSim [m^2]
+SLIP_EPS = 2.0**-52  # Of the slipping speed [m^2/s^2]
 # Entries of a law
 (
     STIFFNESS,
@@ -93,7 +94,7 @@ def _forces(law, R, depth, rate, speed):
     normal = hertz * (1.0 + 1.5 * c * rate)
     if c > 0.0:
         normal *= 0.5 + 0.5 * math.tanh(law[HUNT] * (rate + 2.0 / (3.0 * c)))
-    slipping = math.sqrt(speed * speed + EPS)
+    slipping = math.sqrt(speed * speed + SLIP_EPS)
     share = slipping / law[TRANSITION]
     friction = min(share, 1.0) * (
         law[DYNAMIC] + 2.0 * (law[STATIC] - law[DYNAMIC]) / (1.0 + share * share)

@@ -21,6 +21,8 @@ EXTENSION = Extension(
                     "excitations",
                     "torques",
                     "loads",
+                    "contacts",
+                    "floor",
                     "time",
                     "follow",
                 ),

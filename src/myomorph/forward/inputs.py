@@ -15,7 +15,10 @@ from myomorph.core.model.provenance import Source
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.sync import cut, resample_wrenches
+from myomorph.forward.causes import FLOOR
+from myomorph.forward.contact_law import NO_GROUND, Ground
 from myomorph.forward.drives import Drives
+from myomorph.forward.feet import MAX_DEPTH, depth_at, floor_under_feet
 from myomorph.lab.store.results import file_sources
 from myomorph.lab.study.inputs import reading
 from myomorph.lab.study.inputs.external_forces import read_loads
@@ -37,6 +40,8 @@ class SimulationFiles:
     time : part of the motion, begin and end [s]
     cutoff : low-pass of the motion and the external forces [Hz], 0 for none
     follow : natural frequency of a feedback to the motion [Hz], 0 for none
+    contacts : "auto" for spheres under the feet, "none"
+    floor : height of the floor that they touch [m]
     """
 
     start: Path | None = None
@@ -47,6 +52,8 @@ class SimulationFiles:
     time: tuple[float, float] | None = None
     cutoff: float = 0.0
     follow: float = 0.0
+    contacts: str = "none"
+    floor: float = 0.0
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -95,11 +102,14 @@ def read_inputs(files: SimulationFiles, model: Model) -> SimulationInputs:
     if files.torques is not None:
         torques, unused = read_torques(files.torques, model)
         notes = (*notes, *unused)
+    ground, deep = _ground(files, model, motion)
+    notes = (*notes, *deep)
     drives = Drives(
         torques=torques,
         activations=_of_muscles(files.activations, model),
         excitations=_of_muscles(files.excitations, model),
         loads=_loads(files, model, motion),
+        ground=ground,
         follow=motion if files.follow > 0.0 else None,
         feedback=files.follow,
     )
@@ -135,6 +145,20 @@ def _loads(files: SimulationFiles, model: Model, motion: Motion | None) -> Wrenc
         return None
     wrenches = read_loads(files.loads, model, motion)
     return resample_wrenches(wrenches, motion.time, cutoff=files.cutoff or None)
+
+
+def _ground(
+    files: SimulationFiles, model: Model, motion: Motion | None
+) -> tuple[Ground, tuple[Message, ...]]:
+    """Make what the feet touch, and a note where they begin deep in it."""
+    if files.contacts == "none":
+        return NO_GROUND, ()
+    ground = floor_under_feet(model, files.floor)
+    depth = depth_at(model, ground, motion)
+    if depth <= MAX_DEPTH:
+        return ground, ()
+    text = f"the feet begin {100 * depth:.2g} cm deep in the floor and are pushed out: give --floor"
+    return ground, (FLOOR.message(f"{text} {files.floor - depth:.3f}, or another start"),)
 
 
 def _of_muscles(path: Path | None, model: Model) -> Series | None:

@@ -187,11 +187,13 @@ class Integrated(NamedTuple):
     states : (frames, states)
     observed : over the same frames
     counts : (4,) of `integrate`
+    clock : (2,) where it ended
     """
 
     states: Array
     observed: Observed
     counts: Ints
+    clock: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -212,7 +214,10 @@ class Run:
     def simulation(self, progress: Progress | None = None) -> Simulation:
         """Integrate, and find what the states cause."""
         system = self.system
-        return self._named(system, self._integrated(system, progress))
+        done = self.integrated(system, progress)
+        if done.counts[OUTCOME] != RUNNING:
+            raise BadData(self._failure(int(done.counts[OUTCOME]), done.clock, done.counts))
+        return self._named(system, done)
 
     @property
     def system(self) -> System:
@@ -303,18 +308,30 @@ class Run:
             max_steps=self.options.max_steps,
         )
 
-    def _integrated(self, system: System, progress: Progress | None) -> Integrated:
-        """Integrate in parts, so that Ctrl-C and the bar of progress get their turn."""
+    def integrated(self, system: System, progress: Progress | None = None) -> Integrated:
+        """Integrate as far as it goes.
+
+        In parts, where somebody listens, so that Ctrl-C and the bar of progress get their turn.
+
+        Parameters
+        ----------
+        system : arrays of the body
+        progress : called with the number of frames just done
+
+        Returns
+        -------
+        states and what they cause, with the outcome among the counts
+        """
         times = self.times
-        rules = self.body.wrap_rules
         states = np.empty((len(times), system.size))
         observed = _observation_room(system, len(times))
         state = self.first_state(system)
         clock = np.array([times[0], FIRST_STEP])
         counts = np.zeros(4, np.int64)
         control = self.control(system)
-        for begin in range(0, len(times), FRAMES_AT_ONCE):
-            stop = min(begin + FRAMES_AT_ONCE, len(times))
+        at_once = len(times) if progress is None else FRAMES_AT_ONCE
+        for begin in range(0, len(times), at_once):
+            stop = min(begin + at_once, len(times))
             part = Progression(
                 times=times[begin:stop],
                 y=state,
@@ -323,12 +340,27 @@ class Run:
                 states=states[begin:stop],
                 observed=observed.part(begin, stop),
             )
-            integrate(system, rules, control, part)
+            integrate(system, self.body.wrap_rules, control, part)
             if counts[OUTCOME] != RUNNING:
-                raise BadData(self._failure(int(counts[OUTCOME]), clock, counts))
+                break
             if progress is not None:
                 progress(float(stop - begin))
-        return Integrated(states=states, observed=observed, counts=counts)
+        return Integrated(states=states, observed=observed, counts=counts, clock=clock)
+
+    def balance(self, system: System, done: Integrated) -> EnergyBalance:
+        """Hold the energy of what was integrated against its works.
+
+        Parameters
+        ----------
+        system : arrays of the body
+        done : by `integrated`
+        """
+        return EnergyBalance(
+            time=self.times,
+            kinetic=done.observed.energy[:, 0],
+            potential=done.observed.energy[:, 1],
+            work=done.states[:, system.size - len(WORKS) :],
+        )
 
     def _failure(self, outcome: int, clock: Array, counts: Ints) -> str:
         """Sentence on a run that cannot go on."""
@@ -379,12 +411,7 @@ class Run:
             contact_force=seen.contact[:, :, :3],
             contact_point=seen.contact[:, :, 3:],
             contact_bodies=tuple(sphere.body for sphere in body.drives.ground.spheres),
-            energy=EnergyBalance(
-                time=times,
-                kinetic=seen.energy[:, 0],
-                potential=seen.energy[:, 1],
-                work=states[:, first_work:],
-            ),
+            energy=self.balance(system, done),
             counts=StepCounts(
                 steps=int(counts[STEPS]),
                 rejected=int(counts[REJECTED]),
