@@ -34,7 +34,7 @@ COMPARISONS = {
     ),
     "forward": (
         "benchmarks.speed.simulate",
-        "forward dynamics against OpenSim's Manager and MuJoCo, alone and 1,000 in a row",
+        "forward dynamics against OpenSim's Manager and MuJoCo, alone and as one of 200",
     ),
     "identify": (
         "benchmarks.speed.identify",

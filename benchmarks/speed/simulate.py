@@ -22,7 +22,7 @@ from myomorph.forward.simulate import SimulationOptions, simulate
 from myomorph.forward.variants import Variant, simulate_variants
 
 opensim.Logger.setLevelString("Off")
-VARIANTS = 1000
+VARIANTS = 200
 TOLERANCE = 1e-6
 STEPS = (0.01, 0.005, 0.002, 0.001, 0.0005)  # Of MuJoCo, that are tried [s]
 Start = dict[str, tuple[float, float]]

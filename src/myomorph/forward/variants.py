@@ -82,6 +82,7 @@ def simulate_variants(
     body = SimulatedBody(model=model, drives=drives, elastic=options.tendons == "elastic")
     usual = Run(body=body, start=variants[0].start, options=options)
     times = usual.times
+    compiled = usual.system
     shape = (len(variants), len(times), len(model.coordinates))
     values = np.full(shape, np.nan)
     velocities = np.full(shape, np.nan)
@@ -91,7 +92,8 @@ def simulate_variants(
         for number in range(first, last):
             variant = variants[number]
             run = replace(usual, start=variant.start)
-            system = changed_system(run.system, model, variant.changes)
+            held = compiled._replace(held=run.first_coordinates[0])
+            system = changed_system(held, model, variant.changes)
             done = run.integrated(system)
             if done.counts[0] != RUNNING:
                 continue
