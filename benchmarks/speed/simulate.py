@@ -49,7 +49,7 @@ class Case:
 
 
 def _motion(start: Start) -> Motion:
-    """A start as a motion of one frame."""
+    """Make a motion of one frame of a start."""
     return Motion(
         time=np.zeros(1),
         names=tuple(start),
@@ -95,7 +95,16 @@ class MujocoRun:
         )
 
     def end(self, step: float) -> np.ndarray:
-        """Coordinates at the end, by steps of that length [s]."""
+        """Integrate by steps of one length.
+
+        Parameters
+        ----------
+        step : [s]
+
+        Returns
+        -------
+        (coordinates,) at the end
+        """
         self._model.opt.timestep = step
         mujoco.mj_resetData(self._model, self._data)
         for name, (value, speed) in self._start.items():

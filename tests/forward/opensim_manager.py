@@ -44,7 +44,7 @@ def _changed(opensim, model, change):
 
 
 def _ball(opensim, law):
-    """A free ball that falls on a plane."""
+    """Make a free ball that falls on a plane."""
     model = opensim.Model()
     ball = opensim.Body("ball", 1.5, opensim.Vec3(0.0), opensim.Inertia(0.01))
     model.addBody(ball)
@@ -61,42 +61,50 @@ def _ball(opensim, law):
     return model, (ball, plane, sphere, force)
 
 
+def _made(opensim, wanted):
+    """Make or read the model, with what it owns."""
+    if wanted["model"] == "ball":
+        return _ball(opensim, wanted["law"])
+    return opensim.Model(wanted["model"]), ()
+
+
+def _controlled(opensim, model, controls):
+    """Give muscles their excitations; what must be held on to."""
+    if not controls:
+        return []
+    controller = opensim.PrescribedController()
+    kept = [controller]
+    for name, samples in controls.items():
+        controller.addActuator(model.getMuscles().get(name))
+        function = opensim.PiecewiseLinearFunction()
+        for time, value in samples:
+            function.addPoint(time, value)
+        controller.prescribeControlForActuator(name, function)
+        kept.append(function)
+    model.addController(controller)
+    return kept
+
+
 def _run(wanted, folder):
     import opensim
 
     opensim.Logger.setLevelString("Off")
-    owned = ()
-    if wanted["model"] == "ball":
-        model, owned = _ball(opensim, wanted["law"])
-    else:
-        model = opensim.Model(wanted["model"])
+    model, owned = _made(opensim, wanted)
     for change in wanted["changes"]:
         _changed(opensim, model, change)
     model.finalizeConnections()
     model.printToXML(str(folder / "ran.osim"))
     # OpenSim's objects go where nothing holds them.
-    kept = list(owned)
-    if wanted.get("controls"):
-        controller = opensim.PrescribedController()
-        for name, samples in wanted["controls"].items():
-            controller.addActuator(model.getMuscles().get(name))
-            function = opensim.PiecewiseLinearFunction()
-            for time, value in samples:
-                function.addPoint(time, value)
-            controller.prescribeControlForActuator(name, function)
-            kept.append(function)
-        model.addController(controller)
-        kept.append(controller)
+    controls = wanted.get("controls") or {}
+    kept = [*owned, *_controlled(opensim, model, controls)]
     state = model.initSystem()
     coordinates = model.getCoordinateSet()
     names = [coordinates.get(k).getName() for k in range(coordinates.getSize())]
     for name, (value, speed) in wanted.get("start", {}).items():
         coordinates.get(name).setValue(state, value, False)
         coordinates.get(name).setSpeedValue(state, speed)
-    for name, samples in (wanted.get("controls") or {}).items():
-        muscle = model.getMuscles().get(name)
-        if not wanted.get("activations"):
-            muscle.setActivation(state, samples[0][1])
+    for name, samples in controls.items():
+        model.getMuscles().get(name).setActivation(state, samples[0][1])
     model.equilibrateMuscles(state)
     manager = opensim.Manager(model)
     manager.setIntegratorAccuracy(wanted.get("accuracy", 1e-9))
@@ -112,6 +120,7 @@ def _run(wanted, folder):
         forces[frame] = [
             model.getMuscles().get(k).getTendonForce(state) for k in range(forces.shape[1])
         ]
+    assert kept is not None
     np.savez(folder / "done.npz", names=np.array(names), values=values, forces=forces)
 
 
