@@ -292,7 +292,8 @@ def identified_masses(
     -------
     (bodies, 10) parameters, and the soft tissue between the motion of the mass and the markers
     """
-    same = IdentificationOptions(compare=False, soft_tissue=options.soft_tissue)
+    # The refinement fits masses itself, about the likeliest ones.
+    same = IdentificationOptions(compare=False, soft_tissue=options.soft_tissue, masses="expected")
     usual = usual_tissue(model) if options.soft_tissue == "always" else None
     points = {"own": own_points(model, DEFAULT_POSE, model.mass, SPACING)}
     try:
