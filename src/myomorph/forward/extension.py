@@ -14,6 +14,22 @@ EXTENSION = Extension(
             ),
             example="myomorph simulate --model arm.osim --seconds 1 --out fall",
             panel="The movement and its forces",
+            first_options=(
+                "start",
+                "activations",
+                "excitations",
+                "torques",
+                "loads",
+                "contacts",
+                "time",
+                "seconds",
+                "follow",
+                "tendons",
+                "certify",
+                "weaker",
+                "mass",
+                "viscosity",
+            ),
             option_panels={
                 "Inputs and outputs": (
                     "start",
