@@ -18,6 +18,7 @@ from myomorph.core.model.spatial import (
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
+from myomorph.core.motion.sensors.mounting import SensorOptions
 from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
 from truths.simulated_sensors import SensorErrors, simulated_sensors
@@ -105,6 +106,23 @@ def test_a_sensor_that_turns_half_way_is_turned_back(recorded):
     assert note.place == "femur_r_imu"
     assert "on its body" in note
     assert errors_of(fit, motion, model) < 6.0
+
+
+@pytest.mark.parametrize("mounting", ["recording", "pose"])
+@pytest.mark.parametrize("body", ["femur_r", "tibia_r"])
+def test_a_sensor_turned_after_the_pose_is_worth_more_than_none(recorded, body, mounting):
+    """It is not left out, and of what the recording leaves open of its turn little is taken."""
+    model, motion, recording = recorded
+    quaternions = np.array(recording.sensors.orientations)
+    index = BODIES.index(body)
+    about = axis_rotation((0.0, 1.0, 0.0), np.radians(20.0))
+    turned = rotation_from_quaternion(quaternions[:, index]) @ about
+    quaternions[:, index] = quaternion_from_rotation(turned)
+    sensors = replace(recording.sensors, orientations=quaternions)
+    sizes = SensorOptions(imu_mounting=mounting)
+    fit = sensor_kinematics(model, replace(recording, sensors=sensors, sizes=sizes))
+    assert not any("left out" in note or "exchanged" in note for note in readings(fit))
+    assert errors_of(fit, motion, model) < 8.0
 
 
 def test_noise_has_no_step_and_a_step_is_found_where_it_is():

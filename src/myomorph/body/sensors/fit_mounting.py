@@ -58,6 +58,10 @@ FRAMES = 160
 FRAMES_PER_KNOT = 12  # Of a recording that take part
 FREE = 1.5  # Standard deviation of a mounting before anything is known of it [rad]
 POSE_NOISE = 0.02  # Of a sensor against its bone while the body stands still [rad]
+SLIP = 0.2
+"""Of a sensor that slipped after the pose, against the pose [rad]: of what a recording leaves open,
+a small slip is likelier.
+"""
 SLIP_COST = 8.0
 """Of a sensor that slipped after the pose, in squares of the noise: one in fifty does (2 ln 50)."""
 SHORT = 0.005  # Time over which speeds of rotation are taken [s]
@@ -551,7 +555,7 @@ class MountingFit:
         (sensors,) inverse standard deviations [1/rad]
         """
         numbers = range(len(self.bodies))
-        return np.array([1.0 / (FREE if one in self.slipped else POSE_NOISE) for one in numbers])
+        return np.array([1.0 / (SLIP if one in self.slipped else POSE_NOISE) for one in numbers])
 
     def _pose_stiffness(self, problem: PoseProblem) -> Array:
         """Compute how well the coordinates of the calibration pose are known.

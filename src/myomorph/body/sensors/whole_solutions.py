@@ -186,7 +186,8 @@ def _other_reading(
     if conventions:
         readings += other_conventions()
     found = _solved(search, readings, anywhere)
-    decisive = [one for one in found if one.explains_slip(labelled)]
+    free = _turned_since_the_pose(search, anywhere) if _by_pose(search) else labelled
+    decisive = [one for one in found if one.explains_slip(free)]
     apart = search.apart()
     if not anywhere and 0 < len(apart) <= MAX_APART:
         turned = [_with_own_heading(labelled, name) for name in apart]
@@ -196,16 +197,35 @@ def _other_reading(
     return _removal(labelled, anywhere)
 
 
+def _by_pose(search: MountingSearch) -> bool:
+    """Return whether the calibration pose alone says how sensors are mounted."""
+    return search.sizes.imu_mounting == "pose"
+
+
+def _turned_since_the_pose(search: MountingSearch, anywhere: bool) -> WholeSolution:
+    """Solve a recording that is mounted by its pose as if sensors may have turned since then.
+
+    What that explains is no other sensor's place.
+    """
+    sizes = replace(search.recording.sizes, imu_mounting="recording")
+    free = replace(search, recording=replace(search.recording, sizes=sizes))
+    return _on_few_frames(free, Arrangement(), anywhere, slips=True)
+
+
 def _removal(labelled: WholeSolution, anywhere: bool) -> _OtherReading | None:
-    """Leave out one sensor, or two, whose errors are far above the noise; see `_other_reading`."""
+    """Leave out one sensor, or two, whose errors are far above the noise; see `_other_reading`.
+
+    Where the pose alone says how sensors are mounted, one that was turned after it errs as a loose
+    one does, and is still worth more than none.
+    """
     search = labelled.search
     names = search.sensors.names
-    if len(names) < MIN_SENSORS:
+    if len(names) < MIN_SENSORS or labelled.excess < MAX_COST or _by_pose(search):
         return None
     without = _solved(search, removals(names), anywhere)
     if without and without[0].replaces(labelled):
         return _without_one(without, labelled)
-    if not without or len(names) == MIN_SENSORS or labelled.excess < MAX_COST:
+    if not without or len(names) == MIN_SENSORS:
         return None
     first = without[0].arrangement.left_out
     pairs = [
