@@ -215,12 +215,13 @@ def _turned_since_the_pose(search: MountingSearch, anywhere: bool) -> WholeSolut
 def _removal(labelled: WholeSolution, anywhere: bool) -> _OtherReading | None:
     """Leave out one sensor, or two, whose errors are far above the noise; see `_other_reading`.
 
-    Where the pose alone says how sensors are mounted, one that was turned after it errs as a loose
-    one does, and is still worth more than none.
+    Where the pose alone or the model says how sensors are mounted, one that was turned since then
+    errs as a loose one does, and is still worth more than none.
     """
     search = labelled.search
     names = search.sensors.names
-    if len(names) < MIN_SENSORS or labelled.excess < MAX_COST or _by_pose(search):
+    by_recording = search.sizes.imu_mounting == "recording"
+    if len(names) < MIN_SENSORS or labelled.excess < MAX_COST or not by_recording:
         return None
     without = _solved(search, removals(names), anywhere)
     if without and without[0].replaces(labelled):
