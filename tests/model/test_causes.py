@@ -27,6 +27,7 @@ PLACES = (
     "myomorph.bones.causes",
     "myomorph.swings.causes",
     "myomorph.exchange.causes",
+    "myomorph.forward.causes",
 )
 CAUSES = [
     (place, cause)

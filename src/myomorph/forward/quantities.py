@@ -25,7 +25,7 @@ ELASTIC_FIBER_LENGTH = Quantity(
     dims=("time", "elastic_muscle"),
     unit="m",
     meaning="length of the fibers of a muscle whose tendon stretches",
-    file="fiber_lengths.sto",
+    file="elastic_fiber_lengths.sto",
     title="Fiber lengths [m]",
 )
 QUANTITIES = (ENERGY, FEEDBACK_FORCE, ELASTIC_FIBER_LENGTH)

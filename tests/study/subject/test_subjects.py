@@ -23,6 +23,7 @@ steps = ["ik", "identify", "id"]
 spacing = 0.02
 mass_sd = {mass_sd}
 soft_tissue = "always"
+masses = "expected"
 compare = false
 """
 

@@ -181,16 +181,20 @@ def plate_clock(
         column[~known[part]] = np.interp(
             plate_time[~known[part]], plate_time[known[part]], column[known[part]]
         )
-    best = _fitted(time, rows, slow, whole, plate_time, values, origin, share, 0.0)
+    best = _fitted(time, rows, slow, whole, plate_time, values, share, 0.0)
     if best.explained < AGREES:
         lag = _best_lag(time, slow, whole, plate_time, values)
-        other = _fitted(time, rows, slow, whole, plate_time, values, origin, share, lag)
+        other = _fitted(time, rows, slow, whole, plate_time, values, share, lag)
         best = other if other.explained > best.explained else best
     if best.explained < AGREES:
         explained = f"{100 * best.explained:.0f} %"
         return Clock(), [
             f"the clocks cannot be compared: the motion explains only {explained} of the wrench"
         ]
+    try:
+        best = _refined(time, rows, slow, whole, plate_time, values, origin, share, best.offset)
+    except BadData:
+        return Clock(), ["the clocks cannot be compared: too little of the swing shows both"]
     sizes = np.sqrt(np.diag(best.covariance)).clip(min=1e-12)
     doubt = float(np.square(np.array([best.offset, best.drift]) / sizes).sum())
     if doubt < CHANCE or np.abs(best.times(time) - time).max() < MIN_CLOCK_ERROR:
@@ -211,35 +215,54 @@ def _fitted(
     whole: np.ndarray,
     plate_time: Array,
     wrench: Array,
-    origin: Array,
     share: float,
     lag: float,
 ) -> Clock:
-    """The clock from the frames that nobody touches if the plate lags by `lag` [s].
-
-    Noise of differentiated markers moves an offset, by more the faster what is compared. So what
-    half the cutoff would give counts as an error too.
-    """
+    """The clock from the frames that nobody touches if the plate lags by `lag` [s]."""
     seen, force = _filtered(time, whole, plate_time + lag, wrench)
     if seen.sum() < 6:
         return Clock()
     carried = CarriedLimb(time=time, rows=slow, wrench=force, candidates=seen)
     (hand,) = touched_frames([carried], share, 0.5 * REACH / CUTOFF)
+    options = ClockOptions(search=AROUND, cutoff=CUTOFF)
+    try:
+        clock = wrench_clock(time, rows, plate_time + lag, wrench, options, seen & ~hand)
+    except BadData:
+        return Clock(explained=0.0)
+    return replace(clock, offset=clock.offset + lag, epoch=clock.epoch - lag)
+
+
+def _refined(
+    time: Array,
+    rows: Array,
+    slow: Array,
+    whole: np.ndarray,
+    plate_time: Array,
+    wrench: Array,
+    origin: Array,
+    share: float,
+    lag: float,
+) -> Clock:
+    """The clock near a lag [s] that brings motion and wrench together, with the plate's axes open.
+
+    Noise of differentiated markers moves an offset, by more the faster what is compared. So what
+    half the cutoff would give counts as an error too.
+    """
+    seen, force = _filtered(time, whole, plate_time + lag, wrench)
+    carried = CarriedLimb(time=time, rows=slow, wrench=force, candidates=seen)
+    (hand,) = touched_frames([carried], share, 0.5 * REACH / CUTOFF)
     turned = _of_turned_axes(force, origin)
-    options = ClockOptions(search=AROUND, cutoff=COMPARED)
 
     def compared(options: ClockOptions) -> Clock:
         return wrench_clock(time, rows, plate_time + lag, wrench, options, seen & ~hand, turned)
 
-    try:
+    options = ClockOptions(search=LAG, cutoff=COMPARED)
+    clock = compared(options)
+    # A drift that chance may have made would only spoil the ends of the recording.
+    if abs(clock.drift) < SIGNIFICANT * clock.drift_sd:
+        options = replace(options, drift=False)
         clock = compared(options)
-        # A drift that chance may have made would only spoil the ends of the recording.
-        if abs(clock.drift) < SIGNIFICANT * clock.drift_sd:
-            options = replace(options, drift=False)
-            clock = compared(options)
-        slower = compared(replace(options, cutoff=0.5 * COMPARED))
-    except BadData:
-        return Clock(explained=0.0)
+    slower = compared(replace(options, cutoff=0.5 * COMPARED))
     apart = np.array([slower.offset - clock.offset, slower.drift - clock.drift])
     return replace(
         clock,
