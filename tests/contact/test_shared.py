@@ -14,6 +14,7 @@ from measured_walk import measured_walk
 from myomorph.core.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.core.contact.site_motion import site_motion
 from myomorph.core.contact.states import contact_activations, find_contacts
+from myomorph.core.model.contacts import Contacts, Site, Touch
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import ForcePlate, Wrenches
 from myomorph.core.motion.sync import resample_wrenches
@@ -105,6 +106,31 @@ def test_a_plate_of_two_feet_is_shared_however_it_is_given(walk, body):
     given = shared_wrenches(model, motion, sites, contacts, loads)
     same = np.equal(members_of(outlined, len(motion)), members_of(given, len(motion)))
     assert same.mean() > 0.95
+
+
+def test_hands_that_hold_a_box_stand_on_no_plate(walk):
+    """While plates carry the whole body, a hand that touches a box is none of theirs."""
+    model, motion, sites, wrenches, contacts = walk
+    plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
+    hand = Site("hand", "hand_r", [[0.0, -0.08, 0.0]], against="torso", group="hands")
+    holding = Touch(
+        site="hand",
+        start=float(motion.time[0]),
+        stop=float(motion.time[-1]),
+        surface="torso",
+    )
+    loads = Wrenches(
+        time=motion.time,
+        names=("plate",),
+        bodies=("",),
+        forces=plate.forces[:, None],
+        points=plate.points[:, None],
+        torques=plate.torques[:, None],
+    )
+    both = Contacts((*contacts.sites, "hand"), (*contacts.intervals, holding))
+    found = shared_wrenches(model, motion, (*sites, hand), both, loads)
+    assert found
+    assert all("hand" not in one.sites for one in found)
 
 
 def test_wrenches_that_name_bodies_belong_to_their_foot(walk):

@@ -18,7 +18,8 @@ from myomorph.core.model.contacts import Contacts, SharedWrench, Site
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.messages import Message
-from myomorph.core.model.model import Model
+from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.segments import feet_of
 from myomorph.core.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.core.motion.sync import refuse_other_times
 
@@ -67,13 +68,15 @@ def shared_wrenches(  # page: the measurements, and two limits
 ) -> tuple[SharedWrench, ...]:
     """Find the wrench of every loaded plate, for the sites that touch while they are over it.
 
-    Frames in which other sites stand on a plate make a wrench of their own, which is NaN in all
-    other frames. Of plates with an outline a site belongs to the one it is over; one within the
-    margin of two loaded plates joins these: their sum is known for the sites of both. Of wrenches
-    without an outline a site belongs to that which acts on a body of its group, or, where bodies
-    are not known, to those whose center of pressure its group is near. While wrenches without an
-    outline carry the whole body, a group that touches and has none of them stands on the one that
-    is nearest: a file may put on one foot what two feet press on.
+    Sites against another body, as hands that hold a box, stand on no plate. Frames in which other
+    sites stand on a plate make a wrench of their own, which is NaN in all other frames.
+
+    Of plates with an outline a site belongs to the one it is over; one within the margin of two
+    loaded plates joins these: their sum is known for the sites of both. Of wrenches without an
+    outline a site belongs to that which acts on a body of its group, or, where bodies are not
+    known, to those whose center of pressure its group is near. While wrenches without an outline
+    carry the whole body, a foot that touches and has none of them stands on the one that is
+    nearest: a file may put on one foot what two feet press on.
 
     Parameters
     ----------
@@ -105,6 +108,7 @@ def shared_wrenches(  # page: the measurements, and two limits
         near = _over(moving, [plate.corners for plate in plates], margin * moving.height)
     columns = [contacts.sites.index(site.name) for site in sites]
     touching = contacts.states(motion.time).values[:, columns] > 0.0
+    touching &= np.array([site.against == GROUND for site in sites], np.bool_)
     weight = model.weight
     pressing = np.nan_to_num(wrenches.forces @ moving.up)
     state = hysteresis(pressing > LOADED * weight, pressing < UNLOADED * weight)
@@ -113,6 +117,7 @@ def shared_wrenches(  # page: the measurements, and two limits
     if isinstance(plates, Wrenches):
         whole = pressing.sum(axis=1) > (moving.carried - UNMEASURED) * weight
         alone = touching & steady(whole, motion.time, SHORTEST)[:, None] & ~standing.any(axis=1)
+        alone &= _are_soles(model, sites)
         standing |= alone[:, None] & _nearest(moving, wrenches, sites, loaded)
     sd = DEVIATION * weight
     return _wrenches(_together(standing, loaded), wrenches, sites, sd, sd * moving.height)
@@ -168,6 +173,13 @@ def _beside(
             else:
                 near[:, plate, members] = (distance[:, members].min(axis=1) < reach)[:, None]
     return near
+
+
+def _are_soles(model: Model, sites: Sequence[Site]) -> NDArray[np.bool_]:
+    """Return whether sites are of feet."""
+    heels = set(feet_of(model))
+    feet = {site.group for site in sites if site.body in heels}
+    return np.array([site.group in feet for site in sites], np.bool_)
 
 
 def _nearest(
