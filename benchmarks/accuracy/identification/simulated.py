@@ -173,7 +173,8 @@ def from_markers(case: Case, folder: Path, size: Size) -> Facts:
     points, inside, _ = body_points(
         found.model, BodyShape(), mass, BodyOptions(SPACING), compare=False
     )
-    options = IdentificationOptions(compare=False)
+    # What predicts other motions best; masses that are shown keep nearer to the generic ones.
+    options = IdentificationOptions(compare=False, masses="expected")
     identified = mm.identify(
         found.model, seen[:1], points, mass=mass, inside=inside, options=options
     )
