@@ -22,7 +22,7 @@ def contacts_of_sites(
     """Put contacts that a table reports of a group of sites on these.
 
     While the group touches, those of its sites do that are near the lowest one, as under a plate's
-    force; nothing of it touches at other times.
+    force; nothing of it touches at other times, nor in frames in which the motion is NaN.
 
     Source: ours, the rule of `states.by_plates`.
 
@@ -30,7 +30,7 @@ def contacts_of_sites(
     ----------
     reported : contacts of sites, and of groups of sites by their name, as `foot_l`
     model : with the sites' bodies
-    motion : coordinates over time
+    motion : coordinates (frames, coordinates) [rad or m]
     sites : of contact
 
     Returns
