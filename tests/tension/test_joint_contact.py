@@ -14,6 +14,7 @@ from myomorph.core.io.osim.read import read_osim
 from myomorph.core.model.errors import BadData, BadModel, UnknownName
 from myomorph.core.model.model import GROUND
 from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.model.spatial import Transform
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.joint_contact import ContactPoint, joint_contact_forces, shared_force
@@ -266,6 +267,53 @@ def test_a_missing_bone_is_the_other_sides_or_a_distance_and_told(walker):
     assert 2.0 * HALF_SPACING * length == pytest.approx(
         np.linalg.norm(np.subtract(whole.points[1].point, whole.points[0].point)), rel=0.1
     )
+
+
+def test_parts_of_an_implant_that_are_welded_to_the_bones_change_no_point(walker):
+    """The points of both knees, where one femur and tibia carry a part each, turned against it."""
+    model, _ = walker
+    turned = random_rotation(np.random.default_rng(2))
+    knee = next(one for one in model.joints if one.name == "walker_knee_r")
+    weld = replace(
+        knee,
+        name="component_weld",
+        kind="WeldJoint",
+        child="femoral_component_r",
+        child_frame=Transform(turned, np.array([0.01, 0.02, 0.03])),
+        axes=(),
+        coordinates=(),
+    )
+    moved = replace(knee, parent="femoral_component_r", parent_frame=weld.child_frame)
+    part = replace(model.body("patella_r"), name="femoral_component_r", mass=0.0, meshes=())
+    joints = tuple(joint for one in model.joints for joint in _with_part(one, weld, moved))
+    at = 1 + model.body_names.index("femur_r")
+    bodies = (*model.bodies[:at], part, *model.bodies[at:])
+    parted = replace(model, bodies=bodies, joints=joints)
+    for found, plain in zip(
+        knee_points(parted, {}).points, knee_points(model, {}).points, strict=True
+    ):
+        assert found.point == pytest.approx(plain.point, abs=1e-9)
+
+
+def _with_part(joint, weld, knee):
+    """The joints that stand in the place of one: before a knee its weld."""
+    return (weld, knee) if joint.name == knee.name else (joint,)
+
+
+def test_a_knee_without_a_side_in_its_name_is_on_the_side_that_the_other_leaves(
+    walker, tmp_path, data
+):
+    text = data("rajagopal-walk-emg/subject_walk_scaled.osim").read_text(encoding="utf-8")
+    bare = tmp_path / "bare.osim"
+    bare.write_text(
+        text.replace("tibia_r<", "tibia<")
+        .replace('"tibia_r"', '"tibia"')
+        .replace("walker_knee_r", "walker_knee"),
+        encoding="utf-8",
+    )
+    points = knee_points(read_osim(bare), {}).points
+    for found, plain in zip(points, knee_points(walker[0], {}).points, strict=True):
+        assert found.point == pytest.approx(plain.point, abs=1e-12)
 
 
 def test_a_model_without_knees_is_told_so():

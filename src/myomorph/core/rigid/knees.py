@@ -13,14 +13,14 @@ from myomorph.core.rigid.kinematics import Poses, forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 
 # Words in the names of the bodies above and below a knee
-THIGH = ("femur", "thigh")
+THIGH = ("femur", "femoral", "thigh")
 SHANK = ("tibia", "shank")
 FLEXIONS = np.radians([0.0, 15.0, 30.0, 45.0, 60.0])  # At which the hinge axis is determined [rad]
 MIN_LENGTH = 1e-9  # Of a body between two joints [m]
 
 
 def knee_joints(model: Model) -> tuple[Joint, ...]:
-    """Find the joints between a body called femur or thigh and one called tibia or shank."""
+    """Find the joints between a body called femur, femoral or thigh and one called tibia or shank."""
     return tuple(
         joint
         for joint in model.joints
@@ -60,16 +60,35 @@ def long_axis(model: Model, joint: Joint) -> Array | None:
     (3,) unit vector in the child, None where no joint follows
     """
     center = joint.child_frame.translation
-    to_next = [
-        distal.parent_frame.translation - center
-        for distal in model.joints
-        if distal.parent == joint.child
-    ]
+    to_next = [next_center - center for next_center in _centers_beyond(model, joint.child)]
     lengths = [float(np.linalg.norm(vector)) for vector in to_next]
     if not lengths or max(lengths) < MIN_LENGTH:
         return None
     farthest = int(np.argmax(lengths))
     return np.asarray(to_next[farthest] / lengths[farthest])
+
+
+def _centers_beyond(model: Model, body: str) -> Iterator[Array]:
+    """(3,) centers of the joints that follow a body and what is welded to it, in its frame [m]."""
+    for joint in model.joints:
+        if joint.parent != body:
+            continue
+        center = joint.parent_frame.translation
+        yield center
+        if not joint.axes:
+            turn = joint.parent_frame.rotation @ joint.child_frame.rotation.T
+            origin = center - turn @ joint.child_frame.translation
+            for beyond in _centers_beyond(model, joint.child):
+                yield origin + turn @ beyond
+
+
+def joint_above(model: Model, body: str) -> Joint | None:
+    """Find the next joint above a body, past bodies that it is welded to; None at the ground."""
+    above = next((joint for joint in model.joints if joint.child == body), None)
+    while above is not None and not above.axes:
+        parent = above.parent
+        above = next((joint for joint in model.joints if joint.child == parent), None)
+    return above
 
 
 def flexed(model: Model, knee: Joint) -> Poses | None:

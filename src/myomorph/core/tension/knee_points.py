@@ -14,6 +14,7 @@ from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Body, Joint, Model
 from myomorph.core.model.segments import feet_of
 from myomorph.core.model.sides import other_side, split_side
+from myomorph.core.model.spatial import Transform
 from myomorph.core.model.surface import Surface, body_meshes
 from myomorph.core.rigid.kinematics import Poses
 from myomorph.core.rigid.knees import (
@@ -22,6 +23,7 @@ from myomorph.core.rigid.knees import (
     THIGH,
     flexed,
     hinge_axis,
+    joint_above,
     knee_joints,
     long_axis,
 )
@@ -151,8 +153,8 @@ def _axes(model: Model, knee: Joint) -> KneeAxes:
     ------
     BadModel : the knee has no side in its name, no hip, no ankle, or does not turn
     """
-    side = split_side(knee.child)[1] or split_side(knee.name)[1]
-    hip = next((joint for joint in model.joints if joint.child == knee.parent), None)
+    side = _side(model, knee)
+    hip = joint_above(model, knee.parent)
     down = long_axis(model, knee)
     poses = flexed(model, knee)
     if not side:
@@ -165,13 +167,32 @@ def _axes(model: Model, knee: Joint) -> KneeAxes:
         raise BadModel(
             f"joint '{knee.name}' does not turn, so its contact points must be given in a file"
         )
-    thigh = knee.parent_frame.translation - hip.child_frame.translation
+    thigh = _place(poses, knee.parent, knee.parent_frame) - _place(
+        poses, hip.child, hip.child_frame
+    )
     return KneeAxes(
         poses=poses,
         down=down,
         lateral=_lateral(model, knee, poses, down, side),
         length=float(np.linalg.norm(thigh)),
     )
+
+
+def _side(model: Model, knee: Joint) -> str:
+    """Tell the side of a knee: its name, else the one that the other knee's name leaves."""
+    named = {
+        one.name: split_side(one.child)[1] or split_side(one.name)[1] for one in knee_joints(model)
+    }
+    own = named.pop(knee.name)
+    others = tuple(named.values())
+    return own or {("left",): "right", ("right",): "left"}.get(others, "")
+
+
+def _place(poses: Poses, body: str, frame: Transform) -> Array:
+    """(3,) origin of a body's frame in ground in the first pose [m]."""
+    number = poses.tree.body_index[body]
+    place = poses.origins[0, number] + poses.rotations[0, number] @ frame.translation
+    return np.asarray(place)
 
 
 def _unfit(knee: Joint, reason: str) -> BadModel:
