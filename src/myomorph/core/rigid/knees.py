@@ -20,7 +20,7 @@ MIN_LENGTH = 1e-9  # Of a body between two joints [m]
 
 
 def knee_joints(model: Model) -> tuple[Joint, ...]:
-    """Find the joints between a body called femur, femoral or thigh and one called tibia or shank."""
+    """Find the joints between a body named femur or thigh (a part of one) and a tibia or shank."""
     return tuple(
         joint
         for joint in model.joints
