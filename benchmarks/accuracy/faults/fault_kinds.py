@@ -26,6 +26,8 @@ SIDES = (("Right", "Left"), ("RIGHT", "LEFT"), ("R", "L"))
 """What names of markers of the two sides begin with."""
 ANALYZE = ("ik", "id")
 """Steps that see faults of markers, plates and persons."""
+WITH_MUSCLES = (*ANALYZE, "muscles", "tension")
+"""Steps that see faults of EMG."""
 
 
 @dataclass(kw_only=True)
@@ -36,6 +38,7 @@ class Job:
     ----------
     capture : the recording
     used : labels of markers that the model has
+    emg : names of channels of EMG that take part
     mass : as typed [kg]
     frames : of the recording that are analyzed, first and last + 1
     steps : that are run; with "calibrate" the generic model is fitted anew
@@ -51,6 +54,7 @@ class Job:
 
     capture: Capture
     used: tuple[str, ...]
+    emg: tuple[str, ...]
     mass: float
     frames: slice
     steps: tuple[str, ...] = ANALYZE
@@ -402,14 +406,13 @@ def radians(job: Job, random: Generator) -> bool:
 
 def exchanged_channels(job: Job, random: Generator) -> bool:
     """Names of two channels of EMG exchanged."""
-    names = list(job.capture.emg)
-    if len(names) < 4:
+    if len(job.emg) < 4:
         return False
-    first, second = random.choice(names, 2, replace=False).tolist()
+    first, second = random.choice(job.emg, 2, replace=False).tolist()
     job.capture.rename_emg({first: second, second: first})
     job.places = (first, second)
     job.said = f"{first} and {second}"
-    job.steps = (*ANALYZE, "muscles", "tension")
+    job.steps = WITH_MUSCLES
     job.matters = True
     return True
 
@@ -442,14 +445,19 @@ def millivolts(job: Job, random: Generator) -> bool:
 
 
 def _on_channel(job: Job, random: Generator, change: Callable[[Array], Array]) -> bool:
-    """Change a channel of EMG that has a signal."""
-    channels = {name: values for name, values in job.capture.emg.items() if values.std() > 0.0}
+    """Change a channel of EMG that takes part and has a signal."""
+    channels = {
+        name: values
+        for name, values in job.capture.emg.items()
+        if name in job.emg and values.std() > 0.0
+    }
     if len(channels) < 4:
         return False
     name = list(channels)[int(random.integers(len(channels)))]
     channels[name][:] = change(channels[name].copy())
     job.places = (name, name.rpartition(".")[2])
     job.said = name
+    job.steps = WITH_MUSCLES
     job.matters = True
     return True
 

@@ -50,6 +50,7 @@ from myomorph.core.model.messages import GRAVITIES, OTHER, Message
 from myomorph.core.model.scale import scale
 from myomorph.core.motion.stretch import skeleton
 from myomorph.lab.causes import SESSION
+from myomorph.lab.study.inputs.emg_files import open_emg
 from myomorph.lab.study.plan.plan import read_plan
 from myomorph.lab.study.run.run import run_study
 
@@ -83,6 +84,7 @@ class Recording:
     forces : columns of the table
     static : standing still, "" for none
     span : the part that is analyzed [s], None for all
+    emg_side : of channels whose names have none
     options : as typed besides
     """
 
@@ -93,6 +95,7 @@ class Recording:
     forces: tuple[ForceColumns, ...] = ()
     static: str = ""
     span: tuple[float, float] | None = None
+    emg_side: str = ""
     options: tuple[str, ...] = ()
 
     def capture(self, folder: Path) -> Capture:
@@ -128,7 +131,12 @@ RECORDINGS = (
     Recording(
         name="OpenSim's walk", file="c3d-opensim-walking/walking5.c3d", mass=59.4, span=(1.2, 3.6)
     ),
-    Recording(name="instrumented knee, walk", file="knee-implant-walk/walk1.c3d", mass=83.0),
+    Recording(
+        name="instrumented knee, walk",
+        file="knee-implant-walk/walk1.c3d",
+        mass=83.0,
+        emg_side="left",
+    ),
     Recording(
         name="vendor, walk with EMG",
         file="c3d-vendor-samples/C3DSamples/others/Gait.c3d",
@@ -248,11 +256,20 @@ class Clean:
         return Job(
             capture=capture,
             used=tuple(dict.fromkeys(used)),
+            emg=self._channels(capture),
             mass=self.recording.mass,
             frames=_frames(capture, self.recording.span),
             second=self.recording.capture(self.data),
             static=self.recording.still(self.data),
         )
+
+    def _channels(self, capture: Capture) -> tuple[str, ...]:
+        """Names of channels of EMG that take part in the clean recording."""
+        if not self.model.is_file() or not capture.emg:
+            return ()
+        model = mm.read_model(self.model)
+        path = self.data / self.recording.file
+        return tuple(open_emg(path, model, {}, side=self.recording.emg_side).muscles)
 
     def of_steps(self, job: Job) -> Said:
         """Return what is said of the clean recording by the steps of a job."""
@@ -316,6 +333,8 @@ def _time_words(clean: Clean, job: Job) -> list[str]:
     """Words for the part that is analyzed, and others of the recording."""
     span = clean.recording.span
     words = [] if span is None else ["--time", *(f"{second:g}" for second in span)]
+    if clean.recording.emg_side:
+        words += ["--emg-side", clean.recording.emg_side]
     return [*words, *clean.recording.options]
 
 
