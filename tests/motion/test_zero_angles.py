@@ -14,6 +14,7 @@ from myomorph.body.calibrate.frame_sums import reduce, settle
 from myomorph.body.calibrate.mean_posture import symmetric_posture
 from myomorph.body.calibrate.shared_problem import BLOCKS, FrameSet, SharedProblem
 from myomorph.body.calibrate.sliding_skin import Slide, sliding
+from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.fit.residuals import LinearPrior
 from myomorph.core.model.model import Model
 from myomorph.core.model.scale import scale
@@ -288,3 +289,22 @@ def test_a_static_trial_takes_the_place_of_motion_that_would_put_zeros_where_no_
     (warning,) = calibrate(model, [moving], replace(options, static=None)).warnings
     assert not warning.mended
     assert warning.place in model.coordinate_names
+
+
+def test_a_zero_that_the_static_trial_confirms_is_far_from_the_generic_models_in_silence(
+    monkeypatch,
+):
+    """Markers that lie turned on the generic foot are no fault of who stands as people stand."""
+    model = stick_figure()
+    monkeypatch.setattr("myomorph.body.calibrate.calibrate.STANDING", ("foot",))
+    still = Markers(np.zeros(1), model.marker_names, walk(model).values[:1])
+    stands = inverse_kinematics(model, still).motion
+    pose = {name: float(stands[name][0]) for name in stands.names if name.startswith("foot")}
+    options = CalibrationOptions(frames=12, static=still, static_pose=pose)
+    turned = with_turned_foot(model, np.radians(38.0))
+    confirmed = calibrate(turned, [walk(model)], options)
+    zero = next(one for one in confirmed.zero_angles if one.coordinate == "foot_r_r0")
+    assert np.radians(16.0) < abs(zero.offset) - half_width(zero.sd) < np.radians(25.0)
+    assert not confirmed.warnings
+    monkeypatch.setattr("myomorph.body.calibrate.zero_angles.STANDS", 0.0)
+    assert calibrate(turned, [walk(model)], options).warnings[0].place == "foot_r_r0"

@@ -296,7 +296,7 @@ def test_parts_of_an_implant_that_are_welded_to_the_bones_change_no_point(walker
 
 
 def _with_part(joint, weld, knee):
-    """The joints that stand in the place of one: before a knee its weld."""
+    """Put its weld before a knee."""
     return (weld, knee) if joint.name == knee.name else (joint,)
 
 

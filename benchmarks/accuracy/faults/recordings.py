@@ -644,10 +644,6 @@ JUDGED: Mapping[tuple[str, str], Judgement] = {
         is_right=True,
         why="its raw signal never rests: 0.14 V all along, where the left one rises from 0.005 V",
     ),
-    ("Rajagopal, walk", "calibration"): Judgement(
-        is_right=True,
-        why="standing, heel and fifth metatarsal of both feet lie level to 3 mm: no foot is turned",
-    ),
     ("Hamner, run", "markers"): Judgement(
         is_right=True,
         why="it lies 3 cm to the right of the middle of shoulders and pelvis, in another run too",

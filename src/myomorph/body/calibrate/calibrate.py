@@ -33,7 +33,12 @@ from myomorph.body.calibrate.recorded import RecordedMarkers, recorded_markers
 from myomorph.body.calibrate.shared_fit import Search, SearchSettings, search_minimum
 from myomorph.body.calibrate.shared_problem import LENGTHS, MARKERS, FrameSet, SharedProblem
 from myomorph.body.calibrate.sliding_skin import Slide, sliding
-from myomorph.body.calibrate.zero_angles import far_zeros, zero_angles, zero_notes
+from myomorph.body.calibrate.zero_angles import (
+    far_zeros,
+    standing_errors,
+    zero_angles,
+    zero_notes,
+)
 from myomorph.core.fit.estimation import Estimate, estimate_of
 from myomorph.core.fit.posterior import Posterior
 from myomorph.core.model.arguments import check_argument
@@ -141,7 +146,8 @@ def calibrate(
     # Of knees and feet alone: a pelvis or a trunk may lean from the generic one's by much.
     limbs = [zero for zero in calibration.zero_angles if zero.coordinate.startswith(STANDING)]
     moving = len(recorded.recordings) > int(recorded.static)
-    far = far_zeros(limbs, static=recorded.static and moving)
+    standing = standing_errors(search) if recorded.static else {}
+    far = far_zeros(limbs, standing, alone=recorded.static and moving)
     if far and far[0].mended:
         return replace(calibrate(model, (), options, path_lengths=path_lengths), warnings=far)
     notes = (*calibration.notes, *few_marker_notes(model, recorded))

@@ -8,7 +8,7 @@ where the generic model has its markers.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -40,6 +40,7 @@ WIDE = np.radians(10.0)  # An interval wider than this to either side is not lef
 MIN_VARIANCE = 1e-18  # Of a zero, so that its precision stays finite [rad^2]
 # As far as zeros of calibrated models lie from experts' at most: beyond it they are named [rad]
 FAR = np.radians(16.0)
+STANDS = np.radians(10.0)  # Within it of the known pose of a static trial a zero is right [rad]
 REFUTED = np.radians(25.0)  # Beyond it a static trial takes the motion's place [rad]
 
 
@@ -216,28 +217,55 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[Message, ...
     )
 
 
-def far_zeros(zeros: Sequence[ZeroAngle], static: bool) -> tuple[Finding, ...]:
+def standing_errors(search: Search) -> Mapping[str, float]:
+    """Compare the calibrated posture in the static trial with the angles that are known there.
+
+    Parameters
+    ----------
+    search : where it ended; the static trial's frames are its problem's last
+
+    Returns
+    -------
+    mean difference by coordinate [rad]
+    """
+    frames = search.problem.sets[-1]
+    errors = (search.found.point.angles[-1] - frames.targets).mean(axis=0)
+    coordinates = search.problem.model.coordinate_names
+    return FrozenMap({coordinates[j]: float(errors[j]) for j in np.flatnonzero(frames.known)})
+
+
+def far_zeros(
+    zeros: Sequence[ZeroAngle], standing: Mapping[str, float], alone: bool
+) -> tuple[Finding, ...]:
     """Find angles whose zeros lie where no bones have them.
 
-    They are repaired where a static trial can take the place of the motion.
+    The generic model's markers may lie beside the bones, and the zero be right for all that: where
+    the body then stands as it does in static trials, nothing is said. They are repaired where a
+    static trial can take the place of the motion.
 
     Parameters
     ----------
     zeros : of knees and feet
-    static : whether a static trial is there to calibrate on alone
+    standing : by coordinate, how far the calibrated posture in a static trial lies from the known
+        one [rad]; none without a static trial
+    alone : whether a static trial is there to calibrate on alone
 
     Returns
     -------
     one finding, or none
     """
     at_least = {zero: abs(zero.offset) - half_width(zero.sd) for zero in zeros}
-    beyond = [zero for zero, angle in at_least.items() if angle > FAR]
+    beyond = [
+        zero
+        for zero, angle in at_least.items()
+        if angle > FAR and (angle > REFUTED or abs(standing.get(zero.coordinate, np.inf)) > STANDS)
+    ]
     far = sorted(beyond, key=lambda zero: -at_least[zero])
     if not far:
         return ()
-    mended = static and bool(at_least[far[0]] > REFUTED)
+    mended = alone and bool(at_least[far[0]] > REFUTED)
     named = ", ".join(f"{zero.coordinate} {np.degrees(zero.offset):.0f}°" for zero in far)
-    cure = "" if static else " (--static shows them)"
+    cure = "" if standing else " (--static shows them)"
     then = f"their angles may be off by as much{cure}"
     if mended:
         then = "calibrated on the static trial alone"
