@@ -8,9 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 from readable import frame_program, solve_program
 from walking import task, walk
 
+from myomorph.body.tension.emg_calibration import calibrate_emg
+from myomorph.body.tension.emg_held_out import EmgTrial
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.series import Emg, Series
 from myomorph.core.rigid.dynamics import inverse_dynamics
@@ -173,3 +176,23 @@ def test_frames_without_a_body_in_sight_take_none_of_the_others(walker):
     np.testing.assert_array_equal(part.columns, whole.columns[1:])
     assert np.isfinite(part.others).all()
     assert np.abs(part.others).max() == pytest.approx(np.abs(whole.others).max(), rel=0.2)
+
+
+def test_emg_is_checked_on_left_out_channels_where_forces_of_contacts_are_unknown(data):
+    """Envelopes that have nothing to do with the walk take no part, or hardly any."""
+    model, motion, _ = walk(data, slice(150, 1150, 8))
+    names = ("soleus", "gastrocnemius", "tibialis", "vasti")
+    random = np.random.default_rng(11)
+    bursts = scipy.ndimage.gaussian_filter1d(random.random((len(motion), 4)), 4.0, axis=0)
+    envelopes = (bursts - bursts.min(axis=0)) / np.ptp(bursts, axis=0)
+    trial = EmgTrial(
+        motion=motion,
+        torques=inverse_dynamics(model, motion),
+        emg=Emg(motion.time, names, envelopes),
+        contacts=task(model, motion),
+    )
+    muscles = (("soleus_r",), ("gasmed_r", "gaslat_r"), ("tibant_r",), ("vaslat_r", "vasmed_r"))
+    found = calibrate_emg(model, [trial], dict(zip(names, muscles, strict=True)))
+    assert found.held_out.shape == (4, 2)
+    assert np.isfinite(found.held_out).all()
+    assert found.weight <= 0.1

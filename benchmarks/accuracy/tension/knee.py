@@ -97,6 +97,7 @@ WAYS = (
     Way("weights by volume", ("--weights", "volume")),
     Way("min/max", ("--recruitment", "minmax")),
     Way("plates shared by both feet", SHARED),
+    Way("plates shared, EMG", SHARED, emg=True),
     Way("plates shared, personalized", SHARED, personal=True),
     Way("own joint angles", own_angles=True),
     Way("EMG", emg=True),

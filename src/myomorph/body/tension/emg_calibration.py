@@ -10,7 +10,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from myomorph.body.tension.emg_groups import synergy_groups
-from myomorph.body.tension.emg_held_out import HELD_FRAMES, EmgTrial, HeldOut, swap_lines
+from myomorph.body.tension.emg_held_out import (
+    HELD_FRAMES,
+    HELD_WITH_CONTACTS,
+    EmgTrial,
+    HeldOut,
+    swap_lines,
+)
 from myomorph.body.tension.emg_profile import Profile
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, check_name
@@ -21,7 +27,7 @@ from myomorph.core.motion.emg_checks import envelope_faults, refuse_unfit, witho
 from myomorph.core.motion.filters import lowpass
 from myomorph.core.tension.emg_gains import gain_prior
 from myomorph.core.tension.emg_targets import EmgOptions, mapped_muscles
-from myomorph.core.tension.emg_tracking import TorqueTracking, few_frames, tracked_frames
+from myomorph.core.tension.emg_tracking import TorqueTracking, tracked_frames
 from myomorph.core.tension.problem import TensionInputs
 from myomorph.core.tension.tension import TensionOptions
 
@@ -115,12 +121,9 @@ def calibrate_emg(  # page: the tension problem and the maxima are optional
         level = gain_prior(peaks, bounds, 0.0)
         profile = Profile(tracking=tracking, names=names, options=options, level=level)
         result = profile.calibration(model.muscle_names)
-    if any(trial.contacts is not None for trial in trials):
-        # No channel is left out where forces of contacts are unknown: nothing shows that synergies
-        # tell of others.
-        return result if options.unmeasured_weight else replace(result, synergies=())
-
-    step = every * max(count // every // HELD_FRAMES, 1)
+    estimated = any(trial.contacts is not None for trial in trials)
+    held_frames = HELD_WITH_CONTACTS if estimated else HELD_FRAMES
+    step = every * max(count // every // held_frames, 1)
     held = HeldOut(
         model=model,
         channels=channels,
@@ -130,7 +133,7 @@ def calibrate_emg(  # page: the tension problem and the maxima are optional
         calibration=result,
         peaks=peaks,
         maxima=bounds,
-        few=[few_frames(trial.motion, trial.torques, step) for trial in trials],
+        few=[trial.thinned(step) for trial in trials],
     )
     result = replace(result, warnings=(*swap_lines(names, held.swapped()), *result.warnings))
     return result if options.mode == "driven" or options.weight is not None else held.chosen(result)

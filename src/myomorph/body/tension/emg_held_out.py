@@ -36,6 +36,7 @@ from myomorph.core.tension.recruitment import EFFORT_ALONE
 from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.contacts import ContactTask
+from myomorph.core.tension.terms.emg import EmgTarget
 
 CLEARER = 0.2
 """By how much the correlation of both channels has to rise. In three walks without a fault no pair
@@ -125,7 +126,11 @@ WORSE = 0.05  # Fall of a held-out channel's correlation that is too much
 # Share of it that is allowed where a weight is chosen: muscles that no channel measures may fare
 # worse
 MARGIN = 0.5
-HELD_FRAMES = 150  # About how many frames of all trials together channels are left out on
+HELD_FRAMES = 150
+HELD_WITH_CONTACTS = 60
+"""About how many frames of all trials together channels are left out on; the second where forces of
+contacts are found along with activations, which takes longer.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +150,16 @@ class EmgTrial:
     emg: Emg
     contacts: ContactTask | None = None
 
+    def thinned(self, every: int) -> EmgTrial:
+        """Take every so many frames, with all of the EMG."""
+        few = slice(None, None, every)
+        return replace(
+            self,
+            motion=self.motion.frames(few),
+            torques=self.torques.frames(few),
+            contacts=None if self.contacts is None else self.contacts.frames(few),
+        )
+
 
 @dataclass(eq=False)
 class HeldOut:
@@ -162,7 +177,7 @@ class HeldOut:
     tracking : the regression over all trials
     calibration : of all channels
     peaks, maxima : (channels,) as of `gain_prior`
-    few : some frames of each trial: a motion with velocities, its torques
+    few : some frames of each trial
     """
 
     model: Model
@@ -173,15 +188,28 @@ class HeldOut:
     calibration: EmgCalibration
     peaks: Array
     maxima: Array
-    few: Sequence[tuple[Motion, Series]]
+    few: Sequence[EmgTrial]
 
     def __post_init__(self) -> None:
-        self.alone = [
-            solve_tension(
-                self.model, *recording, *self.settings, recruitment=EFFORT_ALONE
-            ).activation
-            for recording in self.few
-        ]
+        self.alone = [self._activation(trial) for trial in self.few]
+
+    def _activation(self, trial: EmgTrial, target: EmgTarget | None = None) -> Array:
+        """Solve for activations (frames, muscles), and forces of contacts where they are unknown.
+
+        Parameters
+        ----------
+        trial : one of `few`
+        target : of activations; None takes no EMG
+        """
+        return solve_tension(
+            self.model,
+            trial.motion,
+            trial.torques,
+            *self.settings,
+            contacts=trial.contacts,
+            emg=target,
+            recruitment=EFFORT_ALONE,
+        ).activation
 
     def swapped(self) -> tuple[Swap, ...]:
         """Find pairs of channels that look exchanged."""
@@ -199,7 +227,7 @@ class HeldOut:
     def _measured(self, index: int) -> Array:
         """Return envelopes (frames, channels) of a trial at the delay found."""
         return shifted(
-            self.tracking.frames[index].emg, self.few[index][0].time, self.calibration.delays
+            self.tracking.frames[index].emg, self.few[index].motion.time, self.calibration.delays
         )
 
     def chosen(self, emg_calibration: EmgCalibration) -> EmgCalibration:
@@ -282,18 +310,10 @@ class HeldOut:
                 continue
             options = replace(self.options, weight=weight, unmeasured_weight=given or others)
             solved = []
-            for item, (motion, torques) in zip(emg, self.few, strict=True):
-                target = emg_targets(item, left, self.model, motion.time, options, calibration)
-                solved.append(
-                    solve_tension(
-                        self.model,
-                        motion,
-                        torques,
-                        *self.settings,
-                        emg=target,
-                        recruitment=EFFORT_ALONE,
-                    ).activation
-                )
+            for item, trial in zip(emg, self.few, strict=True):
+                time = trial.motion.time
+                target = emg_targets(item, left, self.model, time, options, calibration)
+                solved.append(self._activation(trial, target))
             ways.append(solved)
         envelope = np.concatenate(measured)
         result = [np.concatenate([part[:, columns].mean(axis=1) for part in way]) for way in ways]

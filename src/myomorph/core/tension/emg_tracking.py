@@ -22,7 +22,7 @@ import numpy as np
 
 from myomorph.core.fit.solver import Solution, minimize
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.series import Emg, Motion, Series
+from myomorph.core.model.series import Emg
 from myomorph.core.motion.emg_activation import Synergies, independent_samples, shaped, shifted
 from myomorph.core.tension.emg_gains import (
     GAINS,
@@ -35,7 +35,6 @@ from myomorph.core.tension.emg_gains import (
 )
 from myomorph.core.tension.problem import TensionInputs, TensionProblem, tension_problem
 from myomorph.core.tension.terms.actuators import default_reserves
-from myomorph.core.tension.terms.contacts import ContactTask
 
 LOUD = 10.0
 """Torques that an unmeasured contact may make, as a multiple of the RMS of all torques."""
@@ -92,18 +91,6 @@ class TrackedFrames:
     gram: Array
 
 
-def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Series]:
-    """Thin a motion, with velocities and what else it has, and its torques.
-
-    Parameters
-    ----------
-    motion : coordinates over time
-    torques : of inverse dynamics
-    every : distance of the frames that are left
-    """
-    return motion.frames(slice(None, None, every)), torques.frames(slice(None, None, every))
-
-
 def tracked_frames(inputs: TensionInputs, emg: Emg, tells: Array, every: int) -> TrackedFrames:
     """Balance of every so many frames, on rows that tell of muscles under EMG.
 
@@ -118,10 +105,10 @@ def tracked_frames(inputs: TensionInputs, emg: Emg, tells: Array, every: int) ->
     -------
     frames whose balance is known
     """
-    motion, torques = few_frames(inputs.motion, inputs.torques, every)
-    contacts = inputs.contacts
-    if contacts is not None:
-        contacts = _thinned(contacts, slice(None, None, every))
+    few = slice(None, None, every)
+    motion = inputs.motion.frames(few)
+    torques = inputs.torques.frames(few)
+    contacts = None if inputs.contacts is None else inputs.contacts.frames(few)
     problem = tension_problem(replace(inputs, motion=motion, torques=torques, contacts=contacts))
     balance = problem.balance(0, len(motion))
     rows = problem.assembly.coordinate_row
@@ -178,21 +165,6 @@ def _other_forces(
     of_model = [index for index, name in enumerate(names) if name not in added_names]
     others.append(columns[:, :, place][:, :, of_model])
     return np.concatenate(others, axis=2)
-
-
-def _thinned(contacts: ContactTask, chosen: slice) -> ContactTask:
-    """Contacts at fewer instants."""
-    preferred = None if contacts.preferred is None else contacts.preferred[chosen]
-    measured = tuple(
-        replace(wrench, forces=wrench.forces[chosen], moments=wrench.moments[chosen])
-        for wrench in contacts.measured
-    )
-    return replace(
-        contacts,
-        activations=contacts.activations.frames(chosen),
-        preferred=preferred,
-        measured=measured,
-    )
 
 
 class Fit(NamedTuple):

@@ -17,7 +17,7 @@ Forces measured for several sites together, and greatest forces of sites, are te
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -136,6 +136,19 @@ class ContactTask:
         for wrench in self.measured:
             for site in wrench.sites:
                 check_name("contact site", site, names, f"the contacts, for '{wrench.name}',")
+
+    def frames(self, which: slice) -> ContactTask:
+        """Take some frames of activations, measured forces and preferred directions."""
+        measured = tuple(
+            replace(wrench, forces=wrench.forces[which], moments=wrench.moments[which])
+            for wrench in self.measured
+        )
+        return replace(
+            self,
+            activations=self.activations.frames(which),
+            preferred=None if self.preferred is None else self.preferred[which],
+            measured=measured,
+        )
 
 
 class ContactTerm(Term):
