@@ -185,7 +185,8 @@ def _side(model: Model, knee: Joint) -> str:
     }
     own = named.pop(knee.name)
     others = tuple(named.values())
-    return own or {("left",): "right", ("right",): "left"}.get(others, "")
+    left: Mapping[tuple[str, ...], str] = {("left",): "right", ("right",): "left"}
+    return own or left.get(others, "")
 
 
 def _place(poses: Poses, body: str, frame: Transform) -> Array:
