@@ -133,6 +133,10 @@ COMPARISONS = {
         "benchmarks.wheels",
         "dependencies without a wheel for Windows, macOS and Linux on ARM",
     ),
+    "sources": (
+        "benchmarks.sources",
+        "every row of both sources: number, truth and the command that measured it",
+    ),
     "validation": (
         "benchmarks.validation",
         "accuracy against OpenSim, MuJoCo and Pinocchio: docs/results/validation",

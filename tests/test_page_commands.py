@@ -36,6 +36,7 @@ PROGRAM = new_app()
 SHORT = {
     "page": "page",
     "trial_path": "trial_path",
+    "sources": "sources",
     "fuzz": "fuzz --seconds 0.2 --reader TRC",
     "opensim": "opensim --rounds 1",
     "draws": "draws --draws 2",

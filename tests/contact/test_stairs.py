@@ -16,7 +16,7 @@ from myomorph.core.model.contacts import Site
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.functions import linear
 from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
-from myomorph.core.model.series import Motion, Series
+from myomorph.core.model.series import Analog, Motion, Series
 from myomorph.core.model.spatial import Transform, axis_rotation
 
 PAWS = ("paw_r", "paw_l")
@@ -228,6 +228,47 @@ def test_cross_talk_is_taken_back():
     total = np.nansum(np.where(loads.loaded[..., None], loads.forces, 0.0), axis=1)
     known = loads.loaded.any(axis=1)
     np.testing.assert_allclose(total[known], (truth["paw_r"] + truth["paw_l"])[known], atol=1e-9)
+
+
+@pytest.mark.parametrize("stated", ["file", "names", "nowhere"])
+def test_channels_in_other_units_give_the_same_loads(stated):
+    """Moments in N mm and forces in kN, as the file's units, the names or the sizes say."""
+    _, _, _, made, channels, _, _ = walk(noise=0.001)
+    expected = step_loads(made, channels, WEIGHT)
+    assert not expected.notes
+    moments = np.array([name.startswith("m") for name in channels.names])
+    kilo = 1.0 if stated == "nowhere" else 1e-3
+    values = channels.values * np.where(moments, 1e3, kilo)
+    other = replace(channels, values=values)
+    if stated == "file":
+        units = tuple("Nmm" if moment else "kN" for moment in moments)
+        other = Analog(channels.time, channels.names, values, units=units)
+    if stated == "names":
+        titles = [
+            f"{name} [{'N·mm' if moment else 'kN'}]"
+            for name, moment in zip(channels.names, moments, strict=True)
+        ]
+        named = dict(zip(channels.names, titles, strict=True))
+        other = replace(other, names=tuple(titles))
+        made = [
+            replace(step, channels=tuple(named[name] for name in step.channels)) for step in made
+        ]
+    loads = step_loads(made, other, WEIGHT)
+    np.testing.assert_allclose(loads.forces, expected.forces, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(loads.moments, expected.moments, rtol=1e-9, atol=1e-12)
+    told = [note for note in loads.notes if "taken as N mm" in note]
+    assert len(told) == (len(made) if stated == "nowhere" else 0)
+
+
+def test_channels_that_are_no_forces_trigger_a_warning():
+    """Volts without a matrix are taken as newtons with a warning; a matrix converts them."""
+    _, _, _, made, channels, _, _ = walk()
+    volts = Analog(channels.time, channels.names, channels.values, units=("V",) * 24)
+    told = step_loads(made, volts, WEIGHT).notes
+    assert len(told) == len(made)
+    assert "in 'V', taken as N and N m" in told[0]
+    with_matrix = [replace(step, matrix=np.eye(6)) for step in made]
+    assert not step_loads(with_matrix, volts, WEIGHT).notes
 
 
 def test_loading_is_found_at_a_few_percent_of_body_weight():

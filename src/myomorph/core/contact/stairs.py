@@ -18,9 +18,14 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.core.contact.cell_units import (
+    cell_units,
+    component_factor,
+    moments_in_millimeters,
+)
 from myomorph.core.contact.states import hysteresis, steady
 from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only
-from myomorph.core.model.causes import PLATES
+from myomorph.core.model.causes import PLATES, UNITS
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Series
@@ -43,8 +48,8 @@ class Step:
     measures : which of `COMPONENTS` the cell gives, in the order of its channels (or of the rows of
         `matrix`)
     channels : names of its channels
-    matrix : (components, channels) from channels to [N] and [N m], with cross-talk; None for one to
-        one
+    matrix : (components, channels) from channels in the recording's units to [N] and [N m], with
+        cross-talk; None for one to one, by the units that the recording names
     origin : (3,) point of the tread's frame about which the cell's moments are [m]
     sense : 1 where the cell gives the force on the animal, -1 where that on the step
     """
@@ -163,7 +168,8 @@ def step_loads(
     Parameters
     ----------
     steps : with their load cells
-    channels : (samples, channels) as recorded; those of all steps among them
+    channels : (samples, channels) as recorded, in the units that they name (`Analog`, or brackets
+        at the end of a name), else in N and N m; those of all steps among them
     weight : of the body [N]
     options : thresholds
 
@@ -181,7 +187,7 @@ def step_loads(
     loaded = np.zeros(shape, np.bool_)
     noise = np.zeros(len(steps))
     for index, step in enumerate(steps):
-        components = _components(step, channels, weight, options)
+        components = _components(step, channels, weight, options, notes)
         normal = np.nan_to_num(components[:, step.measures.index("fz")])
         pressing[:, index] = normal
         noise[index] = _noise(normal)
@@ -198,6 +204,16 @@ def step_loads(
         smooth = _averaged(normal, channels.time, options.shortest)
         state = hysteresis(smooth > level, smooth < lower)
         loaded[:, index] = steady(state, channels.time, options.shortest)
+        corner = 0.5 * float(np.hypot(*step.size)) + float(np.linalg.norm(step.origin))
+        if moments_in_millimeters(step.measures, components, loaded[:, index], corner):
+            components = components * [1e-3 if name[0] == "m" else 1.0 for name in step.measures]
+            notes.append(
+                UNITS.message(
+                    f"step '{step.name}': its moments put the force far off the tread, taken as"
+                    " N mm",
+                    place=step.name,
+                )
+            )
         forces[:, index], moments[:, index] = _in_ground(step, components)
     return StepLoads(
         time=channels.time,
@@ -211,13 +227,41 @@ def step_loads(
     )
 
 
-def _components(step: Step, channels: Series, weight: float, options: StairOptions) -> Array:
+def _components(
+    step: Step, channels: Series, weight: float, options: StairOptions, notes: list[Message]
+) -> Array:
     """Components (samples, components) on the animal, in the cell's axes [N], [N m]."""
     raw = channels.values[:, [channels.names.index(channel) for channel in step.channels]]
-    components = float(step.sense) * (raw if step.matrix is None else raw @ step.matrix.T)
+    if step.matrix is None:
+        components = float(step.sense) * raw * _factors(step, channels, notes)
+    else:
+        components = float(step.sense) * raw @ step.matrix.T
     if options.tare == "quiet":
         components -= _idle(components, step, weight, options)
     return components
+
+
+def _factors(step: Step, channels: Series, notes: list[Message]) -> Array:
+    """Factors (components,) of a step's channels to N and N m."""
+    units = cell_units(step.channels, channels)
+    factors = np.ones(len(units))
+    unknown = set()
+    for index, (measure, unit) in enumerate(zip(step.measures, units, strict=True)):
+        factor = component_factor(measure, unit)
+        if factor is None:
+            unknown.add(unit)
+        else:
+            factors[index] = factor
+    if unknown:
+        texts = ", ".join(sorted(unknown))
+        notes.append(
+            UNITS.message(
+                f"step '{step.name}': its channels are in '{texts}', taken as N and N m: if they"
+                " are not, give its matrix",
+                place=step.name,
+            )
+        )
+    return factors
 
 
 def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:

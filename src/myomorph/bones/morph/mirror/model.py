@@ -299,6 +299,7 @@ def _mirrored(
         body=body,
         target_body=body,
         map=PlacedMap(plane.affine, bone.map, goal.affine),
+        overall=None if bone.overall is None else goal.matrix @ bone.overall @ plane.matrix,
         whole=Similarity(turned, origin, bone.whole.scale),
         source=surfaces.get(body) or _reflected(bone.source, plane),
         target=_reflected(bone.target, goal),

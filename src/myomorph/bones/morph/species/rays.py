@@ -230,6 +230,7 @@ class _Laid:
             map=sided,
             whole=whole,
             basis="given",
+            overall=whole.scale * whole.rotation,
             source=here.surfaces.get(body),
             target=there.surfaces.get(target),
         )

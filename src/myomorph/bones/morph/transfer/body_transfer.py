@@ -84,7 +84,9 @@ class Transfer:
 
     @cached_property
     def linear(self) -> Array:
-        """(3, 3) of the affine map that comes nearest over the whole bone."""
+        """(3, 3) of the affine map nearest to the map over the whole bone, or what it states."""
+        if self.bone.overall is not None:
+            return self.bone.overall
         return fit_affine(self.samples, self.points(self.samples)).matrix
 
     @cached_property

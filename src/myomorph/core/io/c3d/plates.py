@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,22 +10,17 @@ import numpy as np
 from myomorph.core.io.c3d.raw import RawC3d
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import PLATES, UNITS
+from myomorph.core.model.force_units import (
+    FORCE_UNITS,
+    LENGTH_UNITS,
+    letters_of,
+    moment_factor,
+)
 from myomorph.core.model.messages import Message
 from myomorph.core.model.series import PlateRecording
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6, 5: 8, 6: 12, 7: 8, 11: 8, 12: 8, 21: 6}
 """Count of channels by the C3D type of a plate."""
-FORCE_UNITS = {
-    "n": 1.0,
-    "nt": 1.0,
-    "newton": 1.0,
-    "newtons": 1.0,
-    "kn": 1000.0,
-    "lb": 4.4482216,
-    "lbf": 4.4482216,
-}
-LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "meter": 1.0}
-FORCE_OF_MOMENT = (1, 6, 7)  # Letters of "n", "newton" and "newtons" before the unit of length.
 USUAL_EDGES = (0.15, 4.0)  # Of force plates and treadmills [m].
 MAX_ORIGIN = 1.0  # Distance of a plate's sensors from the middle of its surface [m].
 PLATE_UNITS = {"mm": 1e-3, "m": 1.0, "cm": 1e-2, "in": 0.0254}  # In order of preference [m].
@@ -325,7 +319,7 @@ def _factors(
     factors = np.ones(len(units))
     unknown = set()
     for column, text in enumerate(units):
-        letters = re.sub(r"[^a-z]", "", text.lower())
+        letters = letters_of(text)
         if column < force_count:
             factors[column] = FORCE_UNITS.get(letters, 1.0)
             if letters not in FORCE_UNITS:
@@ -334,7 +328,8 @@ def _factors(
             # A plate of type 1 measures the center of pressure.
             factors[column] = LENGTH_UNITS.get(letters, parameters.meters)
         else:
-            factors[column] = _length_in_moment(letters, parameters.meters)
+            named = moment_factor(text)
+            factors[column] = parameters.meters if named is None else named
     if unknown:
         texts = ", ".join(sorted(unknown))
         notes.append(
@@ -344,14 +339,6 @@ def _factors(
             )
         )
     return factors
-
-
-def _length_in_moment(letters: str, default: float) -> float:
-    """Find the unit of length [m] in that of a moment, as mm in Nmm; the default where none is."""
-    for count in FORCE_OF_MOMENT:
-        if letters[count:] in LENGTH_UNITS:
-            return LENGTH_UNITS[letters[count:]]
-    return default
 
 
 def _moments_in_millimeters(channels: Array, corners: Array) -> bool:
