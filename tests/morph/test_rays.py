@@ -9,6 +9,7 @@ import pytest
 
 from myomorph.bones.morph.species.counterparts import Posed, Ray
 from myomorph.bones.morph.species.rays import SidedMap, put_on_rays
+from myomorph.bones.morph.transfer.body_transfer import Transfer
 from myomorph.bones.study.morph_files import source_bones
 from myomorph.bones.study.species_morphing import read_species
 from myomorph.core.model.errors import BadData
@@ -87,3 +88,32 @@ def test_tendons_of_a_mouse_stay_on_their_ray(data):
                 from_joint = placed[behind] - joint
                 # Turning the toes up shortens what passes above the joint.
                 assert sign * np.cross(from_joint, line) @ across < 0.0, name
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "rajagopal-walk-emg/subject_walk_scaled.osim",
+        "rajagopal-walk-emg/raw/Rajagopal2016.osim",
+        "walk-so-jointload-emg/Rajagopal_scaled_Sub1_gasAvoid.osim",
+    ],
+)
+def test_bones_of_a_ray_keep_their_side_and_the_size_of_its_toe(source, data):
+    """However many of a bone's points the joint holds back, which flattens the nearest affine map
+    until its determinant is noise: a generic man was refused as the other side's.
+    """
+    man = open_model(data(source))
+    mouse = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
+    geometry = Path(data("bones-opensim-rajagopal/Geometry"))
+    table = read_species("human-mouse")
+    bone = next(one for one in table.bones if one.rays)
+    posed = (
+        Posed(man, table.posture, source_bones(man, geometry)),
+        Posed(mouse, table.target_posture, source_bones(mouse)),
+    )
+    rays = put_on_rays(man, bone, table, posed)
+    assert len(rays.bones) == 2 * 2 * len(bone.rays)
+    for made in rays.bones.values():
+        transfer = Transfer(made, made.target_body)
+        assert transfer.volume == pytest.approx(made.whole.scale**3)
+        np.testing.assert_allclose(transfer.linear, made.whole.scale * made.whole.rotation)

@@ -13,6 +13,7 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.crossings import (
     CrossingOptions,
+    best_crossings,
     crossings,
     marker_slopes,
     shown_shares,
@@ -49,6 +50,23 @@ def test_gaps_are_bridged_or_cut_and_short_parts_left_out(subject):
     kept = within_crossings(gone, found)
     assert not np.isfinite(kept.values[200:208]).any()
     np.testing.assert_array_equal(kept.values[300:], markers.values[300:])
+
+
+def test_where_no_part_shows_enough_those_that_show_most_are_taken(subject):
+    """All markers are never seen together: of the parts the one with most markers is the best."""
+    markers = subject.markers
+    half = hidden(markers, (0, 200), names="pelvis0")
+    gone = hidden(half, (150, 400), names=("foot_r", "foot_l"))
+    options = CrossingOptions(min_visible=1.0, max_gap=0.0, min_duration=0.0)
+    assert crossings(gone, options=options) == ()
+    found = best_crossings(gone, options=options)
+    np.testing.assert_allclose(found.spans, [(markers.time[0], markers.time[149])])
+    assert found.share == pytest.approx(1.0 - 1.0 / len(markers.names))
+    enough = best_crossings(markers, options=options)
+    assert enough.spans == crossings(markers, options=options)
+    assert enough.share == 1.0
+    nothing = replace(options, min_duration=1e3)
+    assert best_crossings(gone, options=nothing) == ((), 0.0)
 
 
 def test_a_model_tells_which_markers_are_missed(subject):

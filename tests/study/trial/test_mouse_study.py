@@ -100,6 +100,20 @@ def test_parts_that_show_enough_nowhere_are_named(tmp_path, data):
         study(tmp_path, data, ["ik"], "[options.ik]\npasses_onl = true")
 
 
+def test_a_recording_without_such_passes_is_used_where_it_shows_most(tmp_path, data):
+    """No part of 2 s shows all that markers could tell: what shows most is used, and said."""
+    asked = "passes_min_visible = 1.0\npasses_max_gap = 0.0\npasses_min_duration = 2.0"
+    plan = study(tmp_path, data, ["ik"], f"[options.ik]\npasses_only = true\n{asked}")
+    outcome = run_study(plan, tmp_path / "out")[0]
+    assert outcome.error == ""
+    assert outcome.done == ("ik",)
+    (told,) = [text for text in outcome.findings if "no part of 2 s shows 100 %" in text]
+    assert "are used" in told
+    (motion,) = (result.motion for result in mm.load(outcome.folder).values())
+    used = motion.time[np.isfinite(motion.values).all(axis=1)]
+    assert used[-1] - used[0] >= 2.0
+
+
 def test_labels_that_the_model_does_not_know_are_named(tmp_path, data):
     study(tmp_path, data, ["ik"])
     file = tmp_path / "study.toml"

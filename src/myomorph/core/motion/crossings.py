@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,10 +94,55 @@ def crossings(
     ((0.0, 0.6),)
     """
     options = options or CrossingOptions()
-    enough = shown_shares(markers, model) >= options.min_visible - 1e-9
+    return _parts(markers.time, shown_shares(markers, model), options.min_visible, options)
+
+
+class Passes(NamedTuple):
+    """Parts of a recording, (start, end) of each [s], and the share that their frames show."""
+
+    spans: tuple[tuple[float, float], ...]
+    share: float
+
+
+def best_crossings(
+    markers: Markers, model: Model | None = None, options: CrossingOptions | None = None
+) -> Passes:
+    """Find the parts of a recording in which enough markers are seen, else those that show most.
+
+    Where no part shows the share that is wanted, it falls to the largest one that some part of the
+    shortest duration shows.
+
+    Parameters
+    ----------
+    markers : as recorded, NaN where a marker is hidden [m]
+    model : whose coordinates are to be shown; None counts markers
+    options : which frames show enough, times [s]; see `CrossingOptions`
+
+    Returns
+    -------
+    the parts, none of them where no part of that duration shows anything
+
+    Raises
+    ------
+    BadData : model and recording share no marker
+    """
+    options = options or CrossingOptions()
+    shares = shown_shares(markers, model)
+    below = [share for share in np.unique(shares) if 0.0 < share < options.min_visible]
+    for share in (options.min_visible, *reversed(below)):
+        spans = _parts(markers.time, shares, float(share), options)
+        if spans:
+            return Passes(spans=spans, share=float(share))
+    return Passes(spans=(), share=0.0)
+
+
+def _parts(
+    time: Array, shares: Array, share: float, options: CrossingOptions
+) -> tuple[tuple[float, float], ...]:
+    """Start and end [s] of the parts of frames, at times (frames,), that show a share."""
     return tuple(
-        (float(markers.time[start]), float(markers.time[stop - 1]))
-        for start, stop in _joined(enough, markers.time, options)
+        (float(time[start]), float(time[stop - 1]))
+        for start, stop in _joined(shares >= share - 1e-9, time, options)
     )
 
 

@@ -67,9 +67,11 @@ def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Proven
     for trial in trials:
         markers = trial.recording.markers
         if markers is not None:
-            recordings[trial.name] = _checked(
-                trial.name, used_markers(trial, markers), model, findings
-            )
+            used = used_markers(trial, markers)
+            findings += [
+                replace(finding, text=finding.text.within(trial.name)) for finding in used.findings
+            ]
+            recordings[trial.name] = _checked(trial.name, used.markers, model, findings)
             weights = trial.options[InverseKinematicsOptions].marker_weights
             options = replace(options, marker_weights=weights or options.marker_weights)
     if files.static is not None:

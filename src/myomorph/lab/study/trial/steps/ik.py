@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
 from myomorph.body.sensors.sensor_recording import SensorRecording, TrackedMarkers
 from myomorph.core.contact.site_motion import root_places, walked
 from myomorph.core.io.sto import table_from_motion, write_sto
+from myomorph.core.model.causes import HIDDEN
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.findings import Finding, messages_of_findings
 from myomorph.core.model.messages import Message
@@ -24,7 +25,7 @@ from myomorph.core.model.series_quantities import (
     COORDINATE_VALUE,
     MARKER_POSITION,
 )
-from myomorph.core.motion.crossings import CrossingOptions, crossings, within_crossings
+from myomorph.core.motion.crossings import CrossingOptions, best_crossings, within_crossings
 from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit
 from myomorph.core.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
 from myomorph.core.motion.quantities import FIT, MARKER_ERROR, SENSOR_ERROR
@@ -73,10 +74,11 @@ def solve_kinematics(trial: TrialInputs) -> CheckedFit:
         raise BadData(f"{trial.name}: holds no markers, and no inertial sensors")
     checked = None
     if recorded is not None:
-        markers = used_markers(trial, recorded)
-        with progress(f"{trial.name}: inverse kinematics", len(markers)) as advance:
+        used = used_markers(trial, recorded)
+        with progress(f"{trial.name}: inverse kinematics", len(used.markers)) as advance:
             chosen = (options[InverseKinematicsOptions], options[MarkerCheckOptions])
-            checked = checked_kinematics(trial.model, markers, *chosen, advance)
+            checked = checked_kinematics(trial.model, used.markers, *chosen, advance)
+        checked = replace(checked, findings=(*used.findings, *checked.findings))
     return checked if sensors is None and checked is not None else _with_sensors(trial, checked)
 
 
@@ -117,20 +119,34 @@ def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
     )
 
 
-def used_markers(trial: TrialInputs, markers: Markers) -> Markers:
+class UsedMarkers(NamedTuple):
+    """The part of a recording that is used, and what its choice must say."""
+
+    markers: Markers
+    findings: tuple[Finding, ...] = ()
+
+
+def used_markers(trial: TrialInputs, markers: Markers) -> UsedMarkers:
     """The part of a recording that is used; with crossings only, markers are hidden elsewhere."""
     markers = markers if trial.time is None else cut(markers, *trial.time)
     options = trial.options[CrossingOptions]
     if not options.only:
-        return markers
-    spans = crossings(markers, trial.model, options)
-    if not spans:
+        return UsedMarkers(markers)
+    passes = best_crossings(markers, trial.model, options)
+    if not passes.spans:
         raise BadData(
             f"{trial.name}: no part of {options.min_duration:g} s shows"
             f" {100 * options.min_visible:g} % of what its markers could tell: ask for less"
             " (passes_min_visible, passes_min_duration)"
         )
-    return within_crossings(markers, spans)
+    used = within_crossings(markers, passes.spans)
+    if passes.share >= options.min_visible:
+        return UsedMarkers(used)
+    text = HIDDEN.message(
+        f"no part of {options.min_duration:g} s shows {100 * options.min_visible:g} % of what its"
+        f" markers could tell: the parts that show {100 * passes.share:.0f} % are used"
+    )
+    return UsedMarkers(used, (Finding("passes that show less", "markers", text),))
 
 
 def error_table(fit: KinematicsFit) -> Table:
