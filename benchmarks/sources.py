@@ -47,11 +47,19 @@ def source_rows(path: Path = LIST) -> tuple[SourceRow, ...]:
 
     Raises
     ------
-    TypeError
-        where a row has a key that is unknown, or lacks one
+    KeyError
+        where a row lacks a key
     """
     table = tomllib.loads(path.read_text(encoding="utf-8"))
-    return tuple(SourceRow(**{**row, "cells": tuple(row["cells"])}) for row in table["row"])
+    return tuple(
+        SourceRow(
+            source=row["source"],
+            what=row["what"],
+            truth=row["truth"],
+            cells=tuple(row["cells"]),
+        )
+        for row in table["row"]
+    )
 
 
 def run() -> list[Row]:
@@ -76,7 +84,7 @@ def run() -> list[Row]:
 
 
 def _numbers(row: SourceRow) -> str:
-    """The cells of a row, each behind its column, and behind its row where columns repeat."""
+    """Write the cells of a row, each behind its column, or its row where columns repeat."""
     if not row.cells:
         return NOT_MEASURED
     parts = []

@@ -109,7 +109,8 @@ def test_a_recording_without_such_passes_is_used_where_it_shows_most(tmp_path, d
     assert outcome.done == ("ik",)
     (told,) = [text for text in outcome.findings if "no part of 2 s shows 100 %" in text]
     assert "are used" in told
-    (motion,) = (result.motion for result in mm.load(outcome.folder).values())
+    (result,) = mm.load(outcome.folder).values()
+    motion = result.motion
     used = motion.time[np.isfinite(motion.values).all(axis=1)]
     assert used[-1] - used[0] >= 2.0
 

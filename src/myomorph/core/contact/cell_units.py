@@ -50,7 +50,7 @@ def component_factor(measure: str, unit: str) -> float | None:
 def moments_in_millimeters(
     measures: Sequence[str], components: Array, loaded: np.ndarray, corner: float
 ) -> bool:
-    """Return whether moments are in N mm although nothing says so.
+    """Judge by sizes whether moments are in N mm although nothing says so.
 
     The force then acts many treads away, and near the tread in N mm.
 
@@ -60,6 +60,10 @@ def moments_in_millimeters(
     components : (samples, components) [N], [N m as stated]
     loaded : (samples,) whether the step carries a load
     corner : from the point of the moments to a corner of the tread, at most [m]
+
+    Returns
+    -------
+    whether they are
     """
     across = [index for index, name in enumerate(measures) if name in ("mx", "my")]
     if not across or not loaded.any():

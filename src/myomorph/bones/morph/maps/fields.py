@@ -257,8 +257,8 @@ class BoneMap:
     measures : how good it is, by name with its unit ("residual [m]", "coverage", "inverted"), for
         tables
     notes : what looks wrong or was assumed, one line each
-    overall : (3, 3) what becomes of the bone as a whole, where the map holds points on one side of a
-        joint and so flattens the rest; None takes the affine map that is nearest to the map
+    overall : (3, 3) what becomes of the bone as a whole, where the map holds points on one side of
+        a joint and so flattens the rest; None takes the affine map that is nearest to the map
     """
 
     body: str
