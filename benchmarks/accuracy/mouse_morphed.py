@@ -5,15 +5,19 @@ of mice.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 import myomorph as mm
 from benchmarks.mouse_morphed import (
     JOINTS,
     NOSE,
+    Followed,
     followed,
     lengths_of,
     on_one_paw,
@@ -26,11 +30,14 @@ from benchmarks.mouse_morphed import (
 from benchmarks.species_cases import MAN, MOUSE, from_man, man, mouse, sized_architecture
 from myomorph.bones.morph.morphed import Architecture
 from myomorph.bones.morph.species.counterparts import MuscleHomology
+from myomorph.bones.morph.species.own_postures import fitted_to_postures
 from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.model.paths import Muscle
+from myomorph.core.model.sides import split_side
 from myomorph.core.muscles.kinematics import default_path_lengths
 from myomorph.lab.analysis.groups import Animal, CurveDifference, Group, compare_groups
 from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
-from truths.mouse_motion import clip_fits, rms
+from truths.mouse_motion import clip_fits, part_of, rms
 from truths.mouse_recordings import KEYPOINTS, with_keypoints
 
 Row = dict[str, object]
@@ -138,6 +145,85 @@ def measure_follows(folder: Path) -> Iterator[Row]:
                     float(np.mean(own)) if own else float("nan")
                 )
         yield row
+
+
+def measure_postures(folder: Path) -> Iterator[Row]:
+    """Fibers of the morphed mouse on each recording, before and after they follow the others'."""
+    if not _there(folder):
+        return
+    every = {one.name: one for one in (followed(folder, path) for path in recordings(folder))}
+    for name, one in every.items():
+        others = [part_of(other.fit.motion, posed(other)) for other in every.values()]
+        del others[list(every).index(name)]
+        base = replace(from_man(folder, "SSD"), model=one.model)
+        fitted = fitted_to_postures(base, others).model
+        motion = part_of(one.fit.motion, posed(one))
+        given = working_fibers(one.model, motion)
+        follow = working_fibers(fitted, motion)
+        changed = [
+            own.optimal_fiber_length != new.optimal_fiber_length
+            for own, new in zip(one.model.muscles, fitted.muscles, strict=True)
+        ]
+        yield {
+            "recording": name,
+            "frames": len(motion),
+            "muscles on the other side's bones": sum(astray(m) for m in one.model.muscles),
+            "outside 0.5 to 1.5 fibers, tables' [%]": given.outside,
+            "tables': shortest, longest": f"{given.shortest:.2f}, {given.longest:.2f}",
+            "following the other recordings [%]": follow.outside,
+            "so: shortest, longest": f"{follow.shortest:.2f}, {follow.longest:.2f}",
+            "muscles whose fibers changed": sum(changed),
+            "longest muscle": follow.muscle,
+        }
+
+
+class WorkingFibers(NamedTuple):
+    """Normalized fiber lengths over frames and muscles: share outside 0.5 to 1.5 [%], extremes."""
+
+    outside: float
+    shortest: float
+    longest: float
+    muscle: str
+
+
+def working_fibers(model: mm.Model, motion: mm.Motion) -> WorkingFibers:
+    """How far the fibers of all muscles are from where they pull, by a rigid tendon."""
+    lengths = mm.muscle_kinematics(model, motion, moment_arms=False, velocities=False)
+    fibers = np.stack(
+        [
+            (lengths.muscle_length[:, column] - muscle.tendon_slack_length)
+            / (muscle.optimal_fiber_length * np.cos(muscle.pennation_at_optimal))
+            for column, muscle in enumerate(model.muscles)
+        ],
+        axis=1,
+    )
+    return WorkingFibers(
+        outside=100.0 * float(((fibers < 0.5) | (fibers > 1.5)).mean()),
+        shortest=float(fibers.min()),
+        longest=float(fibers.max()),
+        muscle=model.muscle_names[int(fibers.max(axis=0).argmax())],
+    )
+
+
+def posed(one: Followed) -> NDArray[np.int64]:
+    """Find the frames that have a pose and a marker.
+
+    Parameters
+    ----------
+    one : a recording on the calibrated mouse
+
+    Returns
+    -------
+    numbers of the frames
+    """
+    known = np.isfinite(one.fit.motion.values).all(axis=1)
+    return np.flatnonzero(known & one.seen)
+
+
+def astray(muscle: Muscle) -> bool:
+    """Whether a muscle lies on a bone of another side than its name's."""
+    sides = {split_side(point.body)[1] for point in muscle.path.points} - {""}
+    return sides != {split_side(muscle.name)[1]}
 
 
 def measure_tension(folder: Path) -> Iterator[Row]:

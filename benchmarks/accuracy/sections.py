@@ -301,6 +301,7 @@ PAGES: dict[str, dict[str, str]] = {
         "species_architecture": "accuracy.mouse_morphed:measure_architecture",
         "species_toes": "accuracy.mouse_morphed:measure_toes",
         "species_follows": "accuracy.mouse_morphed:measure_follows",
+        "species_postures": "accuracy.mouse_morphed:measure_postures",
         "species_tension": "accuracy.mouse_morphed:measure_tension",
         "species_reserves": "accuracy.mouse_morphed:measure_reserves",
         "species_groups": "accuracy.mouse_morphed:measure_groups",

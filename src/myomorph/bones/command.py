@@ -39,6 +39,7 @@ def morph_command(
     target_geometry: Path | None = None,
     beside: bool = False,
     protocol: str = "",
+    postures: list[Path] | None = None,
     options: MorphSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
@@ -66,6 +67,8 @@ def morph_command(
     target_geometry : folder of the skeleton's meshes, where they do not lie beside it
     beside : keep the muscles that the skeleton has
     protocol : with --target, whose recordings the model shall follow: a marker table of the species
+    postures : with --target, motions of the animal (.mot, .sto): tendons and fibers follow its own
+        postures
     """
     from myomorph.bones.study import morphing
     from myomorph.bones.study.morph_files import MorphFiles
@@ -95,6 +98,7 @@ def morph_command(
             beside=beside,
         )
         files = replace(files, mirror=mirror, mass=mass, skin=skin, unit=unit, protocol=protocol)
+        files = replace(files, postures=tuple(postures or ()))
         morphed, drawn = species_files(files, settings)
     elif bones is None:
         raise BadData(
@@ -107,6 +111,7 @@ def morph_command(
                 ("target-geometry", target_geometry),
                 ("beside", beside),
                 ("protocol", protocol or None),
+                ("postures", postures or None),
             ),
             "goes with --target",
         )

@@ -38,6 +38,7 @@ from myomorph.bones.morph.species.counterparts import (
     SpeciesTable,
 )
 from myomorph.bones.morph.species.maps import coordinate_table, species_morph
+from myomorph.bones.morph.species.own_postures import fitted_to_postures
 from myomorph.bones.study.morph_files import Unit, resized, source_bones
 from myomorph.bones.study.morph_masses import with_skin_masses
 from myomorph.bones.study.morphing import Morphed, MorphSettings
@@ -237,7 +238,8 @@ class SpeciesFiles:
     `beside`: keep the target's own muscles too; `mirror`: the other side gets the mirror images of
     the muscles; segments get the species table's shares of `mass` [kg], or masses from `skin`,
     closed, in the skeleton's default pose; `protocol`: a table of markers of the species, whose
-    recordings the model shall follow.
+    recordings the model shall follow; `postures`: motions of the animal, whose postures tendons and
+    fibers follow.
     """
 
     source: Path
@@ -251,6 +253,7 @@ class SpeciesFiles:
     skin: Path | None = None
     unit: Unit = "m"
     protocol: str = ""
+    postures: tuple[Path, ...] = ()
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
@@ -260,6 +263,7 @@ class SpeciesFiles:
             ("skeleton", self.target),
             ("species", species),
             ("skin", self.skin),
+            *(("postures", path) for path in self.postures),
         )
 
 
@@ -336,4 +340,8 @@ def _whole_animal(morph: Morph, files: SpeciesFiles, table: SpeciesTable) -> Mor
     if files.protocol:
         model, added = masses.with_markers_of(model, table.markers, files.protocol)
         notes += added
-    return replace(morph, model=model, notes=tuple(notes))
+    whole = replace(morph, model=model, notes=tuple(notes))
+    if not files.postures:
+        return whole
+    motions = [reading.read_motion(path, model) for path in files.postures]
+    return fitted_to_postures(whole, motions)

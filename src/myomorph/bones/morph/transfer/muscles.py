@@ -95,7 +95,7 @@ def transferred_muscles(
             doubtful += [] if kept else [muscle.name]
             growth = kept or growth
         bodies = {point.body for point in source[muscle.name].path.points}
-        changed = _with_lengths(muscle, growth)
+        changed = with_lengths(muscle, growth)
         changed = _with_pennation(
             changed, muscle, options, float(np.mean([transfers[body].size for body in bodies]))
         )
@@ -191,7 +191,8 @@ def _given_growth(muscle: Muscle, before: Array, after: Array, fiber: float) -> 
     return Growth(slope, float(after[usual].mean() - slope * before[usual].mean()))
 
 
-def _with_lengths(muscle: Muscle, growth: Growth) -> Muscle:
+def with_lengths(muscle: Muscle, growth: Growth) -> Muscle:
+    """The muscle with fibers and tendon, and what its class has of both, after a growth."""
     parameters = dict(muscle.parameters)
     for name in OWN_LENGTHS:
         if name in parameters:

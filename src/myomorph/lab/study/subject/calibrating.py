@@ -39,7 +39,7 @@ from myomorph.lab.study.subject.subject_files import (
     recordings_provenance,
 )
 from myomorph.lab.study.subject.subjects import Made, write_made_model, write_rows
-from myomorph.lab.study.trial.steps.ik import used_markers
+from myomorph.lab.study.trial.steps.ik import UsedMarkers, used_markers
 
 FINDINGS = "findings.json"  # What checks of the markers found, in the folder of tables.
 
@@ -67,17 +67,16 @@ def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Proven
     for trial in trials:
         markers = trial.recording.markers
         if markers is not None:
-            used = used_markers(trial, markers)
-            findings += [
-                replace(finding, text=finding.text.within(trial.name)) for finding in used.findings
-            ]
-            recordings[trial.name] = _checked(trial.name, used.markers, model, findings)
+            recordings[trial.name] = _checked(
+                trial.name, used_markers(trial, markers), model, findings
+            )
             weights = trial.options[InverseKinematicsOptions].marker_weights
             options = replace(options, marker_weights=weights or options.marker_weights)
     if files.static is not None:
         standing, texts = standing_markers(files.static, files, model)
         warnings += texts
-        options = replace(options, static=_checked(files.static.name, standing, model, findings))
+        static = _checked(files.static.name, UsedMarkers(standing), model, findings)
+        options = replace(options, static=static)
     if not recordings and options.static is None:
         raise BadData(
             f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit"
@@ -90,10 +89,12 @@ def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Proven
             model, list(recordings.values()), options, advance, default_path_lengths
         )
     names = (*recordings, *((files.static.stem,) if files.static else ()))
-    warned = tuple(dict.fromkeys(warnings))
-    used = names[-len(calibration.frames) :]
     return Calibrated(
-        calibration, made, warned, recordings=used, findings=(*calibration.warnings, *findings)
+        calibration,
+        made,
+        tuple(dict.fromkeys(warnings)),
+        recordings=names[-len(calibration.frames) :],
+        findings=(*calibration.warnings, *findings),
     )
 
 
@@ -107,15 +108,16 @@ def standing_markers(
     return standing.markers, [*located(path.name, standing.warnings)]
 
 
-def _checked(name: str, markers: Markers, model: Model, findings: list[Finding]) -> Markers:
+def _checked(name: str, used: UsedMarkers, model: Model, findings: list[Finding]) -> Markers:
     """A recording with exchanged labels put back, before a calibration moves markers after them;
     findings are added.
     """
-    markers, exchanged = mended_labels(model, markers)
+    markers, exchanged = mended_labels(model, used.markers)
     beside = side_findings(markers, model.marker_names, length_unit(compile_tree(model)))
     known = {(finding.kind, finding.place) for finding in findings}
     new = [
-        finding for finding in (*exchanged, *beside) if (finding.kind, finding.place) not in known
+        *used.findings,
+        *(one for one in (*exchanged, *beside) if (one.kind, one.place) not in known),
     ]
     findings += [replace(finding, text=finding.text.within(name)) for finding in new]
     return markers
