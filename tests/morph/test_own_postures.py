@@ -106,7 +106,17 @@ def morph_of(model: Model) -> Morph:
 
 
 def fibers(model: Model, motion: Motion) -> np.ndarray:
-    """Compute normalized fiber lengths of both muscles from the coordinates themselves."""
+    """Compute normalized fiber lengths of both muscles from the coordinates themselves.
+
+    Parameters
+    ----------
+    model : of `slider`
+    motion : its coordinates
+
+    Returns
+    -------
+    (frames, 2)
+    """
     columns = [
         (motion.values[:, column] - muscle.tendon_slack_length)
         / (muscle.optimal_fiber_length * np.cos(PENNATION))
