@@ -160,9 +160,12 @@ def measure_postures(folder: Path) -> Iterator[Row]:
         motion = part_of(one.fit.motion, posed(one))
         given = working_fibers(one.model, motion)
         follow = working_fibers(fitted, motion)
+        early = part_of(motion, np.arange(len(motion) // 2))
+        late = part_of(motion, np.arange(len(motion) // 2, len(motion)))
+        own = working_fibers(fitted_to_postures(base, [early]).model, late)
         changed = [
-            own.optimal_fiber_length != new.optimal_fiber_length
-            for own, new in zip(one.model.muscles, fitted.muscles, strict=True)
+            before.optimal_fiber_length != after.optimal_fiber_length
+            for before, after in zip(one.model.muscles, fitted.muscles, strict=True)
         ]
         yield {
             "recording": name,
@@ -172,6 +175,8 @@ def measure_postures(folder: Path) -> Iterator[Row]:
             "tables': shortest, longest": f"{given.shortest:.2f}, {given.longest:.2f}",
             "following the other recordings [%]": follow.outside,
             "so: shortest, longest": f"{follow.shortest:.2f}, {follow.longest:.2f}",
+            "later frames, tables' [%]": working_fibers(one.model, late).outside,
+            "following its own earlier frames [%]": own.outside,
             "muscles whose fibers changed": sum(changed),
             "longest muscle": follow.muscle,
         }
