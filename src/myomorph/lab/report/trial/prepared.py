@@ -318,12 +318,9 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
             rows += tables.reserve_verdicts(
                 model, torques, names, reserves, tension.time, results.muscles.driven
             )
-        bounds = (
-            {}
-            if model is None
-            else {muscle.name: muscle.max_activation for muscle in model.muscles}
-        )
-        most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
+        most = np.ones(len(tension.muscles))
+        if model is not None:
+            most = tables.largest_activations(model, tension.muscles)
         if tension.options.has_passive or tension.overstretched:
             rows.append(
                 tables.stretch_verdict(

@@ -144,6 +144,7 @@ def tension_line(model: Model, tension: Tension) -> str:
             f", {share:.0f} % of the tensions not determined (no plate measures the load of their"
             " limb alone)"
         )
+    text += _saturated(model, tension)
     if tension.actuator_force.size:
         text += _reserves(model, tension)
     if tension.contacts is not None:
@@ -159,6 +160,19 @@ def tension_line(model: Model, tension: Tension) -> str:
             f" ({some})"
         )
     return text
+
+
+def _saturated(model: Model, tension: Tension) -> str:
+    """Muscles that reach their largest activation, the one that does so longest; "" for none."""
+    most = tables.largest_activations(model, tension.muscles)
+    full = tables.saturated_frames(tension.activation, most)
+    count = int(full.any(axis=0).sum())
+    if not count:
+        return ""
+    worst = int(np.argmax(full.sum(axis=0)))
+    share = plain(100.0 * float(full[:, worst].mean()))
+    noun = "muscle" if count == 1 else "muscles"
+    return f"; {count} {noun} saturated ({tension.muscles[worst]} in {share} % of the frames)"
 
 
 def _reserves(model: Model, tension: Tension) -> str:

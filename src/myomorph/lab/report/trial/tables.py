@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.core.fit.unknowns import Bools
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import few
 from myomorph.core.model.model import Model
@@ -335,13 +336,34 @@ def reserve_verdicts(
     return rows
 
 
+def saturated_frames(activations: Array, most: Array) -> Bools:
+    """Mark activations that reach their muscle's largest one.
+
+    Parameters
+    ----------
+    activations : (frames, muscles)
+    most : (muscles,) largest activation of each
+
+    Returns
+    -------
+    (frames, muscles)
+    """
+    return np.asarray(activations >= SATURATED * most)
+
+
+def largest_activations(model: Model, muscles: Sequence[str]) -> Array:
+    """Look up the largest activation of muscles, 1 of those that the model does not have."""
+    bounds = {muscle.name: muscle.max_activation for muscle in model.muscles}
+    return np.array([bounds.get(name, 1.0) for name in muscles])
+
+
 def saturation_verdicts(
     names: Sequence[str], activations: Array, most: Array, time: Array
 ) -> list[Verdict]:
     """Muscles at `most`, their largest activation: they are too weak for the torque, or asked too
     much.
     """
-    full: np.ndarray = np.asarray(activations >= SATURATED * most)
+    full = saturated_frames(activations, most)
     ever = np.any(full, axis=0)
     if not ever.any():
         return [Verdict(quantity=Quantity.SATURATED, value=0.0, unit=f"of {len(names)}", limit=0.0)]
