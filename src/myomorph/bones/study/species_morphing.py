@@ -43,6 +43,7 @@ from myomorph.bones.study.morph_files import Unit, resized, source_bones
 from myomorph.bones.study.morph_masses import with_skin_masses
 from myomorph.bones.study.morphing import Morphed, MorphSettings
 from myomorph.core.io.mesh import read_mesh
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.messages import Message
 from myomorph.core.model.provenance import Source
@@ -95,7 +96,7 @@ def read_species(table: str | Path) -> SpeciesTable:
         if is_known
         else Path(table)
     )
-    if isinstance(path, Path) and (path.suffix.lower() != ".toml" or not path.is_file()):
+    if isinstance(path, Path) and (path.suffix.lower() != ".toml" or not is_named_file(path)):
         raise BadFile(
             table,
             "no such species table",
@@ -257,7 +258,7 @@ class SpeciesFiles:
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
-        species = Path(self.species) if Path(self.species).is_file() else None
+        species = Path(self.species) if is_named_file(Path(self.species)) else None
         return file_sources(
             ("model", self.source),
             ("skeleton", self.target),

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from myomorph.core.io.parsing.guard import run_guarded, seconds_for
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.io.parsing.text import readable, unique_names, without_far_away
 from myomorph.core.model import causes
 from myomorph.core.model.arrays import Array
@@ -327,7 +328,7 @@ def _beside(path: Path, points: int, notes: list[Message]) -> KeypointNames:
     """
     for ending in ENDINGS:
         named = path.with_suffix(ending)
-        if named.is_file():
+        if is_named_file(named):
             return read_keypoint_names(named)
     fitting = []
     for candidate in sorted(path.parent.iterdir()):

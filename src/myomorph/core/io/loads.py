@@ -12,6 +12,7 @@ from lxml import etree
 
 from myomorph.core.io.osim.document import Node, read_document, write_document
 from myomorph.core.io.osim.joints import plain_name
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.io.sto import read_sto, write_sto
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadFile, BadModel, UnknownName
@@ -101,7 +102,7 @@ def _data_file(loads: Node, name: str) -> Path:
     path = folder / name.replace("\\", "/")
     beside = folder / path.name
     for choice in (path, beside):
-        if choice.is_file():
+        if is_named_file(choice):
             return choice
     raise loads.bad(f"its data file '{name}' does not exist", "give the force table beside it")
 

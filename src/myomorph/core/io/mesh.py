@@ -15,6 +15,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import numpy as np
 from lxml import etree
 
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.io.parsing.text import check_size
 from myomorph.core.io.parsing.xml import ENTITIES, read_xml
 from myomorph.core.model.arrays import Array
@@ -155,7 +156,7 @@ def find_mesh(
         path = (folder / relative).resolve()
         if not path.is_relative_to(border):
             continue
-        if path.is_file():
+        if is_named_file(path):
             return path
         other_case = _in_other_case(path, border)
         if other_case is not None:
@@ -169,7 +170,7 @@ def _in_other_case(path: Path, border: Path) -> Path | None:
         return None
     for file in path.parent.iterdir():
         same_name = file.name.lower() == path.name.lower()
-        if same_name and file.resolve().is_relative_to(border) and file.is_file():
+        if same_name and file.resolve().is_relative_to(border) and is_named_file(file):
             return file
     return None
 

@@ -21,6 +21,7 @@ from myomorph.core.io.parsing.text import (
     rising,
     split_cells,
     unique_names,
+    whole_number,
     written,
 )
 from myomorph.core.model.arrays import Array, read_only
@@ -359,10 +360,11 @@ def _check_counts(facts: Mapping[str, str], shape: tuple[int, ...], notes: list[
     }
     for keys, (count, what) in counts.items():
         for key in keys:
-            stated = facts.get(key, "").split()
-            if stated and stated[0].isdigit() and int(stated[0]) != count:
+            first, *_ = (*facts.get(key, "").split(), "")
+            stated = whole_number(first)
+            if stated is not None and stated != count:
                 notes.append(
-                    READING.message(f"the header says {stated[0]} {what}, the file has {count}")
+                    READING.message(f"the header says {stated} {what}, the file has {count}")
                 )
                 break
 

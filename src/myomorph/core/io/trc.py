@@ -21,6 +21,7 @@ from myomorph.core.io.parsing.text import (
     rising,
     split_cells,
     unique_names,
+    whole_number,
     without_far_away,
     written,
 )
@@ -95,8 +96,8 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     positions = without_far_away(positions * _unit(facts, values, notes), notes)
     counts = {"NumFrames": (len(time), "frames"), "NumMarkers": (len(names), "markers")}
     for key, (count, what) in counts.items():
-        stated = facts.get(key, "")
-        if stated.isdigit() and int(stated) != count:
+        stated = whole_number(facts.get(key, ""))
+        if stated is not None and stated != count:
             notes.append(READING.message(f"the header says {stated} {what}, the file has {count}"))
     markers = Markers(time, unique_names(names, "marker", notes), positions)
     return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
@@ -315,8 +316,8 @@ def _labels(cells: list[str], facts: Mapping[str, str]) -> list[str]:
     """
     columns = [column for column, cell in enumerate(cells) if cell]
     names = [cells[column] for column in columns]
-    stated = facts.get("NumMarkers", "")
-    if not names or not stated.isdigit() or len(names) >= int(stated):
+    stated = whole_number(facts.get("NumMarkers", ""))
+    if not names or stated is None or len(names) >= stated:
         return names
     if any(column % 3 for column in columns):
         return names

@@ -225,7 +225,7 @@ def facts_of_file(path: Path) -> dict[str, Any]:
     for file in beside(path, ending):
         try:
             facts |= json.loads(file_text(file, HINT))
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, RecursionError):
             raise BadFile(file, "is not JSON of names and values") from None
     return facts
 

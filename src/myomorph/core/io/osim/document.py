@@ -16,7 +16,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import ArrayLike
 
-from myomorph.core.io.parsing.text import written
+from myomorph.core.io.parsing.text import whole_number, written
 from myomorph.core.io.parsing.xml import read_xml, with_colons
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import MODEL
@@ -427,11 +427,12 @@ def read_document(path: str | os.PathLike[str], wanted: tuple[str, ...], what: s
     version = 10500
     if root.tag == "OpenSimDocument":
         text = root.get("Version", "")
-        if not text.isdigit():
+        stated = whole_number(text)
+        if stated is None:
             raise BadFile(
                 path, f"OpenSimDocument Version is '{text}'", "expected a number such as 40000"
             )
-        version = int(text)
+        version = stated
         data = next((element for element in root if isinstance(element.tag, str)), root)
     if wanted and data.tag not in wanted:
         raise BadFile(path, f"holds <{data.tag}>", f"expected {what}")

@@ -22,8 +22,14 @@ from myomorph.core.model.messages import Message
 
 BINARY_SHARE = 0.02
 MAX_DISTANCE = 1e5  # Of a position, along an axis [m].
+LONGEST = 18  # Digits of a whole number: a crafted file may hold thousands
 MISSING = ("na", "n/a", "-", "--", "none", "null", "missing", ".")
 """Cells in small letters that hold no number, besides blanks and spellings of NaN."""
+
+
+def whole_number(text: str) -> int | None:
+    """Read a whole number of at most 18 plain digits, None where the text is another one."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= LONGEST else None
 
 
 @contextmanager

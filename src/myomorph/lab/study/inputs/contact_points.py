@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.model import Model
 from myomorph.lab.store.results import value_source
@@ -56,7 +57,7 @@ def contact_points(source: str, model: Model) -> JointPoints | None:
         beside = (home, home / "Geometry", home / "geometry") if model.source else ()
         folders = [folder for folder in beside if folder.is_dir()] if source == "auto" else [path]
         return knee_points(model, read_surfaces(model, folders)[0] if folders else {})
-    if path.suffix.lower() != ".toml" or not path.is_file():
+    if path.suffix.lower() != ".toml" or not is_named_file(path):
         raise BadFile(
             path,
             "gives no contact points",

@@ -79,7 +79,7 @@ def read_gains(path: Path) -> SubjectGains:
     """Read gains; raises `BadFile` where the file is none of `write_gains`."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise BadFile(
             path, f"cannot be read as gains of EMG ({error})", "give gains.json of the step 'emg'"
         ) from error

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.errors import listing
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
@@ -182,7 +183,7 @@ def _line(
     }
     if sex and sex.lower() not in SEXES:
         problems.append(f"{where}: sex '{sex}': expected female or male, or nothing")
-    if model and not (folder / model).is_file():
+    if model and not is_named_file(folder / model):
         near = [
             path.name
             for path in (folder / model).parent.glob("*")

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.errors import BadFile, listing
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
@@ -113,7 +114,7 @@ def checked_norms(norms: Sequence[str]) -> tuple[str, ...]:
 
 def is_table(names: tuple[str, ...]) -> bool:
     """Whether a norm is a file."""
-    return len(names) == 1 and names[0].lower().endswith(TABLE) and Path(names[0]).is_file()
+    return len(names) == 1 and names[0].lower().endswith(TABLE) and is_named_file(Path(names[0]))
 
 
 def walker_of(prepared: Prepared) -> Walker:

@@ -15,6 +15,7 @@ from pydantic import Field
 
 from myomorph.core.contact.plate_placements import MarkedWeight, Placement, find_placements
 from myomorph.core.io.mesh import find_mesh, read_mesh
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadFile, UnknownName
 from myomorph.core.model.messages import located
@@ -211,7 +212,7 @@ def _modelled(model: Model, scan: ScanFiles) -> Surface:
         # opened.
         whole = (
             Path(name).is_absolute()
-            and Path(name).is_file()
+            and is_named_file(Path(name))
             and Path(name).resolve().is_relative_to(folder)
         )
         path = Path(name) if whole else find_mesh(name, folders)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.lab.store import study_file, toml_file
@@ -171,7 +172,7 @@ def fixed_plan(given: GivenSpecimen, settings: Mapping[str, Any] = FrozenMap({})
     model = given.model
     if model is None:
         raise BadData("give a study file, or --model with --intact and --removed")
-    if not model.is_file():
+    if not is_named_file(model):
         raise BadFile(model, "does not exist", "give a model (.osim or .xml)")
     conditions = {
         name: tuple(given_swings(name, given.recordings.get(name, GivenFiles()), given.time))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.lab.store import named_files
@@ -130,7 +131,7 @@ def given_swings(condition: str, files: GivenFiles, time: Span | None) -> Iterat
     for number, markers in enumerate(files.markers):
         loads = files.loads[number] if files.loads else swing_loads(markers)
         for path in (markers, loads):
-            if path is not None and not path.is_file():
+            if path is not None and not is_named_file(path):
                 raise BadFile(path, "does not exist")
         if loads is None:
             raise BadFile(markers, "has no forces beside it", f"give --{option}-loads")
