@@ -1,6 +1,4 @@
-"""What a fuzzer found in headers and names: digits that are none, names that no file can have,
-JSON that is nested without end.
-"""
+"""Digits that are none, names that no file can have, JSON without end: what a fuzzer found."""
 
 from pathlib import Path
 

@@ -360,8 +360,8 @@ def _check_counts(facts: Mapping[str, str], shape: tuple[int, ...], notes: list[
     }
     for keys, (count, what) in counts.items():
         for key in keys:
-            first, *_ = (*facts.get(key, "").split(), "")
-            stated = whole_number(first)
+            words = facts.get(key, "").split()
+            stated = whole_number(words[0]) if words else None
             if stated is not None and stated != count:
                 notes.append(
                     READING.message(f"the header says {stated} {what}, the file has {count}")
