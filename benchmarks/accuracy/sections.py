@@ -188,6 +188,7 @@ PAGES: dict[str, dict[str, str]] = {
         "calibration_simulated_zeros": "accuracy.kinematics.calibration_zeros:measure_simulated",
         "calibration_unequal": "accuracy.kinematics.calibration_zeros:measure_unequal",
         "transfer": "accuracy.identification.transfer:measure",
+        "transfer_paths": "accuracy.identification.transfer_paths:measure",
         "shape_people": "accuracy.identification.shape:measure_people",
         "shape_segments": "accuracy.identification.shape:measure_segments",
         "shape_poses": "accuracy.identification.shape:measure_poses",

@@ -16,6 +16,7 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.paths import impossible_fibers
 from myomorph.core.model.series import Markers, Motion, Series, Wrenches
 from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.muscles.path_jumps import path_jumps
 from myomorph.core.tension.dual import MISSING
 from myomorph.core.tension.tension import Tension
 from myomorph.lab.analysis.center_of_mass import centroid
@@ -291,12 +292,6 @@ def plain(value: float) -> str:
 
 # Lengths over the optimal one between which fibers pull actively (Zajac 1989).
 FIBER_RANGE = (0.5, 1.5)
-# A path whose length changes by so much more between two frames than its velocity explains jumps
-# [m].
-JUMP = 1e-3
-# And by so many times what is usual for the muscle, so that coarse frames of fast motions are no
-# jumps.
-UNUSUAL = 10.0
 MAX_NAMED = 3
 
 
@@ -376,17 +371,14 @@ def _jumps(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
     """
     if len(time) < 3:
         return "too few frames to see jumps"
-    step = np.diff(time)[:, None]
-    odd = np.abs(np.diff(lengths, axis=0) - 0.5 * step * (velocities[1:] + velocities[:-1]))
-    odd = np.where(np.isfinite(odd), odd, 0.0)
-    jumping = odd > np.maximum(JUMP, UNUSUAL * np.median(odd, axis=0))
-    if not jumping.any():
+    jumps = path_jumps(time, lengths, velocities)
+    if not jumps.any():
         return "no path jumps"
-    frame, muscle = np.unravel_index(int(np.argmax(np.where(jumping, odd, 0.0))), odd.shape)
+    frame, muscle = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
     where = (
-        f"{model.muscle_names[muscle]} by {1e3 * odd[frame, muscle]:.1f} mm at"
+        f"{model.muscle_names[muscle]} by {1e3 * jumps[frame, muscle]:.1f} mm at"
         f" {time[frame + 1]:.2f} s"
     )
-    count = int(jumping.any(axis=0).sum())
+    count = int(jumps.any(axis=0).sum())
     some = "1 path jumps" if count == 1 else f"{count} paths jump"
     return f"{some} ({where}): moment arms there are unreliable"

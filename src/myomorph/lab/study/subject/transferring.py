@@ -5,16 +5,19 @@ transfer` and the step.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from myomorph.body.identify.carried_paths import CarriedPaths, carried_paths
 from myomorph.body.identify.carry import CarriedMotion, carry_motion
 from myomorph.body.identify.transfer import Transfer, transfer
 from myomorph.body.identify.transfer_options import TransferOptions
 from myomorph.core.io.sto import table_from_motion, write_sto
+from myomorph.core.model.errors import few
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.store.results import file_name, file_sources, provenance_of
 from myomorph.lab.store.settings import plain_settings, with_settings
@@ -27,13 +30,17 @@ from myomorph.lab.study.trial.steps.ik import trial_motion
 
 Rows = Sequence[Mapping[str, object]]
 MOTIONS = "motions"  # Folder of carried motions.
+MAX_NAMED = 3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Transferred(Made[Transfer]):
-    """A transfer, and the motions that were carried with it, by the names of their trials."""
+    """A transfer, and the motions that were carried with it and what muscle paths do along them, by
+    the names of their trials.
+    """
 
     motions: Mapping[str, CarriedMotion]
+    paths: Mapping[str, CarriedPaths] = field(default_factory=lambda: FrozenMap({}))
 
 
 def transfer_files(
@@ -49,7 +56,8 @@ def transfer_files(
     """
     subject = open_model(lower)
     motion = None if pose is None else read_motion(pose, subject)
-    result = transfer(subject, open_model(higher), options, motion)
+    given = open_model(higher)
+    result = transfer(subject, given, options, motion)
     moved = (("motion", path) for path in motions)
     sources = file_sources(("model", lower), ("model to", higher), ("pose", pose), *moved)
     made = provenance_of("transfer", sources, plain_settings(options))
@@ -57,7 +65,17 @@ def transfer_files(
         path.stem: carry_motion(subject, read_motion(path, subject), result, options)
         for path in motions
     }
-    return Transferred(result, made, motions=carried)
+    return Transferred(result, made, motions=carried, paths=_paths(given, result, carried))
+
+
+def _paths(
+    given: Model, result: Transfer, carried: Mapping[str, CarriedMotion]
+) -> Mapping[str, CarriedPaths]:
+    """What muscle paths do along each motion, where they could be followed."""
+    found = {
+        name: carried_paths(given, result.model, motion.motion) for name, motion in carried.items()
+    }
+    return FrozenMap({name: paths for name, paths in found.items() if paths is not None})
 
 
 def write_transferred(transferred: Transferred, out: Path, tables: Path) -> tuple[str, ...]:
@@ -86,6 +104,7 @@ def write_transferred(transferred: Transferred, out: Path, tables: Path) -> tupl
             for name in names
         ]
         write_rows(rows, folder / "coordinates.csv")
+        write_rows(path_rows(transferred), folder / "path_jumps.csv")
 
     return write_made_model(result.model, transferred.provenance, out, tables, fill, result.notes)
 
@@ -111,6 +130,16 @@ def length_rows(transfer: Transfer) -> Rows:
             "transferred_m": length.higher,
         }
         for length in transfer.lengths
+    ]
+
+
+def path_rows(transferred: Transferred) -> Rows:
+    """A row for each muscle path that jumps along a motion: in the model as given, and now."""
+    return [
+        {"trial": trial, "muscle": name, "given_m": float(given), "transferred_m": float(now)}
+        for trial, paths in transferred.paths.items()
+        for name, given, now in zip(paths.muscles, paths.given, paths.transferred, strict=True)
+        if given > 0.0 or now > 0.0
     ]
 
 
@@ -152,7 +181,28 @@ def summary(transferred: Transferred) -> list[str]:
             f" apart (RMS); {len(carried.known) - held} coordinates follow the subject's, {held}"
             " are mostly held"
         )
+    lines += [_paths_line(name, paths) for name, paths in transferred.paths.items()]
     return lines
+
+
+def _paths_line(name: str, paths: CarriedPaths) -> str:
+    """Say which muscle paths jump along a motion, and whose jumps they are."""
+    count = len(paths.own) + len(paths.new)
+    hops = ""
+    if paths.hops:
+        largest = max(paths.hops, key=lambda hop: hop.size)
+        hops = (
+            f"; the motion hops {len(paths.hops)} times, most at {largest.time:.2f} s"
+            f" ({largest.coordinate} by {np.degrees(largest.size):.0f}°): use the parts between"
+        )
+    if not count:
+        return f"{name}: none of {len(paths.muscles)} muscle paths jumps{hops}"
+    whose = f"{len(paths.own)} of them in the model as given too"
+    new = f"by the transfer {few(paths.new, MAX_NAMED)}" if paths.new else "none by the transfer"
+    return (
+        f"{name}: {count} of {len(paths.muscles)} muscle paths jump, {whose}, {new}: moment arms"
+        f" there are unreliable{hops}"
+    )
 
 
 def _run(subject: SubjectInputs, output: FolderOutput) -> None:
@@ -160,13 +210,17 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     higher = subject.files.detailed
     assert higher is not None
     with about(higher):
-        result = transfer(subject.model, open_model(higher), options)
+        given = open_model(higher)
+        result = transfer(subject.model, given, options)
     motions = {
         trial.name: carry_motion(subject.model, trial_motion(trial), result, options)
         for trial in subject.trials()
     }
+    paths = _paths(given, result, motions)
     write_transferred(
-        Transferred(result, output.made, motions=motions), output.path("model"), output.tables
+        Transferred(result, output.made, motions=motions, paths=paths),
+        output.path("model"),
+        output.tables,
     )
 
 
