@@ -20,7 +20,7 @@ BULGE = 0.02  # How far that point lies off the straight path [m].
 
 
 def straight(name: str) -> Muscle:
-    """A muscle from ground to the limb without a point between."""
+    """Make a muscle from ground to the limb without a point between."""
     ends = (
         PathPoint("a", GROUND, np.array([0.0, 0.1, 0.0])),
         PathPoint("b", "limb", np.array([0.0, -0.1, 0.0])),
@@ -36,7 +36,7 @@ def straight(name: str) -> Muscle:
 
 
 def snapping(name: str) -> Muscle:
-    """The same through a point that counts only where the hinge is bent enough."""
+    """Make the same through a point that counts only where the hinge is bent enough."""
     muscle = straight(name)
     first, last = muscle.path.points
     between = PathPoint(
@@ -46,7 +46,7 @@ def snapping(name: str) -> Muscle:
 
 
 def limb(*muscles: Muscle) -> Model:
-    """A limb on a hinge."""
+    """Make a limb on a hinge."""
     bend = Axis(
         kind="rotation",
         vector=np.array([0.0, 0.0, 1.0]),
@@ -74,7 +74,7 @@ def limb(*muscles: Muscle) -> Model:
 
 
 def bent(frames: int = 101) -> Motion:
-    """A second of bending through the place where paths snap."""
+    """Bend the hinge for a second through the angle at which paths snap."""
     time = np.linspace(0.0, 1.0, frames)
     return Motion(time, ("bend",), 0.6 * time[:, None])
 
