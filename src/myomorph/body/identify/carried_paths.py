@@ -83,7 +83,7 @@ def carried_paths(given: Model, transferred: Model, motion: Motion) -> CarriedPa
     the jumps, None without muscles or without such a part
     """
     hops = motion_hops(transferred, motion)
-    known = np.isfinite(motion.values).all(axis=1)
+    known = np.asarray(np.isfinite(motion.values).all(axis=1))
     breaks = {int(np.searchsorted(motion.time, hop.time)) for hop in hops}
     parts = [
         part
