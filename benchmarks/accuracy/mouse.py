@@ -240,12 +240,30 @@ def measure_commands(folder: Path) -> Iterator[Row]:
                 f"{word}, loaded and solved": int((solved & pushed).sum()),
                 f"{word}, reserves [% of torque]": _reserves(torques, tension, side)[1],
             }
+        size = _residual(tension, posed) / one.model.weight
         yield row | {
+            "force without a cause at the pelvis, RMS [% of weight]": 100.0 * size,
+            "what is printed of residuals": one.residuals,
             "not optimal": int(
                 (posed & ~tension.optimal & (tension.status != NOT_DETERMINED)).sum()
             ),
             "first line": one.line,
         }
+
+
+def _residual(tension: Tension, posed: np.ndarray) -> float:
+    """Root mean square of the force that nothing explains at the root [N].
+
+    Parameters
+    ----------
+    tension : with residual actuators
+    posed : (frames,) that count
+    """
+    columns = [
+        column for column, name in enumerate(tension.reserve_names) if name.startswith("residual_F")
+    ]
+    forces = tension.actuator_force[posed][:, columns]
+    return float(np.sqrt(np.nanmean((forces**2).sum(axis=1))))
 
 
 def _beside_markers(one: Mouse) -> Row:

@@ -13,7 +13,7 @@ from pathlib import Path
 import myomorph as mm
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.tension.tension import Tension
-from myomorph.lab.report.trial.summary_lines import tension_line
+from myomorph.lab.report.trial.summary_lines import residual_verdict, tension_line
 from myomorph.lab.study.plan.plan import read_plan
 from myomorph.lab.study.run.run import run_study
 from truths.mouse_recordings import GAIT_LABELS, LOOSE, both_hindlimbs, gait_files
@@ -47,14 +47,15 @@ TASKS = (
 
 @dataclass(frozen=True, eq=False)
 class ByCommand:
-    """What a study left of one recording: `line`, what the step says of its tensions; `warnings` of
-    the trial.
+    """What a study left of one recording: `line`, what the step says of its tensions; `residuals`,
+    what it says of those of the root; `warnings` of the trial.
     """
 
     model: mm.Model
     tension: Tension
     wrenches: mm.Wrenches
     line: str
+    residuals: str
     warnings: tuple[str, ...]
 
 
@@ -96,12 +97,16 @@ def by_command(data: Path) -> Mapping[str, ByCommand]:
             (result,) = mm.load(outcome.folder).values()
             assert result.tension is not None
             assert result.wrenches is not None
+            assert result.motion is not None
+            assert result.torques is not None
             line = tension_line(model, result.tension)
+            residuals = residual_verdict(model, result.motion, result.torques, result.wrenches)
             found[name] = ByCommand(
                 model=model,
                 tension=result.tension,
                 wrenches=result.wrenches,
                 line=line,
+                residuals=residuals,
                 warnings=tuple(outcome.findings),
             )
     return found

@@ -30,7 +30,6 @@ from myomorph.core.motion.filters import lowpass
 from myomorph.core.motion.sync import cut
 from myomorph.core.tension.emg_quantities import CHANNEL_TABLE
 from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
-from myomorph.core.tension.emg_tracking import few_frames
 
 Row = dict[str, object]
 
@@ -72,7 +71,8 @@ class Walk:
         """Motion and torques of a span, every so many frames."""
         motion = cut(self.motion, *span)
         torques = cut(self.torques, *span)
-        return few_frames(motion, torques, self.every)
+        few = slice(None, None, self.every)
+        return motion.frames(few), torques.frames(few)
 
 
 def torques_of(path: Path) -> mm.Series:
