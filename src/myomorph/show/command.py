@@ -83,7 +83,8 @@ def run_performed(name: str, out: Path) -> int:
     results = out / "results"
     status = run_plan(read_plan(written.study), results, AS_USUAL)
     if status == 0:
-        write_errors(written, results, out / ERRORS)
+        skills = write_errors(written, results, out / ERRORS)
+        said(f"skill of contact forces against a constant guess of each: {skills}")
         said(f"errors of contact forces against the true ones: {out / ERRORS}")
         said(f"report: {(results / written.results / REPORT).resolve()}")
     return status

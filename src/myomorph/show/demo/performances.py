@@ -87,6 +87,7 @@ body = "{body}"
 points = {points}
 {more}
 """
+SKILL = "skill against it [%]"
 SIMULATED = (
     "Everything: {who} moved as planned in MuJoCo; nobody was measured. Muscles run straight: they"
     " are no anatomy. Activations follow another criterion than the estimate, masses are 5 % and"
@@ -125,7 +126,8 @@ def write_performance(name: str, folder: Path) -> Written:
 
 def contact_rows(written: Written, out: Path) -> Iterator[dict[str, object]]:
     """Of each contact the size of the true force and of the estimate's error in the results `out`,
-    root mean squares, as far as it was estimated.
+    root mean squares, as far as it was estimated, and the skill against a constant guess: the share
+    of the variance about the true mean that it explains, below 0 where the mean is nearer.
     """
     table = read_sto(out / written.results / "contact_groups.sto")
     for column, contact in enumerate(written.forces.names):
@@ -141,6 +143,7 @@ def contact_rows(written: Written, out: Path) -> Iterator[dict[str, object]]:
             for axis in "xyz"
         ]
         square = np.nanmean((np.transpose(estimate) - true) ** 2, axis=0)
+        constant = true[np.isfinite(estimate[0])].var(axis=0)
         yield {
             "contact": contact,
             "true, RMS [N]": float(np.sqrt(np.mean(np.sum(true**2, axis=1)))),
@@ -149,11 +152,30 @@ def contact_rows(written: Written, out: Path) -> Iterator[dict[str, object]]:
             "error, vertical [N]": float(np.sqrt(square[1])),
             "error, fore-aft [N]": float(np.sqrt(square[0])),
             "error, lateral [N]": float(np.sqrt(square[2])),
+            "a constant guess, RMS [N]": float(np.sqrt(constant.sum())),
+            SKILL: skill(square.sum(), constant.sum()),
+            "skill, vertical [%]": skill(square[1], constant[1]),
         }
 
 
-def write_errors(written: Written, out: Path, path: Path) -> None:
-    """Write `contact_rows`."""
+def skill(square: float, constant: float) -> float:
+    """Return the share of a constant guess's mean square that an estimate leaves out [%].
+
+    Parameters
+    ----------
+    square : mean square error of the estimate
+    constant : that of the best constant, the variance; NaN comes of 0
+
+    Examples
+    --------
+    >>> skill(square=25.0, constant=100.0)
+    75.0
+    """
+    return 100.0 * (1.0 - float(square) / float(constant)) if constant > 0.0 else float("nan")
+
+
+def write_errors(written: Written, out: Path, path: Path) -> str:
+    """Write `contact_rows`, and say the skill of each contact in a line."""
     rows = [
         {name: value if isinstance(value, str) else f"{value:.1f}" for name, value in row.items()}
         for row in contact_rows(written, out)
@@ -162,6 +184,7 @@ def write_errors(written: Written, out: Path, path: Path) -> None:
         table = csv.DictWriter(stream, list(rows[0]))
         table.writeheader()
         table.writerows(rows)
+    return ", ".join(f"{row['contact']} {row[SKILL]} %" for row in rows)
 
 
 def _judo(folder: Path) -> Written:
