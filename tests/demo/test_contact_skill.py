@@ -23,6 +23,10 @@ def row_of(folder: Path, estimate: np.ndarray) -> dict[str, object]:
     ----------
     folder : to write results to
     estimate : (frames, 3) [N]
+
+    Returns
+    -------
+    its row of errors
     """
     results = folder / "trial"
     results.mkdir()
