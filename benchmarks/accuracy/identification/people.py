@@ -1,0 +1,164 @@
+"""What measured people are like: the file of `myomorph.body.shape.people` from its sources, and how
+it predicts people of another survey.
+
+`python -m benchmarks.accuracy.identification.people MALE.csv FEMALE.csv --others bdims.csv`
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.results import Row, save
+from myomorph.body.shape import people as survey
+from myomorph.core.model.arrays import Array
+
+COMMAND = "python -m benchmarks.accuracy.identification.people"
+ANSUR: Mapping[str, str] = {
+    "height": "stature",
+    "chest": "chestcircumference",
+    "mass": "weightkg",
+    "neck": "neckcircumference",
+    "upper arm": "bicepscircumferenceflexed",
+    "forearm": "forearmcircumferenceflexed",
+    "wrist": "wristcircumference",
+    "waist": "waistcircumference",
+    "hips": "buttockcircumference",
+    "thigh": "thighcircumference",
+    "knee": "lowerthighcircumference",
+    "calf": "calfcircumference",
+    "ankle": "anklecircumference",
+    "upper arm length": "acromionradialelength",
+    "forearm length": "radialestylionlength",
+    "hip height": "trochanterionheight",
+    "knee height": "lateralfemoralepicondyleheight",
+    "ankle height": "lateralmalleolusheight",
+    "waist height": "waistheightomphalion",
+    "hips height": "buttockheight",
+}
+"""Columns of the public files of ANSUR II, lengths in mm, masses in 0.1 kg."""
+RELAXED = 26.89 / 29.41
+"""Girth of a relaxed upper arm over that of a flexed one, of the reference human of Ross and Wilson
+1974."""
+JOINTS = {
+    ("upper arm length", "male"): 28.17 / 174.1,
+    ("upper arm length", "female"): 27.51 / 173.5,
+    ("forearm length", "male"): 26.89 / 174.1,
+    ("forearm length", "female"): 26.43 / 173.5,
+}
+"""Mean lengths between joint centers over height (de Leva 1996); the survey shows how they vary."""
+OTHERS: Mapping[str, str] = {
+    "mass": "weight",
+    "upper arm": "bicep_girth",
+    "forearm": "forearm_girth",
+    "wrist": "wrist_girth",
+    "hips": "hip_girth",
+    "thigh": "thigh_girth",
+    "calf": "calf_girth",
+    "ankle": "ankle_girth",
+}
+"""Columns of Heinz, Peterson, Johnson and Kerk 2003 whose sites are the survey's."""
+
+
+def logs_of(rows: Sequence[Mapping[str, str]]) -> Array:
+    """Logarithms of measurements in SI units, (people, measurements), as they were measured."""
+    scale = {name: 0.1 if name == "mass" else 0.001 for name in ANSUR}
+    table = [[scale[name] * float(row[column]) for name, column in ANSUR.items()] for row in rows]
+    return np.asarray(np.log(table))
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    """Rows of a table with commas or semicolons, names of columns in lower letters."""
+    lines = path.read_text("latin-1").splitlines()
+    delimiter = ";" if ";" in lines[0] else ","
+    lines[0] = lines[0].lower()
+    return list(csv.DictReader(lines, delimiter=delimiter))
+
+
+def corrected(logs: Array, sex: survey.Sex, forearm: float) -> Array:
+    """Means of logarithms, of relaxed arms and of lengths between joint centers."""
+    names = list(ANSUR)
+    mean = logs.mean(axis=0)
+    mean[names.index("upper arm")] += np.log(RELAXED)
+    mean[names.index("forearm")] += forearm
+    for name in ("upper arm length", "forearm length"):
+        mean[names.index(name)] = mean[names.index("height")] + np.log(JOINTS[name, sex])
+    return mean
+
+
+def errors_of(
+    logs: Mapping[survey.Sex, Array], others: Sequence[Mapping[str, str]]
+) -> dict[tuple[str, str], Array]:
+    """Errors of logarithms, and their standard deviations by the survey alone: (people, 2).
+
+    By measurement and sex, from height and chest.
+    """
+    found: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    for sex, table in logs.items():
+        whole = survey.People(
+            names=tuple(ANSUR), mean=table.mean(axis=0), covariance=np.cov(table.T), between=0.0
+        )
+        for row in others:
+            if row["sex"].lower() != sex:
+                continue
+            known = {
+                "height": 0.01 * float(row["height"]),
+                "chest": 0.01 * float(row["chest_girth"]),
+            }
+            rest = whole.given(known)
+            for name, column in OTHERS.items():
+                value = float(row[column]) * (1.0 if name == "mass" else 0.01)
+                error = np.log(value / rest.expected(name))
+                found.setdefault((name, sex), []).append((error, rest.sd(name)))
+    return {key: np.array(pairs) for key, pairs in found.items()}
+
+
+def main() -> None:
+    """Write the file of the package, and the table of the other survey's people."""
+    parser = argparse.ArgumentParser(prog=COMMAND, description=__doc__)
+    parser.add_argument("male", type=Path)
+    parser.add_argument("female", type=Path)
+    parser.add_argument("--others", type=Path, required=True)
+    given = parser.parse_args()
+    sexes: dict[survey.Sex, Path] = {"male": given.male, "female": given.female}
+    logs = {sex: logs_of(read(path)) for sex, path in sexes.items()}
+    errors = errors_of(logs, read(given.others))
+    forearm = float(np.mean([errors["forearm", sex][:, 0].mean() for sex in logs]))
+    sites = {key: pairs for key, pairs in errors.items() if key[0] != "forearm"}
+    excess = [float(np.mean(np.square(e[:, 0]) - np.square(e[:, 1]))) for e in sites.values()]
+    between = float(np.sqrt(np.mean(excess)))
+    lines = [",".join(("sex", "measurement", "mean", "sd", "between", *ANSUR))]
+    for sex, table in logs.items():
+        mean = corrected(table, sex, forearm)
+        correlation = np.corrcoef(table.T)
+        for i, name in enumerate(ANSUR):
+            row = [f"{value:.4f}" for value in correlation[i]]
+            sd = f"{table[:, i].std(ddof=1):.5f}"
+            lines.append(",".join((sex, name, f"{mean[i]:.5f}", sd, f"{between:.4f}", *row)))
+    place = Path(survey.__file__).parent / "data" / survey.FILE
+    place.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    rows: list[Row] = []
+    for (name, sex), pairs in sites.items():
+        sd = np.hypot(pairs[:, 1], between)
+        rows.append(
+            {
+                "measurement": name,
+                "sex": sex,
+                "people": len(pairs),
+                "mean error [%]": 100.0 * float(pairs[:, 0].mean()),
+                "SD of errors [%]": 100.0 * float(pairs[:, 0].std()),
+                "SD by ANSUR II [%]": 100.0 * float(pairs[:, 1].mean()),
+                "SD as used [%]": 100.0 * float(sd.mean()),
+                "in 95 % intervals": f"{100.0 * np.mean(abs(pairs[:, 0]) < 1.96 * sd):.0f} %",
+            }
+        )
+    save("validation/body_people", rows, f"{COMMAND} MALE.csv FEMALE.csv --others bdims.csv")
+    print(f"forearm {forearm:.4f}, between surveys {between:.4f}")
+
+
+if __name__ == "__main__":
+    main()
