@@ -1,23 +1,24 @@
 """What measured people are like: the file of `myomorph.body.shape.people` from its sources, and how
 it predicts people of another survey.
 
-`python -m benchmarks.accuracy.identification.people MALE.csv FEMALE.csv --others bdims.csv`
+`python -m benchmarks.accuracy.identification.people` writes the file; the surveys are public,
+and lie in the folder `anthropometry-surveys` of the data collection.
 """
 
 from __future__ import annotations
 
-import argparse
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from tests.data_collection import data_folder
 
-from benchmarks.results import Row, save
+from benchmarks.results import Row
 from myomorph.body.shape import people as survey
 from myomorph.core.model.arrays import Array
 
-COMMAND = "python -m benchmarks.accuracy.identification.people"
+FILES = ("ANSUR_II_MALE.csv", "ANSUR_II_FEMALE.csv", "bdims.csv")
 ANSUR: Mapping[str, str] = {
     "height": "stature",
     "chest": "chestcircumference",
@@ -117,20 +118,55 @@ def errors_of(
     return {key: np.array(pairs) for key, pairs in found.items()}
 
 
+def surveys() -> tuple[dict[survey.Sex, Array], list[dict[str, str]]]:
+    """Logarithms of ANSUR II by sex, and the rows of the other survey; empty where absent."""
+    folder = data_folder() / "anthropometry-surveys"
+    files = [folder / name for name in FILES]
+    if not all(path.is_file() for path in files):
+        return {}, []
+    male, female, others = (read(path) for path in files)
+    return {"male": logs_of(male), "female": logs_of(female)}, others
+
+
+def between_surveys(errors: Mapping[tuple[str, str], Array]) -> float:
+    """Standard deviation of the other survey's errors beyond what this one's spread explains."""
+    sites = [pairs for (name, _), pairs in errors.items() if name != "forearm"]
+    excess = [float(np.mean(np.square(e[:, 0]) - np.square(e[:, 1]))) for e in sites]
+    return float(np.sqrt(np.mean(excess)))
+
+
+def measure() -> Iterator[Row]:
+    """Errors of what height and chest say of people of another survey."""
+    logs, others = surveys()
+    if not logs:
+        return
+    errors = errors_of(logs, others)
+    between = between_surveys(errors)
+    for (name, sex), pairs in errors.items():
+        # The other survey's forearms are relaxed, which this file is corrected for.
+        if name == "forearm":
+            continue
+        sd = np.hypot(pairs[:, 1], between)
+        yield {
+            "measurement": name,
+            "sex": sex,
+            "people": len(pairs),
+            "mean error [%]": 100.0 * float(pairs[:, 0].mean()),
+            "SD of errors [%]": 100.0 * float(pairs[:, 0].std()),
+            "SD by ANSUR II [%]": 100.0 * float(pairs[:, 1].mean()),
+            "SD as used [%]": 100.0 * float(sd.mean()),
+            "in 95 % intervals": f"{100.0 * np.mean(abs(pairs[:, 0]) < 1.96 * sd):.0f} %",
+        }
+
+
 def main() -> None:
-    """Write the file of the package, and the table of the other survey's people."""
-    parser = argparse.ArgumentParser(prog=COMMAND, description=__doc__)
-    parser.add_argument("male", type=Path)
-    parser.add_argument("female", type=Path)
-    parser.add_argument("--others", type=Path, required=True)
-    given = parser.parse_args()
-    sexes: dict[survey.Sex, Path] = {"male": given.male, "female": given.female}
-    logs = {sex: logs_of(read(path)) for sex, path in sexes.items()}
-    errors = errors_of(logs, read(given.others))
+    """Write the file of the package from the surveys."""
+    logs, others = surveys()
+    if not logs:
+        raise SystemExit(f"the data folder has no anthropometry-surveys with {', '.join(FILES)}")
+    errors = errors_of(logs, others)
     forearm = float(np.mean([errors["forearm", sex][:, 0].mean() for sex in logs]))
-    sites = {key: pairs for key, pairs in errors.items() if key[0] != "forearm"}
-    excess = [float(np.mean(np.square(e[:, 0]) - np.square(e[:, 1]))) for e in sites.values()]
-    between = float(np.sqrt(np.mean(excess)))
+    between = between_surveys(errors)
     lines = [",".join(("sex", "measurement", "mean", "sd", "between", *ANSUR))]
     for sex, table in logs.items():
         mean = corrected(table, sex, forearm)
@@ -141,22 +177,6 @@ def main() -> None:
             lines.append(",".join((sex, name, f"{mean[i]:.5f}", sd, f"{between:.4f}", *row)))
     place = Path(survey.__file__).parent / "data" / survey.FILE
     place.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    rows: list[Row] = []
-    for (name, sex), pairs in sites.items():
-        sd = np.hypot(pairs[:, 1], between)
-        rows.append(
-            {
-                "measurement": name,
-                "sex": sex,
-                "people": len(pairs),
-                "mean error [%]": 100.0 * float(pairs[:, 0].mean()),
-                "SD of errors [%]": 100.0 * float(pairs[:, 0].std()),
-                "SD by ANSUR II [%]": 100.0 * float(pairs[:, 1].mean()),
-                "SD as used [%]": 100.0 * float(sd.mean()),
-                "in 95 % intervals": f"{100.0 * np.mean(abs(pairs[:, 0]) < 1.96 * sd):.0f} %",
-            }
-        )
-    save("validation/body_people", rows, f"{COMMAND} MALE.csv FEMALE.csv --others bdims.csv")
     print(f"forearm {forearm:.4f}, between surveys {between:.4f}")
 
 
