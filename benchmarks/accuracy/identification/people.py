@@ -1,5 +1,4 @@
-"""What measured people are like: the file of `myomorph.body.shape.people` from its sources, and how
-it predicts people of another survey.
+"""Measured people: the file of `myomorph.body.shape.people` from its sources, and its predictions.
 
 `python -m benchmarks.accuracy.identification.people` writes the file; the surveys are public,
 and lie in the folder `anthropometry-surveys` of the data collection.
@@ -66,7 +65,16 @@ OTHERS: Mapping[str, str] = {
 
 
 def logs_of(rows: Sequence[Mapping[str, str]]) -> Array:
-    """Logarithms of measurements in SI units, (people, measurements), as they were measured."""
+    """Compute logarithms of measurements in SI units, as they were measured.
+
+    Parameters
+    ----------
+    rows : of the survey
+
+    Returns
+    -------
+    (people, measurements)
+    """
     scale = {name: 0.1 if name == "mass" else 0.001 for name in ANSUR}
     table = [[scale[name] * float(row[column]) for name, column in ANSUR.items()] for row in rows]
     return np.asarray(np.log(table))
@@ -81,7 +89,18 @@ def read(path: Path) -> list[dict[str, str]]:
 
 
 def corrected(logs: Array, sex: survey.Sex, forearm: float) -> Array:
-    """Means of logarithms, of relaxed arms and of lengths between joint centers."""
+    """Compute means of logarithms, of relaxed arms and of lengths between joint centers.
+
+    Parameters
+    ----------
+    logs : (people, measurements) as measured
+    sex : of the people
+    forearm : logarithm of a relaxed forearm's girth over a flexed one's
+
+    Returns
+    -------
+    (measurements,)
+    """
     names = list(ANSUR)
     mean = logs.mean(axis=0)
     mean[names.index("upper arm")] += np.log(RELAXED)
@@ -94,9 +113,17 @@ def corrected(logs: Array, sex: survey.Sex, forearm: float) -> Array:
 def errors_of(
     logs: Mapping[survey.Sex, Array], others: Sequence[Mapping[str, str]]
 ) -> dict[tuple[str, str], Array]:
-    """Errors of logarithms, and their standard deviations by the survey alone: (people, 2).
+    """Compare people of another survey with what height and chest say of them.
 
-    By measurement and sex, from height and chest.
+    Parameters
+    ----------
+    logs : (people, measurements) of the survey by sex
+    others : rows of the other survey
+
+    Returns
+    -------
+    (people, 2) errors of logarithms, and their standard deviations by the survey alone, by
+    measurement and sex
     """
     found: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for sex, table in logs.items():
@@ -119,17 +146,33 @@ def errors_of(
 
 
 def surveys() -> tuple[dict[survey.Sex, Array], list[dict[str, str]]]:
-    """Logarithms of ANSUR II by sex, and the rows of the other survey; empty where absent."""
+    """Read both surveys.
+
+    Returns
+    -------
+    logarithms (people, measurements) of ANSUR II by sex, and the rows of the other survey; empty
+    where files are absent
+    """
     folder = data_folder() / "anthropometry-surveys"
     files = [folder / name for name in FILES]
     if not all(path.is_file() for path in files):
         return {}, []
-    male, female, others = (read(path) for path in files)
-    return {"male": logs_of(male), "female": logs_of(female)}, others
+    men = logs_of(read(files[0]))
+    women = logs_of(read(files[1]))
+    return {"male": men, "female": women}, read(files[2])
 
 
 def between_surveys(errors: Mapping[tuple[str, str], Array]) -> float:
-    """Standard deviation of the other survey's errors beyond what this one's spread explains."""
+    """Compute the standard deviation of errors beyond what this survey's spread explains.
+
+    Parameters
+    ----------
+    errors : as of `errors_of`
+
+    Returns
+    -------
+    of logarithms
+    """
     sites = [pairs for (name, _), pairs in errors.items() if name != "forearm"]
     excess = [float(np.mean(np.square(e[:, 0]) - np.square(e[:, 1]))) for e in sites]
     return float(np.sqrt(np.mean(excess)))

@@ -70,7 +70,7 @@ def test_people_of_the_survey_have_their_means():
 
 @pytest.fixture(scope="module")
 def man():
-    """The average man of de Leva 1996, without his mass."""
+    """Make the average man of de Leva 1996, without his mass."""
     return body_shape(1.741, 0.98, None, "male")
 
 
@@ -119,7 +119,9 @@ def test_a_known_mass_leaves_segments_less_open(man):
 @needs_anny
 def test_slopes_of_the_misfit_are_its_differences():
     body = statistical_body(25.0)
-    problem = BodyProblem(body, 25.0, "female", {"height": 1.65, "chest": 0.9})
+    problem = BodyProblem(
+        body=body, age=25.0, sex="female", measured={"height": 1.65, "chest": 0.9}
+    )
     values = np.array([0.52] * 4 + [0.03] * (len(problem.names) - 4))
     slopes = problem.slopes(values)
     start = problem.misfit(values)

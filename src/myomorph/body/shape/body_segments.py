@@ -179,7 +179,16 @@ def _owners(shape: Shape, points: Array) -> np.ndarray:
 
 
 def skin_owners(shape: Shape) -> np.ndarray:
-    """Find the segment of each vertex of the skin: (vertices,) numbers of segments."""
+    """Find the segment of each vertex of the skin.
+
+    Parameters
+    ----------
+    shape : of the person
+
+    Returns
+    -------
+    (vertices,) numbers of segments
+    """
     return _cut(shape, shape.skin.surface.vertices, shape.skinning.toarray())
 
 

@@ -182,7 +182,9 @@ class BodyProblem:
 
 def _corner_areas(body: StatisticalBody, vertices: Array) -> Array:
     """Compute by how much the volume grows where a vertex moves: (vertices, 3) [m^2]."""
-    a, b, c = (vertices[body.faces[:, i]] for i in range(3))
+    a = vertices[body.faces[:, 0]]
+    b = vertices[body.faces[:, 1]]
+    c = vertices[body.faces[:, 2]]
     result = np.zeros_like(vertices)
     for i, (p, q) in enumerate(((b, c), (c, a), (a, b))):
         np.add.at(result, body.faces[:, i], np.cross(p, q) / 6.0)

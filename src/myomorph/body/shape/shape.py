@@ -118,9 +118,8 @@ def body_shape(
             f" {YOUNGEST:g} years"
         )
     body = statistical_body(age)
-    given = {"height": height, "chest": chest, "mass": mass}
-    measured = {name: value for name, value in given.items() if value is not None}
-    problem = BodyProblem(body, age, sex, measured)
+    measured = _measured(height, chest, mass)
+    problem = BodyProblem(body=body, age=age, sex=sex, measured=measured)
     likely = problem.solve()
     vertices = np.array(likely.vertices)
     reached = measurements(body, vertices, problem.tape)
@@ -198,6 +197,12 @@ def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -
     return lines
 
 
+def _measured(height: float, chest: float | None, mass: float | None) -> dict[str, float]:
+    """Collect what was measured [m], [kg]."""
+    given = {"height": height, "chest": chest, "mass": mass}
+    return {name: value for name, value in given.items() if value is not None}
+
+
 def _unlike(sex: Sex | None, age: float, measured: Mapping[str, float]) -> list[Message]:
     """Write a line for each measurement that few people with the other ones have."""
     lines = []
@@ -209,7 +214,9 @@ def _unlike(sex: Sex | None, age: float, measured: Mapping[str, float]) -> list[
         away = np.log(measured[name] / alike.expected(name)) / alike.sd(name)
         if abs(away) > RARE:
             seen = SEEN[name]
-            low, high = (alike.expected(name) * np.exp(s * 1.96 * alike.sd(name)) for s in (-1, 1))
+            wide = float(np.exp(1.96 * alike.sd(name)))
+            low = alike.expected(name) / wide
+            high = alike.expected(name) * wide
             known = " and ".join(others)
             lines.append(
                 SKIN.message(

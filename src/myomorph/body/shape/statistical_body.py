@@ -112,7 +112,20 @@ class StatisticalBody:
         return self.template + (self.coefficients(traits, age) @ self.dense).reshape(-1, 3)
 
     def coefficients(self, traits: Mapping[str, float], age: float) -> Array:
-        """Compute the share of each shape (shapes,) in a person; as in `vertices`."""
+        """Compute the share of each shape in a person.
+
+        Parameters
+        ----------
+        traits, age : as in `vertices`
+
+        Returns
+        -------
+        (shapes,)
+
+        Raises
+        ------
+        BadData : the age is out of range
+        """
         shares = {**age_shares(age), **dict.fromkeys(_RACES, 1.0 / len(_RACES))}
         for trait, kinds in _KINDS.items():
             grid = np.linspace(0.0, 1.0, len(kinds))

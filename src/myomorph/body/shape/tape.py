@@ -155,6 +155,10 @@ class Tape:
         Parameters
         ----------
         vertices, heads : as in `read` [m]
+
+        Returns
+        -------
+        (edges, 2) by name
         """
         return {
             name: _touched(vertices, self._edges[name], self._level(name, vertices, heads))

@@ -10,7 +10,7 @@ from myomorph.lab.cli.output import said, warn
 
 
 @documented
-def body_command(
+def body_command(  # page: one option each
     *,
     height: float,
     out: Path,
@@ -19,7 +19,7 @@ def body_command(
     mass: float | None = None,
     age: float | None = None,
 ) -> int:
-    """A person's body from height, chest, sex and mass: skin, masses of segments, a picture.
+    """Make a person's body from height, chest, sex and mass: skin, masses of segments, a picture.
 
     Parameters
     ----------

@@ -106,8 +106,7 @@ def mass_interval(shape: Shape) -> str:
 def picture(shape: Shape) -> str:
     """Draw the body from two sides, each segment in a color: SVG text."""
     vertices = shape.skin.surface.vertices
-    tall = MARGIN * float(np.ptp(vertices[:, 1]))
-    scale = HEIGHT / tall
+    scale = HEIGHT / (MARGIN * float(np.ptp(vertices[:, 1])))
     shading = normals(shape.skin.surface)
     owners = skin_owners(shape)
     faces = shape.skin.surface.faces
@@ -118,11 +117,10 @@ def picture(shape: Shape) -> str:
         towards = np.array([1.0, 0.0, 0.0]) if view == "front" else np.array([0.0, 0.0, 1.0])
         axes = np.stack([across, [0.0, 1.0, 0.0], towards])
         wide = int(MARGIN * float(np.ptp(vertices @ across)) * scale) + 1
-        middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
         canvas = Canvas(
             View(
                 axes=axes,
-                center=middle,
+                center=0.5 * (vertices.min(axis=0) + vertices.max(axis=0)),
                 scale=scale * SHRINK,
                 width=wide * SHRINK,
                 height=HEIGHT * SHRINK,

@@ -21,7 +21,7 @@ from myomorph.lab.store.results import provenance_of
 from myomorph.lab.study.step.folder_steps import result_folder
 
 
-def make_body(
+def make_body(  # page: what is measured of a person
     out: Path,
     *,
     height: float,
