@@ -126,6 +126,7 @@ PAGES: dict[str, dict[str, str]] = {
         "emg_envelopes": "accuracy.tension.emg:measure_envelopes",
         "sound": "accuracy.contact.sound:measure",
         "sound_motion": "accuracy.contact.sound:measure_motion",
+        "strikers": "accuracy.contact.strikers:measure",
     },
     "hands": {
         "hands_lift": "accuracy.contact.hands:measure_lift",

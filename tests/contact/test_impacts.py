@@ -18,10 +18,10 @@ from myomorph.core.contact.impacts import (
     impact_wrenches,
     impacts_from_sound,
     pulse,
-    striking_sites,
     velocity_change,
 )
 from myomorph.core.contact.sound import HeardImpact, HeardImpacts, Instrument
+from myomorph.core.contact.strikers import Striker, find_strikers
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.model import Model
@@ -197,12 +197,12 @@ def test_known_strokes_calibrate_the_nearest_that_were_heard():
     laws = calibration_pairs(heard, {"drum": [(1.01, 0.1), (2.99, 0.3)]})
     assert laws["drum"].impulse(4e-4) == pytest.approx(0.2)
     impacts, warnings = impacts_from_sound(
-        heard, laws, {0: "tip", 1: "tip"}, {"drum": [0.0, 0.0, 2.0]}
+        heard, laws, {0: Striker("tip", 1.0), 1: Striker("tip", 1.0)}, {"drum": [0.0, 0.0, 2.0]}
     )
     assert [one.time for one in impacts] == [1.0, 2.0]
     np.testing.assert_allclose(impacts[0].direction, [0, 0, 1])
     assert warnings == ()
-    louder, warnings = impacts_from_sound(made((1.0, 1.0)), laws, {0: "tip"}, {})
+    louder, warnings = impacts_from_sound(made((1.0, 1.0)), laws, {0: Striker("tip", 1.0)}, {})
     assert (
         "1 of 1 impacts are louder or softer than those calibrated on, first on 'drum' at 1.000 s"
         in warnings[0]
@@ -213,7 +213,7 @@ def test_known_strokes_calibrate_the_nearest_that_were_heard():
     with pytest.raises(UnknownName, match="'bell'"):
         calibration_pairs(heard, {"bell": [(1.5, 0.1)]})
     with pytest.raises(UnknownName, match="'drum'"):
-        impacts_from_sound(heard, {}, {0: "tip"}, {})
+        impacts_from_sound(heard, {}, {0: Striker("tip", 1.0)}, {})
 
 
 def test_the_stick_that_stops_is_the_one_that_struck():
@@ -230,7 +230,9 @@ def test_the_stick_that_stops_is_the_one_that_struck():
             HeardImpact(instrument="drum", time=7.0, energy=1e-4, confidence=1.0),
         ),
     )
-    assert striking_sites(heard, model, motion, SITES) == {0: "tip_b"}
+    (striker,) = find_strikers(heard, model, motion, SITES).values()
+    assert striker.site == "tip_b"
+    assert striker.confidence > 0.9
     change = velocity_change(model, motion, SITES[1], 0.5)
     np.testing.assert_allclose(change[0], 2.0 * 3.0 * 0.4, rtol=0.05)
     mass = effective_mass(

@@ -29,6 +29,7 @@ from myomorph.lab.report.scene.scene import make_scene
 from myomorph.lab.report.trial.analysis_sections import analysis_sections
 from myomorph.lab.report.trial.estimated_forces import (
     acting_forces,
+    compared_with_plates,
     contact_verdicts,
     group_forces,
     groups_of,
@@ -36,7 +37,13 @@ from myomorph.lab.report.trial.estimated_forces import (
 )
 from myomorph.lab.report.trial.motion_analysis import analyse
 from myomorph.lab.report.trial.prepared import prepare
-from myomorph.lab.report.trial.report_input import AnalysisChoice, InfeasibleContact, ReportInput
+from myomorph.lab.report.trial.report_input import (
+    AnalysisChoice,
+    HeardImpact,
+    InfeasibleContact,
+    PlateForce,
+    ReportInput,
+)
 from myomorph.lab.report.trial.trial_page import report_page
 from myomorph.lab.store import settings
 from walker import GRAVITY, Tension, everything, model, motion, steps
@@ -287,7 +294,8 @@ def test_pictures_stand_near_their_times_and_apart() -> None:
 
 def test_groups_add_their_sites_and_stand_beside_what_was_measured() -> None:
     time = np.arange(0.0, 2.0, 0.01)
-    foot, hand = groups_of(contact_forces(time), steps(time, WEIGHT))
+    given = shown("x", wrenches=steps(time, WEIGHT), forces=contact_forces(time))
+    foot, hand = groups_of(contact_forces(time), compared_with_plates(given))
     assert (foot.name, foot.label, hand.against) == ("foot_r", "Right foot", "pelvis")
     np.testing.assert_allclose(foot.forces[:, 1], WEIGHT)
     assert foot.measured is not None
@@ -297,6 +305,82 @@ def test_groups_add_their_sites_and_stand_beside_what_was_measured() -> None:
     assert together.names[0] == "foot_r"
     np.testing.assert_allclose(together.points[:, 0], [[0.1, 0.0, 0.1]] * len(time))
     np.testing.assert_allclose(together.forces[:, 1:].sum(axis=1), 0.0, atol=1e-12)
+
+
+def test_contacts_on_one_plate_are_compared_with_it_together() -> None:
+    """A heel and a toe that share a plate exactly are each far from it, and their sum is not."""
+    time = np.arange(0.0, 2.0, 0.01)
+    names = ("heel_r", "toe_r")
+    sites = tuple(Site(name, "tibia_r", np.zeros((1, 3))) for name in names)
+    force = np.zeros((len(time), 2, 3))
+    force[:, 0, 1] = WEIGHT * 0.5 * (1.0 + np.sin(time))
+    force[:, 1, 1] = WEIGHT - force[:, 0, 1]
+    estimated = ContactForces(
+        time=time,
+        sites=sites,
+        contact_activation=np.ones((len(time), 2)),
+        contact_force=force,
+        contact_point=0 * force,
+        contact_torque=0 * force,
+    )
+    total = WEIGHT * (1.0 + 0.1 * np.sin(3.0 * time))
+    measured = np.stack([0 * time, total, 0 * time], axis=1)
+    plate = Wrenches(
+        time=time,
+        names=("plate 1",),
+        bodies=("tibia_r",),
+        forces=measured[:, None],
+        points=np.zeros((len(time), 1, 3)),
+        torques=np.zeros((len(time), 1, 3)),
+    )
+    off = float(np.sqrt(np.mean((total - WEIGHT) ** 2)))
+    by_bodies = shown("x", wrenches=plate, forces=estimated)
+    told = having(by_bodies, on_plates=(PlateForce("plate 1", names, measured),))
+    for given in (by_bodies, told):
+        (comparison,) = compared_with_plates(given)
+        assert comparison.groups == names
+        assert comparison.rms(np.array([0.0, 1.0, 0.0])) == pytest.approx(off, rel=1e-6)
+        heel, toe = groups_of(estimated, compared_with_plates(given))
+        assert heel.measured is None
+        assert toe.measured is None
+    # While the heel alone stands there, its own force is known.
+    first = np.where((time < 1.0)[:, None], measured, np.nan)
+    rest = np.where((time < 1.0)[:, None], np.nan, measured)
+    told = having(
+        by_bodies,
+        on_plates=(
+            PlateForce("plate 1", ("heel_r",), first),
+            PlateForce("plate 1 (2)", names, rest),
+        ),
+    )
+    heel, toe = groups_of(estimated, compared_with_plates(told))
+    assert toe.measured is None
+    assert heel.measured is not None
+    np.testing.assert_array_equal(np.isfinite(heel.measured[:, 1]), time < 1.0)
+    (_, both) = compared_with_plates(told)
+    assert both.plates == ("plate 1",)
+    late = off_of(total - WEIGHT, time >= 1.0)
+    assert both.rms(np.array([0.0, 1.0, 0.0])) == pytest.approx(late, rel=1e-6)
+
+
+def off_of(values: np.ndarray, where: np.ndarray) -> float:
+    """Root mean square of some values."""
+    return float(np.sqrt(np.mean(values[where] ** 2)))
+
+
+def test_impacts_are_a_table() -> None:
+    given = having(
+        everything(),
+        impacts=(
+            HeardImpact(0.5, "stick_r", "snare", 0.4, 0.35, 0.46, 1.0),
+            HeardImpact(0.7, "stick_l", "snare", 0.4, np.nan, np.nan, 0.5),
+        ),
+        forces=contact_forces(everything().dynamics.wrenches.time),
+    )
+    panel = next(one for one in analysis_sections(prepare(given)) if one.key == "contact-forces")
+    (table,) = (grid for grid in panel.grids if grid.title == "Impacts heard: 2")
+    assert table.rows[0][2:] == ("snare", "0.4 N·s", "0.35 to 0.46 N·s", "100 %")
+    assert table.rows[1][4:] == ("not shown", "50 %")
 
 
 def test_what_acts_is_what_was_estimated_and_what_was_measured_elsewhere() -> None:
@@ -348,7 +432,7 @@ def test_a_measured_force_acts_while_nothing_is_estimated_in_its_place() -> None
     acting = acting_forces(given)
     assert acting is not None
     np.testing.assert_allclose(acting.forces.sum(axis=1)[:, 1], WEIGHT)
-    (foot,) = groups_of(estimated, plate)
+    (foot,) = groups_of(estimated, compared_with_plates(given))
     assert not (np.isfinite(foot.measured[:, 1]) & foot.estimated).any()
     hidden = having(
         given,
@@ -430,8 +514,10 @@ def test_the_panel_of_contact_forces() -> None:
     assert ("measured", "measured") in panel.legend
     rows = {row[0]: row for row in panel.grids[0].rows}
     assert rows["Right foot"][1].startswith("588 N")
-    assert "of its range" in rows["Right foot"][3]
-    assert panel.grids[1].rows == (("0.500 s", "more friction"),)
+    (compared,) = panel.grids[1].rows
+    assert compared[0] == "Right foot"
+    assert "of its range" in compared[3]
+    assert panel.grids[2].rows == (("0.500 s", "more friction"),)
     vertical = etree.fromstring(_drawings(panel.figures[0].svg)[0])
     assert len(vertical.xpath("//*[contains(@class, 'band')]")) == 1
     seldom = having(told, intervals=Open(forces, 20))

@@ -11,6 +11,7 @@ import numpy as np
 from myomorph.body.tension.emg_calibration import calibrate_emg
 from myomorph.body.tension.emg_held_out import EmgTrial, held_out_line
 from myomorph.core.model.causes import EMG, SETTINGS
+from myomorph.core.model.contacts import ContactForces
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Actuator, Model
@@ -288,6 +289,21 @@ class TensionTask:
         inputs = (self.model, self.motion, tension, self.wrenches)
         return joint_contact_forces(*inputs, points.points, actuators=self.actuators)
 
+    def contact_forces(self, tension: Tension) -> ContactForces:
+        """Find the forces at all contact sites: those estimated, and those of impacts.
+
+        Parameters
+        ----------
+        tension : with contacts
+
+        Returns
+        -------
+        over time [N]
+        """
+        assert self.setting is not None
+        assert tension.contacts is not None
+        return self.setting.with_impacts(tension.contacts)
+
     def contact_groups(self, tension: Tension) -> Table:
         """Sum the forces of every contact over its sites, on the body in ground [N].
 
@@ -301,9 +317,9 @@ class TensionTask:
         -------
         one row for each frame
         """
-        assert tension.contacts is not None
-        sites = tension.contacts.sites
-        forces = tension.contacts.contact_force
+        shown = self.contact_forces(tension)
+        sites = shown.sites
+        forces = shown.contact_force
         groups = tuple(dict.fromkeys(site.group for site in sites))
         sums = np.stack(
             [forces[:, [site.group == name for site in sites]].sum(axis=1) for name in groups],

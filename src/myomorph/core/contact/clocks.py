@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.core.contact.impacts import site_places
 from myomorph.core.contact.sound import HeardImpacts
+from myomorph.core.contact.strikers import site_places
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.contacts import Contacts, Site
 from myomorph.core.model.errors import BadData, check_name

@@ -15,10 +15,10 @@ from myomorph.core.contact.impacts import (
     effective_mass,
     impact_wrenches,
     impacts_from_sound,
-    striking_sites,
     velocity_change,
 )
 from myomorph.core.contact.sound import HeardImpacts, Instrument, contacts_heard, hear_impacts
+from myomorph.core.contact.strikers import Striker, find_strikers
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import SOUND
 from myomorph.core.model.contacts import Contacts, Site
@@ -27,6 +27,8 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Sound, Wrenches
 
 Impulse = Literal["known", "motion"]
+SURE = 0.8
+"""Probability of a site below which it is reported that others may have struck."""
 
 
 @read_only
@@ -60,13 +62,15 @@ class Heard:
 
     Attributes
     ----------
-    impacts : forces on bodies at the motion's times
+    forces : of impacts, on bodies at the motion's times
     sites : names of the sites that strike
+    impacts : each with its instrument and interval, in the order of time
     """
 
     contacts: Contacts
-    impacts: Wrenches
+    forces: Wrenches
     sites: tuple[str, ...]
+    impacts: tuple[Impact, ...]
 
 
 def heard_contacts(  # page: a recording of sound and of motion, with its filter
@@ -103,30 +107,47 @@ def heard_contacts(  # page: a recording of sound and of motion, with its filter
             )
         )
     heard = hear_impacts(sound, plan.instruments, plan.speed, np.asarray(recorded.time))
-    struck = striking_sites(heard, model, recorded, sites)
+    strikers = find_strikers(heard, model, recorded, sites)
     inside = HeardImpacts(
-        heard.instruments, tuple(heard.impacts[number] for number in struck), heard.warnings
+        heard.instruments, tuple(heard.impacts[number] for number in strikers), heard.warnings
     )
-    contacts = contacts_heard(inside, tuple(struck.values()), plan.pulse)
-    notes += contacts.warnings
+    names = tuple(striker.site for striker in strikers.values())
+    contacts = contacts_heard(inside, names, plan.pulse)
+    notes += [*contacts.warnings, *_uncertain(heard, strikers)]
     if plan.impulse == "motion":
-        impacts = _impacts_by_motion(plan, heard, struck, model, recorded, sites)
+        impacts = _impacts_by_motion(plan, heard, strikers, model, recorded, sites)
     else:
         laws = calibration_pairs(heard, plan.known)
-        impacts, warnings = impacts_from_sound(heard, laws, struck, plan.directions)
+        impacts, warnings = impacts_from_sound(heard, laws, strikers, plan.directions)
         notes += warnings
-    names = [name for instrument in plan.instruments for name in instrument.sites]
+    able = [name for instrument in plan.instruments for name in instrument.sites]
     return Heard(
         contacts=Contacts(contacts.sites, contacts.intervals, tuple(notes)),
-        impacts=impact_wrenches(impacts, model, motion, sites, plan.pulse, cutoff),
-        sites=tuple(dict.fromkeys(names)),
+        forces=impact_wrenches(impacts, model, motion, sites, plan.pulse, cutoff),
+        sites=tuple(dict.fromkeys(able)),
+        impacts=impacts,
     )
+
+
+def _uncertain(heard: HeardImpacts, strikers: Mapping[int, Striker]) -> list[Message]:
+    """Name impacts that more than one site may have made; one line at most."""
+    unclear = [number for number, striker in strikers.items() if striker.confidence < SURE]
+    if not unclear:
+        return []
+    first = heard.impacts[unclear[0]]
+    return [
+        SOUND.message(
+            f"which site struck is not shown for {len(unclear)} of {len(strikers)} impacts, first"
+            f" on '{first.instrument}' at {first.time:.3f} s: others are as likely where two"
+            " instruments are struck at once"
+        )
+    ]
 
 
 def _impacts_by_motion(
     plan: SoundPlan,
     heard: HeardImpacts,
-    struck: Mapping[int, str],
+    strikers: Mapping[int, Striker],
     model: Model,
     motion: Motion,
     sites: Sequence[Site],
@@ -135,14 +156,14 @@ def _impacts_by_motion(
 
     Parameters
     ----------
-    struck : site by place in `heard.impacts`
+    strikers : by place in `heard.impacts`
     motion : before it was filtered
     """
     by_name = {site.name: site for site in sites}
     results = []
-    for index, name in struck.items():
-        impact = heard.impacts[index]
-        site = by_name[name]
+    for number, striker in strikers.items():
+        impact = heard.impacts[number]
+        site = by_name[striker.site]
         direction = plan.directions[impact.instrument]
         frame = int(np.argmin(np.abs(motion.time - impact.time)))
         instant = Motion(motion.time[[frame]], motion.names, motion.values[[frame]])
@@ -150,10 +171,12 @@ def _impacts_by_motion(
         change = max(float(velocity_change(model, motion, site, impact.time) @ direction), 0.0)
         results.append(
             Impact(
-                site=name,
+                site=striker.site,
                 time=impact.time,
                 impulse=mass * change if np.isfinite(mass) else 0.0,
                 direction=direction,
+                instrument=impact.instrument,
+                confidence=striker.confidence,
             )
         )
     return tuple(results)

@@ -20,10 +20,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.core.contact.sound import HeardImpacts
+from myomorph.core.contact.strikers import Striker, change_of_velocity, site_places
+from myomorph.core.fit.interval_rule import LEVEL, half_width
 from myomorph.core.model.arrays import Array, read_only, unit_vector
 from myomorph.core.model.causes import SOUND
 from myomorph.core.model.contacts import Site
 from myomorph.core.model.errors import BadData, BadModel, check_name
+from myomorph.core.model.interval import Interval
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
@@ -39,12 +42,6 @@ PRIOR = 1.0
 impacts: as if known to 0.1 where impacts scatter by 10 %.
 """
 
-AROUND = 0.03
-TOUCH = 0.006
-"""Time before and after an impact from which a tip's velocity is taken, and how long it touches
-[s].
-"""
-
 
 @dataclass(frozen=True)
 class ImpulseLaw:
@@ -54,9 +51,11 @@ class ImpulseLaw:
     ----------
     scale : impulse at an energy of 1 [N s]
     exponent : 1/2 for an instrument that answers linearly
-    error : standard deviation of log p about the law: a share, 0.1 for 10 %
+    error : standard deviation of log p about the law: a share, 0.1 for 10 %; NaN of one impact
     lowest, highest : energies of the calibration impacts
     impacts : how many there were
+    middle : mean of log E of the calibration impacts
+    weight : sum of squares of log E about it, and what the exponent's prior adds
     """
 
     scale: float
@@ -65,6 +64,8 @@ class ImpulseLaw:
     lowest: float
     highest: float
     impacts: int
+    middle: float = 0.0
+    weight: float = PRIOR
 
     def impulse(self, energy: ArrayLike) -> Array:
         """Impulse of energies; 0 of 0.
@@ -78,6 +79,31 @@ class ImpulseLaw:
         as the energies [N s]
         """
         return self.scale * np.maximum(np.asarray(energy, dtype=np.float64), 0.0) ** self.exponent
+
+    def limits(self, energy: float, level: float = LEVEL) -> Interval:
+        """Interval of the impulse of one impact.
+
+            log p +- t s sqrt(1 + 1/n + (log E - middle)^2 / weight)
+
+        with s the error and t of n - 1 degrees of freedom: the prior of the exponent counts as
+        an impact.
+
+        Parameters
+        ----------
+        energy : of its sound [full scale^2 s]
+        level : probability that the interval holds the impulse
+
+        Returns
+        -------
+        [N s], its ends NaN where one impact alone calibrated
+        """
+        if self.impacts < 2 or not energy > 0.0:
+            return Interval(float(self.impulse(energy)), np.nan, np.nan)
+        away = np.log(energy) - self.middle
+        sd = self.error * np.sqrt(1.0 + 1.0 / self.impacts + away**2 / self.weight)
+        factor = float(np.exp(half_width(sd, level, self.impacts - 1)))
+        impulse = float(self.impulse(energy))
+        return Interval(impulse, impulse / factor, impulse * factor)
 
     def covers(self, energy: float) -> bool:
         """Return whether an energy lies among those calibrated on, by a factor of 2 (3 dB)."""
@@ -113,10 +139,10 @@ def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike) -> ImpulseLaw:
     across = x - x.mean()
     slope = float((across @ y + PRIOR * LINEAR) / (across @ across + PRIOR))
     offset = float(np.mean(y - slope * x))
-    degrees = len(E) - 2
     error = float("nan")
-    if degrees > 0:
-        error = float(np.sqrt(np.sum((y - offset - slope * x) ** 2) / degrees))
+    if len(E) > 1:
+        squares = np.sum((y - offset - slope * x) ** 2) + PRIOR * (slope - LINEAR) ** 2
+        error = float(np.sqrt(squares / (len(E) - 1)))
     return ImpulseLaw(
         scale=float(np.exp(offset)),
         exponent=slope,
@@ -124,6 +150,8 @@ def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike) -> ImpulseLaw:
         lowest=float(E.min()),
         highest=float(E.max()),
         impacts=len(E),
+        middle=float(x.mean()),
+        weight=float(across @ across) + PRIOR,
     )
 
 
@@ -223,12 +251,19 @@ class Impact:
     time : when it begins [s]
     impulse : [N s]
     direction : (3,) of the force on the body, in ground (made a unit vector)
+    instrument : that was struck
+    low, high : limits of 90 % of the impulse, NaN where nothing shows them [N s]
+    confidence : probability of this site among those that may have struck, 0 to 1
     """
 
     site: str
     time: float
     impulse: float
     direction: Array
+    instrument: str = ""
+    low: float = np.nan
+    high: float = np.nan
+    confidence: float = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -240,44 +275,6 @@ class Impact:
             raise BadData(
                 f"impulse of an impact on '{self.site}' is {self.impulse:g} N s: expected 0 or more"
             )
-
-
-def striking_sites(
-    heard: HeardImpacts, model: Model, motion: Motion, sites: Sequence[Site]
-) -> dict[int, str]:
-    """Find the site that made each impact: the one whose velocity changed most then.
-
-    Impacts outside the motion, or on an instrument without a site, are left out.
-
-    Parameters
-    ----------
-    heard : impacts on the motion's clock
-    model : of the body that strikes
-    motion : coordinates over time
-    sites : that may strike
-
-    Returns
-    -------
-    names by place in `heard.impacts`
-    """
-    by_name = {site.name: site for site in sites}
-    possible = {instrument.name: instrument.sites for instrument in heard.instruments}
-    for names in possible.values():
-        for name in names:
-            check_name("contact site", name, by_name, "the model's sites")
-    wanted = {name for names in possible.values() for name in names}
-    tips = {name: site_places(model, motion, by_name[name]) for name in wanted}
-    result = {}
-    for index, impact in enumerate(heard.impacts):
-        names = possible[impact.instrument]
-        if not names or not motion.time[0] <= impact.time <= motion.time[-1]:
-            continue
-        changes = {
-            name: float(np.linalg.norm(_jump(motion.time, tips[name], impact.time)))
-            for name in names
-        }
-        result[index] = max(changes, key=changes.__getitem__)
-    return result
 
 
 def velocity_change(model: Model, motion: Motion, site: Site, time: float) -> Array:
@@ -298,13 +295,13 @@ def velocity_change(model: Model, motion: Motion, site: Site, time: float) -> Ar
     -------
     (3,) in ground [m/s]
     """
-    return _jump(motion.time, site_places(model, motion, site), time)
+    return change_of_velocity(motion.time, site_places(model, motion, site), time)
 
 
 def impacts_from_sound(
     heard: HeardImpacts,
     laws: Mapping[str, ImpulseLaw],
-    sites: Mapping[int, str],
+    strikers: Mapping[int, Striker],
     normals: Mapping[str, ArrayLike],
 ) -> tuple[tuple[Impact, ...], tuple[Message, ...]]:
     """Impacts that were heard and whose site is known, with warnings.
@@ -313,7 +310,7 @@ def impacts_from_sound(
     ----------
     heard : all impacts
     laws : of each instrument
-    sites : by place in `heard.impacts`, as `striking_sites` finds
+    strikers : by place in `heard.impacts`, as `find_strikers` finds
     normals : instrument to the direction in which it pushes back, in ground; y where it is not
         named
 
@@ -327,19 +324,24 @@ def impacts_from_sound(
     """
     result = []
     beyond = []
-    for name, site in sites.items():
-        impact = heard.impacts[name]
+    for number, striker in strikers.items():
+        impact = heard.impacts[number]
         check_name("instrument", impact.instrument, laws, "the calibration of impulses")
         law = laws[impact.instrument]
         if not law.covers(impact.energy):
             beyond.append(impact)
         direction = np.asarray(normals.get(impact.instrument, (0.0, 1.0, 0.0)), float)
+        limits = law.limits(impact.energy)
         result.append(
             Impact(
-                site=site,
+                site=striker.site,
                 time=impact.time,
                 impulse=float(law.impulse(impact.energy)),
                 direction=direction,
+                instrument=impact.instrument,
+                low=limits.low,
+                high=limits.high,
+                confidence=striker.confidence,
             )
         )
     warnings = []
@@ -459,56 +461,3 @@ def _integrals(since: Array, impulse: float, duration: float) -> tuple[Array, Ar
         since - duration, 0.0
     )
     return first, second
-
-
-def site_places(model: Model, motion: Motion, site: Site) -> Array:
-    """Middle of a site over a motion.
-
-    Parameters
-    ----------
-    model : of the body
-    motion : coordinates over time
-    site : on the body
-
-    Returns
-    -------
-    (frames, 3) in ground [m]
-    """
-    tree = compile_tree(model)
-    number = tree.body_number(site.body)
-    poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    return poses.points(np.array([number]), site.points.mean(axis=0)[None])[:, 0]
-
-
-def _jump(time: Array, places: Array, at: float) -> Array:
-    """Change of velocity (3,) about a time, between straight lines through the places around it.
-
-    Parameters
-    ----------
-    time, places : (frames,) [s] and (frames, 3) [m]
-    at : [s]
-    """
-    before = _velocity(time, places, at - AROUND, at)
-    after = _velocity(time, places, at + TOUCH, at + TOUCH + AROUND)
-    return after - before
-
-
-def _velocity(time: Array, places: Array, start: float, stop: float) -> Array:
-    """Slope (3,) of the straight line through places between two times [m/s].
-
-    It is over a frame more where there are too few.
-
-    Parameters
-    ----------
-    time, places : (frames,) [s] and (frames, 3) [m]
-    start, stop : [s]
-    """
-    step = float(np.median(np.diff(time)))
-    chosen = (time >= start - 1e-9) & (time <= stop + 1e-9)
-    if chosen.sum() < 3:
-        middle = 0.5 * (start + stop)
-        chosen = np.abs(time - middle) <= 1.5 * step
-    if chosen.sum() < 2:
-        return np.zeros(3)
-    since = time[chosen] - time[chosen].mean()
-    return since @ places[chosen] / (since @ since)

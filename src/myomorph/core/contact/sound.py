@@ -217,7 +217,7 @@ def contacts_heard(heard: HeardImpacts, sites: Sequence[str], duration: float = 
     Parameters
     ----------
     heard : impacts whose site is known
-    sites : that made each impact, as `impacts.striking_sites` finds
+    sites : that made each impact, as `strikers.find_strikers` finds
     duration : [s]
     """
     known = tuple(

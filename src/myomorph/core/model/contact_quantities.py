@@ -6,6 +6,8 @@ from myomorph.core.model.quantity import Quantity
 
 BY_SITE = ("time", "contact_site", "axis")
 INTERVAL = ("contact_interval",)
+IMPACT = ("impact",)
+IMPACT_TABLE = "impacts.csv"
 
 FORCES = (
     Quantity(
@@ -85,4 +87,72 @@ TOUCHES = (
     ),
 )
 
-QUANTITIES = (*FORCES, *TOUCHES)
+PLATE_FORCE = Quantity(
+    name="plate_force",
+    dims=("time", "loaded_plate", "axis"),
+    unit="N",
+    meaning="force that a plate measured of the contacts on it; NaN while others are on it",
+)
+
+IMPACTS = (
+    Quantity(
+        name="impact_time",
+        dims=IMPACT,
+        unit="s",
+        meaning="when an impact that was heard begins",
+        attribute="time",
+        file=IMPACT_TABLE,
+    ),
+    Quantity(
+        name="impact_site",
+        dims=IMPACT,
+        unit="",
+        meaning="contact that struck",
+        attribute="site",
+        kind="text",
+        file=IMPACT_TABLE,
+    ),
+    Quantity(
+        name="impact_instrument",
+        dims=IMPACT,
+        unit="",
+        meaning="what was struck",
+        attribute="instrument",
+        kind="text",
+        file=IMPACT_TABLE,
+    ),
+    Quantity(
+        name="impact_impulse",
+        dims=IMPACT,
+        unit="N s",
+        meaning="impulse of an impact",
+        attribute="impulse",
+        file=IMPACT_TABLE,
+    ),
+    Quantity(
+        name="impact_impulse_low",
+        dims=IMPACT,
+        unit="N s",
+        meaning="lower limit of 90 % of an impulse, NaN where nothing shows it",
+        attribute="low",
+        file=IMPACT_TABLE,
+    ),
+    Quantity(
+        name="impact_impulse_high",
+        dims=IMPACT,
+        unit="N s",
+        meaning="upper limit of 90 % of an impulse",
+        attribute="high",
+        file=IMPACT_TABLE,
+    ),
+    Quantity(
+        name="impact_site_confidence",
+        dims=IMPACT,
+        unit="1",
+        meaning="probability that this contact struck, and no other",
+        attribute="confidence",
+        file=IMPACT_TABLE,
+    ),
+)
+
+QUANTITIES = (*FORCES, *TOUCHES, PLATE_FORCE, *IMPACTS)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.contact.feet_on_steps import Stairs, shared_stairs, stairs_contacts
-from myomorph.core.contact.heard import heard_contacts
+from myomorph.core.contact.heard import Heard, heard_contacts
 from myomorph.core.contact.held_objects import RaisedContact, find_holds, raised_contacts
 from myomorph.core.contact.plan import ContactPlan
 from myomorph.core.contact.shared import misplaced_forces, shared_wrenches, without_measured
@@ -42,12 +42,32 @@ class ContactSetting:
     Attributes
     ----------
     exact : measured forces that act as they were measured, None where there are none
+    plates : what plates measured of the sites on them, together; `task` has to keep to it where
+        forces are shared
+    heard : impacts whose forces act as their sound tells, None for none
     """
 
     task: ContactTask
     contacts: Contacts
     exact: Wrenches | None
     notes: tuple[Message, ...] = ()
+    plates: tuple[SharedWrench, ...] = ()
+    heard: Heard | None = None
+
+    def with_impacts(self, forces: ContactForces) -> ContactForces:
+        """Add forces of impacts to those at their sites, where nothing was estimated.
+
+        Parameters
+        ----------
+        forces : at contact sites, as estimated
+        """
+        if self.heard is None:
+            return forces
+        known = self.heard.forces
+        values = np.array(forces.contact_force)
+        for column, name in enumerate(known.names):
+            values[:, forces.names.index(name)] += known.forces[:, column]
+        return replace(forces, contact_force=values)
 
 
 @read_only
@@ -115,11 +135,12 @@ def set_contacts(
     if heard is not None:
         # Their forces are known already.
         ready = _replaced(ready, dict.fromkeys(heard.sites, 0.0))
-        exact = heard.impacts if exact is None else exact.and_others(heard.impacts)
+        exact = heard.forces if exact is None else exact.and_others(heard.forces)
+    plates = _on_plates(plan, model, motion, sites, contacts, known)
     task = ContactTask(
         sites=sites,
         activations=ready,
-        measured=_shared(plan, model, motion, sites, contacts, known),
+        measured=plates if plan.measured == "shared" else (),
         options=options,
         preferred=preferred_directions(model, motion, sites),
     )
@@ -128,6 +149,8 @@ def set_contacts(
         contacts=contacts,
         exact=exact,
         notes=(*contacts.warnings, *_notes(plan, model, motion, known, feet)),
+        plates=plates,
+        heard=heard,
     )
 
 
@@ -150,7 +173,7 @@ def _feet_and_floor(
     return _Soles(resting, floor.height)
 
 
-def _shared(
+def _on_plates(
     plan: ContactPlan,
     model: Model,
     motion: Motion,
@@ -158,10 +181,10 @@ def _shared(
     contacts: Contacts,
     known: Measurements,
 ) -> tuple[SharedWrench, ...]:
-    """Share forces that plates measured for several sites together, where the plan says so."""
-    with_forces = any(len(plate.forces) for plate in known.plates)
+    """Find what plates measured of the sites on them; nothing where it acts as it was measured."""
+    with_forces = known.plate_time is not None and any(len(plate.forces) for plate in known.plates)
     plates = known.plates if with_forces else known.wrenches
-    if plan.measured != "shared" or plates is None:
+    if plan.measured == "exact" or plates is None:
         return ()
     return shared_wrenches(model, motion, sites, contacts, plates, known.plate_time)
 
@@ -204,14 +227,15 @@ def _on_stairs(
             for site in paws.sites
             if f"{step.name}_{site.body}" in exact.names
         }
+    steps = shared_stairs(paws, known)
     task = ContactTask(
         sites=paws.sites,
         activations=ready,
-        measured=shared_stairs(paws, known),
+        measured=steps,
         options=options,
         preferred=preferred_directions(model, motion, paws.sites),
     )
-    return ContactSetting(task=task, contacts=contacts, exact=exact, notes=paws.notes)
+    return ContactSetting(task=task, contacts=contacts, exact=exact, notes=paws.notes, plates=steps)
 
 
 def during(contacts: Contacts, start: float, stop: float) -> Contacts:

@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from myomorph.core.model.contact_quantities import FORCES, TOUCHES
-from myomorph.core.model.contacts import ContactForces, Contacts, Site, Touch, contact_law
+from myomorph.core.contact.impacts import Impact
+from myomorph.core.model.contact_quantities import FORCES, IMPACTS, PLATE_FORCE, TOUCHES
+from myomorph.core.model.contacts import (
+    ContactForces,
+    Contacts,
+    SharedWrench,
+    Site,
+    Touch,
+    contact_law,
+)
 from myomorph.core.model.labelled import AXES
 from myomorph.core.model.messages import messages_of, messages_text
 from myomorph.core.model.series import Series
@@ -26,9 +34,16 @@ from myomorph.core.tension.load_quantities import (
     JOINT_CONTACTS,
 )
 from myomorph.core.tension.quantities import GENERALIZED_FORCE_WITH_CONTACTS
-from myomorph.lab.report.trial.report_input import ForceIntervals, InfeasibleContact, Situation
+from myomorph.lab.report.trial.report_input import (
+    ForceIntervals,
+    HeardImpact,
+    InfeasibleContact,
+    PlateForce,
+    Situation,
+)
 from myomorph.lab.store.quantities import (
     get_fields,
+    get_quantity,
     get_rows,
     put_quantity,
     put_rows,
@@ -46,6 +61,7 @@ SITES = "contact_sites"
 CHECKED = "contact_sites_checked"
 WARNINGS = "contact_warnings"
 SITUATION = "contact_situation"
+ON_PLATES = "loaded_plate_sites"
 
 JOINT_WEIGHT = "joint_contact_body_weight"
 
@@ -84,6 +100,38 @@ def get_contacts(stored: Stored) -> Contacts | None:
         intervals=get_rows(stored, TOUCHES, Touch) or (),
         warnings=messages_of(stored.facts[WARNINGS]),
     )
+
+
+def put_plate_forces(writer: ResultWriter, plates: Sequence[SharedWrench]) -> None:
+    """Write what plates measured of the contacts on them, and which these are."""
+    if not plates:
+        return
+    writer.fact(ON_PLATES, json.dumps([list(plate.sites) for plate in plates]))
+    labels = {"loaded_plate": [plate.name for plate in plates], "axis": AXES}
+    forces = np.stack([plate.forces for plate in plates], axis=1)
+    put_quantity(writer, PLATE_FORCE, forces, labels)
+
+
+def get_plate_forces(stored: Stored) -> tuple[PlateForce, ...]:
+    """Read what `put_plate_forces` wrote; none where plates measured nothing of contacts."""
+    forces = get_quantity(stored, PLATE_FORCE)
+    if forces is None:
+        return ()
+    sites = json.loads(stored.facts[ON_PLATES])
+    return tuple(
+        PlateForce(name=name, sites=tuple(sites[index]), forces=forces[:, index])
+        for index, name in enumerate(stored.names["loaded_plate"])
+    )
+
+
+def put_impacts(writer: ResultWriter, impacts: Sequence[Impact]) -> None:
+    """Write impacts that were heard; none too, so that it is known to be empty."""
+    put_rows(writer, IMPACTS, impacts)
+
+
+def get_impacts(stored: Stored) -> tuple[HeardImpact, ...]:
+    """Read what `put_impacts` wrote."""
+    return get_rows(stored, IMPACTS, HeardImpact) or ()
 
 
 def put_forces_with_contacts(writer: ResultWriter, torques: Series) -> None:

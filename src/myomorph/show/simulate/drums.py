@@ -9,6 +9,7 @@ the second order, and by a diffuse tail that decays with the room's reverberatio
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,6 +87,11 @@ def record(scene: Scene, seed: int = 0) -> tuple[Sound, tuple[Truth, ...]]:
     """The microphones' channels and the strokes that made them."""
     rng = np.random.default_rng(seed)
     strokes = _strokes(scene, rng)
+    return heard_of(strokes, scene, rng), strokes
+
+
+def heard_of(strokes: Sequence[Truth], scene: Scene, rng: np.random.Generator) -> Sound:
+    """What microphones hear of strokes, in the order of time."""
     length = int(scene.duration * RATE)
     heard = np.zeros((length, scene.drums))
     names = list(DRUMS)[: scene.drums]
@@ -105,7 +111,7 @@ def record(scene: Scene, seed: int = 0) -> tuple[Sound, tuple[Truth, ...]]:
         loudness = np.median([np.mean(heard[k : k + window, m] ** 2) for k in begins])
         heard[:, m] += np.sqrt(loudness * 10.0 ** (-scene.snr / 10.0)) * rng.standard_normal(length)
     scale = 0.7 / np.abs(heard).max()
-    return Sound(RATE, tuple(str(k + 1) for k in range(scene.drums)), heard * scale), strokes
+    return Sound(RATE, tuple(str(k + 1) for k in range(scene.drums)), heard * scale)
 
 
 def _strokes(scene: Scene, rng: np.random.Generator) -> tuple[Truth, ...]:

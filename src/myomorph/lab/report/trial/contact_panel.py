@@ -29,9 +29,11 @@ from myomorph.lab.report.charts.tracks import (
     time_axis,
 )
 from myomorph.lab.report.page.parts import Figure, Grid, Section
+from myomorph.lab.report.trial.contact_tables import impact_grids, plate_grids
 from myomorph.lab.report.trial.estimated_forces import (
     SITUATIONS,
     Group,
+    compared_with_plates,
     group_forces,
     groups_of,
     situation_of,
@@ -51,7 +53,8 @@ def contact_force_section(
     forces = results.contacts.forces
     if forces is None or not len(forces) or not forces.sites:
         return None
-    groups = groups_of(forces, results.dynamics.wrenches, results.model, who)
+    comparisons = compared_with_plates(results)
+    groups = groups_of(forces, comparisons, who)
     blocks = tuple(dict.fromkeys(group.block for group in groups))
     figures = [
         Figure(
@@ -76,7 +79,12 @@ def contact_force_section(
     legend = [(group.style, group.label) for group in groups] if len(blocks) == 1 else []
     if any(group.measured is not None for group in groups):
         legend.append(("measured", "measured"))
-    grids = (_grid(prepared, groups, who), infeasible)
+    grids = (
+        _grid(prepared, groups, who),
+        *plate_grids(prepared, groups, comparisons),
+        *impact_grids(prepared, who),
+        infeasible,
+    )
     return Section(
         key="contact-forces",
         title="Contact forces",
@@ -92,7 +100,7 @@ def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject])
     forces = prepared.results.contacts.forces
     if forces is None or all(site.against == GROUND for site in forces.sites):
         return []
-    groups = (group for group in groups_of(forces, None, None, who) if group.against != GROUND)
+    groups = (group for group in groups_of(forces, who=who) if group.against != GROUND)
     lines = [
         Line(
             time=forces.time,
@@ -144,7 +152,7 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
             " opposite."
         )
     if any(group.measured is not None for group in groups):
-        lines.append("Plate measurements are grey, shown and compared while the plate is loaded.")
+        lines.append("Plate measurements are grey, shown where no other contact is on the plate.")
     if results.contacts.intervals is not None:
         shape = "Bars" if _at_instants(prepared) else "Bands"
         allow = "equations of motion, friction cones and muscles permit every force within"
@@ -264,42 +272,18 @@ def _marks(prepared: Prepared, behind: Backdrop) -> str:
 
 
 def _grid(prepared: Prepared, groups: Sequence[Group], who: Sequence[Subject]) -> Grid:
-    """Mean and peak of every group, and how far it is from what was measured."""
-    vectors, names = axis_names(prepared.up)
+    """Mean and peak of every group."""
+    up = axis_names(prepared.up)[0][0]
     rows = []
     for group in groups:
-        vertical = f"{number(float(np.nanmean(group.forces @ vectors[0])))} N"
+        vertical = f"{number(float(np.nanmean(group.forces @ up)))} N"
         largest = float(np.nanmax(np.linalg.norm(group.forces, axis=1)))
         share = "".join(
             f" ({largest / weight.value:.2f} BW)" for weight in _weight(prepared, group.block, who)
         )
-        off = (_difference(group, vector) for vector in vectors)
-        rows.append((group.label, vertical, f"{number(largest)} N{share}", *off))
-    compared = tuple(f"RMS off measured, {name}" for name in names)
-    if all(cell == "–" for row in rows for cell in row[3:]):
-        compared = ()
-        rows = [row[:3] for row in rows]
-    return Grid(
-        ("Contact", "Mean vertical", "Largest", *compared), tuple(rows), "Estimated contact forces"
-    )
-
-
-def _difference(group: Group, vector: Array) -> str:
-    """RMS difference from what was measured, also as a share of its range, while both plate and
-    estimate carry.
-    """
-    if group.measured is None:
-        return "–"
-    known = group.measured @ vector
-    estimate = group.forces @ vector
-    both = np.isfinite(known) & group.estimated
-    if not both.any():
-        return "–"
-    rms = float(np.sqrt(np.mean((estimate[both] - known[both]) ** 2)))
-    span = float(np.ptp(known[both]))
-    return f"{number(rms)} N" + (
-        f" ({number(100 * rms / span)} % of its range)" if span > 1e-9 else ""
-    )
+        rows.append((group.label, vertical, f"{number(largest)} N{share}"))
+    head = ("Contact", "Mean vertical", "Largest")
+    return Grid(head, tuple(rows), "Estimated contact forces")
 
 
 LOAD_HEAD = ("Force", "Stride", "From", "to", "Peak", "Peak, body weights", "at", "Impulse")

@@ -16,6 +16,7 @@ from myomorph.lab.analysis.contact_states import limb_of, row_label
 from myomorph.lab.analysis.selection import Subject
 from myomorph.lab.report.page.parts import Quantity, Verdict
 from myomorph.lab.report.trial.figures import ORDINAL
+from myomorph.lab.report.trial.plate_comparison import PlateComparison, plate_comparisons
 from myomorph.lab.report.trial.report_input import ReportInput, Situation
 from myomorph.lab.report.trial.tables import judged_residual
 
@@ -31,7 +32,6 @@ SITUATIONS: Mapping[Situation, str] = {
         " fourth situation)."
     ),
 }
-LOADED = 0.03
 BETWEEN = "between"
 
 
@@ -130,21 +130,32 @@ class Group:
     against: str  # what is touched
     forces: Array  # (frames, 3) as estimated [N]
     estimated: np.ndarray  # (frames,) whether it might carry force
-    # (frames, 3) on the same bodies, NaN where a plate carries none of it, None where nothing was
-    # measured
+    # (frames, 3) as plates measured it while no other contact was on them, NaN else; None where
+    # they never did
     measured: Array | None
+
+
+def compared_with_plates(results: ReportInput) -> tuple[PlateComparison, ...]:
+    """Estimated forces of the contacts on each plate together, beside what it measured."""
+    forces = results.contacts.forces
+    if forces is None:
+        return ()
+    standing = {site.group for site in forces.sites if site.against == GROUND}
+    near = _bodies(forces, results.model)
+    bodies = {group: names for group, names in near.items() if group in standing}
+    wrenches = results.dynamics.wrenches
+    return plate_comparisons(forces, results.contacts.on_plates, wrenches, bodies)
 
 
 def groups_of(
     forces: ContactForces,
-    measured: Wrenches | None,
-    model: Model | None = None,
+    comparisons: Sequence[PlateComparison] = (),
     who: Sequence[Subject] = (),
 ) -> tuple[Group, ...]:
-    """Estimated forces by group, each beside what was measured on its bodies; of two bodies the
+    """Estimated forces by group, each beside what plates measured of it alone; of two bodies the
     force on the first.
     """
-    near = _bodies(forces, model)
+    alone = {each.groups[0]: each.measured for each in comparisons if len(each.groups) == 1}
     names = tuple(dict.fromkeys(site.group for site in forces.sites))
     members = {
         name: [index for index, site in enumerate(forces.sites) if site.group == name]
@@ -158,20 +169,11 @@ def groups_of(
         name: limbs[name].subject if first[name].against == GROUND else BETWEEN for name in names
     }
     groups = []
-    bodies = () if measured is None else measured.bodies
     for name, member in members.items():
-        known = None
-        columns = [index for index, body in enumerate(bodies) if body in near[name]]
-        if columns and measured is not None:
-            known = _at(forces.time, measured.time, np.nan_to_num(measured.forces[:, columns])).sum(
-                axis=1
-            )
-            size = np.linalg.norm(np.nan_to_num(known), axis=1)
-            known[size < LOADED * size.max(initial=0.0)] = np.nan
         beside = [other for other in names if blocks[other] == blocks[name]]
         side = limbs[name].side
-        alone = bool(side) and [limbs[other].side for other in beside].count(side) == 1
-        style = side if alone else ORDINAL[beside.index(name) % len(ORDINAL)]
+        only = bool(side) and [limbs[other].side for other in beside].count(side) == 1
+        style = side if only else ORDINAL[beside.index(name) % len(ORDINAL)]
         against = first[name].against
         label = row_label(name, who) + (
             f" on {row_label(against, who).lower()}" if against != GROUND else ""
@@ -187,7 +189,7 @@ def groups_of(
                 against=against,
                 forces=force,
                 estimated=ready,
-                measured=known,
+                measured=alone.get(name),
             )
         )
     return tuple(groups)

@@ -63,6 +63,28 @@ class ForceIntervals:
     upper: Array
 
 
+@read_only
+class PlateForce:
+    """What plates measured of the contacts on them, together."""
+
+    name: str  # of the plates
+    sites: tuple[str, ...]  # names of the contact sites on them
+    forces: Array  # (frames, 3) on the body in ground [N], NaN while other sites are on them
+
+
+@dataclass(frozen=True)
+class HeardImpact:
+    """An impact that was heard, and the site that made it."""
+
+    time: float  # when it begins [s]
+    site: str
+    instrument: str
+    impulse: float  # [N s]
+    low: float  # limits of 90 % of it [N s], NaN where nothing shows them
+    high: float
+    confidence: float  # probability of this site, 0 to 1
+
+
 @dataclass(frozen=True, eq=False)
 class Recorded:
     """What was recorded, and of whom."""
@@ -140,6 +162,9 @@ class EstimatedContacts:
     # how contact forces are known: "measured" by plates, "shared" among sites on a plate, from
     # "sound", or "unknown" and solved for; "" where what is given tells it
     situation: Situation = ""
+    # what plates measured of the contacts on them, at the times of `forces`
+    on_plates: tuple[PlateForce, ...] = ()
+    impacts: tuple[HeardImpact, ...] = ()  # by microphones, in the order of time
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from myomorph.core.io.contact_events import write_events
 from myomorph.core.io.loads import write_external_loads
 from myomorph.core.io.sto import write_sto
 from myomorph.core.model import contact_quantities
+from myomorph.core.model.contact_quantities import IMPACT_TABLE
 from myomorph.core.model.contacts import Contacts
 from myomorph.core.model.findings import Finding, messages_of_findings
 from myomorph.core.model.messages import Message
@@ -76,6 +77,7 @@ from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
 from myomorph.lab.study.trial.default_filter import cutoff_of, with_bridges
 from myomorph.lab.study.trial.emg_tables import write_channels, write_conflicts
 from myomorph.lab.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
+from myomorph.lab.study.trial.impact_table import write_impacts
 from myomorph.lab.study.trial.joint_contact_step import (
     joint_contact_numbers,
     joint_contact_signals,
@@ -344,15 +346,18 @@ def _write_contacts(
     that they leave.
     """
     assert task.setting is not None
-    assert tension.contacts is not None
     writer = output.writer
     folder = output.folder
     contacts = task.setting.contacts
     start = float(task.motion.time[0])
     stop = float(task.motion.time[-1])
     loads, carried = task.loads(tension)
-    contact_store.put_contact_forces(writer, tension.contacts)
+    contact_store.put_contact_forces(writer, task.contact_forces(tension))
     contact_store.put_contacts(writer, contacts, situation)
+    contact_store.put_plate_forces(writer, task.setting.plates)
+    if task.setting.heard is not None:
+        contact_store.put_impacts(writer, task.setting.heard.impacts)
+        write_impacts(task.setting.heard.impacts, folder / IMPACT_TABLE)
     contact_store.put_forces_with_contacts(writer, carried)
     write_external_loads(loads, folder / CONTACT_LOAD.file, folder / f"{CONTACT_LOAD.stem}.xml")
     write_sto(task.contact_groups(tension), folder / CONTACT_GROUP_FORCE.file)
@@ -420,6 +425,8 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
         residuals=None if forces is None else _residuals(tension),
         infeasible=contact_store.get_infeasible_contacts(stored),
         situation=contact_store.get_situation(stored),
+        on_plates=contact_store.get_plate_forces(stored),
+        impacts=contact_store.get_impacts(stored),
     )
     return replace(
         report_input.with_warnings(messages_of_findings(get_findings(stored, FINDINGS))),
