@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.core.model.contacts import Cone, ContactForces, Contacts, Site, Touch
+from myomorph.core.contact.impacts import Impact
+from myomorph.core.model.contacts import Cone, ContactForces, Contacts, SharedWrench, Site, Touch
 from myomorph.lab.store.contact_store import (
     get_contact_forces,
     get_contacts,
+    get_impacts,
+    get_plate_forces,
     put_contact_forces,
     put_contacts,
+    put_impacts,
+    put_plate_forces,
 )
 from myomorph.lab.store.results import new_result, read_result
 
@@ -87,3 +92,27 @@ def test_results_without_contacts_say_so(tmp_path):
     found = read_result(tmp_path / "x.nc")
     assert get_contact_forces(found) is None
     assert get_contacts(found) is None
+
+
+def test_plates_and_impacts_survive(tmp_path):
+    force = np.random.default_rng(3).normal(size=(4, 3))
+    force[2:] = np.nan
+    plate = SharedWrench(name="plate 1", sites=("heel_r", "grip"), forces=force, moments=force)
+    impact = Impact(
+        site="grip", time=0.5, impulse=0.4, direction=[0.0, 1.0, 0.0], instrument="snare", low=0.3
+    )
+    with new_result(tmp_path / "x.nc") as writer:
+        put_plate_forces(writer, [plate])
+        put_impacts(writer, [impact])
+    stored = read_result(tmp_path / "x.nc")
+    (found,) = get_plate_forces(stored)
+    assert (found.name, found.sites) == ("plate 1", ("heel_r", "grip"))
+    np.testing.assert_array_equal(found.forces, force)
+    (heard,) = get_impacts(stored)
+    assert (heard.site, heard.instrument, heard.low) == ("grip", "snare", 0.3)
+    assert np.isnan(heard.high)
+    with new_result(tmp_path / "y.nc") as writer:
+        put_plate_forces(writer, [])
+    stored = read_result(tmp_path / "y.nc")
+    assert get_plate_forces(stored) == ()
+    assert get_impacts(stored) == ()

@@ -4,11 +4,14 @@ impulses.
 
 from __future__ import annotations
 
+import csv
+
 import numpy as np
 from scipy.io.wavfile import write as write_wav
 
 from myomorph.core.io.contact_events import read_events
 from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.sto import read_sto
 
 RATE = 48000
 STROKES = ((0.15, 0.4), (0.45, 0.8))
@@ -70,3 +73,12 @@ def test_impulses_reach_the_hand(arm, command):
             np.trapezoid(loads.forces[near, hand, 1], loads.time[near]), impulse, rtol=0.1
         )
     assert not loads.forces[:, hand, [0, 2]].any()
+    with (arm.out / "impacts.csv").open(newline="") as file:
+        impacts = list(csv.DictReader(file))
+    assert [(one["site"], one["instrument"]) for one in impacts] == [("hand", "snare")] * 2
+    for one, (_, impulse) in zip(impacts, STROKES, strict=True):
+        assert float(one["impulse_low"]) < impulse < float(one["impulse_high"])
+        assert float(one["site_confidence"]) == 1.0
+    # The hand's force is that of its impacts, in tables as in the loads.
+    groups = read_sto(arm.out / "contact_groups.sto")
+    np.testing.assert_allclose(groups["hand_fy"], loads.forces[:, hand, 1], atol=1e-6)

@@ -14,6 +14,16 @@ CONTACTS = Cause(
     quantities=("generalized_force", "contact_force", "muscle_force", "activation"),
     order=2,
 )
+CONTACTS_OPEN = Cause(
+    key="contacts_open",
+    title="Contact forces of which nothing is known",
+    gravity="changes results",
+    size="the data allow {size} N more or less",
+    effect="Contact forces, torques and muscles there are one choice of many.",
+    remedy="Measure some of the contacts: a plate under one foot is worth most.",
+    quantities=("contact_force", "generalized_force", "muscle_force", "activation"),
+    order=2,
+)
 CONTACT_TIMES = Cause(
     key="contact_times",
     title="Contacts that the recording does not state",

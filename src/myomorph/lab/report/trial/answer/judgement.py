@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.causes import FEET_BESIDE
+from myomorph.core.model.causes import CONTACTS_OPEN, FEET_BESIDE
 from myomorph.core.model.findings import spans_of, times_text
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.message_groups import CauseGroup
@@ -151,6 +151,8 @@ def _of_torques(prepared: Prepared, causes: Sequence[CauseGroup]) -> tuple[Use, 
     if unknown > 100.0 * MOST_FRAMES:
         share = f"{unknown:.0f}{NO_BREAK}%"
         return "angles", f"No plate measured the load of a foot in {share} of the time."
+    if any(cause.cause.key == CONTACTS_OPEN.key for cause in causes):
+        return "angles", "Nothing is known of the forces of some contacts."
     check = _gravest(prepared, OF_TORQUES)
     return None if check is None else ("angles", _reason(check))
 

@@ -53,6 +53,7 @@ from myomorph.core.tension.quantities import (
 )
 from myomorph.core.tension.recruitment import RecruitmentOptions, settled_recruitment
 from myomorph.core.tension.relaxation import relaxation_messages
+from myomorph.core.tension.shown_contacts import open_contact_findings, open_contacts
 from myomorph.core.tension.solve import ContactSolution
 from myomorph.core.tension.tension import Tension, TensionOptions, contact_notes, missing_support
 from myomorph.core.tension.terms.contacts import ContactOptions
@@ -197,14 +198,16 @@ def _with_contacts(
     loads, carried = _write_contacts(task, tension, situation, output)
     notes = found.notes + task.setting.notes
     infeasible: tuple[Message, ...] = ()
+    unknown: tuple[Finding, ...] = ()
     if solution is not None:
-        infeasible = _write_warnings(trial, solution, output)
+        infeasible, unknown = _write_warnings(trial, solution, output)
         # Where the tensions have passive force too, their own notes say it.
         notes = (*(() if tension.options.has_passive else contact_notes(solution.tension)), *notes)
     findings = missing_support(
         tension, trial.model.mass * float(np.linalg.norm(trial.model.gravity)), infeasible
     )
     notes += () if findings else infeasible
+    findings += unknown
     put_findings(output.writer, FINDINGS, findings)
     return replace(found, loads=loads, carried=carried, notes=notes, findings=findings)
 
@@ -369,17 +372,23 @@ def _write_contacts(
 
 def _write_warnings(
     trial: TrialInputs, solution: ContactSolution, output: StepOutput
-) -> tuple[Message, ...]:
-    """What is left open and what contacts cannot carry, as files; returns the latter."""
+) -> tuple[tuple[Message, ...], tuple[Finding, ...]]:
+    """What is left open and what contacts cannot carry, as files; returns the latter, and of which
+    contacts nothing is known.
+    """
     frames = evenly_spaced(trial.options[TensionTables].intervals, len(solution.tension))
     with progress(f"{trial.name}: what is left open", len(frames)) as advance:
         warnings = contact_warnings(solution, frames, advance)
     contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
-    if warnings.intervals is not None:
-        write_sto(warnings.table(), output.folder / INTERVAL_LOW.file)
     model = trial.model
     weight = model.mass * float(np.linalg.norm(model.gravity))
-    return relaxation_messages(warnings.infeasible, len(solution.tension), weight)
+    unknown: tuple[Finding, ...] = ()
+    if warnings.intervals is not None:
+        write_sto(warnings.table(), output.folder / INTERVAL_LOW.file)
+        assert solution.tension.contacts is not None
+        sites = solution.tension.contacts.sites
+        unknown = open_contact_findings(open_contacts(warnings.intervals, sites, weight))
+    return relaxation_messages(warnings.infeasible, len(solution.tension), weight), unknown
 
 
 def _read(stored: Stored, options: OptionSet) -> Tensions | None:
