@@ -67,9 +67,7 @@ def test_sticks_that_strike_at_once_are_told_apart() -> None:
 
 
 def test_no_stick_is_certain_where_both_always_strike_at_once() -> None:
-    """Nothing shows which drum is where: the exchanged assignment is as likely. Which stick turned
-    round first would show it.
-    """
+    """Nothing shows which drum is where: the exchanged assignment is as likely."""
     strokes = [stroke for number in range(8) for stroke in both(1.0 + 0.7 * number, False, 0.0)]
     heard, motion = played(strokes, 34)
     found = find_strikers(heard, rods("a", "b"), motion, SITES)

@@ -19,7 +19,17 @@ SITES = (
 
 
 def allowed(foot: np.ndarray, half: np.ndarray | float) -> ContactIntervals:
-    """Intervals `half` to either side of a foot's force (25,) and of a grip of changing force."""
+    """Make intervals about a foot's force, and exact ones of a grip that changes.
+
+    Parameters
+    ----------
+    foot : (25,) upwards [N]
+    half : (25,) or one, to either side of it [N]
+
+    Returns
+    -------
+    at 25 instants
+    """
     forces = np.zeros((25, 2, 3))
     forces[:, 0, 1] = foot
     forces[:, 1, 0] = 100.0 * np.sin(3.0 * TIME)

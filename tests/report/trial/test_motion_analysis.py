@@ -307,11 +307,13 @@ def test_groups_add_their_sites_and_stand_beside_what_was_measured() -> None:
     np.testing.assert_allclose(together.forces[:, 1:].sum(axis=1), 0.0, atol=1e-12)
 
 
-def test_contacts_on_one_plate_are_compared_with_it_together() -> None:
-    """A heel and a toe that share a plate exactly are each far from it, and their sum is not."""
-    time = np.arange(0.0, 2.0, 0.01)
-    names = ("heel_r", "toe_r")
-    sites = tuple(Site(name, "tibia_r", np.zeros((1, 3))) for name in names)
+HEEL_AND_TOE = ("heel_r", "toe_r")
+UP = np.array([0.0, 1.0, 0.0])
+
+
+def shared_plate(time: np.ndarray) -> tuple[ContactForces, np.ndarray]:
+    """A heel and a toe that share a body weight, and what their plate measured (frames, 3)."""
+    sites = tuple(Site(name, "tibia_r", np.zeros((1, 3))) for name in HEEL_AND_TOE)
     force = np.zeros((len(time), 2, 3))
     force[:, 0, 1] = WEIGHT * 0.5 * (1.0 + np.sin(time))
     force[:, 1, 1] = WEIGHT - force[:, 0, 1]
@@ -323,44 +325,48 @@ def test_contacts_on_one_plate_are_compared_with_it_together() -> None:
         contact_point=0 * force,
         contact_torque=0 * force,
     )
-    total = WEIGHT * (1.0 + 0.1 * np.sin(3.0 * time))
-    measured = np.stack([0 * time, total, 0 * time], axis=1)
+    return estimated, np.outer(WEIGHT * (1.0 + 0.1 * np.sin(3.0 * time)), UP)
+
+
+def test_contacts_on_one_plate_are_compared_with_it_together() -> None:
+    """A heel and a toe that share a plate are each far from it, and their sum is not."""
+    time = np.arange(0.0, 2.0, 0.01)
+    estimated, measured = shared_plate(time)
     plate = Wrenches(
         time=time,
         names=("plate 1",),
         bodies=("tibia_r",),
         forces=measured[:, None],
-        points=np.zeros((len(time), 1, 3)),
-        torques=np.zeros((len(time), 1, 3)),
+        points=0 * measured[:, None],
+        torques=0 * measured[:, None],
     )
-    off = float(np.sqrt(np.mean((total - WEIGHT) ** 2)))
+    off = off_of(measured[:, 1] - WEIGHT, time >= 0.0)
     by_bodies = shown("x", wrenches=plate, forces=estimated)
-    told = having(by_bodies, on_plates=(PlateForce("plate 1", names, measured),))
+    told = having(by_bodies, on_plates=(PlateForce("plate 1", HEEL_AND_TOE, measured),))
     for given in (by_bodies, told):
         (comparison,) = compared_with_plates(given)
-        assert comparison.groups == names
-        assert comparison.rms(np.array([0.0, 1.0, 0.0])) == pytest.approx(off, rel=1e-6)
-        heel, toe = groups_of(estimated, compared_with_plates(given))
-        assert heel.measured is None
-        assert toe.measured is None
-    # While the heel alone stands there, its own force is known.
-    first = np.where((time < 1.0)[:, None], measured, np.nan)
-    rest = np.where((time < 1.0)[:, None], np.nan, measured)
-    told = having(
-        by_bodies,
-        on_plates=(
-            PlateForce("plate 1", ("heel_r",), first),
-            PlateForce("plate 1 (2)", names, rest),
-        ),
+        assert comparison.groups == HEEL_AND_TOE
+        assert comparison.rms(UP) == pytest.approx(off, rel=1e-6)
+        groups = groups_of(estimated, compared_with_plates(given))
+        assert [group.measured for group in groups] == [None, None]
+
+
+def test_a_contact_alone_on_its_plate_is_shown_beside_it() -> None:
+    time = np.arange(0.0, 2.0, 0.01)
+    estimated, measured = shared_plate(time)
+    early = (time < 1.0)[:, None]
+    parts = (
+        PlateForce("plate 1", ("heel_r",), np.where(early, measured, np.nan)),
+        PlateForce("plate 1 (2)", HEEL_AND_TOE, np.where(early, np.nan, measured)),
     )
-    heel, toe = groups_of(estimated, compared_with_plates(told))
+    comparisons = compared_with_plates(shown("x", forces=estimated, on_plates=parts))
+    heel, toe = groups_of(estimated, comparisons)
     assert toe.measured is None
     assert heel.measured is not None
     np.testing.assert_array_equal(np.isfinite(heel.measured[:, 1]), time < 1.0)
-    (_, both) = compared_with_plates(told)
+    (_, both) = comparisons
     assert both.plates == ("plate 1",)
-    late = off_of(total - WEIGHT, time >= 1.0)
-    assert both.rms(np.array([0.0, 1.0, 0.0])) == pytest.approx(late, rel=1e-6)
+    assert both.rms(UP) == pytest.approx(off_of(measured[:, 1] - WEIGHT, time >= 1.0), rel=1e-6)
 
 
 def off_of(values: np.ndarray, where: np.ndarray) -> float:
@@ -368,12 +374,23 @@ def off_of(values: np.ndarray, where: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values[where] ** 2)))
 
 
+SURE = HeardImpact(
+    time=0.7,
+    site="stick_r",
+    instrument="snare",
+    impulse=0.4,
+    low=0.35,
+    high=0.46,
+    confidence=1.0,
+)
+
+
 def test_impacts_are_a_table() -> None:
     given = having(
         everything(),
         impacts=(
-            HeardImpact(0.5, "stick_r", "snare", 0.4, 0.35, 0.46, 1.0),
-            HeardImpact(0.7, "stick_l", "snare", 0.4, np.nan, np.nan, 0.5),
+            replace(SURE, time=0.5),
+            replace(SURE, site="stick_l", low=np.nan, high=np.nan, confidence=0.5),
         ),
         forces=contact_forces(everything().dynamics.wrenches.time),
     )

@@ -291,7 +291,7 @@ def _when_idle(time: Array, path: Array, times: Array) -> Array:
 
 
 def _solutions(moments: _Moments) -> list[_Solution]:
-    """Assignments at which turns end, each once, from several beginnings."""
+    """Find assignments at which turns end, each once, from several beginnings."""
     found: dict[tuple[int, ...], _Solution] = {}
     for begin in _beginnings(moments):
         solution = _by_turns(moments, begin)
@@ -304,7 +304,7 @@ def _solutions(moments: _Moments) -> list[_Solution]:
 
 
 def _beginnings(moments: _Moments) -> Iterator[Array]:
-    """Assignments by changes of velocity: of all impacts, and with places from single ones."""
+    """Assign by changes of velocity: all impacts, and with places from single ones."""
     by_jump = _assigned(moments, moments.jumps).sites
     yield by_jump
     alone = np.array([np.sum(np.abs(moments.times - at) <= APART) == 1 for at in moments.times])
@@ -313,7 +313,7 @@ def _beginnings(moments: _Moments) -> Iterator[Array]:
 
 
 def _exchanged(moments: _Moments, sites: Array) -> Iterator[Array]:
-    """The assignment with sites exchanged, everywhere and where others strike at the same time."""
+    """Exchange sites of an assignment, everywhere and where others strike at the same time."""
     count = moments.jumps.shape[1]
     together = np.array([np.sum(np.abs(moments.times - at) <= APART) > 1 for at in moments.times])
     orders = [order for order in permutations(range(count)) if order != tuple(range(count))]
@@ -390,7 +390,7 @@ def _log_normal(values: Array, mean: Array | float, sd: Array | float) -> Array:
 
 
 def _assigned(moments: _Moments, scores: Array) -> _Solution:
-    """The best assignment by scores (impacts, sites), the impacts of a moment together."""
+    """Assign best by scores (impacts, sites), the impacts of a moment together."""
     sites = np.zeros(len(scores), dtype=int)
     shares = np.zeros_like(scores)
     likelihood = 0.0
@@ -405,7 +405,7 @@ def _assigned(moments: _Moments, scores: Array) -> _Solution:
 
 
 def _ways(moments: _Moments, members: Sequence[int]) -> list[tuple[int, ...]]:
-    """Assignments of the impacts of a moment in which no site is at two instruments.
+    """List assignments of the impacts of a moment in which no site is at two instruments.
 
     Where there is none, as of two drums that one stick alone may strike, all are.
     """

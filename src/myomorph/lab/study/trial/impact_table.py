@@ -45,5 +45,5 @@ def write_impacts(impacts: Sequence[Impact], path: Path) -> None:
 
 
 def _cell(value: float) -> str:
-    """An impulse [N s]; "" where it is not known."""
+    """Write an impulse [N s]; "" where it is not known."""
     return f"{value:.4g}" if np.isfinite(value) else ""
