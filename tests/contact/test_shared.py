@@ -11,13 +11,16 @@ import pytest
 from numpy.testing import assert_allclose
 
 from measured_walk import measured_walk
+from myomorph.core.contact.plan import ContactPlan
 from myomorph.core.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.core.contact.site_motion import site_motion
 from myomorph.core.contact.states import contact_activations, find_contacts
-from myomorph.core.model.contacts import Contacts, Site, Touch
+from myomorph.core.model.contacts import ContactForces, Contacts, Site, Touch
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import ForcePlate, Wrenches
 from myomorph.core.motion.sync import resample_wrenches
+from myomorph.core.tension.contact_setting import Measurements, set_contacts
+from myomorph.core.tension.terms.contacts import ContactOptions
 from truths.carried_bodies import assign_feet
 
 
@@ -106,6 +109,60 @@ def test_a_plate_of_two_feet_is_shared_however_it_is_given(walk, body):
     given = shared_wrenches(model, motion, sites, contacts, loads)
     same = np.equal(members_of(outlined, len(motion)), members_of(given, len(motion)))
     assert same.mean() > 0.95
+
+
+def test_a_foot_alone_on_a_shared_plate_has_what_that_measured(walk):
+    """Only while two feet are on a plate its force is divided; else it acts as it was measured."""
+    model, motion, _, wrenches, _ = walk
+    plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
+    known = Measurements(recorded=motion, plates=(plate,), plate_time=motion.time)
+    setting = set_contacts(ContactPlan(measured="shared"), model, motion, known, ContactOptions())
+    assert setting.alone is not None
+    alone = setting.alone.forces
+    assert set(alone.names) == {"foot_r", "foot_l"}
+    assert set(alone.bodies) == {"calcn_r", "calcn_l"}
+    carried = np.abs(alone.forces).any(axis=2)
+    assert carried.any(axis=1).mean() > 0.5
+    assert carried.sum(axis=1).max() == 1
+    groups = [site.group for site in setting.task.sites]
+    for column, name in enumerate(alone.names):
+        frames = carried[:, column]
+        assert_allclose(alone.forces[frames, column], plate.forces[frames], atol=1e-9)
+        found = alone.torques + np.cross(alone.points, alone.forces)
+        moment = plate.torques + np.cross(np.nan_to_num(plate.points), plate.forces)
+        assert_allclose(found[frames, column], moment[frames], atol=1e-6)
+        members = [k for k, group in enumerate(groups) if group == name]
+        ready = setting.task.activations.values[np.ix_(frames, members)]
+        assert not ready.any(), "nothing is estimated in its place"
+    of_group = {site.name: site.group for site in setting.task.sites}
+    for shared in setting.task.measured:
+        assert len({of_group[name] for name in shared.sites}) == 2
+        assert not (np.isfinite(shared.forces).any(axis=1) & carried.any(axis=1)).any()
+
+
+def test_known_forces_are_shown_at_the_foot_that_bore_them(walk):
+    model, motion, _, wrenches, _ = walk
+    plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
+    known = Measurements(recorded=motion, plates=(plate,), plate_time=motion.time)
+    setting = set_contacts(ContactPlan(measured="shared"), model, motion, known, ContactOptions())
+    sites = setting.task.sites
+    nothing = np.zeros((len(motion), len(sites), 3))
+    estimated = ContactForces(
+        time=motion.time,
+        sites=sites,
+        contact_activation=setting.task.activations.values,
+        contact_force=nothing,
+        contact_point=nothing,
+        contact_torque=nothing,
+    )
+    shown = setting.with_known(estimated).wrenches("body")
+    alone = setting.alone.forces
+    for column, body in enumerate(alone.bodies):
+        place = shown.bodies.index(body)
+        frames = alone.forces[:, column].any(axis=1)
+        assert_allclose(shown.forces[:, place], alone.forces[:, column], atol=1e-9)
+        assert_allclose(shown.points[frames, place], alone.points[frames, column], atol=1e-9)
+        assert_allclose(shown.torques[frames, place], alone.torques[frames, column], atol=1e-6)
 
 
 def test_hands_that_hold_a_box_stand_on_no_plate(walk):

@@ -290,7 +290,7 @@ class TensionTask:
         return joint_contact_forces(*inputs, points.points, actuators=self.actuators)
 
     def contact_forces(self, tension: Tension) -> ContactForces:
-        """Find the forces at all contact sites: those estimated, and those of impacts.
+        """Find the forces at all contact sites: those estimated, of impacts, and alone on plates.
 
         Parameters
         ----------
@@ -302,7 +302,7 @@ class TensionTask:
         """
         assert self.setting is not None
         assert tension.contacts is not None
-        return self.setting.with_impacts(tension.contacts)
+        return self.setting.with_known(tension.contacts)
 
     def contact_groups(self, tension: Tension) -> Table:
         """Sum the forces of every contact over its sites, on the body in ground [N].

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.core.contact.alone import AloneOnPlates, alone_on_plates, still_shared
 from myomorph.core.contact.feet_on_steps import Stairs, shared_stairs, stairs_contacts
 from myomorph.core.contact.heard import Heard, heard_contacts
 from myomorph.core.contact.held_objects import RaisedContact, find_holds, raised_contacts
@@ -42,9 +43,10 @@ class ContactSetting:
     Attributes
     ----------
     exact : measured forces that act as they were measured, None where there are none
-    plates : what plates measured of the sites on them, together; `task` has to keep to it where
-        forces are shared
+    plates : what plates measured of the sites on them, together; where forces are shared, `task`
+        has to keep to those of several contacts
     heard : impacts whose forces act as their sound tells, None for none
+    alone : forces of contacts that had a plate for themselves, where forces are shared
     """
 
     task: ContactTask
@@ -53,14 +55,17 @@ class ContactSetting:
     notes: tuple[Message, ...] = ()
     plates: tuple[SharedWrench, ...] = ()
     heard: Heard | None = None
+    alone: AloneOnPlates | None = None
 
-    def with_impacts(self, forces: ContactForces) -> ContactForces:
-        """Add forces of impacts to those at their sites, where nothing was estimated.
+    def with_known(self, forces: ContactForces) -> ContactForces:
+        """Add forces of impacts, and of contacts alone on plates, where nothing was estimated.
 
         Parameters
         ----------
         forces : at contact sites, as estimated
         """
+        if self.alone is not None:
+            forces = self.alone.added_to(forces)
         if self.heard is None:
             return forces
         known = self.heard.forces
@@ -137,10 +142,16 @@ def set_contacts(
         ready = _replaced(ready, dict.fromkeys(heard.sites, 0.0))
         exact = heard.forces if exact is None else exact.and_others(heard.forces)
     plates = _on_plates(plan, model, motion, sites, contacts, known)
+    alone = None
+    if plan.measured == "shared":
+        alone = alone_on_plates(model, motion.time, sites, plates, floor or 0.0)
+    if alone is not None:
+        ready = alone.silenced(ready, sites)
+        exact = alone.forces if exact is None else exact.and_others(alone.forces)
     task = ContactTask(
         sites=sites,
         activations=ready,
-        measured=plates if plan.measured == "shared" else (),
+        measured=still_shared(sites, plates) if plan.measured == "shared" else (),
         options=options,
         preferred=preferred_directions(model, motion, sites),
     )
@@ -151,6 +162,7 @@ def set_contacts(
         notes=(*contacts.warnings, *_notes(plan, model, motion, known, feet)),
         plates=plates,
         heard=heard,
+        alone=alone,
     )
 
 

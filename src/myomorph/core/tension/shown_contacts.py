@@ -10,11 +10,13 @@ estimate.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.core.contact.alone import AloneOnPlates
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import CONTACTS_OPEN
 from myomorph.core.model.contacts import Site
@@ -80,6 +82,38 @@ def open_contacts(
         if error > max(variation, SMALL * weight):
             found.append(OpenContact(group, error, variation))
     return tuple(found)
+
+
+def with_alone(
+    intervals: ContactIntervals, alone: AloneOnPlates | None, up: Array
+) -> ContactIntervals:
+    """Add the forces of contacts alone on plates, of which nothing is left open.
+
+    Parameters
+    ----------
+    intervals : of forces that were estimated
+    alone : known forces, None for none
+    up : (3,) unit vector, along which these contacts push
+    """
+    if alone is None:
+        return intervals
+    known = np.zeros(intervals.forces.shape)
+    for column, group in enumerate(alone.forces.names):
+        if group in intervals.groups:
+            place = intervals.groups.index(group)
+            known[:, place] = alone.forces.forces[intervals.frames, column]
+    along = known @ up
+    return replace(
+        intervals,
+        forces=intervals.forces + known,
+        low=intervals.low + known,
+        high=intervals.high + known,
+        normal=intervals.normal + along,
+        normal_low=intervals.normal_low + along,
+        normal_high=intervals.normal_high + along,
+        near_low=intervals.near_low + known,
+        near_high=intervals.near_high + known,
+    )
 
 
 def _known(force: Array, width: Array) -> NDArray[np.bool_]:

@@ -32,7 +32,7 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.motion.envelope import EnvelopeOptions
 from myomorph.core.tension import emg_quantities, fiber_quantities, load_quantities
-from myomorph.core.tension.contact_setting import Measurements, during
+from myomorph.core.tension.contact_setting import ContactSetting, Measurements, during
 from myomorph.core.tension.dual import INFEASIBLE, STALLED
 from myomorph.core.tension.emg_quantities import CHANNEL_TABLE
 from myomorph.core.tension.emg_targets import EmgOptions
@@ -53,7 +53,11 @@ from myomorph.core.tension.quantities import (
 )
 from myomorph.core.tension.recruitment import RecruitmentOptions, settled_recruitment
 from myomorph.core.tension.relaxation import relaxation_messages
-from myomorph.core.tension.shown_contacts import open_contact_findings, open_contacts
+from myomorph.core.tension.shown_contacts import (
+    open_contact_findings,
+    open_contacts,
+    with_alone,
+)
 from myomorph.core.tension.solve import ContactSolution
 from myomorph.core.tension.tension import Tension, TensionOptions, contact_notes, missing_support
 from myomorph.core.tension.terms.contacts import ContactOptions
@@ -200,7 +204,7 @@ def _with_contacts(
     infeasible: tuple[Message, ...] = ()
     unknown: tuple[Finding, ...] = ()
     if solution is not None:
-        infeasible, unknown = _write_warnings(trial, solution, output)
+        infeasible, unknown = _write_warnings(trial, task.setting, solution, output)
         # Where the tensions have passive force too, their own notes say it.
         notes = (*(() if tension.options.has_passive else contact_notes(solution.tension)), *notes)
     findings = missing_support(
@@ -371,7 +375,7 @@ def _write_contacts(
 
 
 def _write_warnings(
-    trial: TrialInputs, solution: ContactSolution, output: StepOutput
+    trial: TrialInputs, setting: ContactSetting, solution: ContactSolution, output: StepOutput
 ) -> tuple[tuple[Message, ...], tuple[Finding, ...]]:
     """What is left open and what contacts cannot carry, as files; returns the latter, and of which
     contacts nothing is known.
@@ -379,8 +383,11 @@ def _write_warnings(
     frames = evenly_spaced(trial.options[TensionTables].intervals, len(solution.tension))
     with progress(f"{trial.name}: what is left open", len(frames)) as advance:
         warnings = contact_warnings(solution, frames, advance)
-    contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
     model = trial.model
+    if warnings.intervals is not None:
+        known = with_alone(warnings.intervals, setting.alone, np.asarray(model.up))
+        warnings = replace(warnings, intervals=known)
+    contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
     weight = model.mass * float(np.linalg.norm(model.gravity))
     unknown: tuple[Finding, ...] = ()
     if warnings.intervals is not None:
