@@ -45,7 +45,10 @@ def played(strokes: Sequence[Stroke], seed: int) -> tuple[HeardImpacts, Motion]:
             curve = CubicHermiteSpline((one[0], other[0]), (one[1], other[1]), (one[3], other[2]))
             values[inside, column] = curve(time[inside])
     values += 0.002 * rng.standard_normal(values.shape)
-    impacts = tuple(HeardImpact(drum, at, 1e-4, 1.0) for at, drum, _ in strokes)
+    impacts = tuple(
+        HeardImpact(instrument=drum, time=at, energy=1e-4, confidence=1.0)
+        for at, drum, _ in strokes
+    )
     return HeardImpacts(DRUMS, impacts), Motion(time, ("a", "b"), values)
 
 

@@ -312,7 +312,7 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 def shared_plate(time: np.ndarray) -> tuple[ContactForces, np.ndarray]:
-    """A heel and a toe that share a body weight, and what their plate measured (frames, 3)."""
+    """Make a heel and a toe that share a body weight, and what their plate measured."""
     sites = tuple(Site(name, "tibia_r", np.zeros((1, 3))) for name in HEEL_AND_TOE)
     force = np.zeros((len(time), 2, 3))
     force[:, 0, 1] = WEIGHT * 0.5 * (1.0 + np.sin(time))
@@ -395,7 +395,7 @@ def test_impacts_are_a_table() -> None:
         forces=contact_forces(everything().dynamics.wrenches.time),
     )
     panel = next(one for one in analysis_sections(prepare(given)) if one.key == "contact-forces")
-    (table,) = (grid for grid in panel.grids if grid.title == "Impacts heard: 2")
+    (table,) = [grid for grid in panel.grids if grid.title == "Impacts heard: 2"]
     assert table.rows[0][2:] == ("snare", "0.4 N·s", "0.35 to 0.46 N·s", "100 %")
     assert table.rows[1][4:] == ("not shown", "50 %")
 

@@ -134,23 +134,11 @@ def set_contacts(
 
     ready = contact_activations(model, standing, sites, contacts, ActivationOptions(floor=floor))
     ready = _replaced(ready, {name: site.activation for name, site in raised.items()})
-    exact = measured if plan.measured == "exact" else None
-    if exact is not None:
-        ready = without_measured(model, ready, sites, exact)
-    if heard is not None:
-        # Their forces are known already.
-        ready = _replaced(ready, dict.fromkeys(heard.sites, 0.0))
-        exact = heard.forces if exact is None else exact.and_others(heard.forces)
     plates = _on_plates(plan, model, motion, sites, contacts, known)
-    alone = None
-    if plan.measured == "shared":
-        alone = alone_on_plates(model, motion.time, sites, plates, floor or 0.0)
-    if alone is not None:
-        ready = alone.silenced(ready, sites)
-        exact = alone.forces if exact is None else exact.and_others(alone.forces)
+    acting = _acting(plan, model, ready, sites, plates, measured, heard, floor or 0.0)
     task = ContactTask(
         sites=sites,
-        activations=ready,
+        activations=acting.ready,
         measured=still_shared(sites, plates) if plan.measured == "shared" else (),
         options=options,
         preferred=preferred_directions(model, motion, sites),
@@ -158,12 +146,66 @@ def set_contacts(
     return ContactSetting(
         task=task,
         contacts=contacts,
-        exact=exact,
+        exact=acting.exact,
         notes=(*contacts.warnings, *_notes(plan, model, motion, known, feet)),
         plates=plates,
         heard=heard,
-        alone=alone,
+        alone=acting.alone,
     )
+
+
+class _Acting(NamedTuple):
+    """Activations of sites whose forces are to be found, and forces that are known.
+
+    Attributes
+    ----------
+    ready : activations (frames, sites)
+    exact : all known forces, None for none
+    alone : those of contacts alone on plates
+    """
+
+    ready: Series
+    exact: Wrenches | None
+    alone: AloneOnPlates | None
+
+
+def _acting(  # page: all that makes forces known
+    plan: ContactPlan,
+    model: Model,
+    ready: Series,
+    sites: tuple[Site, ...],
+    plates: tuple[SharedWrench, ...],
+    measured: Wrenches | None,
+    heard: Heard | None,
+    floor: float,
+) -> _Acting:
+    """Silence the sites whose forces are known, and collect these forces.
+
+    Parameters
+    ----------
+    ready : activations (frames, sites)
+    plates : what plates measured of the sites on them
+    measured : forces of plates on bodies
+    heard : impacts
+    floor : height of the plates [m]
+    """
+    known: list[Wrenches] = []
+    alone = None
+    if plan.measured == "exact" and measured is not None:
+        ready = without_measured(model, ready, sites, measured)
+        known.append(measured)
+    if heard is not None:
+        ready = _replaced(ready, dict.fromkeys(heard.sites, 0.0))
+        known.append(heard.forces)
+    if plan.measured == "shared":
+        alone = alone_on_plates(model, ready.time, sites, plates, floor)
+    if alone is not None:
+        ready = alone.silenced(ready, sites)
+        known.append(alone.forces)
+    exact = known[0] if known else None
+    for more in known[1:]:
+        exact = more if exact is None else exact.and_others(more)
+    return _Acting(ready=ready, exact=exact, alone=alone)
 
 
 class _Soles(NamedTuple):

@@ -94,6 +94,10 @@ def with_alone(
     intervals : of forces that were estimated
     alone : known forces, None for none
     up : (3,) unit vector, along which these contacts push
+
+    Returns
+    -------
+    the same instants
     """
     if alone is None:
         return intervals

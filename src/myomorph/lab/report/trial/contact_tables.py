@@ -26,6 +26,7 @@ def plate_grids(
 
     Parameters
     ----------
+    prepared : results, for the names of the axes
     groups : contacts, with their labels
     comparisons : of contacts that were on the same plates
     """
@@ -60,6 +61,7 @@ def impact_grids(prepared: Prepared, who: Sequence[Subject]) -> tuple[Grid, ...]
 
     Parameters
     ----------
+    prepared : results, with the impacts
     who : was recorded
     """
     impacts = prepared.results.contacts.impacts

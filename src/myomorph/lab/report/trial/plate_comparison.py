@@ -38,13 +38,31 @@ class PlateComparison:
         return np.asarray(np.isfinite(self.measured) & np.isfinite(self.estimated)).any(axis=1)
 
     def rms(self, direction: Array) -> float:
-        """Root mean square of what the estimate is off along a direction [N]; NaN of no frame."""
+        """Root mean square of what the estimate is off.
+
+        Parameters
+        ----------
+        direction : (3,) unit vector along which
+
+        Returns
+        -------
+        [N], NaN of no frame
+        """
         off = ((self.estimated - self.measured) @ direction)[self.compared]
         off = off[np.isfinite(off)]
         return float(np.sqrt(np.mean(off**2))) if len(off) else float("nan")
 
     def measured_range(self, direction: Array) -> float:
-        """Range of what was measured along a direction, over the frames compared [N]."""
+        """Range of what was measured, over the frames compared.
+
+        Parameters
+        ----------
+        direction : (3,) unit vector along which
+
+        Returns
+        -------
+        [N], 0 of no frame
+        """
         along = (self.measured @ direction)[self.compared]
         along = along[np.isfinite(along)]
         return float(np.ptp(along)) if len(along) else 0.0
