@@ -42,7 +42,7 @@ NEAR = 0.02
 """A stroke was heard where an impact is this near on its drum [s]."""
 KNOWN_EVERY = 4
 SURE = 0.8
-SEEDS = (8100, 8101)
+SEEDS = (8100,)
 """Not used while the method was worked on (7000 was)."""
 MODEL = """<mujoco model="sticks"><compiler angle="radian"/><worldbody>
 <site name="above" pos="0 0 2"/>
