@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.contacts import ContactForces, SharedWrench, Site
@@ -71,8 +72,8 @@ class AloneOnPlates:
             contact_torque=torque,
         )
 
-    def _known(self, column: int) -> Array:
-        """(frames,) whether the force of a contact is known."""
+    def _known(self, column: int) -> NDArray[np.bool_]:
+        """Return whether the force of a contact is known (frames,)."""
         return np.asarray(self.forces.forces[:, column].any(axis=1))
 
 
