@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.contacts import ContactForces
@@ -33,9 +34,10 @@ class PlateComparison:
     estimated: Array
 
     @property
-    def compared(self) -> Array:
+    def compared(self) -> NDArray[np.bool_]:
         """(frames,) whether both are known."""
-        return np.asarray(np.isfinite(self.measured) & np.isfinite(self.estimated)).any(axis=1)
+        both = np.isfinite(self.measured) & np.isfinite(self.estimated)
+        return np.asarray(both.any(axis=1))
 
     def rms(self, direction: Array) -> float:
         """Root mean square of what the estimate is off.
@@ -113,7 +115,7 @@ def _comparison(
     size = np.linalg.norm(np.nan_to_num(measured), axis=1)
     measured[size < LOADED * size.max(initial=0.0)] = np.nan
     members = [index for index, site in enumerate(forces.sites) if site.group in groups]
-    touching = (forces.contact_activation[:, members] > 0.0).any(axis=1)
+    touching = np.asarray((forces.contact_activation[:, members] > 0.0).any(axis=1))
     total = forces.contact_force[:, members].sum(axis=1)
     names = dict.fromkeys(
         name for plate in plates for name in plate.name.split(" (")[0].split(" + ")
