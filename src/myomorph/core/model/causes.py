@@ -20,7 +20,7 @@ CONTACTS_OPEN = Cause(
     gravity="changes results",
     size="the data allow {size} N more or less",
     effect="Contact forces, torques and muscles there are one choice of many.",
-    remedy="Measure some of the contacts: a plate under one foot is worth most.",
+    remedy="Measure some of the contacts, as with a plate under one foot.",
     quantities=("contact_force", "generalized_force", "muscle_force", "activation"),
     order=2,
 )
