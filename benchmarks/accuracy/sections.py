@@ -172,6 +172,7 @@ PAGES: dict[str, dict[str, str]] = {
     "two-bodies": {
         "pair_bouts": "accuracy.contact.pair:measure_bouts",
         "pair": "accuracy.contact.pair:measure",
+        "pair_plates": "accuracy.contact.pair:measure_plates",
         "pair_emg": "accuracy.contact.pair:measure_emg",
         "pair_open": "accuracy.contact.pair:measure_open",
         "pair_truths": "accuracy.contact.pair:measure_truths",

@@ -30,6 +30,8 @@ Row = dict[str, object]
 
 KINDS: tuple[Kind, ...] = ("pull", "sway", "step")
 BOUTS = tuple((kind, seed) for seed in (0, 1) for kind in KINDS)
+SHOWN_BY: tuple[tuple[Kind, int], ...] = (("sway", 4301), ("pull", 4302))
+"""Bouts that no other table has: what would show the feet."""
 CUTOFF = 6.0
 """Of the low-pass of kinematics, and of the true forces that estimates are compared with [Hz]."""
 WORKERS = 2
@@ -39,9 +41,9 @@ WORKERS = 2
 class Knowledge:
     """What an estimate is told beside the motion and which foot stands.
 
-    `plates`: fighters under whose feet everything is measured; `directed`: whether the grips are
-    known to pull only, and about where to; `emg`: of "none", "16" channels a fighter, or "all"
-    muscles; `gains`: of EMG: "given", as envelopes are activations but for their errors, or
+    `plates`: fighters, or single feet, under which everything is measured; `directed`: whether the
+    grips are known to pull only, and about where to; `emg`: of "none", "16" channels a fighter, or
+    "all" muscles; `gains`: of EMG: "given", as envelopes are activations but for their errors, or
     "default", as the library finds them.
     """
 
@@ -115,7 +117,7 @@ def estimate(
     compliance: float = ContactOptions().compliance,
 ) -> Tension:
     """Contact forces and tensions from what is known."""
-    measured = [pair.plates[part] for part in known.plates]
+    measured = [_plate(pair, name) for name in known.plates]
     torques = mm.inverse_dynamics(pair.model, motion, _together(measured) if measured else None)
     sites = open_sites(pair, known)
     names = tuple(one.name for one in sites)
@@ -136,9 +138,17 @@ def estimate(
     return mm.solve_tension(pair.model, motion, torques, options, contacts=task, emg=emg)
 
 
+def _plate(pair: VirtualPair, name: str) -> mm.Wrenches:
+    """What plates under a fighter measure, or the one under a foot."""
+    if name in PARTS:
+        return pair.plates[name]
+    whole = pair.plates[name.split("_", 1)[0]]
+    return whole.columns([whole.names.index(name)])
+
+
 def open_sites(pair: VirtualPair, known: Knowledge) -> tuple[Site, ...]:
     """The sites whose forces are to be found."""
-    measured = tuple(f"{part}_foot" for part in known.plates)
+    measured = tuple(f"{part}_foot" if part in PARTS else part for part in known.plates)
     return tuple(
         one
         for one in pair_sites(pair.builds, known.directed)
@@ -219,6 +229,41 @@ def measure() -> Iterable[Row]:
             means = [np.mean([getattr(one, what) for one in some]) for some in (first, both)]
             row[f"{words}, first / together"] = " / ".join(f"{one:.3g}" for one in means)
         yield row
+
+
+def measure_plates(bouts_of: Sequence[tuple[Kind, int]] = SHOWN_BY) -> Iterable[Row]:
+    """What would show the feet: one row for each thing more that a laboratory measures."""
+    pairs = simulated(*(PairOptions(kind, seed) for kind, seed in bouts_of))
+    wanted = {
+        "motion alone": [Knowledge("")],
+        "16 EMG channels of each": [Knowledge("", emg="16")],
+        "a plate under one of four feet": [Knowledge("", plates=(foot,)) for foot in FEET],
+        "and 16 EMG channels": [Knowledge("", plates=(foot,), emg="16") for foot in FEET],
+        "plates under one fighter": [Knowledge("", plates=(part,)) for part in PARTS],
+        "EMG of all muscles": [Knowledge("", emg="all")],
+    }
+    truth = [_constant(pair, names) for pair in pairs for names in (FEET, GRIPS)]
+    yield {
+        "measured": "nothing: the true mean of each",
+        "feet without plates [N]": _spread(np.array(truth[::2])),
+        "grips [N]": _spread(np.array(truth[1::2])),
+    }
+    for words, ways in wanted.items():
+        found = []
+        for pair in pairs:
+            motion = recorded_motion(pair)
+            found += [errors_of(pair, estimate(pair, motion, way, "simultaneous")) for way in ways]
+        yield {
+            "measured": words,
+            "feet without plates [N]": _spread(np.array([each.feet for each in found])),
+            "grips [N]": _spread(np.array([each.grips for each in found])),
+        }
+
+
+def _constant(pair: VirtualPair, names: Sequence[str]) -> float:
+    """Root mean square error [N] of who guesses the true mean of each force at all times."""
+    off = [pair.truth.forces[name] - pair.truth.forces[name].mean(axis=0) for name in names]
+    return float(np.sqrt(np.mean([np.sum(each**2, axis=1).mean() for each in off])))
 
 
 TRUTHS: dict[str, dict[str, Any]] = {
