@@ -10,8 +10,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -69,23 +70,43 @@ def _undisturbed(study: Path, out: Path) -> tuple[Path, float]:
     return out, time.monotonic() - started
 
 
-def begin(study: Path, out: Path, *options: str) -> subprocess.Popen:
+class Run(subprocess.Popen[str]):
+    """The program on a study, and what it says: a pipe that nobody reads would stop it.
+
+    Attributes
+    ----------
+    lines : that it has said
+    reader : the thread that reads them
+    """
+
+    def __init__(self, study: Path, out: Path, options: Sequence[str]) -> None:
+        super().__init__(
+            (sys.executable, "-m", "myomorph", "run", str(study), "--out", str(out), *options),
+            env=os.environ | SETTINGS,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            encoding="utf-8",
+        )
+        self.lines: list[str] = []
+        self.reader = threading.Thread(target=self._read, daemon=True)
+        self.reader.start()
+
+    def _read(self) -> None:
+        assert self.stdout is not None
+        self.lines.extend(self.stdout)
+
+
+def begin(study: Path, out: Path, *options: str) -> Run:
     """Start the program on a study, in a group of processes of its own."""
-    told = options or ("--workers", "2")
-    return subprocess.Popen(
-        (sys.executable, "-m", "myomorph", "run", str(study), "--out", str(out), *told),
-        env=os.environ | SETTINGS,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        encoding="utf-8",
-    )
+    return Run(study, out, options or ("--workers", "2"))
 
 
-def end_of(process: subprocess.Popen) -> tuple[int, str]:
+def end_of(process: Run) -> tuple[int, str]:
     """Exit status of a run and what it said, once it has ended."""
-    said, _ = process.communicate()
-    return process.returncode, said
+    status = process.wait()
+    process.reader.join()
+    return status, "".join(process.lines)
 
 
 def others_of(process: subprocess.Popen) -> list[psutil.Process]:
