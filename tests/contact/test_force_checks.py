@@ -98,6 +98,9 @@ SAFE = (
 )
 
 
+OF_ALL_PLATES = (faults.mirrored, faults.turned, faults.millimetres)
+
+
 @pytest.mark.parametrize("fault", SAFE, ids=lambda one: one.__name__)
 def test_what_is_mended_is_the_clean_wrench_again(clean, fault):
     """Force and moment about the origin on each foot, against those of the clean forces."""
@@ -110,6 +113,19 @@ def test_what_is_mended_is_the_clean_wrench_again(clean, fault):
         np.testing.assert_allclose(mended[:, :3], expected[:, :3], atol=1e-6)
         # The point that moments of a plate are about is fitted.
         assert np.abs(mended - expected).max() < (15.0 if fault is faults.about_a_plate else 1e-6)
+
+
+@pytest.mark.parametrize("fault", OF_ALL_PLATES, ids=lambda one: one.__name__)
+def test_what_asks_for_no_foot_is_mended_where_contacts_share_the_forces(clean, fault):
+    """Plates in the motion's axes and units, whoever stands on them; clean ones stay as they are."""
+    faulty = fault(clean)
+    found = on_feet(faulty.wrenches, faulty.model, faulty.motion, shared=True)
+    assert any(one.mended for one in found.findings)
+    np.testing.assert_allclose(
+        found.forces.sum(axis=1), clean.wrenches.forces.sum(axis=1), atol=1e-6
+    )
+    kept = on_feet(clean.wrenches, clean.model, clean.motion, shared=True)
+    np.testing.assert_array_equal(kept.forces, clean.wrenches.forces)
 
 
 def check_forces(*given):

@@ -488,7 +488,9 @@ BODY_CHECKS: tuple[Check, ...] = (
     check_units,
     check_paces,
     check_rates,
+    check_origins,
     check_plate_directions,
+    check_directions,
     check_mass,
 )
 """Those that ask for no foot of a force: of plates that feet share."""

@@ -106,8 +106,8 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
 
 
 def _are_shared(opening: Opening) -> bool:
-    """Whether contacts share the external forces, so that they are not on one body each: they stay
-    as they are, and only what needs no foot of a force is checked.
+    """Whether contacts share the external forces, so that they are not on one body each: only what
+    needs no foot of a force is checked and mended.
     """
     contacts = opening.settings.get(ContactsFile)
     if contacts is None or not contacts.contacts:
@@ -216,7 +216,7 @@ def on_feet(
     options = options or ForceOptions()
     findings: tuple[Finding, ...] = ()
     checked = options.force_checks != "none"
-    mend = options.force_checks == "mend" and not shared
+    mend = options.force_checks == "mend"
     if options.force_shift:
         wrenches = replace(wrenches, time=wrenches.time + options.force_shift)
     else:
