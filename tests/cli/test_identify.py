@@ -95,7 +95,7 @@ def test_another_motion_is_compared(plate, command):
         (("--mass", -4), "in kilograms"),
         (("--mass", 72.6), "scale it to the subject first"),
         (("--height", 182, "--chest", 0.9), "182"),
-        (("--height", 1.8), "--height needs --chest"),
+        (("--chest", 0.9), "--chest needs --height"),
         (("--skin", "nobody.obj"), "nobody.obj"),
         (("--mass-sd", -1), "mass_sd"),
         (("--time", 5, 6), "has nothing from"),

@@ -30,9 +30,10 @@ def body_command(  # page: one option each
     mass : of the person [kg]; that of people alike by default
     age : in years
     """
-    from myomorph.lab.study.subject.body_files import body_lines, make_body
+    from myomorph.lab.study.subject.body_files import Measured, body_lines, make_body
 
-    shape, segments = make_body(out, height=height, chest=chest, mass=mass, sex=sex, age=age)
+    person = Measured(height=height, chest=chest, mass=mass, sex=sex, age=age)
+    shape, segments = make_body(out, person)
     warn(shape.notes)
     for line in body_lines(shape, segments):
         said(line)

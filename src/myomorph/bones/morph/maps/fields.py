@@ -238,7 +238,7 @@ Basis: TypeAlias = Literal["bone", "landmarks", "neighbors", "surrounding", "giv
 
 
 @shown
-@dataclass(frozen=True, eq=False)
+@read_only
 class BoneMap:
     """How what is fixed to a body of the source becomes fixed to a body of the target.
 

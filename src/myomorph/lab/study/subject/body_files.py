@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from myomorph.body.shape.body_segments import SegmentMass, segment_masses
@@ -21,21 +22,32 @@ from myomorph.lab.store.results import provenance_of
 from myomorph.lab.study.step.folder_steps import result_folder
 
 
-def make_body(  # page: what is measured of a person
-    out: Path,
-    *,
-    height: float,
-    chest: float | None = None,
-    mass: float | None = None,
-    sex: Sex | None = None,
-    age: float | None = None,
-) -> tuple[Shape, list[SegmentMass]]:
+@dataclass(frozen=True)
+class Measured:
+    """What is measured of a person, as `body_shape` takes it.
+
+    Attributes
+    ----------
+    height, chest : [m]
+    mass : [kg]
+    sex : of the person
+    age : [years]
+    """
+
+    height: float
+    chest: float | None = None
+    mass: float | None = None
+    sex: Sex | None = None
+    age: float | None = None
+
+
+def make_body(out: Path, person: Measured) -> tuple[Shape, list[SegmentMass]]:
     """Find a person's body and write it, whole or not at all.
 
     Parameters
     ----------
     out : folder
-    height, chest, mass, sex, age : as in `body_shape` [m], [kg], [years]
+    person : measurements [m], [kg], [years]
 
     Returns
     -------
@@ -45,9 +57,10 @@ def make_body(  # page: what is measured of a person
     ------
     BadData : as `body_shape`
     """
-    shape = body_shape(height, chest, mass, sex, age)
-    segments = segment_masses(shape, shape.reached["mass"] if mass is None else mass)
-    options = {"height": height, "chest": chest, "mass": mass, "sex": sex, "age": age}
+    options = asdict(person)
+    shape = body_shape(**options)
+    mass = shape.reached["mass"] if person.mass is None else person.mass
+    segments = segment_masses(shape, mass)
     made = provenance_of("body", (), options)
     note = Note("assumed", "A statistical body (anny); what was not measured is of people alike.")
     head = PageHead.of("Body of a person", made, (note,), shape.notes)
