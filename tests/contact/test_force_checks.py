@@ -117,7 +117,7 @@ def test_what_is_mended_is_the_clean_wrench_again(clean, fault):
 
 @pytest.mark.parametrize("fault", OF_ALL_PLATES, ids=lambda one: one.__name__)
 def test_what_asks_for_no_foot_is_mended_where_contacts_share_the_forces(clean, fault):
-    """Plates in the motion's axes and units, whoever stands on them; clean ones stay as they are."""
+    """Plates in the motion's axes and units, whoever stands on them; clean ones are left alone."""
     faulty = fault(clean)
     found = on_feet(faulty.wrenches, faulty.model, faulty.motion, shared=True)
     assert any(one.mended for one in found.findings)
