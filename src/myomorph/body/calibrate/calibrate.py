@@ -44,6 +44,7 @@ from myomorph.core.fit.posterior import Posterior
 from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, check_name
+from myomorph.core.model.findings import Finding
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.scale import scale
 from myomorph.core.model.series import Markers
@@ -143,15 +144,21 @@ def calibrate(
         progress(max(0, options.iterations - search.steps))
 
     calibration = _calibration(model, search, chosen, settings, path_lengths)
-    # Of knees and feet alone: a pelvis or a trunk may lean from the generic one's by much.
-    limbs = [zero for zero in calibration.zero_angles if zero.coordinate.startswith(STANDING)]
-    moving = len(recorded.recordings) > int(recorded.static)
-    standing = standing_errors(search) if recorded.static else {}
-    far = far_zeros(limbs, standing, alone=recorded.static and moving)
+    far = _far_zeros(search, calibration, recorded)
     if far and far[0].mended:
         return replace(calibrate(model, (), options, path_lengths=path_lengths), warnings=far)
     notes = (*calibration.notes, *few_marker_notes(model, recorded))
     return replace(calibration, notes=notes, warnings=far)
+
+
+def _far_zeros(
+    search: Search, calibration: Calibration, recorded: RecordedMarkers
+) -> tuple[Finding, ...]:
+    """Find zero angles of knees and feet where no bones have them; a pelvis or a trunk may lean."""
+    limbs = [zero for zero in calibration.zero_angles if zero.coordinate.startswith(STANDING)]
+    moving = len(recorded.recordings) > int(recorded.static)
+    standing = standing_errors(search) if recorded.static else {}
+    return far_zeros(limbs, standing, alone=recorded.static and moving)
 
 
 def _check(options: CalibrationOptions) -> None:
