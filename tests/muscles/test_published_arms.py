@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.model import Body, Joint
 from myomorph.core.model.scale import scale
+from myomorph.core.model.spatial import Transform
 from myomorph.core.muscles.published_arms import BANDS, TOLERANCE, arm_warnings, knee_arms
 from myomorph.lab.analyze.generic_model import generic_model
 from myomorph.lab.info.inspect import inspect
@@ -80,3 +82,31 @@ def test_no_person_no_band(data) -> None:
     model = read_osim(data(RAJAGOPAL))
     assert knee_arms(scale(model, dict.fromkeys(model.body_names, np.full(3, 0.1)))) == ()
     assert knee_arms(replace(model, muscles=())) == ()
+
+
+def test_a_thigh_of_welded_parts_is_as_long_as_one(data) -> None:
+    """A knee below the femoral part of an implant, which is welded to the femur."""
+    model = read_osim(data(RAJAGOPAL))
+    knee = next(joint for joint in model.joints if joint.name == "walker_knee_r")
+    part = replace(model.body("patella_r"), name="femoral_component_r", mass=0.0)
+    weld = replace(
+        knee,
+        name="implant_r",
+        child=part.name,
+        axes=(),
+        parent_frame=Transform.identity(),
+        child_frame=Transform.identity(),
+    )
+    joints: list[Joint] = []
+    for joint in model.joints:
+        joints += [weld, replace(knee, parent=part.name)] if joint is knee else [joint]
+    bodies: list[Body] = []
+    for body in model.bodies:
+        bodies += [body, part] if body.name == knee.parent else [body]
+    welded = replace(model, joints=tuple(joints), bodies=tuple(bodies))
+
+    of_muscles = [arms for arms in knee_arms(model) if arms.band.muscles]
+    found = {arms.name: arms for arms in knee_arms(welded)}
+    assert of_muscles
+    for arms in of_muscles:
+        np.testing.assert_allclose(found[arms.name].high, arms.high, rtol=1e-9)

@@ -15,7 +15,7 @@ from myomorph.core.model.series import Motion
 from myomorph.core.muscles.model_paths import Paths, compile_paths
 from myomorph.core.muscles.patella import PATELLA, extensors, tendon_arms
 from myomorph.core.rigid.kinematics import forward_kinematics
-from myomorph.core.rigid.knees import flexion_coordinate, knee_joints
+from myomorph.core.rigid.knees import flexion_coordinate, joint_above, knee_joints
 from myomorph.core.rigid.tree import compile_tree
 
 THIGH_LENGTH = 0.41  # From hip to knee of the persons that were measured [m]
@@ -215,7 +215,7 @@ def _with_compared_muscles(model: Model) -> Model:
 
 def _thigh(model: Model, knee: Joint) -> float | None:
     """Distance from hip to knee in the default pose [m], None without a hip."""
-    hip = next((joint for joint in model.joints if joint.child == knee.parent), None)
+    hip = joint_above(model, knee.parent)
     if hip is None:
         return None
     tree = compile_tree(model)
