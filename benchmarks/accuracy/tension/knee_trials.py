@@ -170,7 +170,7 @@ def read_columns(source: Path, kind: str, trial: KneeTrial) -> tuple[list[str], 
 
 @cache
 def made_model(source: Path) -> Path:
-    """The study's model with muscles that pull at the shank once.
+    """Write the study's model with muscles that pull at the shank once.
 
     The model has every muscle of quadriceps twice: up to the patella, and once more, for its
     length, to the shank. The copies are left out; slack lengths grow by what lies below the
