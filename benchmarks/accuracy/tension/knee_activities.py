@@ -148,7 +148,7 @@ def measure_forces(folder: Path) -> Iterator[Row]:
 
 
 def _row(folder: Path, activity: Activity, model_name: str, way: str) -> Row:
-    model, motion, wrenches = _inputs(folder, activity, model_name)
+    model, motion, wrenches = inputs(folder, activity, model_name)
     patella, costs, rotators = WAYS[way]
     torques = mm.inverse_dynamics(model, motion, wrenches)
     reserves = default_reserves(model)
@@ -205,7 +205,7 @@ def _share(found: mm.Tension, frames: Array) -> float:
 
 
 @cache
-def _inputs(
+def inputs(
     folder: Path, activity: Activity, model_name: str
 ) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
     """Model, motion and wrenches on the feet that they are under, every so many frames."""

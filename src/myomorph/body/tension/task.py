@@ -50,6 +50,7 @@ from myomorph.core.tension.solve import (
     solve_tension,
     with_contacts,
 )
+from myomorph.core.tension.static_loads import StaticLoads, static_joint_loads
 from myomorph.core.tension.tension import Tension, TensionOptions, passive_notes
 from myomorph.core.tension.terms.actuators import default_reserves
 from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
@@ -288,6 +289,24 @@ class TensionTask:
         """
         inputs = (self.model, self.motion, tension, self.wrenches)
         return joint_contact_forces(*inputs, points.points, actuators=self.actuators)
+
+    def static_loads(self, tension: Tension) -> StaticLoads | None:
+        """Find the forces of knees and ankles that statics allow.
+
+        Parameters
+        ----------
+        tension : of this problem; its contact forces count
+
+        Returns
+        -------
+        forces over time [N], None where external forces are not known
+        """
+        wrenches = self.wrenches
+        if tension.contacts is not None:
+            wrenches = self.loads(tension)[0]
+        if wrenches is None:
+            return None
+        return static_joint_loads(self.model, self.motion, wrenches)
 
     def contact_forces(self, tension: Tension) -> ContactForces:
         """Find the forces at all contact sites: those estimated, of impacts, and alone on plates.

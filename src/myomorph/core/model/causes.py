@@ -227,6 +227,14 @@ JOINT_POINTS = Cause(
     remedy="Give the bones of both sides, or the points in a file.",
     quantities=("joint_contact_force",),
 )
+BENT_KNEES = Cause(
+    key="bent_knees",
+    title="Loads of bent knees",
+    gravity="may change results",
+    effect="The force depends on the arm of the patellar tendon, which differs by person.",
+    remedy="Report the range that statics allow, or an interval (--draws).",
+    quantities=("joint_contact_force", "joint_reaction"),
+)
 BONES = Cause(
     key="bones",
     title="Bones that do not fit each other",

@@ -1,4 +1,4 @@
-"""Moment arms about the knee that were measured, and the muscles of a model that leave them."""
+"""Moment arms about knee and ankle that were measured, and muscles of a model that leave them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from myomorph.core.model.series import Motion
 from myomorph.core.muscles.model_paths import Paths, compile_paths
 from myomorph.core.muscles.patella import PATELLA, extensors, tendon_arms
 from myomorph.core.rigid.kinematics import forward_kinematics
-from myomorph.core.rigid.knees import flexion_coordinate, joint_above, knee_joints
+from myomorph.core.rigid.knees import flexion_coordinate, flexion_sign, joint_above, knee_joints
 from myomorph.core.rigid.tree import compile_tree
 
 THIGH_LENGTH = 0.41  # From hip to knee of the persons that were measured [m]
@@ -116,6 +116,24 @@ SEMITENDINOSUS = Band(
     high=(5.5, 6.3, 7.0, 6.5),
     source="Spoor and van Leeuwen 1992 and Buford et al. 1997",
 )
+ACHILLES = Band(
+    name="Achilles tendon",
+    muscles=(),
+    bends=-1.0,
+    flexion=(0.0,),
+    low=(3.2,),
+    high=(6.5,),
+    source="17 studies that Manal et al. 2013 list, and Wolfram et al. 2018",
+)
+TIBIALIS_ANTERIOR = Band(
+    name="tibialis anterior",
+    muscles=(),
+    bends=1.0,
+    flexion=(-30.0, 15.0),
+    low=(2.5, 4.0),
+    high=(4.5, 6.0),
+    source="Maganaris 2000, at rest and contracted",
+)
 BANDS = (QUADRICEPS, PATELLAR_TENDON, BICEPS_FEMORIS, SEMIMEMBRANOSUS, SEMITENDINOSUS)
 
 
@@ -190,14 +208,25 @@ def knee_arms(model: Model) -> tuple[KneeArms, ...]:
     model = _with_compared_muscles(model)
     if not model.muscles:
         return ()
-    shortest, longest = HUMAN_THIGH_LENGTHS
     result: list[KneeArms] = []
     for knee in knee_joints(model):
         coordinate = flexion_coordinate(model, knee)
-        length = _thigh(model, knee)
-        if coordinate and length is not None and shortest < length < longest:
-            result += _of_knee(model, knee, coordinate, length / THIGH_LENGTH)
+        size = size_of_person(model, knee)
+        if coordinate and size is not None:
+            result += _of_knee(model, knee, coordinate, size)
     return tuple(result)
+
+
+def size_of_person(model: Model, knee: Joint) -> float | None:
+    """Size of a body over that of the persons who were measured, by the thigh above a knee.
+
+    None for a thigh without a hip, or one that is no person's.
+    """
+    length = _thigh(model, knee)
+    shortest, longest = HUMAN_THIGH_LENGTHS
+    if length is None or not shortest < length < longest:
+        return None
+    return length / THIGH_LENGTH
 
 
 def _with_compared_muscles(model: Model) -> Model:
@@ -235,9 +264,8 @@ def _of_knee(model: Model, knee: Joint, coordinate: str, size: float) -> list[Kn
     coordinate : name of the knee's flexion
     size : of the body, over that of the persons who were measured
     """
-    # Some models count flexion below 0.
+    sign = flexion_sign(model, coordinate)
     least, greatest = np.degrees(model.coordinate(coordinate).range)
-    sign = -1.0 if abs(least) > abs(greatest) else 1.0
     max_flexion = min(MAX_FLEXION, max(sign * least, sign * greatest))
     flexion = np.arange(0.0, max_flexion + 1e-6, FLEXION_STEP)
     if not len(flexion):

@@ -47,6 +47,12 @@ def _free_rotations(model: Model, joint: Joint) -> Iterator[str]:
                 yield name
 
 
+def flexion_sign(model: Model, coordinate: str) -> float:
+    """Return -1 for a knee whose flexion counts below 0, as its range shows, else 1."""
+    low, high = model.coordinate(coordinate).range
+    return -1.0 if abs(low) > abs(high) else 1.0
+
+
 def long_axis(model: Model, joint: Joint) -> Array | None:
     """Axis of a joint's child from the joint's center to that of the farthest next joint.
 
@@ -102,9 +108,7 @@ def flexed(model: Model, knee: Joint) -> Poses | None:
     flexion = flexion_coordinate(model, knee)
     if not flexion:
         return None
-    low, high = model.coordinate(flexion).range
-    # A knee that bends towards negative angles has its range there.
-    sign = -1.0 if abs(low) > abs(high) else 1.0
+    sign = flexion_sign(model, flexion)
     motion = Motion(
         time=np.arange(len(FLEXIONS), dtype=np.float64),
         names=(flexion,),

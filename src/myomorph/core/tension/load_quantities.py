@@ -137,6 +137,27 @@ JOINT_FORCE = Quantity(
         curve_unit="N",
     ),
 )
+STATIC_LOAD_LOW = Quantity(
+    name="static_load_low",
+    dims=("time", "static_joint"),
+    unit="N",
+    meaning="least force of a joint that its torque asks for, with published moment arms",
+    file="static_load_low.sto",
+    title="Least force of joints by statics",
+    label="Least forces of joints by statics",
+    tidy=Tidy(statistics=("maximum", "mean"), endings=(" least joint force",)),
+)
+STATIC_LOAD_HIGH = Quantity(
+    name="static_load_high",
+    dims=("time", "static_joint"),
+    unit="N",
+    meaning="greatest force of a joint that its torque asks for, with published moment arms",
+    file="static_load_high.sto",
+    title="Greatest force of joints by statics",
+    label="Greatest forces of joints by statics",
+    tidy=Tidy(statistics=("maximum", "mean"), endings=(" greatest joint force",)),
+)
+STATIC_LOADS = (STATIC_LOAD_LOW, STATIC_LOAD_HIGH)
 CONTACT_LOAD = Quantity(
     name="contact_load",
     dims=("time", "contact_load_column"),
@@ -235,6 +256,7 @@ QUANTITIES = (
     JOINT_CONTACT_LOAD,
     JOINT_REACTION,
     JOINT_FORCE,
+    *STATIC_LOADS,
     CONTACT_LOAD,
     CONTACT_GROUP_FORCE,
     *CONTACT_INTERVALS,

@@ -286,6 +286,8 @@ def _grid(prepared: Prepared, groups: Sequence[Group], who: Sequence[Subject]) -
     return Grid(head, tuple(rows), "Estimated contact forces")
 
 
+STATICS = "statics"
+"""Style of forces that statics allow."""
 LOAD_HEAD = ("Force", "Stride", "From", "to", "Peak", "Peak, body weights", "at", "Impulse")
 
 
@@ -303,12 +305,19 @@ def joint_contact_section(prepared: Prepared) -> Section | None:
         " which balance force along and moment across them. Forces across (ligaments, friction) are"
         " part of the whole only."
     )
+    if _statics(prepared, forces, forces.joints[0]):
+        lead += (
+            " Dashed: least and greatest force that the joint's torque asks for, over published"
+            " moment arms, without opposing muscles and those of two joints, which add to it."
+        )
     if any(own_strides(joint, strides) for joint in forces.joints):
         lead += " Over the stride: thin lines are strides, the thick one their mean."
     rest = _not_carried(forces)
     legend = [("first", "whole joint")]
     names = dict.fromkeys(forces.points)
     legend += list(zip(ORDINAL[1:], list(names)[: len(ORDINAL) - 1], strict=False))
+    if _statics(prepared, forces, forces.joints[0]):
+        legend.append((STATICS, "by statics"))
     rows = []
     for load in stride_loads(forces.loads(), strides):
         span = (f"{number(instant, 0.001)} s" for instant in (load.start, load.stop))
@@ -355,15 +364,30 @@ def _not_carried(forces: JointContactForces) -> str:
     return f" {text[0].upper()}{text[1:]}." if text else ""
 
 
+def _statics(prepared: Prepared, forces: JointContactForces, joint: str) -> dict[str, Array]:
+    """Least and greatest force of a joint by statics (frames,) [N], by what each is called."""
+    found = prepared.results.static_loads
+    if found is None or joint not in found[0].names or len(found[0]) != len(forces):
+        return {}
+    low, high = found
+    return {"least by statics": low[joint], "greatest by statics": high[joint]}
+
+
 def _joint_chart(
     prepared: Prepared, forces: JointContactForces, joint: str, strides: Strides | None
 ) -> str:
     points = [index for index, name in enumerate(forces.joint_of) if name == joint]
-    names = ("whole joint", *(forces.points[point] for point in points))
-    columns = [forces.of(joint), *(forces.joint_contact_force[:, point] for point in points)]
+    statics = _statics(prepared, forces, joint)
+    names = ("whole joint", *(forces.points[point] for point in points), *statics)
+    columns = [
+        forces.of(joint),
+        *(forces.joint_contact_force[:, point] for point in points),
+        *statics.values(),
+    ]
     loads = Series(forces.time, names, np.stack(columns, axis=1) / forces.weight)
     steps = own_strides(joint, strides)
-    styles = (ORDINAL * (1 + len(names) // len(ORDINAL)))[: len(names)]
+    own = (ORDINAL * (1 + len(names) // len(ORDINAL)))[: 1 + len(points)]
+    styles = (*own, *(STATICS for _ in statics))
     if not steps:
         lines = [
             Line(time=forces.time, values=loads[name], style=style, label=name)
@@ -372,7 +396,12 @@ def _joint_chart(
         return time_plot(joint, "body weights", lines, prepared.span, prepared.events, low=0.0)
     cycles = over_cycles(loads, [(step.start, step.stop) for step in steps]).values
     curves = [
-        CycleCurve(band(cycles[:, :, index]).mean, style, name, each=cycles[:, :, index])
+        CycleCurve(
+            band(cycles[:, :, index]).mean,
+            style,
+            name,
+            each=() if style == STATICS else cycles[:, :, index],
+        )
         for index, (name, style) in enumerate(zip(names, styles, strict=True))
     ]
     return cycle_chart(joint, "body weights", curves, [cycles[np.isfinite(cycles)], np.zeros(1)])

@@ -212,6 +212,8 @@ class ReportInput:
     reserve_coordinates: tuple[str, ...] = ()  # coordinate of each reserve of the tension
     contacts: EstimatedContacts = field(default_factory=EstimatedContacts)
     joint_contacts: JointContactForces | None = None  # forces at contact points of joints
+    # least and greatest forces of joints that statics allow (frames, joints) [N]
+    static_loads: tuple[Series, Series] | None = None
     # where EMG and joint torques contradict each other, None where EMG took no part
     emg_conflicts: tuple[EmgConflict, ...] | None = None
     analysis: AnalysisChoice = field(default_factory=AnalysisChoice)  # how to look at the motion

@@ -42,6 +42,9 @@ from myomorph.core.tension.load_quantities import (
     CONTACT_LOAD,
     INTERVAL_LOW,
     JOINT_FORCE,
+    STATIC_LOAD_HIGH,
+    STATIC_LOAD_LOW,
+    STATIC_LOADS,
 )
 from myomorph.core.tension.quantities import (
     ACTIVATION,
@@ -90,6 +93,7 @@ from myomorph.lab.study.trial.joint_contact_step import (
 )
 from myomorph.lab.study.trial.joint_force import write_reactions
 from myomorph.lab.study.trial.measured_force import put_measured
+from myomorph.lab.study.trial.static_load_step import write_static_loads
 from myomorph.lab.study.trial.steps.id import (
     Torques,
     filter_summary,
@@ -150,17 +154,35 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     notes += write_fibers(tension, trial.model, strides, output)
     if task.emg is not None:
         notes = _write_emg(trial, tension, task.emg, output) + notes
-    frame = trial.options[TensionTables].reactions
-    if frame != "none":
-        write_reactions(task.reactions(tension, frame), trial.model, output)
-    if points is not None:
-        forces = task.joint_contacts(tension, points)
-        notes += write_joint_contacts(forces, points, strides, output)
+    notes += _write_joint_loads(trial, tension, task, strides, output)
     if task.setting is not None and trial.get(ContactPlan) is not None:
         found = Tensions(tension, contacts=task.setting.contacts, notes=notes)
         return _with_contacts(found, trial, task, solution, output)
     residuals = _residual_verdict(trial, dynamics) if torques is None else ""
     return Tensions(tension, notes=notes, residuals=residuals)
+
+
+def _write_joint_loads(
+    trial: TrialInputs,
+    tension: Tension,
+    task: TensionTask,
+    strides: Strides | None,
+    output: StepOutput,
+) -> tuple[Message, ...]:
+    """Write what joints carry, as far as it is asked for, and what statics allow of it."""
+    frame = trial.options[TensionTables].reactions
+    points = trial.get(JointPoints)
+    if frame == "none" and points is None:
+        return ()
+    if frame != "none":
+        write_reactions(task.reactions(tension, frame), trial.model, output)
+    forces = None
+    notes: tuple[Message, ...] = ()
+    if points is not None:
+        forces = task.joint_contacts(tension, points)
+        notes = write_joint_contacts(forces, points, strides, output)
+    statics = task.static_loads(tension)
+    return notes if statics is None else notes + write_static_loads(statics, forces, output)
 
 
 def _solved_dynamics(trial: TrialInputs, poses: Poses, output: StepOutput) -> Torques:
@@ -450,8 +472,16 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
         tension=tension,
         reserve_coordinates=stored.names.get("actuator_coordinate", ()),
         joint_contacts=contact_store.get_joint_contacts(stored),
+        static_loads=_static_loads(stored),
         emg_conflicts=get_conflicts(stored),
     )
+
+
+def _static_loads(stored: Stored) -> tuple[Series, Series] | None:
+    """Least and greatest forces of joints by statics, None where they were not asked for."""
+    low = store.get_series(stored, STATIC_LOAD_LOW)
+    high = store.get_series(stored, STATIC_LOAD_HIGH)
+    return None if low is None or high is None else (low, high)
 
 
 def _residuals(tension: Tension | None) -> Series | None:
@@ -465,7 +495,7 @@ def _residuals(tension: Tension | None) -> Series | None:
 
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
-    columns = (ACTIVATION, MUSCLE_FORCE, JOINT_FORCE)
+    columns = (ACTIVATION, MUSCLE_FORCE, JOINT_FORCE, *STATIC_LOADS)
     found = [store.get_series(stored, quantity) for quantity in columns]
     loads = tuple(tidy_signals("tension", series, model) for series in found if series is not None)
     return *loads, *fiber_signals(stored, model), *joint_contact_signals(stored, model)

@@ -1,0 +1,340 @@
+"""Forces of joints that statics allow: joint torques over published moment arms, no muscles.
+
+Without muscles a joint transmits the force F_0 of motion, gravity and external forces, and its
+torque tau is left. Muscles with the arm r that give it pull with T = tau / r along u, so that the
+bones press on each other with
+
+    F = |F_0 - T u|
+
+The greatest published arm gives the least force, the least arm the greatest. Muscles on the other
+side, and those of two joints that turn the next one, add to both.
+
+Source: Schipplein and Andriacchi 1991.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, freeze, read_only
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.labelled import Labelled
+from myomorph.core.model.model import Joint, Model
+from myomorph.core.model.series import Motion, Series, Wrenches
+from myomorph.core.muscles.passive import joint_forces
+from myomorph.core.muscles.published_arms import (
+    ACHILLES,
+    BICEPS_FEMORIS,
+    PATELLAR_TENDON,
+    SEMIMEMBRANOSUS,
+    SEMITENDINOSUS,
+    TIBIALIS_ANTERIOR,
+    Band,
+    size_of_person,
+)
+from myomorph.core.rigid.dynamics import inverse_dynamics, values_and_rates
+from myomorph.core.rigid.forward import gathered
+from myomorph.core.rigid.kinematics import Poses, body_motion, forward_kinematics
+from myomorph.core.rigid.knees import (
+    flexion_coordinate,
+    flexion_sign,
+    joint_above,
+    knee_joints,
+    long_axis,
+)
+from myomorph.core.rigid.tree import Tree, compile_tree
+from myomorph.core.tension.load_quantities import STATIC_LOAD_HIGH, STATIC_LOAD_LOW, STATIC_LOADS
+from myomorph.core.tension.reaction import joint_reactions
+
+HAMSTRINGS = (BICEPS_FEMORIS, SEMIMEMBRANOSUS, SEMITENDINOSUS)
+MIN_ARM = 0.01  # Of muscles that together bend a knee [m]
+
+
+@read_only
+class StaticLoads(Labelled):
+    """Least and greatest forces of joints over published moment arms.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    joints : knees and ankles, by name
+    static_load_low, static_load_high : (frames, joints) [N]; NaN where the motion is
+    flexion : (frames, joints) of the knee, dorsiflexion of the ankle [rad]
+    weight : of the body [N]
+    """
+
+    quantities = STATIC_LOADS
+    axes = FrozenMap({"time": "time", "static_joint": "joints"})
+
+    time: Array
+    joints: tuple[str, ...]
+    static_load_low: Array
+    static_load_high: Array
+    flexion: Array
+    weight: float
+
+    def __post_init__(self) -> None:
+        shape = (len(self.time), len(self.joints))
+        freeze(self, time=(-1,), static_load_low=shape, static_load_high=shape, flexion=shape)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def series(self) -> tuple[Series, Series]:
+        """Least and greatest forces, a column for each joint [N]."""
+        low = Series(self.time, self.joints, self.static_load_low, quantity=STATIC_LOAD_LOW)
+        high = Series(self.time, self.joints, self.static_load_high, quantity=STATIC_LOAD_HIGH)
+        return low, high
+
+
+class Pull(NamedTuple):
+    """Muscles of one side of a joint.
+
+    Attributes
+    ----------
+    least, greatest : (frames,) their moment arms [m]
+    direction : (frames, 3) unit vectors in which they pull the joint's child, in ground
+    """
+
+    least: Array
+    greatest: Array
+    direction: Array
+
+
+class Hinge(NamedTuple):
+    """A joint that bends, with the muscles on both sides.
+
+    Attributes
+    ----------
+    joint : of the model
+    coordinate : number of the coordinate that bends it
+    sign : -1 where that counts flexion below 0, else 1
+    flexors, extensors : pulls in every frame
+    """
+
+    joint: Joint
+    coordinate: int
+    sign: float
+    flexors: Pull
+    extensors: Pull
+
+
+def static_joint_loads(
+    model: Model, motion: Motion, wrenches: Wrenches | None = None
+) -> StaticLoads:
+    """Least and greatest forces of knees and ankles that statics allow, without any muscle model.
+
+    A knee is straightened by the patellar tendon, along the shank, and bent by hamstrings, along
+    the thigh; an ankle is moved by the Achilles tendon and tibialis anterior, along the shank.
+    Arms are two standard deviations about the means of what was measured, scaled by the thigh's
+    length; hamstrings together have the mean of their least arms.
+
+    Parameters
+    ----------
+    model : of a person; muscles play no part
+    motion : with velocities and accelerations
+    wrenches : external forces in ground at the motion's times, None for none
+
+    Returns
+    -------
+    no joints for a model that has no knees, closes loops or is not as large as a person
+
+    Raises
+    ------
+    BadData : derivatives are missing, or times differ
+    UnknownName : a wrench acts on a body that the model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> static_joint_loads(model, motion).joints
+    ()
+    """
+    tree = compile_tree(model)
+    coordinates, rates = values_and_rates(tree, motion)
+    hinges = () if model.loops else tuple(_hinges(tree, coordinates))
+    shape = (len(motion), len(hinges))
+    low = np.zeros(shape)
+    high = np.zeros(shape)
+    flexion = np.zeros(shape)
+    if hinges:
+        known = inverse_dynamics(model, motion, wrenches)
+        torques = np.stack([known[name] for name in model.coordinate_names], axis=1)
+        # What springs of joints give is not asked of muscles.
+        left = torques - joint_forces(tree, coordinates, rates)
+        balanced = gathered(tree, coordinates, left)
+        names = [hinge.joint.name for hinge in hinges]
+        alone = joint_reactions(model, motion, None, wrenches, names, frame="ground").forces
+    for place, hinge in enumerate(hinges):
+        bending = hinge.sign * balanced[:, hinge.coordinate]
+        flexion[:, place] = hinge.sign * coordinates[:, hinge.coordinate]
+        low[:, place], high[:, place] = _range(alone[:, place], bending, hinge)
+    return StaticLoads(
+        time=motion.time,
+        joints=tuple(hinge.joint.name for hinge in hinges),
+        static_load_low=low,
+        static_load_high=high,
+        flexion=flexion,
+        weight=model.weight,
+    )
+
+
+def _range(alone: Array, bending: Array, hinge: Hinge) -> tuple[Array, Array]:
+    """Least and greatest |F_0 - T u|, with T between torque over greatest and over least arm.
+
+    Parameters
+    ----------
+    alone : (frames, 3) F_0 [N]
+    bending : (frames,) torque towards flexion [N m]
+
+    Returns
+    -------
+    (frames,) each [N]
+    """
+    flexes = bending > 0.0
+    least = np.where(flexes, hinge.flexors.least, hinge.extensors.least)
+    greatest = np.where(flexes, hinge.flexors.greatest, hinge.extensors.greatest)
+    way = np.where(flexes[:, None], hinge.flexors.direction, hinge.extensors.direction)
+    weakest = np.abs(bending) / greatest
+    strongest = np.abs(bending) / least
+    # Where the pull itself lifts part of F_0, the least lies between both ends.
+    nearest = np.clip(np.einsum("fi,fi->f", alone, way), weakest, strongest)
+    sizes = [
+        np.linalg.norm(alone - pull[:, None] * way, axis=1)
+        for pull in (nearest, weakest, strongest)
+    ]
+    return sizes[0], np.maximum(sizes[1], sizes[2])
+
+
+def _hinges(tree: Tree, coordinates: Array) -> Iterator[Hinge]:
+    """Find knees and ankles; `coordinates` (frames, coordinates) of the model [rad or m]."""
+    model = tree.model
+    poses = forward_kinematics(tree, coordinates)
+    standing = forward_kinematics(tree, tree.defaults[None])
+    for knee in knee_joints(model):
+        name = flexion_coordinate(model, knee)
+        down = long_axis(model, knee)
+        hip = joint_above(model, knee.parent)
+        size = size_of_person(model, knee)
+        if not name or down is None or hip is None or size is None:
+            continue
+        shank = tree.body_index[knee.child]
+        up = -poses.rotations[:, shank] @ down
+        to_hip = _center(tree, poses, hip) - _center(tree, poses, knee)
+        yield _knee(tree, coordinates, knee, size, (up, to_hip))
+        ankle = _ankle(model, knee.child)
+        if ankle is not None:
+            at_default = -standing.rotations[0, shank] @ down
+            yield _ankle_hinge(tree, coordinates, ankle, size, (at_default, up))
+
+
+def _center(tree: Tree, poses: Poses, joint: Joint) -> Array:
+    """Centers (frames, 3) of a joint in ground, on its child [m]."""
+    body = tree.body_index[joint.child]
+    center = joint.child_frame.translation
+    return np.asarray(poses.origins[:, body] + poses.rotations[:, body] @ center)
+
+
+def _knee(
+    tree: Tree, coordinates: Array, knee: Joint, size: float, ways: tuple[Array, Array]
+) -> Hinge:
+    """Make the hinge of a knee.
+
+    Parameters
+    ----------
+    coordinates : (frames, coordinates) [rad or m]
+    size : of the person, over that of those who were measured
+    ways : (frames, 3) up the shank, unit vectors, and from knee to hip [m]
+    """
+    model = tree.model
+    name = flexion_coordinate(model, knee)
+    number = model.coordinate_names.index(name)
+    sign = flexion_sign(model, name)
+    bend = np.degrees(sign * coordinates[:, number])
+    up, to_hip = ways
+    along_thigh = to_hip / np.linalg.norm(to_hip, axis=1, keepdims=True)
+    ends = np.array([band.ends(bend, size) for band in HAMSTRINGS])
+    flexors = Pull(
+        least=np.maximum(ends[:, 0].mean(axis=0), MIN_ARM),
+        greatest=ends[:, 1].max(axis=0),
+        direction=along_thigh,
+    )
+    return Hinge(
+        joint=knee,
+        coordinate=number,
+        sign=sign,
+        flexors=flexors,
+        extensors=_pull(PATELLAR_TENDON, bend, size, up),
+    )
+
+
+def _pull(band: Band, bend: Array, size: float, way: Array) -> Pull:
+    """One tendon's pull; `bend` (frames,) [deg], `way` (frames, 3)."""
+    low, high = band.ends(bend, size)
+    return Pull(least=low, greatest=high, direction=way)
+
+
+def _ankle(model: Model, shank: str) -> Joint | None:
+    """Find the joint that turns below a shank and what is welded to it."""
+    for joint in model.joints:
+        if joint.parent == shank:
+            below = joint if flexion_coordinate(model, joint) else None
+            found = below if joint.axes else _ankle(model, joint.child)
+            if found is not None:
+                return found
+    return None
+
+
+def _ankle_hinge(
+    tree: Tree, coordinates: Array, ankle: Joint, size: float, ups: tuple[Array, Array]
+) -> Hinge:
+    """Make the hinge of an ankle.
+
+    Parameters
+    ----------
+    coordinates : (frames, coordinates) [rad or m]
+    size : of the person, over that of those who were measured
+    ups : (3,) and (frames, 3) unit vectors up the shank, in the default pose and in the frames
+    """
+    model = tree.model
+    at_default, up = ups
+    name = flexion_coordinate(model, ankle)
+    number = model.coordinate_names.index(name)
+    sign = _dorsiflexion_sign(tree, ankle, number, at_default)
+    bend = np.degrees(sign * coordinates[:, number])
+    return Hinge(
+        joint=ankle,
+        coordinate=number,
+        sign=sign,
+        flexors=_pull(TIBIALIS_ANTERIOR, bend, size, up),
+        extensors=_pull(ACHILLES, bend, size, up),
+    )
+
+
+def _dorsiflexion_sign(tree: Tree, ankle: Joint, number: int, up: Array) -> float:
+    """Return -1 where a coordinate's rate moves the foot down, else 1.
+
+    A foot's mass lies before its ankle: where the coordinate bends the ankle dorsally, the center
+    of mass of all that hangs on it goes up along the shank.
+
+    Parameters
+    ----------
+    number : of the coordinate
+    up : (3,) along the shank in the default pose, in ground
+    """
+    values = tree.defaults[None]
+    rates = np.zeros_like(values)
+    rates[0, number] = 1.0
+    motion = body_motion(tree, values, rates, np.zeros_like(values))
+    hanging = tree.hanging(ankle.child)
+    bodies = [body for body in tree.model.bodies if hanging[tree.body_index[body.name]]]
+    masses = np.array([body.mass for body in bodies])
+    numbers = np.array([tree.body_index[body.name] for body in bodies])
+    centers = motion.of_points(numbers, np.array([body.mass_center for body in bodies]))
+    return -1.0 if masses @ centers.velocities[0] @ up < 0.0 else 1.0
