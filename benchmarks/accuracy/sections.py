@@ -101,6 +101,7 @@ PAGES: dict[str, dict[str, str]] = {
         "knee_cutoffs": "accuracy.tension.knee:measure_cutoffs",
         "knee_trials": "accuracy.tension.knee_trials:measure",
         "knee_statics": "accuracy.tension.knee_statics:measure",
+        "knee_patella": "accuracy.tension.knee_patella:measure",
         "knee_arms": "accuracy.tension.knee_activities:measure_arms",
         "hip": "accuracy.tension.hip:measure",
         "knee_activities": "accuracy.tension.knee_activities:measure_forces",

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from myomorph.core.io.formats import read_model
-from myomorph.core.model.errors import BadData
+from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.paths import PathPoint
 from myomorph.core.model.series import Markers, Motion
 from myomorph.core.motion.ik import InverseKinematicsOptions, poses_near
 from myomorph.core.muscles.hill import compile_hill, compile_hill_as
 from myomorph.core.muscles.kinematics import default_path_lengths
 from myomorph.core.muscles.model_paths import compile_paths, compile_paths_as
+from myomorph.core.muscles.patella_distance import patella_directions, with_patellae_farther
+from myomorph.core.muscles.published_arms import PATELLAR_TENDON, knee_arms
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree, compile_tree_as
 from myomorph.lab.uncertainty.bodies import Draw, drawn_model, drawn_subject, stronger
@@ -186,3 +188,47 @@ def test_a_stronger_body_is_stronger_in_all_muscles(model):
 def test_the_whole_body_weighs_otherwise(model):
     masses = [drawn_model(model, draw(k, body_mass=0.02)).mass for k in range(200)]
     np.testing.assert_allclose(np.std(np.log(masses)), 0.02, rtol=0.02)
+
+
+def tendon_arms_of(model):
+    """Arms of the right patellar tendon beyond 60 degrees (angles,) [m]."""
+    arms = next(arms for arms in knee_arms(model) if arms.band is PATELLAR_TENDON)
+    return arms.arms[arms.flexion >= 60.0]
+
+
+def test_a_patella_farther_out_lengthens_the_tendons_arm_by_as_much(data):
+    model = read_model(data("rajagopal-walk-emg/raw/Rajagopal2016.osim"))
+    farther = with_patellae_farther(model, {"patella_r": 0.006, "patella_l": 0.006})
+    assert set(patella_directions(model)) == {"patella_r", "patella_l"}
+    for way in patella_directions(model).values():
+        assert np.linalg.norm(way) == pytest.approx(1.0)
+        assert way[0] > 0.9  # forward, as the model's axes point
+    longer = tendon_arms_of(farther) - tendon_arms_of(model)
+    np.testing.assert_allclose(longer, 0.0065, atol=0.0008)
+    back = with_patellae_farther(farther, {"patella_r": -0.006, "patella_l": -0.006})
+    np.testing.assert_allclose(tendon_arms_of(back), tendon_arms_of(model), atol=1e-6)
+    with pytest.raises(UnknownName, match="unknown patella 'kneecap'"):
+        with_patellae_farther(model, {"kneecap": 0.001})
+
+
+def test_drawn_patellae_have_the_spread_of_published_arms_and_both_knees_alike(data):
+    """A quarter of the published band, which is two standard deviations on both sides."""
+    model = read_model(data("rajagopal-walk-emg/raw/Rajagopal2016.osim"))
+    usual = Sources()
+    sizes = {"patella": usual.patella, "patella_distance": usual.patella_distance}
+    drawn = [drawn_model(model, draw(k, 80, **sizes)) for k in range(80)]
+    spread = np.std([tendon_arms_of(each) for each in drawn], axis=0)
+    band = next(arms for arms in knee_arms(model) if arms.band is PATELLAR_TENDON)
+    published = (band.high - band.low)[band.flexion >= 60.0] / 4.0
+    np.testing.assert_allclose(spread, published, rtol=0.25)
+
+    alone = drawn_model(model, draw(3, patella_distance=0.006))
+    moves = {}
+    for old, new in zip(model.muscles, alone.muscles, strict=True):
+        for before, after in zip(old.path.points, new.path.points, strict=True):
+            if isinstance(before, PathPoint):
+                moves.setdefault(before.body, []).append(after.location - before.location)
+    out = {body: np.linalg.norm(found[0]) for body, found in moves.items()}
+    assert out["patella_r"] == pytest.approx(out["patella_l"])
+    assert out["patella_r"] > 1e-4
+    assert out["femur_r"] == 0.0

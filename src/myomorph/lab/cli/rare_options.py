@@ -78,6 +78,7 @@ ERRORS = (
     "leg-alignment",
     "filter-cutoff",
     "patella",
+    "patella-distance",
     "wrap-radius",
     "joint-contact-point",
     "criterion",

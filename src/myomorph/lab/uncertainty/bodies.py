@@ -19,6 +19,7 @@ from myomorph.core.muscles.hill import compile_hill_as
 from myomorph.core.muscles.kinematics import default_path_lengths
 from myomorph.core.muscles.model_paths import compile_paths_as
 from myomorph.core.muscles.patella import PATELLA
+from myomorph.core.muscles.patella_distance import patella_directions
 from myomorph.core.rigid.knees import flexed, hinge_axis, knee_joints, long_axis
 from myomorph.core.rigid.tree import compile_tree, compile_tree_as
 from myomorph.lab.uncertainty.normals import Normals
@@ -85,8 +86,9 @@ def drawn_model(model: Model, draw: Draw) -> Model:
         )
     if has.leg_alignment:
         parts |= _bowed(model, parts, draw)
-    if has.attachment or has.patella or has.strength or has.fiber_length or has.slack_length:
-        parts["muscles"] = tuple(_muscle(muscle, draw) for muscle in model.muscles)
+    if has_drawn_paths(has) or has.strength or has.fiber_length or has.slack_length:
+        moves = drawn_patellae(model, draw)
+        parts["muscles"] = tuple(_muscle(muscle, moves, draw) for muscle in model.muscles)
     if has.wrap_radius:
         parts["wrap_objects"] = tuple(_surface(item, draw) for item in model.wrap_objects)
     return replace(model, **parts) if parts else model
@@ -132,7 +134,7 @@ def drawn_subject(model: Model, draw: Draw) -> Model:
         return made
     compile_paths_as(made, model)
     has = draw.sources
-    if has.attachment or has.patella or has.wrap_radius or has.fiber_length:
+    if has_drawn_paths(has) or has.wrap_radius or has.fiber_length:
         made = _with_fitted_tendons(made, model)
         compile_tree_as(made, model)
         compile_paths_as(made, model)
@@ -223,27 +225,48 @@ def _bowed(model: Model, parts: Mapping[str, Any], draw: Draw) -> dict[str, Any]
     return {"joints": joints, "markers": markers}
 
 
-def _muscle(muscle: Muscle, draw: Draw) -> Muscle:
+def has_drawn_paths(sources: Sources) -> bool:
+    """Whether points of muscle paths are drawn."""
+    return bool(sources.attachment or sources.patella or sources.patella_distance)
+
+
+def drawn_patellae(model: Model, draw: Draw) -> Mapping[str, Array]:
+    """Draw how far patellae lie elsewhere: each by itself, and both farther out or nearer.
+
+    Returns
+    -------
+    by body, (3,) in its axes [m]
+    """
+    ways = patella_directions(model) if draw.sources.patella_distance else FrozenMap({})
+    patellae = [body.name for body in model.bodies if PATELLA in body.name.lower()]
+    moves = {body: draw.of("patella", body, 3) for body in patellae}
+    for body, way in ways.items():
+        moves[body] = moves[body] + draw.of("patella_distance", "patellae", 1, body)[0] * way
+    return FrozenMap(moves)
+
+
+def _muscle(muscle: Muscle, moves: Mapping[str, Array], draw: Draw) -> Muscle:
+    """A muscle with errors of its own; `moves` as of `drawn_patellae`."""
     name = muscle.name
     slack = muscle.tendon_slack_length + muscle.optimal_fiber_length * float(
         draw.of("slack_length", name)[0]
     )
     return changed(
         muscle,
-        path=_path(muscle.path, name, draw),
+        path=_path(muscle.path, name, moves, draw),
         max_isometric_force=muscle.max_isometric_force * draw.factor("strength", name),
         optimal_fiber_length=muscle.optimal_fiber_length * draw.factor("fiber_length", name),
         tendon_slack_length=max(slack, 0.5 * muscle.tendon_slack_length),
     )
 
 
-def _path(path: Path, muscle: str, draw: Draw) -> Path:
+def _path(path: Path, muscle: str, moves: Mapping[str, Array], draw: Draw) -> Path:
     """A path through other points; those that coordinates move stay."""
 
     def moved(index: int, point: PathPoint) -> PathPoint:
         error = draw.of("attachment", f"{muscle} {index}", 3, f"{muscle}/{point.name}")
-        if PATELLA in point.body.lower():
-            error = error + draw.of("patella", point.body, 3)
+        if point.body in moves:
+            error = error + moves[point.body]
         return changed(point, location=point.location + error)
 
     points = (

@@ -30,7 +30,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "masses": ("body_mass", "segment_mass", "mass_center", "inertia"),
     "joints": ("joint_center", "joint_axis", "leg_alignment"),
     "filter": ("filter_cutoff",),
-    "paths": ("attachment", "patella", "wrap_radius"),
+    "paths": ("attachment", "patella", "patella_distance", "wrap_radius"),
     "joint contacts": ("joint_contact_point",),
     "muscles": ("strength", "fiber_length", "slack_length"),
     "EMG": ("emg_gain",),
@@ -82,8 +82,10 @@ class Sources:
     filter_cutoff : of the low-pass filter, as a share: so far from it are those that recorded
         forces ask for
     attachment : of each point of a muscle path and axis [m] (Carbone et al. 2012)
-    patella : place on the thigh, each axis, as arms of its tendon differ by person [m] (Krevolin et
-        al. 2004)
+    patella : place on the thigh, each axis [m] (Krevolin et al. 2004)
+    patella_distance : from the knee's axis, alike in both knees of a person [m]: with `patella` as
+        far as arms of the patellar tendon differ between people and ways to measure them
+        (`core.muscles.published_arms`)
     wrap_radius : of each wrapping surface, as a share
     joint_contact_point : of each contact point of a joint, each axis [m]; bones of others, and legs
         whose axes differ, move where condyles meet by millimetres (Lerner et al. 2015)
@@ -124,6 +126,7 @@ class Sources:
     filter_cutoff: float = 0.6
     attachment: float = 0.004
     patella: float = 0.004
+    patella_distance: float = 0.005
     wrap_radius: float = 0.05
     joint_contact_point: float = 0.004
     strength: float = 0.2
