@@ -63,6 +63,22 @@ OTHERS: Mapping[str, str] = {
 }
 """Columns of Heinz, Peterson, Johnson and Kerk 2003 whose sites are the survey's."""
 
+MEN = "bodyfat.csv"
+"""252 men of 22 to 81 years (Johnson 1996; measured by Penrose, Nelson and Fisher 1985), in pounds,
+inches and centimeters. Nothing in the file of the package comes from them.
+"""
+MEN_TOO: Mapping[str, str] = {
+    "mass": "weight",
+    "wrist": "wrist",
+    "hips": "hip",
+    "thigh": "thigh",
+    "ankle": "ankle",
+}
+POUND = 0.45359237  # [kg]
+INCH = 0.0254  # [m]
+LEAST_HEIGHT = 1.2
+"""One man of 93 kg is written down with 29.5 inches [m]."""
+
 
 def logs_of(rows: Sequence[Mapping[str, str]]) -> Array:
     """Compute logarithms of measurements in SI units, as they were measured.
@@ -139,6 +155,8 @@ def errors_of(
             }
             rest = whole.given(known)
             for name, column in OTHERS.items():
+                if column not in row:
+                    continue
                 value = float(row[column]) * (1.0 if name == "mass" else 0.01)
                 error = np.log(value / rest.expected(name))
                 found.setdefault((name, sex), []).append((error, rest.sd(name)))
@@ -160,6 +178,24 @@ def surveys() -> tuple[dict[survey.Sex, Array], list[dict[str, str]]]:
     men = logs_of(read(files[0]))
     women = logs_of(read(files[1]))
     return {"male": men, "female": women}, read(files[2])
+
+
+def men_of_a_third() -> list[dict[str, str]]:
+    """Read the third survey's men in the second's words [kg], [cm]; none where it is absent."""
+    path = data_folder() / "anthropometry-surveys" / MEN
+    if not path.is_file():
+        return []
+    result = []
+    for row in read(path):
+        height = INCH * float(row["height"])
+        if height < LEAST_HEIGHT:
+            continue
+        man = {"sex": "male", "height": str(100.0 * height), "chest_girth": row["chest"]}
+        for name, column in MEN_TOO.items():
+            value = float(row[column]) * (POUND if name == "mass" else 1.0)
+            man[OTHERS[name]] = str(value)
+        result.append(man)
+    return result
 
 
 def between_surveys(errors: Mapping[tuple[str, str], Array]) -> float:
@@ -185,14 +221,25 @@ def measure() -> Iterator[Row]:
         return
     errors = errors_of(logs, others)
     between = between_surveys(errors)
+    yield from _rows("Heinz et al. 2003", errors, between)
+    men = men_of_a_third()
+    if men:
+        yield from _rows("Johnson 1996", errors_of({"male": logs["male"]}, men), between)
+
+
+def _rows(
+    survey_name: str, errors: Mapping[tuple[str, str], Array], between: float
+) -> Iterator[Row]:
+    """Compare errors of a survey's people with what is said of them."""
     for (name, sex), pairs in errors.items():
-        # The other survey's forearms are relaxed, which this file is corrected for.
+        # The second survey's forearms are relaxed, which this file is corrected for.
         if name == "forearm":
             continue
         sd = np.hypot(pairs[:, 1], between)
         yield {
             "measurement": name,
             "sex": sex,
+            "survey": survey_name,
             "people": len(pairs),
             "mean error [%]": 100.0 * float(pairs[:, 0].mean()),
             "SD of errors [%]": 100.0 * float(pairs[:, 0].std()),

@@ -3,7 +3,8 @@
 Two questions, two priors. What data alone show is counted against a prior in which every parameter
 of every link is free of all others: there the shares sum to less than the rank of the regressor,
 and what the geometry of the mass points ties together is not counted as data. How far a parameter
-may be off is told with that geometry, for a body whose links differ from the model's by `LINK_SD`.
+may be off is told with that geometry, for a body whose links differ from the model's as
+people's do (`people_sd`).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.body.identify.estimate import mass_unknowns
-from myomorph.body.identify.link_prior import LINK_SD, LinkPrior, conditioned
+from myomorph.body.identify.link_prior import LinkPrior, conditioned, people_sd
 from myomorph.body.identify.shifts import MatterShifts
 from myomorph.body.identify.sides import Sides
 from myomorph.body.shape.points import MassPoints
@@ -113,7 +114,8 @@ def determined(
     """
     names = points.links.names
     prior = LinkPrior(points=points, mass=mass, sides=measured.sides, shifts=measured.shifts)
-    covariance = prior.free(LINK_SD)
+    sd = people_sd(points)
+    covariance = prior.free(sd)
     sizes = np.sqrt(np.diag(covariance))
     scaled = (measured.A / np.sqrt(measured.samples)) * sizes
     free = np.diag(conditioned(np.eye(len(sizes)), scaled))
@@ -130,7 +132,7 @@ def determined(
         data=data.reshape(table),
         posterior=_posterior(
             mass_unknowns(names, x, sizes),
-            FitPrior(of_people=prior.of_people(LINK_SD), of_fit=prior.without_shifts.held(mass_sd)),
+            FitPrior(of_people=prior.of_people(sd), of_fit=prior.without_shifts.held(mass_sd)),
             measured,
         ),
     )

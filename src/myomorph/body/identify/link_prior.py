@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -12,11 +13,12 @@ from myomorph.body.identify.shifts import MatterShifts
 from myomorph.body.identify.sides import Sides
 from myomorph.body.shape.points import MassPoints, point_moments
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.segments import Segment
 
 MASS_ERROR = 1e-6  # Relative error of the whole mass, which counts as exact
 LINK_SD = 0.2
 """Relative standard deviation by which a link's mass differs from the scaled model's, for
-intervals.
+intervals, where no survey says it of people with the same measurements.
 
 Segment masses of cadaver studies differ by 10 to 20 % of themselves at the same body mass (Clauser
 1969, de Leva 1996).
@@ -108,6 +110,56 @@ class LinkPrior:
     def _shifted(self, covariance: Array) -> Array:
         """Add what shifts of matter make of parameters, which change no mass."""
         return covariance if self.shifts is None else covariance + self.shifts.covariance
+
+
+def people_sd(points: MassPoints) -> float:
+    """Return the relative standard deviation of a typical link's mass among people.
+
+    Parameters
+    ----------
+    points : of the body; where a survey says how far people with its measurements differ, that
+
+    Returns
+    -------
+    `LINK_SD` where no survey says it
+    """
+    return LINK_SD if points.typical_spread is None else points.typical_spread
+
+
+def with_people_spread(
+    points: MassPoints, segments: Mapping[str, Segment], errors: Mapping[Segment, float]
+) -> MassPoints:
+    """Say of links how far their masses differ among people with the same measurements.
+
+    A link that is a segment of the body differs as the segment does. How a segment's mass is
+    divided between several links no survey says: with a share s of it, a link's variance is
+
+        sd(segment)^2 + (1 - s)^2 LINK_SD^2.
+
+    Parameters
+    ----------
+    points : mass points of the body
+    segments : of the links, by name
+    errors : relative standard deviation of each segment's mass; NaN where no survey says it
+
+    Returns
+    -------
+    points with the spread of the links; as they were where a segment has no error
+    """
+    masses = np.asarray(points.weights.T @ points.reference)
+    whole: dict[Segment, float] = {}
+    for name, mass in zip(points.links.names, masses, strict=True):
+        whole[segments[name]] = whole.get(segments[name], 0.0) + float(mass)
+    spread = np.full(len(masses), LINK_SD)
+    for i, (name, mass) in enumerate(zip(points.links.names, masses, strict=True)):
+        segment = segments[name]
+        if not mass > 0.0:
+            continue
+        error = errors.get(segment, np.nan)
+        if not np.isfinite(error):
+            return points
+        spread[i] = np.hypot(error, (1.0 - mass / whole[segment]) * LINK_SD)
+    return replace(points, spread=spread)
 
 
 def prior_covariance(points: MassPoints, mass_sd: float) -> Array:

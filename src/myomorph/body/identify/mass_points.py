@@ -145,7 +145,8 @@ def prior_variances(points: MassPoints, options: MassPointOptions | None = None)
     link i's mass is sum_j w_ij^2 v_j; where every point has one link and a_i is the link's mass m_i
     that is (sd m_i)^2 for any grid, because sum_j rho_ref_j = m_i, and its mass center has the SD
     sd times the radius of gyration. Where links share points, a_i is found by iteration so that
-    sum_j w_ij^2 v_j = (sd m_i)^2.
+    sum_j w_ij^2 v_j = (sd m_i)^2. Where a survey says how far links of people differ, sd is that of
+    a typical link, and each has its own (`MassPoints.relative_spread`).
 
     Parameters
     ----------
@@ -164,11 +165,12 @@ def prior_variances(points: MassPoints, options: MassPointOptions | None = None)
     squared = _squares(W)
     mass = W.T @ reference
     present = mass > 0.0
+    wanted = np.square(mass * points.relative_spread)
     spread = squared.T @ reference
-    a = np.divide(mass**2, spread, out=np.zeros_like(mass), where=present)
+    a = np.divide(wanted, spread, out=np.zeros_like(mass), where=present)
     for _ in range(20):
         variance = squared.T @ (reference * (W @ a))
-        change = np.divide(mass**2, variance, out=np.ones_like(mass), where=present)
+        change = np.divide(wanted, variance, out=np.ones_like(mass), where=present)
         a = a * change
         if np.abs(change - 1.0).max() < 0.01:
             break

@@ -31,7 +31,7 @@ import scipy
 
 from myomorph.body.identify.fitted import Fitted
 from myomorph.body.identify.least_squares import Recording
-from myomorph.body.identify.link_prior import LINK_SD, conditioned, prior_covariance
+from myomorph.body.identify.link_prior import conditioned, people_sd, prior_covariance
 from myomorph.body.identify.parts import BORDER, Parts, TissueColumns, parts_of
 from myomorph.body.identify.triangles import absorb
 from myomorph.body.identify.unseen import ChosenPrior, Strength
@@ -175,7 +175,9 @@ def _scores(blocks: Parts, strength: Strength, choice: ChosenPrior) -> Array:
     products_by_kind = blocks.factors.swapaxes(2, 3) @ blocks.factors
     squares = np.einsum("pkil,k->pil", products_by_kind, weights)
     combination = blocks.base.combination
-    prior = combination @ prior_covariance(strength.points, LINK_SD) @ combination.T
+    prior = (
+        combination @ prior_covariance(strength.points, people_sd(strength.points)) @ combination.T
+    )
     R, _ = equations.factor(choice.noise)
     explained = conditioned(prior, R) @ squares.sum(axis=0)[1:-1, 0]
     products = squares @ unknowns  # (blocks, 1 + n + 1)

@@ -74,6 +74,8 @@ class MassPoints:
     links : the links in the same pose
     spacing : of the grid [m]
     source : what the points fill, in words: the user's skin, a statistical shape, envelopes
+    spread : (links,) relative standard deviations of the links' masses among people with the same
+        measurements; None where no survey says it
     """
 
     points: Array
@@ -82,14 +84,32 @@ class MassPoints:
     links: Links
     spacing: float
     source: str = ""
+    spread: Array | None = None
 
     def __post_init__(self) -> None:
         freeze(self, points=(-1, 3), reference=(len(self.points),))
+        if self.spread is not None:
+            freeze(self, spread=(len(self.links.names),))
         if self.weights.shape != (len(self.points), len(self.links.names)):
             raise BadData(
                 f"expected weights ({len(self.points)}, {len(self.links.names)}), got"
                 f" {self.weights.shape}"
             )
+
+    @cached_property
+    def typical_spread(self) -> float | None:
+        """Root mean square of `spread` over links that have a mass."""
+        if self.spread is None:
+            return None
+        heavy = np.asarray(self.weights.T @ self.reference) > 0.0
+        return float(np.sqrt(np.mean(np.square(self.spread[heavy]))))
+
+    @cached_property
+    def relative_spread(self) -> Array:
+        """(links,) `spread` over its typical size; 1 where no survey says it."""
+        if self.spread is None or self.typical_spread is None:
+            return np.ones(len(self.links.names))
+        return self.spread / self.typical_spread
 
     @cached_property
     def places(self) -> Array:

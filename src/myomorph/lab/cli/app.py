@@ -189,8 +189,8 @@ OWN_COMMANDS = {
     ),
     "body": CommandEntry(
         function="myomorph.lab.cli.body:body_command",
-        help="A person's body from height, chest, sex and mass: skin, segments, a picture.",
-        example="myomorph body --height 1.75 --chest 0.95 --sex male --out body",
+        help="A person's body from height, chest, sex and mass: model, skin, a picture.",
+        example="myomorph body --height 1.75 --chest 0.95 --sex male --out body.osim",
         panel="The body",
     ),
     "identify": CommandEntry(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from myomorph.body.shape.people import Sex
 from myomorph.lab.cli.options import documented
-from myomorph.lab.cli.output import said, warn
+from myomorph.lab.cli.output import made
 
 
 @documented
@@ -19,12 +19,13 @@ def body_command(  # page: one option each
     mass: float | None = None,
     age: float | None = None,
 ) -> int:
-    """Make a person's body from height, chest, sex and mass: skin, masses of segments, a picture.
+    """Make a person's body from height, chest, sex and mass: a model, its skin, a picture.
 
     Parameters
     ----------
     height : of the person [m]
-    out : folder for skin.obj, segments.csv, measurements.csv and report.html
+    out : model to write (.osim), with skin, tables and a report in a folder beside it; or a folder
+        for all of it
     chest : circumference of the chest at the nipples [m]; that of people alike by default
     sex : of the person
     mass : of the person [kg]; that of people alike by default
@@ -33,9 +34,5 @@ def body_command(  # page: one option each
     from myomorph.lab.study.subject.body_files import Measured, body_lines, make_body
 
     person = Measured(height=height, chest=chest, mass=mass, sex=sex, age=age)
-    shape, segments = make_body(out, person)
-    warn(shape.notes)
-    for line in body_lines(shape, segments):
-        said(line)
-    said(f"wrote {out}")
-    return 0
+    body = make_body(out, person)
+    return made(body.model, body.tables, body_lines(body.shape, body.segments), body.shape.notes)

@@ -5,12 +5,15 @@ model's own links.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 
+from myomorph.body.identify.link_prior import with_people_spread
 from myomorph.body.identify.validation import Inside
+from myomorph.body.shape.body_segments import segment_masses
 from myomorph.body.shape.envelope import own_points
 from myomorph.body.shape.points import Links, MassPoints, fill, links_of, reference_masses
 from myomorph.body.shape.skin import check_skin, inside
@@ -22,11 +25,11 @@ from myomorph.body.shape.weights import (
 )
 from myomorph.core.io.landmarks import read_landmarks
 from myomorph.core.io.mesh import read_mesh
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
-from myomorph.core.model.segments import segments_of
+from myomorph.core.model.segments import Segment, segments_of
 from myomorph.core.model.series import DEFAULT_POSE
 from myomorph.core.model.surface import Surface
 from myomorph.lab.store.progress import progress
@@ -34,9 +37,11 @@ from myomorph.lab.study.inputs.reading import about
 from myomorph.lab.study.subject.subject_files import BodyOptions, BodyShape
 
 if TYPE_CHECKING:
+    from myomorph.body.shape.fit_pose import PoseFit
     from myomorph.body.shape.shape import Shape
 
 OWN = "own"  # Weight map of envelopes: each point belongs to the link whose envelope it fills.
+SPREAD_SPACING = 0.012  # Of points that weigh the segments, for how far people's differ [m]
 WEIGHT_MAPS = {"bone": bone_weights, "cog": cog_weights, "nearest": nearest_weights}
 """By the names of the command."""
 
@@ -132,38 +137,79 @@ def _made(
     }
 
 
+@read_only
+class _Posed:
+    """A model in a person's skin.
+
+    Attributes
+    ----------
+    fitted : the model's pose and the skin in it
+    source : what the skin is, in words
+    notes : of the skin
+    errors : relative standard deviations of segments' masses among people with the same
+        measurements; none where no survey says them
+    """
+
+    fitted: PoseFit
+    source: str
+    notes: tuple[Message, ...]
+    errors: Mapping[Segment, float]
+
+
 def _in_skin(
     model: Model, shape: BodyShape, mass: float, options: BodyOptions, compare: bool
 ) -> tuple[dict[str, MassPoints], Inside | None, tuple[Message, ...]]:
     """Points inside the user's skin, or that of a statistical body, with the model posed in it."""
-    from myomorph.body.shape.fit_pose import pose_model_to_skin
-
-    if shape.skin is not None:
-        with about(shape.skin):
-            skin = check_skin(read_mesh(shape.skin), shape.height)
-        landmarks = None if shape.landmarks is None else read_landmarks(shape.landmarks)
-        with about(shape.landmarks or shape.skin):
-            fitted = pose_model_to_skin(model, skin, landmarks)
-        source = f"the skin {shape.skin.name}"
-        notes = skin.notes
+    if shape.skin is None:
+        posed = _in_statistical_body(model, shape, mass)
     else:
-        body = _statistical(shape, mass)
-        fitted = pose_model_to_skin(model, body)
-        reached = ", ".join(f"{name} {value:.4g}" for name, value in body.reached.items())
-        source = f"a statistical body ({reached})"
-        notes = body.notes
-    posed = fitted.skin
+        posed = _in_own_skin(model, shape, shape.skin)
+    skin = posed.fitted.skin
     with about(shape.skin or "the body"):
-        points = fill(posed, options.spacing)
-    links = links_of(model, fitted.motion)
+        points = fill(skin, options.spacing)
+    links = links_of(model, posed.fitted.motion)
     first = options.weights or "bone"
     names = (first, *(kind for kind in WEIGHT_MAPS if kind != first and compare))
     weights = _weights(model, points, links, names)
     regions = _regions(model, weights[first]) if options.density == "segments" else None
-    made = _made(
-        points, reference_masses(points, mass, regions), weights, links, options.spacing, source
+    reference = reference_masses(points, mass, regions)
+    made = _made(points, reference, weights, links, options.spacing, posed.source)
+    segments = segments_of(model)
+    made = {name: with_people_spread(one, segments, posed.errors) for name, one in made.items()}
+    return made, lambda places: inside(skin, places), (*posed.notes, *posed.fitted.notes)
+
+
+def _in_own_skin(model: Model, shape: BodyShape, file: Path) -> _Posed:
+    """Pose the model in a scan."""
+    from myomorph.body.shape.fit_pose import pose_model_to_skin
+
+    with about(file):
+        skin = check_skin(read_mesh(file), shape.height)
+    landmarks = None if shape.landmarks is None else read_landmarks(shape.landmarks)
+    with about(shape.landmarks or file):
+        fitted = pose_model_to_skin(model, skin, landmarks)
+    return _Posed(fitted=fitted, source=f"the skin {file.name}", notes=skin.notes, errors={})
+
+
+def _in_statistical_body(model: Model, shape: BodyShape, mass: float) -> _Posed:
+    """Pose the model in the body of height and chest."""
+    from myomorph.body.shape.fit_pose import pose_model_to_skin
+
+    body = _statistical(shape, mass)
+    reached = ", ".join(f"{name} {value:.4g}" for name, value in body.reached.items())
+    return _Posed(
+        fitted=pose_model_to_skin(model, body),
+        source=f"a statistical body ({reached})",
+        notes=body.notes,
+        errors=_people_errors(body, mass),
     )
-    return made, lambda places: inside(posed, places), (*notes, *fitted.notes)
+
+
+def _people_errors(body: Shape, mass: float) -> Mapping[Segment, float]:
+    """Errors of segments' masses among people with the same measurements; none of a child's."""
+    if body.alike is None:
+        return {}
+    return {part.segment: part.sd for part in segment_masses(body, mass, SPREAD_SPACING)}
 
 
 def _regions(model: Model, weights: scipy.sparse.csr_array) -> np.ndarray:
