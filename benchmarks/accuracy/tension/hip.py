@@ -88,6 +88,9 @@ what comes out is about the least force that any muscles with these moment arms 
 """
 
 
+PASSIVE = ("--joint-tissue", "hips")
+
+
 def measure(folder: Path) -> Iterator[Row]:
     """Rows of each leg: the peak force and its direction while muscles flex the hip, and while they
     extend it.
@@ -100,7 +103,8 @@ def measure(folder: Path) -> Iterator[Row]:
         read = mm.read_model(model)
         hip = next(joint.name for joint in read.joints if joint.name in HIPS)
         hips = ("--joint-load-joints", f"{hip},{hip[:-1]}l")
-        for way, more in {"default": (), "least force": (*LEAST, *hips)}.items():
+        ways = {"default": (), "least force": (*LEAST, *hips), "passive hips": PASSIVE}
+        for way, more in ways.items():
             with tempfile.TemporaryDirectory() as home:
                 typed = ("--model", model, "--motion", motion, "--loads", loads)
                 command("tension", *typed, "--reactions", "child", "--out", home, *more)

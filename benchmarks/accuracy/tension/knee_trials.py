@@ -73,6 +73,8 @@ TRIALS = (
 WAYS: dict[str, tuple[str, ...]] = {
     "default": (),
     "effort alone, no loads of knees": ("--joint-load", "0"),
+    "passive hips": ("--joint-tissue", "hips"),
+    "passive legs": ("--joint-tissue", "legs"),
     "exponent 3": ("--exponent", "3"),
     "co-contraction 0.02": ("--co-contraction", "0.02", "--co-contraction-coordinates", KNEES),
     "co-contraction 0.05": ("--co-contraction", "0.05", "--co-contraction-coordinates", KNEES),

@@ -15,6 +15,7 @@ from myomorph.core.model.errors import BadData, BadModel, check_name
 from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.core.motion.sync import refuse_other_times
+from myomorph.core.muscles.joint_tissue import tissue_torques
 from myomorph.core.muscles.passive import joint_forces
 from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.frames import CHUNK, over_frames
@@ -238,7 +239,7 @@ class TensionProblem:
 
         # Springs and bushings of joints act whatever the muscles do: the rest is to be balanced.
         required = _torques_of(tree, inputs.motion, inputs.torques)
-        self._torques = required - joint_forces(tree, self.coordinates, self._rates)
+        self._torques = required - self._of_tissue(tree, self.coordinates, self._rates)
         self._time = np.array(inputs.motion.time)
 
         self.contacts = None
@@ -488,7 +489,21 @@ class TensionProblem:
         self.coordinates[:] = coordinates
         self._rates[:] = rates
         self._torques[:] = torques
-        self._torques -= joint_forces(self.assembly.tree, coordinates, rates)
+        self._torques -= self._of_tissue(self.assembly.tree, coordinates, rates)
+
+    def _of_tissue(self, tree: Tree, coordinates: Array, rates: Array) -> Array:
+        """Torques of springs, bushings and tissue that the options ask for.
+
+        Parameters
+        ----------
+        coordinates, rates : (frames, coordinates) [rad or m], [rad/s or m/s]
+
+        Returns
+        -------
+        (frames, coordinates) [N m or N]
+        """
+        tissue = tissue_torques(tree, coordinates, self.options.joint_tissue)
+        return joint_forces(tree, coordinates, rates) + tissue
 
     def solved(
         self, balance: Balance, begin: int = 0, warm: Array | None = None

@@ -37,14 +37,9 @@ from myomorph.core.muscles.published_arms import (
 )
 from myomorph.core.rigid.dynamics import inverse_dynamics, values_and_rates
 from myomorph.core.rigid.forward import gathered
-from myomorph.core.rigid.kinematics import Poses, body_motion, forward_kinematics
-from myomorph.core.rigid.knees import (
-    flexion_coordinate,
-    flexion_sign,
-    joint_above,
-    knee_joints,
-    long_axis,
-)
+from myomorph.core.rigid.kinematics import Poses, forward_kinematics
+from myomorph.core.rigid.knees import joint_above, long_axis
+from myomorph.core.rigid.leg_angles import JointAngle, leg_angles
 from myomorph.core.rigid.tree import Tree, compile_tree
 from myomorph.core.tension.load_quantities import STATIC_LOAD_HIGH, STATIC_LOAD_LOW, STATIC_LOADS
 from myomorph.core.tension.reaction import joint_reactions
@@ -110,15 +105,11 @@ class Hinge(NamedTuple):
 
     Attributes
     ----------
-    joint : of the model
-    coordinate : number of the coordinate that bends it
-    sign : -1 where that counts flexion below 0, else 1
+    angle : its coordinate
     flexors, extensors : pulls in every frame
     """
 
-    joint: Joint
-    coordinate: int
-    sign: float
+    angle: JointAngle
     flexors: Pull
     extensors: Pull
 
@@ -169,15 +160,15 @@ def static_joint_loads(
         # What springs of joints give is not asked of muscles.
         left = torques - joint_forces(tree, coordinates, rates)
         balanced = gathered(tree, coordinates, left)
-        names = [hinge.joint.name for hinge in hinges]
+        names = [hinge.angle.joint.name for hinge in hinges]
         alone = joint_reactions(model, motion, None, wrenches, names, frame="ground").forces
     for place, hinge in enumerate(hinges):
-        bending = hinge.sign * balanced[:, hinge.coordinate]
-        flexion[:, place] = hinge.sign * coordinates[:, hinge.coordinate]
+        flexion[:, place] = hinge.angle.of(coordinates)
+        bending = hinge.angle.of(balanced)
         low[:, place], high[:, place] = _range(alone[:, place], bending, hinge)
     return StaticLoads(
         time=motion.time,
-        joints=tuple(hinge.joint.name for hinge in hinges),
+        joints=tuple(hinge.angle.joint.name for hinge in hinges),
         static_load_low=low,
         static_load_high=high,
         flexion=flexion,
@@ -216,22 +207,29 @@ def _hinges(tree: Tree, coordinates: Array) -> Iterator[Hinge]:
     """Find knees and ankles; `coordinates` (frames, coordinates) of the model [rad or m]."""
     model = tree.model
     poses = forward_kinematics(tree, coordinates)
-    standing = forward_kinematics(tree, tree.defaults[None])
-    for knee in knee_joints(model):
-        name = flexion_coordinate(model, knee)
+    for leg in leg_angles(model):
+        knee = leg.knee.joint
         down = long_axis(model, knee)
         hip = joint_above(model, knee.parent)
         size = size_of_person(model, knee)
-        if not name or down is None or hip is None or size is None:
+        if down is None or hip is None or size is None:
             continue
-        shank = tree.body_index[knee.child]
-        up = -poses.rotations[:, shank] @ down
+        up = -poses.rotations[:, tree.body_index[knee.child]] @ down
         to_hip = _center(tree, poses, hip) - _center(tree, poses, knee)
-        yield _knee(tree, coordinates, knee, size, (up, to_hip))
-        ankle = _ankle(model, knee.child)
-        if ankle is not None:
-            at_default = -standing.rotations[0, shank] @ down
-            yield _ankle_hinge(tree, coordinates, ankle, size, (at_default, up))
+        along_thigh = to_hip / np.linalg.norm(to_hip, axis=1, keepdims=True)
+        bend = np.degrees(leg.knee.of(coordinates))
+        yield Hinge(
+            angle=leg.knee,
+            flexors=_hamstrings(bend, size, along_thigh),
+            extensors=_pull(PATELLAR_TENDON, bend, size, up),
+        )
+        if leg.ankle is not None:
+            bend = np.degrees(leg.ankle.of(coordinates))
+            yield Hinge(
+                angle=leg.ankle,
+                flexors=_pull(TIBIALIS_ANTERIOR, bend, size, up),
+                extensors=_pull(ACHILLES, bend, size, up),
+            )
 
 
 def _center(tree: Tree, poses: Poses, joint: Joint) -> Array:
@@ -241,100 +239,14 @@ def _center(tree: Tree, poses: Poses, joint: Joint) -> Array:
     return np.asarray(poses.origins[:, body] + poses.rotations[:, body] @ center)
 
 
-def _knee(
-    tree: Tree, coordinates: Array, knee: Joint, size: float, ways: tuple[Array, Array]
-) -> Hinge:
-    """Make the hinge of a knee.
-
-    Parameters
-    ----------
-    coordinates : (frames, coordinates) [rad or m]
-    size : of the person, over that of those who were measured
-    ways : (frames, 3) up the shank, unit vectors, and from knee to hip [m]
-    """
-    model = tree.model
-    name = flexion_coordinate(model, knee)
-    number = model.coordinate_names.index(name)
-    sign = flexion_sign(model, name)
-    bend = np.degrees(sign * coordinates[:, number])
-    up, to_hip = ways
-    along_thigh = to_hip / np.linalg.norm(to_hip, axis=1, keepdims=True)
+def _hamstrings(bend: Array, size: float, way: Array) -> Pull:
+    """Pull of all hamstrings together; `bend` (frames,) [deg], `way` (frames, 3)."""
     ends = np.array([band.ends(bend, size) for band in HAMSTRINGS])
-    flexors = Pull(
-        least=np.maximum(ends[:, 0].mean(axis=0), MIN_ARM),
-        greatest=ends[:, 1].max(axis=0),
-        direction=along_thigh,
-    )
-    return Hinge(
-        joint=knee,
-        coordinate=number,
-        sign=sign,
-        flexors=flexors,
-        extensors=_pull(PATELLAR_TENDON, bend, size, up),
-    )
+    least = np.maximum(ends[:, 0].mean(axis=0), MIN_ARM)
+    return Pull(least=least, greatest=ends[:, 1].max(axis=0), direction=way)
 
 
 def _pull(band: Band, bend: Array, size: float, way: Array) -> Pull:
-    """One tendon's pull; `bend` (frames,) [deg], `way` (frames, 3)."""
+    """Pull of one tendon; `bend` (frames,) [deg], `way` (frames, 3)."""
     low, high = band.ends(bend, size)
     return Pull(least=low, greatest=high, direction=way)
-
-
-def _ankle(model: Model, shank: str) -> Joint | None:
-    """Find the joint that turns below a shank and what is welded to it."""
-    for joint in model.joints:
-        if joint.parent == shank:
-            below = joint if flexion_coordinate(model, joint) else None
-            found = below if joint.axes else _ankle(model, joint.child)
-            if found is not None:
-                return found
-    return None
-
-
-def _ankle_hinge(
-    tree: Tree, coordinates: Array, ankle: Joint, size: float, ups: tuple[Array, Array]
-) -> Hinge:
-    """Make the hinge of an ankle.
-
-    Parameters
-    ----------
-    coordinates : (frames, coordinates) [rad or m]
-    size : of the person, over that of those who were measured
-    ups : (3,) and (frames, 3) unit vectors up the shank, in the default pose and in the frames
-    """
-    model = tree.model
-    at_default, up = ups
-    name = flexion_coordinate(model, ankle)
-    number = model.coordinate_names.index(name)
-    sign = _dorsiflexion_sign(tree, ankle, number, at_default)
-    bend = np.degrees(sign * coordinates[:, number])
-    return Hinge(
-        joint=ankle,
-        coordinate=number,
-        sign=sign,
-        flexors=_pull(TIBIALIS_ANTERIOR, bend, size, up),
-        extensors=_pull(ACHILLES, bend, size, up),
-    )
-
-
-def _dorsiflexion_sign(tree: Tree, ankle: Joint, number: int, up: Array) -> float:
-    """Return -1 where a coordinate's rate moves the foot down, else 1.
-
-    A foot's mass lies before its ankle: where the coordinate bends the ankle dorsally, the center
-    of mass of all that hangs on it goes up along the shank.
-
-    Parameters
-    ----------
-    number : of the coordinate
-    up : (3,) along the shank in the default pose, in ground
-    """
-    values = tree.defaults[None]
-    rates = np.zeros_like(values)
-    rates[0, number] = 1.0
-    motion = body_motion(tree, values, rates, np.zeros_like(values))
-    hanging = tree.hanging(ankle.child)
-    bodies = [body for body in tree.model.bodies if hanging[tree.body_index[body.name]]]
-    masses = np.array([body.mass for body in bodies])
-    numbers = np.array([tree.body_index[body.name] for body in bodies])
-    centers = motion.of_points(numbers, np.array([body.mass_center for body in bodies]))
-    return -1.0 if masses @ centers.velocities[0] @ up < 0.0 else 1.0

@@ -18,6 +18,7 @@ from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.messages import Message
 from myomorph.core.model.quantity import Quantity
 from myomorph.core.muscles.hill import Convention
+from myomorph.core.muscles.joint_tissue import Tissue
 from myomorph.core.tension.dual import MISSING, NOT_DETERMINED, OPTIMAL, STATUS_NAMES
 from myomorph.core.tension.fiber_quantities import FIBERS
 from myomorph.core.tension.quantities import TENSION
@@ -131,6 +132,9 @@ class TensionOptions:
     curves : force-length-velocity curves; "rigid-tendon" by the formulas of each muscle's class,
         "opensim" as OpenSim's static optimization evaluates them, with its errors (see
         `hill_forces`), "constant" for the maximum isometric force at any length and velocity
+    joint_tissue : passive torques of people's joints where the model has none (Riener and Edrich
+        1999); "hips": of hips, whose muscles then press less at push-off; "legs": of hips, knees
+        and ankles; "none": what the model has. Muscles are part of them, so not with `passive`
     reserve : optimal force of the reserves that are added where no actuators are given [N m or N];
         by default 1 on a body of human size, less on a smaller one (`default_reserves`)
     residual : optimal force of what then holds a floating body [N], [N m]; by default 10 likewise
@@ -150,6 +154,7 @@ class TensionOptions:
     passive: bool | None = None
     viscous: bool = True
     curves: Literal["rigid-tendon", "opensim", "constant"] = "rigid-tendon"
+    joint_tissue: Tissue = "none"
     reserve: float | None = None
     residual: float | None = None
     tendons: Literal["rigid", "elastic"] = "rigid"
@@ -171,6 +176,11 @@ class TensionOptions:
             raise BadData(
                 "recruitment 'minmax' needs rigid tendons: leave out tendons = 'elastic', or take"
                 " 'power'"
+            )
+        if self.joint_tissue != "none" and (self.passive_on_rigid or self.passive_on_elastic):
+            raise BadData(
+                f"joint_tissue '{self.joint_tissue}' with passive forces of muscles: these are part"
+                " of it; leave one of both out"
             )
         for name in ("reserve", "residual"):
             value = getattr(self, name)

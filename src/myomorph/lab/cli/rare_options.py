@@ -46,6 +46,7 @@ MUSCLES = (
     "min-activation",
     "viscous",
     "curves",
+    "joint-tissue",
     "activation-dynamics",
     "second-start",
     "joint-load-joints",
