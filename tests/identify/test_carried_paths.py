@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.body.identify.carried_paths import carried_paths
+from myomorph.body.identify.carried_paths import carried_paths, motion_hops
 from myomorph.core.model.functions import linear
 from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
 from myomorph.core.model.paths import Muscle, Path, PathPoint
@@ -110,6 +110,21 @@ def test_a_motion_that_hops_is_named_and_no_path_is_blamed():
     assert smooth is not None
     assert smooth.hops == ()
     assert smooth.own == ("one",)
+
+
+@pytest.mark.parametrize(
+    ("clamped", "low", "bounds"),
+    [(True, -0.897, ("bend",)), (True, -1.5, ()), (False, -0.897, ())],
+)
+def test_a_hop_at_the_end_of_a_range_says_so(clamped, low, bounds):
+    """After the hop the hinge lies at its bound, is far from it, or has none that holds it."""
+    still = np.where(bent().time >= 0.505, -0.9, 0.1)[:, None]
+    steady = replace(bent(), values=still + 0.001 * bent().time[:, None])
+    model = limb(straight("one"))
+    ranged = replace(model, coordinates=(Coordinate("bend", range=(low, 2.0), clamped=clamped),))
+    (hop,) = motion_hops(ranged, steady)
+    assert hop.size == pytest.approx(1.0, abs=0.01)
+    assert hop.bounds == bounds
 
 
 def test_frames_without_a_pose_are_no_jumps():

@@ -75,5 +75,6 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
                 "largest by the transfer alone [mm]": 1e3
                 * float(np.max(paths.transferred[paths.given == 0.0], initial=0.0)),
                 "hops of the motion": len(paths.hops),
+                "hops where a range ends": sum(bool(hop.bounds) for hop in paths.hops),
                 "largest hop [°]": 0.0 if largest is None else float(np.degrees(largest.size)),
             }

@@ -179,18 +179,22 @@ def _following(done: Simulation, inputs: SimulationInputs) -> tuple[tuple[str, s
     followed = inputs.drives.follow
     if followed is None:
         return ()
-    apart = 0.0
+    apart = {"": 0.0}
     for column, name in enumerate(done.motion.names):
         if name in done.free and name in followed.names:
             wanted = np.interp(done.time, followed.time, followed[name])
-            apart = max(apart, float(np.abs(done.motion.values[:, column] - wanted).max()))
+            apart[name] = float(np.abs(done.motion.values[:, column] - wanted).max())
+    farthest = sorted(apart, key=lambda name: -apart[name])[:MAX_NAMED]
     size = float(np.sqrt(np.mean(done.feedback**2)))
     facts = [
         (
             "Feedback",
             f"{inputs.drives.feedback:g} Hz, RMS {size:.3g} N m or N over all coordinates",
         ),
-        ("Distance from the motion", f"at most {apart:.2g} rad or m"),
+        (
+            "Distance from the motion, at most",
+            ", ".join(f"{name} {apart[name]:.2g} rad or m" for name in farthest if name),
+        ),
     ]
     torques = inputs.drives.torques
     if torques is not None:

@@ -27,12 +27,25 @@ UNUSUAL = 10.0
 """And by so many times what is usual for it: coarse frames of fast motions are no hops."""
 
 
+AT_BOUND = 0.01  # A coordinate that is nearer to its bound lies at it [rad]
+
+
 class Hop(NamedTuple):
-    """A coordinate that hops: when [s], and by how much [rad]."""
+    """A coordinate that hops.
+
+    Attributes
+    ----------
+    time : of the frame after it [s]
+    coordinate : its name
+    size : [rad]
+    bounds : coordinates of its joint that lie at a bound of their range on one side of the hop:
+        where a motion leads out of the ranges, the nearest pose inside them changes at once
+    """
 
     time: float
     coordinate: str
     size: float
+    bounds: tuple[str, ...] = ()
 
 
 @read_only
@@ -135,8 +148,36 @@ def motion_hops(model: Model, motion: Motion) -> tuple[Hop, ...]:
                 time=float(motion.time[frame + 1]),
                 coordinate=motion.names[turns[column]],
                 size=float(sizes[frame, column]),
+                bounds=_at_bounds(model, motion, int(frame), motion.names[turns[column]]),
             )
         )
+    return tuple(found)
+
+
+def _at_bounds(model: Model, motion: Motion, frame: int, name: str) -> tuple[str, ...]:
+    """Find coordinates of a joint at a bound in a frame or in the next.
+
+    Parameters
+    ----------
+    model : whose motion it is
+    motion : over time [rad or m]
+    frame : before the hop
+    name : a coordinate of the joint
+
+    Returns
+    -------
+    those that are kept in their range
+    """
+    joint = next((one for one in model.joints if name in one.coordinates), None)
+    found = []
+    for other in (name,) if joint is None else joint.coordinates:
+        coordinate = model.coordinate(other)
+        if other not in motion.names or not coordinate.clamped:
+            continue
+        values = motion.values[frame : frame + 2, motion.names.index(other)]
+        away = np.abs(values[:, None] - np.array(coordinate.range))
+        if float(away.min()) < AT_BOUND:
+            found.append(other)
     return tuple(found)
 
 

@@ -195,6 +195,12 @@ def _paths_line(name: str, paths: CarriedPaths) -> str:
             f"; the motion hops {len(paths.hops)} times, most at {largest.time:.2f} s"
             f" ({largest.coordinate} by {np.degrees(largest.size):.0f}°): use the parts between"
         )
+        bounds = dict.fromkeys(name for hop in paths.hops for name in hop.bounds)
+        if bounds:
+            hops += (
+                f"; at {sum(bool(hop.bounds) for hop in paths.hops)} of them a range of the model"
+                f" ends ({few(list(bounds), MAX_NAMED)}): the motion leads out of it"
+            )
     if not count:
         return f"{name}: none of {len(paths.muscles)} muscle paths jumps{hops}"
     whose = f"{len(paths.own)} of them in the model as given too"
