@@ -92,6 +92,7 @@ WAYS = (
     Way("effort alone, no loads of knees", ("--joint-load", "0")),
     Way("curves as OpenSim's static optimization", ("--curves", "opensim")),
     Way("loads of all joints", ("--joint-load", "0.02", "--joint-load-joints", "all")),
+    Way("knee contact 0.2", ("--knee-contact", "0.2")),
     Way("passive hips", ("--joint-tissue", "hips")),
     Way("passive legs", ("--joint-tissue", "legs")),
     Way("exponent 1.5", ("--exponent", "1.5")),

@@ -73,6 +73,7 @@ TRIALS = (
 WAYS: dict[str, tuple[str, ...]] = {
     "default": (),
     "effort alone, no loads of knees": ("--joint-load", "0"),
+    "knee contact 0.2": ("--knee-contact", "0.2"),
     "passive hips": ("--joint-tissue", "hips"),
     "passive legs": ("--joint-tissue", "legs"),
     "exponent 3": ("--exponent", "3"),

@@ -55,6 +55,8 @@ LOADS: Mapping[str, RecruitmentOptions] = {
     f"loads of {joints}, {weight:g}": RecruitmentOptions(weight, joints)
     for joints, weights in (("knees", (0.01, 0.02, 0.05)), ("all", (0.02,)))
     for weight in weights
+} | {
+    f"knee contact {level:g}": RecruitmentOptions(KNEE_LOAD, knee_contact=level) for level in (0.2,)
 }
 """Costs beside the effort; that of knees with 0.02 is the default."""
 HIPS = (0.1, 1.0)

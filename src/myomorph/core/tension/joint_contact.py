@@ -302,6 +302,26 @@ def joint_contact_forces(  # page: as of `joint_reactions`, and the points
     )
 
 
+def points_in_ground(
+    tree: Tree, motion: Motion, joint: Joint, points: Sequence[ContactPoint]
+) -> tuple[Array, Array]:
+    """Points and unit normals of one joint in ground over a motion.
+
+    Parameters
+    ----------
+    tree : of the model
+    motion : of as many frames as asked for
+    joint : whose points they are
+    points : of it
+
+    Returns
+    -------
+    (frames, points, 3) [m] and (frames, points, 3)
+    """
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    return _in_ground(tree, poses, joint, points)
+
+
 def _in_ground(
     tree: Tree, poses: Poses, joint: Joint, points: Sequence[ContactPoint]
 ) -> tuple[Array, Array]:

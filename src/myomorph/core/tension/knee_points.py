@@ -167,9 +167,8 @@ def _axes(model: Model, knee: Joint) -> KneeAxes:
         raise BadModel(
             f"joint '{knee.name}' does not turn, so its contact points must be given in a file"
         )
-    thigh = _place(poses, knee.parent, knee.parent_frame) - _place(
-        poses, hip.child, hip.child_frame
-    )
+    # By the knee's child: some models move the knee down the thigh by its coordinates.
+    thigh = _place(poses, knee.child, knee.child_frame) - _place(poses, hip.child, hip.child_frame)
     return KneeAxes(
         poses=poses,
         down=down,

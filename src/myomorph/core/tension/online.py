@@ -72,7 +72,7 @@ class OnlineTension:
     Raises
     ------
     BadModel : the model closes loops
-    BadData : co-contraction is requested
+    BadData : co-contraction or contact of knees is requested
     """
 
     def __init__(
@@ -208,6 +208,10 @@ def _load_term(
     if costs.co_contraction:
         raise BadData(
             "co-contraction frame by frame is not there: use 'myomorph tension' after the recording"
+        )
+    if costs.knee_contact:
+        raise BadData(
+            "knee_contact frame by frame is not there: use 'myomorph tension' after the recording"
         )
     if not costs.joint_load:
         return None

@@ -52,6 +52,7 @@ MUSCLES = (
     "joint-load-joints",
     "co-contraction",
     "co-contraction-coordinates",
+    "knee-contact",
     "formulation",
     "compliance",
     "contact-passive",

@@ -47,7 +47,7 @@ class JointLoadTerm(Term):
         self._weight = weight
         self._paths = compile_paths(model)
         self._alone = alone
-        muscles = _crossing(model)
+        muscles = crossing_muscles(model)
         child = {joint.name: joint.child for joint in model.joints}
         self._crossing = [np.flatnonzero(muscles[name]) for name in joints]
         self._pairs = [
@@ -131,15 +131,19 @@ def crossed_joints(model: Model, joints: Sequence[str] = ()) -> tuple[str, ...]:
     names = tuple(joint.name for joint in model.joints)
     for name in joints:
         check_name("joint", name, names)
-    crossing = _crossing(model)
+    crossing = crossing_muscles(model)
     for name in joints:
         if not crossing[name].any():
             raise BadData(f"no muscle crosses joint '{name}': its load does not depend on muscles")
     return tuple(joints) or tuple(name for name in names if crossing[name].any())
 
 
-def _crossing(model: Model) -> dict[str, np.ndarray]:
+def crossing_muscles(model: Model) -> dict[str, np.ndarray]:
     """Muscles that pull both on bodies that hang on a joint and on others.
+
+    Parameters
+    ----------
+    model : of the body
 
     Returns
     -------

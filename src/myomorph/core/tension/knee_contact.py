@@ -1,0 +1,198 @@
+"""Knees that stay in contact: each side of a nearly straight knee carries at least a share."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData, BadModel
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.muscles.model_paths import compile_paths
+from myomorph.core.muscles.patella import with_lever
+from myomorph.core.rigid.coordinates import Ints
+from myomorph.core.rigid.leg_angles import leg_angles
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.joint_contact import ContactPoint, points_in_ground
+from myomorph.core.tension.knee_points import knee_points
+from myomorph.core.tension.reaction import JointReactions, joint_reactions
+from myomorph.core.tension.terms.joint_load import crossing_muscles
+from myomorph.core.tension.terms.muscles import MuscleTerm
+from myomorph.core.tension.terms.term import LIMIT_COST, Frames, Rows, Term, Unknowns, Variables
+
+WEIGHT = 100.0  # Cost of a missing body weight, squared, beside the effort a^2 of one muscle
+MAX_FLEXION = np.radians(30.0)  # Beyond which nothing is asked of a knee [rad]
+NOTHING_ASKED = -1e3  # Least force of frames that are bent farther [body weights]
+
+
+class Side(NamedTuple):
+    """One side of a knee.
+
+    Attributes
+    ----------
+    knee : name of the joint
+    point : name of its contact point
+    opposite : (frames, 3) the other side's point, about which moments are taken [m]
+    per_moment : (frames, 3) force of this side for unit moment about it along each axis [1/m]
+    alone : (frames,) force without muscles [body weights]
+    asked : (frames,) whether the knee is straight enough
+    muscles : (crossing,) numbers of those that cross the knee
+    pairs : rows of `Paths.pulls` on the shank and beyond
+    owners : (crossing, pairs) 1 where a pull is of a muscle, else 0
+    """
+
+    knee: str
+    point: str
+    opposite: Array
+    per_moment: Array
+    alone: Array
+    asked: Array
+    muscles: Ints
+    pairs: Ints
+    owners: Array
+
+
+class KneeContactTerm(Term):
+    """Each side of a nearly straight knee carries at least a share of the body's weight.
+
+    With the points r and o of both sides, the force F and moment M that the joint transmits, and
+    a the axis about which both points make moments along their mean normal n,
+
+        f = a . (M - o x F) / a . ((r - o) x n)  >=  level W
+
+    It is linear in activations. What is missing costs `WEIGHT` times its square; more costs nothing
+    but its effort. An implant never measured that a side lifts off, least effort lets it.
+
+    Parameters
+    ----------
+    model : with muscles, and knees that they cross
+    motion : with velocities and accelerations
+    wrenches : external forces at the motion's times, None for none
+    level : least force of each side [body weights], above 0
+
+    Raises
+    ------
+    BadData : `level` is not above 0 or is above 1
+    BadModel : the model closes loops, has no weight or no knee
+    """
+
+    def __init__(self, model: Model, motion: Motion, wrenches: Wrenches | None, level: float):
+        if not 0.0 < level <= 1.0:
+            raise BadData(f"knee_contact {level:g}: expected above 0, at most 1 body weight")
+        if model.loops or not model.weight > 0.0:
+            raise BadModel(
+                f"knee_contact: model '{model.name}' closes loops or has no weight: leave it out"
+            )
+        self._paths = compile_paths(model)
+        self._weight = model.weight
+        self._level = level
+        tree = self._paths.tree
+        coordinates = tree.coordinates_of(motion)
+        points = knee_points(model, {}).points
+        self._sides: list[Side] = []
+        for leg in leg_angles(model):
+            knee = leg.knee.joint
+            own = [point for point in points if point.joint == knee.name]
+            load = joint_reactions(model, motion, None, wrenches, [knee.name], frame="ground")
+            asked = leg.knee.of(coordinates) < MAX_FLEXION
+            self._sides += _sides(model, motion, load, own, asked)
+        if not self._sides:
+            raise BadModel(f"knee_contact: no knee of model '{model.name}' bends: leave it out")
+
+    def variables(self) -> Variables:
+        """How far each side passes its least force."""
+        count = len(self._sides)
+        return Variables(
+            names=tuple(f"{side.point} of {side.knee} beyond" for side in self._sides),
+            weight=np.full(count, LIMIT_COST),
+            exponent=np.full(count, 2.0),
+            lower=np.zeros(count),
+            upper=np.full(count, np.inf),
+        )
+
+    def rows(self, unknowns: Unknowns) -> Rows:
+        """One row per side, of the muscles that cross the knee and of what passes the least."""
+        self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))
+        first = unknowns.of(self._muscles).start
+        beyond = unknowns.of(self).start
+        columns = [
+            np.append(first + side.muscles, beyond + number)
+            for number, side in enumerate(self._sides)
+        ]
+        names = tuple(f"{side.point} of {side.knee}" for side in self._sides)
+        return Rows.of_frames(names, columns, 1.0, WEIGHT, on_forces=True)
+
+    def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
+        """Force on each side per unit activation, and what is missing without activations.
+
+        Parameters
+        ----------
+        rows : as `rows` returned them
+        frames : a chunk of the motion
+
+        Returns
+        -------
+        (frames, entries) and (frames, rows), both in body weights
+        """
+        muscles = self._muscles.forces(frames)
+        pulls, work = self._paths.pulls(frames.coordinates)
+        pulls = with_lever(self._paths, frames.coordinates, pulls, work)
+        anyway = muscles.passive + muscles.viscous
+        values = []
+        targets = []
+        for side in self._sides:
+            unit = np.einsum("mp,fpi->fmi", side.owners, pulls[:, side.pairs])
+            opposite = side.opposite[frames.part, None]
+            moments = unit[..., 3:] - np.cross(opposite, unit[..., :3])
+            # The bones push back against what muscles pull.
+            share = -np.einsum("fmi,fi->fm", moments, side.per_moment[frames.part]) / self._weight
+            beyond = -np.ones((len(frames), 1))
+            values.append(np.hstack([share * muscles.active[:, side.muscles], beyond]))
+            least = np.where(side.asked[frames.part], self._level, NOTHING_ASKED)
+            carried = np.einsum("fm,fm->f", share, anyway[:, side.muscles])
+            targets.append(least - side.alone[frames.part] - carried)
+        return np.hstack(values), np.stack(targets, axis=1)
+
+
+def _sides(
+    model: Model, motion: Motion, load: JointReactions, points: list[ContactPoint], asked: Array
+) -> list[Side]:
+    """Make both sides of a knee.
+
+    Parameters
+    ----------
+    load : of the knee without muscles, in ground
+    points : two, of the knee
+    asked : (frames,) whether it is straight enough
+    """
+    paths = compile_paths(model)
+    joint = next(joint for joint in model.joints if joint.name == load.joints[0])
+    places, normals = points_in_ground(compile_tree(model), motion, joint, points)
+    normal = normals.mean(axis=1)
+    force = load.forces[:, 0]
+    moment = load.moments[:, 0] + np.cross(load.points[:, 0], force)
+    muscles = np.flatnonzero(crossing_muscles(model)[joint.name])
+    pairs = np.flatnonzero(paths.tree.hanging(joint.child)[paths.pull_body])
+    owners = (muscles[:, None] == paths.pull_muscle[pairs]).astype(np.float64)
+    sides = []
+    for number, point in enumerate(points):
+        opposite = places[:, 1 - number]
+        arm = np.cross(places[:, number] - opposite, normal)
+        per_moment = arm / np.einsum("fi,fi->f", arm, arm)[:, None]
+        about = moment - np.cross(opposite, force)
+        sides.append(
+            Side(
+                knee=joint.name,
+                point=point.name,
+                opposite=opposite,
+                per_moment=per_moment,
+                alone=np.einsum("fi,fi->f", about, per_moment) / model.weight,
+                asked=asked,
+                muscles=muscles,
+                pairs=pairs,
+                owners=owners,
+            )
+        )
+    return sides
