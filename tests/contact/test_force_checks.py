@@ -180,7 +180,9 @@ def test_opencaps_plates_that_are_all_on_one_foot(data):
     model = open_model(data(f"{folder}/models/manually_scaled.osim"))
     motion = read_motion(data(f"{folder}/ik_manual_scaling/walking1_ik.mot"), model)
     found = on_feet(
-        faults.raw_loads(data(f"{folder}/grf/walking1_external_forces.xml"), model, motion),
+        faults.raw_loads(
+            data(f"{folder}/grf/walking1_external_forces.xml"), model, motion
+        ).wrenches,
         model,
         motion,
     )

@@ -12,11 +12,14 @@ from numpy.testing import assert_allclose
 
 from measured_walk import measured_walk
 from myomorph.core.contact.plan import ContactPlan
+from myomorph.core.contact.plate_forces import PlateForces
+from myomorph.core.contact.plates import wrenches_from_plates
 from myomorph.core.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.core.contact.site_motion import site_motion
 from myomorph.core.contact.states import contact_activations, find_contacts
 from myomorph.core.model.contacts import ContactForces, Contacts, Site, Touch
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.series import ForcePlate, Wrenches
 from myomorph.core.motion.sync import resample_wrenches
 from myomorph.core.tension.contact_setting import Measurements, set_contacts
@@ -55,6 +58,21 @@ def plate_of(wrenches, columns, corners, name="plate"):
     )
 
 
+def within(plate, start, stop):
+    """The plate with centers of pressure between two places along x, as over its own outline."""
+    points = np.array(plate.points)
+    points[:, 0] = np.clip(points[:, 0], start + 1e-6, stop - 1e-6)
+    return replace(plate, points=points)
+
+
+def outlined(time, *plates, body=""):
+    """Forces of plates with outlines."""
+    return PlateForces(
+        replace(wrenches_from_plates(plates, time), bodies=(body,) * len(plates)),
+        FrozenMap({plate.name: plate.corners for plate in plates}),
+    )
+
+
 def box(x0, x1, z0, z1):
     return np.array([[x1, 0.0, z1], [x0, 0.0, z1], [x0, 0.0, z0], [x1, 0.0, z0]], dtype=float)
 
@@ -65,7 +83,7 @@ def test_two_feet_on_one_plate_share_it(walk):
     """
     model, motion, sites, wrenches, contacts = walk
     plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
-    found = shared_wrenches(model, motion, sites, contacts, (plate,), motion.time)
+    found = shared_wrenches(model, motion, sites, contacts, outlined(motion.time, plate))
     states = contacts.states(motion.time).values > 0.0
     total = np.zeros(len(motion))
     for one in found:
@@ -97,7 +115,7 @@ def test_a_plate_of_two_feet_is_shared_however_it_is_given(walk, body):
     """As a plate with an outline, as a table, and as external loads that put it on one foot."""
     model, motion, sites, wrenches, contacts = walk
     plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
-    outlined = shared_wrenches(model, motion, sites, contacts, (plate,), motion.time)
+    by_outline = shared_wrenches(model, motion, sites, contacts, outlined(motion.time, plate))
     loads = Wrenches(
         time=motion.time,
         names=("plate",),
@@ -106,8 +124,8 @@ def test_a_plate_of_two_feet_is_shared_however_it_is_given(walk, body):
         points=plate.points[:, None],
         torques=plate.torques[:, None],
     )
-    given = shared_wrenches(model, motion, sites, contacts, loads)
-    same = np.equal(members_of(outlined, len(motion)), members_of(given, len(motion)))
+    given = shared_wrenches(model, motion, sites, contacts, PlateForces(loads))
+    same = np.equal(members_of(by_outline, len(motion)), members_of(given, len(motion)))
     assert same.mean() > 0.95
 
 
@@ -115,7 +133,8 @@ def test_a_foot_alone_on_a_shared_plate_has_what_that_measured(walk):
     """Only while two feet are on a plate its force is divided; else it acts as it was measured."""
     model, motion, _, wrenches, _ = walk
     plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
-    known = Measurements(recorded=motion, plates=(plate,), plate_time=motion.time)
+    plates = outlined(motion.time, plate)
+    known = Measurements(recorded=motion, wrenches=plates.wrenches, plates=plates)
     setting = set_contacts(ContactPlan(measured="shared"), model, motion, known, ContactOptions())
     assert setting.alone is not None
     alone = setting.alone.forces
@@ -143,7 +162,8 @@ def test_a_foot_alone_on_a_shared_plate_has_what_that_measured(walk):
 def test_known_forces_are_shown_at_the_foot_that_bore_them(walk):
     model, motion, _, wrenches, _ = walk
     plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
-    known = Measurements(recorded=motion, plates=(plate,), plate_time=motion.time)
+    plates = outlined(motion.time, plate)
+    known = Measurements(recorded=motion, wrenches=plates.wrenches, plates=plates)
     setting = set_contacts(ContactPlan(measured="shared"), model, motion, known, ContactOptions())
     sites = setting.task.sites
     nothing = np.zeros((len(motion), len(sites), 3))
@@ -185,14 +205,14 @@ def test_hands_that_hold_a_box_stand_on_no_plate(walk):
         torques=plate.torques[:, None],
     )
     both = Contacts((*contacts.sites, "hand"), (*contacts.intervals, holding))
-    found = shared_wrenches(model, motion, (*sites, hand), both, loads)
+    found = shared_wrenches(model, motion, (*sites, hand), both, PlateForces(loads))
     assert found
     assert all("hand" not in one.sites for one in found)
 
 
 def test_wrenches_that_name_bodies_belong_to_their_foot(walk):
     model, motion, sites, wrenches, contacts = walk
-    found = shared_wrenches(model, motion, sites, contacts, wrenches)
+    found = shared_wrenches(model, motion, sites, contacts, PlateForces(wrenches))
     assert len({one.name for one in found}) == len(found)
     for one in found:
         side = "r" if one.name.startswith("Right") else "l"
@@ -217,16 +237,20 @@ def test_a_foot_on_two_plates_belongs_to_their_sum_where_it_straddles(walk):
         points=np.repeat(wrenches.points[:, :1], 2, axis=1),
     )
     plates = tuple(
-        plate_of(halves, [k], box(*span, -5.0, 5.0), name)
+        within(plate_of(halves, [k], box(*span, -5.0, 5.0), name), *span)
         for k, (name, span) in enumerate((("rear", (-5.0, middle)), ("front", (middle, 5.0))))
     )
-    found = shared_wrenches(model, motion, sites, contacts, plates, motion.time, margin=0.3)
+    found = shared_wrenches(
+        model, motion, sites, contacts, outlined(motion.time, *plates), margin=0.3
+    )
     both = [one for one in found if one.name.startswith("rear + front")]
     assert both
     for one in both:
         known = np.isfinite(one.forces).all(axis=1)
         assert_allclose(one.forces[known], wrenches.forces[known, 0], atol=1e-9)
-    narrow = shared_wrenches(model, motion, sites, contacts, plates, motion.time, margin=0.0)
+    narrow = shared_wrenches(
+        model, motion, sites, contacts, outlined(motion.time, *plates), margin=0.0
+    )
     assert {one.name.split(" (")[0] for one in narrow} == {"rear", "front"}
     for one in narrow:
         known = np.isfinite(one.forces).all(axis=1)
@@ -238,7 +262,7 @@ def test_a_foot_on_two_plates_belongs_to_their_sum_where_it_straddles(walk):
 def test_unloaded_plates_tell_nothing(walk):
     model, motion, sites, wrenches, contacts = walk
     empty = replace(wrenches, forces=0.0 * wrenches.forces, torques=0.0 * wrenches.torques)
-    assert shared_wrenches(model, motion, sites, contacts, empty) == ()
+    assert shared_wrenches(model, motion, sites, contacts, PlateForces(empty)) == ()
 
 
 def test_a_measured_foot_is_not_estimated_too(walk):
@@ -286,11 +310,28 @@ def test_a_force_on_the_wrong_foot_is_told(walk):
     assert "'foot_l'" in note
 
 
-def test_clocks_must_be_given_and_agree(walk):
+def test_a_named_plate_carries_its_own_foot_alone(walk):
+    """Others that stand over its outline have no part in what it measured."""
     model, motion, sites, wrenches, contacts = walk
-    plate = plate_of(wrenches, [0], box(-5.0, 5.0, -5.0, 5.0))
-    with pytest.raises(BadData, match="give plate_time"):
-        shared_wrenches(model, motion, sites, contacts, (plate,))
-    short = resample_wrenches(wrenches, motion.time[:-5])
+    plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
+    plates = outlined(motion.time, plate, body="calcn_r")
+    found = shared_wrenches(model, motion, sites, contacts, plates)
+    assert found
+    assert {name[-1] for one in found for name in one.sites} == {"r"}
+
+
+def test_an_outline_that_lies_elsewhere_is_not_trusted(walk):
+    """Forces that were turned to the motion are shared by where they act."""
+    model, motion, sites, wrenches, contacts = walk
+    near = outlined(motion.time, plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0)))
+    far = outlined(motion.time, plate_of(wrenches, [0, 1], box(20.0, 21.0, 20.0, 21.0)))
+    right = members_of(shared_wrenches(model, motion, sites, contacts, near), len(motion))
+    found = members_of(shared_wrenches(model, motion, sites, contacts, far), len(motion))
+    assert np.equal(right, found).mean() > 0.95
+
+
+def test_clocks_must_agree(walk):
+    model, motion, sites, wrenches, contacts = walk
+    short = PlateForces(resample_wrenches(wrenches, motion.time[:-5]))
     with pytest.raises(BadData, match="resample them"):
         shared_wrenches(model, motion, sites, contacts, short)

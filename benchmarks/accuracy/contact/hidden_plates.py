@@ -15,6 +15,7 @@ import myomorph as mm
 from benchmarks.accuracy.tension.knee import command
 from benchmarks.errors import rms
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
+from myomorph.core.contact.plate_forces import PlateForces
 from myomorph.core.contact.shared import shared_wrenches
 from myomorph.core.contact.states import (
     ActivationOptions,
@@ -231,7 +232,12 @@ def summed(wrenches: mm.Wrenches) -> mm.Wrenches:
 def _shared(hidden: Hidden, plates: mm.Wrenches):
     # A plate without an outline: whoever touches may stand on it.
     return shared_wrenches(
-        hidden.model, hidden.motion, hidden.sites, hidden.contacts, plates, reach=2.0
+        hidden.model,
+        hidden.motion,
+        hidden.sites,
+        hidden.contacts,
+        PlateForces(plates),
+        reach=2.0,
     )
 
 

@@ -110,7 +110,7 @@ def recorded(folder: Path, walk: Walk) -> Recorded:
         motion = mm.inverse_kinematics(model, markers).motion
     else:
         motion = mm.read_motion(folder / walk.motion, model)
-    wrenches = raw_loads(folder / walk.loads, model, motion)
+    wrenches = raw_loads(folder / walk.loads, model, motion).wrenches
     if walk.time is not None:
         motion = cut(motion, *walk.time)
     wrenches = on_feet(wrenches, model, motion, ForceOptions(force_checks="none"))

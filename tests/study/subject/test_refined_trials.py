@@ -126,7 +126,7 @@ def test_forces_move_by_the_clock_that_was_found(tmp_path):
         points=np.zeros_like(force),
         torques=np.zeros_like(force),
     )
-    loads = ExternalLoads(lambda moved: wrenches)
+    loads = ExternalLoads.on_known_bodies(lambda moved: wrenches)
     opening = SimpleNamespace(model=model, values={ExternalLoads: loads})
 
     def times():

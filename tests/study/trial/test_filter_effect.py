@@ -25,9 +25,9 @@ def test_forces_are_read_and_checked_once(arm):
 
     def counted(motion):
         calls.append(motion)
-        return loads.find(motion)
+        return loads.of(motion)
 
-    trial = trial.having(ExternalLoads(counted))
+    trial = trial.having(ExternalLoads.on_known_bodies(counted))
     recorded = recorded_poses(trial).recorded
     choice = CutoffChoice(cutoff=6.0, origin="noise", spectra=None)
     trial = trial.having(ChosenFilter(choice=choice))

@@ -247,7 +247,10 @@ def test_what_every_step_found_doubtful_is_kept(tmp_path):
             notes=("a doubtful plate",),
         )
 
-    for expected, one in ((True, trial.having(ExternalLoads(loads))), (False, trial)):
+    for expected, one in (
+        (True, trial.having(ExternalLoads.on_known_bodies(loads))),
+        (False, trial),
+    ):
         sources = (*trial.sources, value_source("loads", "plate", str(expected)))
         outcome = run_trial(replace(one, sources=sources), ("ik", "id"), tmp_path / "out")
         assert outcome.error == ""

@@ -9,18 +9,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.core.contact.plates import wrenches_from_plates
+from myomorph.core.contact.plate_forces import PlateForces, over_outline
 from myomorph.core.contact.site_motion import SiteMotion, site_motion
 from myomorph.core.contact.states import hysteresis, steady
-from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import PLATES
 from myomorph.core.model.contacts import Contacts, SharedWrench, Site
-from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.segments import feet_of
-from myomorph.core.model.series import ForcePlate, Motion, Series, Wrenches
+from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.motion.sync import refuse_other_times
 
 MARGIN = 0.03
@@ -61,8 +59,7 @@ def shared_wrenches(  # page: the measurements, and two limits
     motion: Motion,
     sites: Sequence[Site],
     contacts: Contacts,
-    plates: Sequence[ForcePlate] | Wrenches,
-    plate_time: Array | None = None,
+    plates: PlateForces,
     margin: float = MARGIN,
     reach: float = REACH,
 ) -> tuple[SharedWrench, ...]:
@@ -72,11 +69,12 @@ def shared_wrenches(  # page: the measurements, and two limits
     sites stand on a plate make a wrench of their own, which is NaN in all other frames.
 
     Of plates with an outline a site belongs to the one it is over; one within the margin of two
-    loaded plates joins these: their sum is known for the sites of both. Of wrenches without an
+    loaded plates joins these: their sum is known for the sites of both. Of plates without an
     outline a site belongs to that which acts on a body of its group, or, where bodies are not
-    known, to those whose center of pressure its group is near. While wrenches without an outline
+    known, to those whose center of pressure its group is near. While plates without an outline
     carry the whole body, a foot that touches and has none of them stands on the one that is
-    nearest: a file may put on one foot what two feet press on.
+    nearest: a file may put on one foot what two feet press on. A plate with an outline whose body
+    somebody named carries the sites of this body's group alone.
 
     Parameters
     ----------
@@ -84,8 +82,7 @@ def shared_wrenches(  # page: the measurements, and two limits
     motion : coordinates over time
     sites : that may stand on plates
     contacts : when sites touch
-    plates : with outlines, or wrenches at the motion's times
-    plate_time : (samples,) clock of plates with outlines [s]
+    plates : what they measured, at the motion's times
     margin, reach : see `MARGIN`, `REACH`
 
     Returns
@@ -94,18 +91,11 @@ def shared_wrenches(  # page: the measurements, and two limits
 
     Raises
     ------
-    BadData : plates with outlines without their clock, or wrenches of other times
+    BadData : forces of other times
     """
+    wrenches = plates.wrenches
+    refuse_other_times("forces of plates", wrenches.time, motion.time)
     moving = site_motion(model, motion, sites)
-    if isinstance(plates, Wrenches):
-        refuse_other_times("forces of plates", plates.time, motion.time)
-        wrenches = plates
-        near = _beside(model, moving, plates, sites, reach * moving.height)
-    elif plate_time is None:
-        raise BadData("plates with outlines need their clock: give plate_time")
-    else:
-        wrenches = wrenches_from_plates(plates, plate_time, motion.time)
-        near = _over(moving, [plate.corners for plate in plates], margin * moving.height)
     columns = [contacts.sites.index(site.name) for site in sites]
     touching = contacts.states(motion.time).values[:, columns] > 0.0
     touching &= np.array([site.against == GROUND for site in sites], np.bool_)
@@ -113,39 +103,40 @@ def shared_wrenches(  # page: the measurements, and two limits
     pressing = np.nan_to_num(wrenches.forces @ moving.up)
     state = hysteresis(pressing > LOADED * weight, pressing < UNLOADED * weight)
     loaded = np.stack([steady(column, motion.time, SHORTEST) for column in state.T], axis=1)
+    outlines = [plates.trusted_outline(plate, moving.up) for plate in range(len(wrenches.names))]
+    near = _beside(model, moving, wrenches, sites, reach * moving.height)
+    own = _of_named_bodies(model, wrenches, sites)
+    for plate, corners in enumerate(outlines):
+        if corners is not None:
+            over = over_outline(moving.places, corners, moving.up, margin * moving.height)
+            near[:, plate] = over & own[plate]
     standing = near & loaded[:, :, None] & touching[:, None]
-    if isinstance(plates, Wrenches):
-        whole = pressing.sum(axis=1) > (moving.carried - UNMEASURED) * weight
+    bare = np.array([corners is None for corners in outlines], np.bool_)
+    if bare.any():
+        whole = pressing[:, bare].sum(axis=1) > (moving.carried - UNMEASURED) * weight
         alone = touching & steady(whole, motion.time, SHORTEST)[:, None] & ~standing.any(axis=1)
         alone &= _are_soles(model, sites)
-        standing |= alone[:, None] & _nearest(moving, wrenches, sites, loaded)
+        standing |= alone[:, None] & _nearest(moving, wrenches, sites, loaded & bare)
     sd = DEVIATION * weight
     return _wrenches(_together(standing, loaded), wrenches, sites, sd, sd * moving.height)
 
 
-def _over(moving: SiteMotion, outlines: Sequence[Array], margin: float) -> np.ndarray:
-    """Return whether a site is over a plate, or less than a margin outside its outline.
+def _of_named_bodies(model: Model, wrenches: Wrenches, sites: Sequence[Site]) -> NDArray[np.bool_]:
+    """Return whether a plate's named body is of a site's group; every site where nobody named one.
 
     Parameters
     ----------
-    outlines : of each plate, (corners, 3) [m]
-    margin : [m]
+    wrenches : of the plates
 
     Returns
     -------
-    (frames, plates, sites)
+    (plates, sites)
     """
-    results = []
-    for corners in outlines:
-        inside = np.ones(moving.places.shape[:2], np.bool_)
-        middle = corners.mean(axis=0)
-        for corner, other in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            normal = np.cross(other - corner, moving.up)
-            normal = normal / np.linalg.norm(normal)
-            outwards = normal if (corner - middle) @ normal > 0.0 else -normal
-            inside &= (moving.places - corner) @ outwards < margin
-        results.append(inside)
-    return np.stack(results, axis=1)
+    bodies = group_bodies(model, sites)
+    return np.array(
+        [[not body or body in bodies[site.group] for site in sites] for body in wrenches.bodies],
+        np.bool_,
+    ).reshape(len(wrenches.bodies), len(sites))
 
 
 def _beside(

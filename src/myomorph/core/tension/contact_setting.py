@@ -13,6 +13,7 @@ from myomorph.core.contact.feet_on_steps import Stairs, shared_stairs, stairs_co
 from myomorph.core.contact.heard import Heard, heard_contacts
 from myomorph.core.contact.held_objects import RaisedContact, find_holds, raised_contacts
 from myomorph.core.contact.plan import ContactPlan
+from myomorph.core.contact.plate_forces import PlateForces
 from myomorph.core.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.core.contact.site_motion import plate_height, rest_on_floor
 from myomorph.core.contact.sites import foot_sites
@@ -30,7 +31,7 @@ from myomorph.core.model.contacts import FOREVER, ContactForces, Contacts, Share
 from myomorph.core.model.errors import BadData, MyomorphError
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
-from myomorph.core.model.series import ForcePlate, Motion, Series, Wrenches
+from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 
 NAME_SITES = "name sites in a contact file (--contacts FILE.toml)"
@@ -83,8 +84,8 @@ class Measurements:
     ----------
     recorded : the motion before it was filtered
     wrenches : forces of plates on bodies, at the motion's times
-    plates : the plates themselves, where their outlines are known
-    plate_time : (samples,) clock of their forces [s]
+    plates : what plates measured before it was given to bodies, at the motion's times; as
+        `wrenches` where that is not known
     cutoff : of the motion's filter [Hz]
     standing : the motion with feet that stay on the floor, for finding contacts; None where the
         motion itself shows them
@@ -92,8 +93,7 @@ class Measurements:
 
     recorded: Motion
     wrenches: Wrenches | None = None
-    plates: Sequence[ForcePlate] = ()
-    plate_time: Array | None = None
+    plates: PlateForces | None = None
     cutoff: float | None = None
     standing: Motion | None = None
 
@@ -236,11 +236,10 @@ def _on_plates(
     known: Measurements,
 ) -> tuple[SharedWrench, ...]:
     """Find what plates measured of the sites on them; nothing where it acts as it was measured."""
-    with_forces = known.plate_time is not None and any(len(plate.forces) for plate in known.plates)
-    plates = known.plates if with_forces else known.wrenches
-    if plan.measured == "exact" or plates is None:
+    if plan.measured == "exact" or known.wrenches is None:
         return ()
-    return shared_wrenches(model, motion, sites, contacts, plates, known.plate_time)
+    plates = known.plates or PlateForces(known.wrenches)
+    return shared_wrenches(model, motion, sites, contacts, plates)
 
 
 def _notes(

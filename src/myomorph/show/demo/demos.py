@@ -178,7 +178,7 @@ def _jump_trial() -> TrialInputs:
         ),
         inputs=ByType(  # page: a collection, whose values have no names
             Recording(Trial(jump.markers, jump.trial.plates, events=jump.events)),
-            ExternalLoads(lambda motion: jump.wrenches),
+            ExternalLoads.on_known_bodies(lambda motion: jump.wrenches),
             RecordedEmg(envelopes(jump.analog)),
             BodyMass(jump.mass),
             RecordedSession(movement=Known(value="jumping", origin="user")),

@@ -154,7 +154,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
         model=model,
         inputs=ByType(  # page: a collection, whose values have no names
             Recording(Trial(markers)),
-            ExternalLoads(lambda motion: noisy),
+            ExternalLoads.on_known_bodies(lambda motion: noisy),
             BodyMass(model.mass),
             RecordedSession(movement=Known(value="squatting", origin="user")),
             KnownTruth(FrozenMap(known)),

@@ -14,6 +14,7 @@ import numpy as np
 from myomorph.core.contact.force_checks import BODY_CHECKS, CHECKS, checked_forces
 from myomorph.core.contact.force_inspection import LOAD
 from myomorph.core.contact.plan import ContactPlan
+from myomorph.core.contact.plate_forces import PlateForces
 from myomorph.core.contact.unloaded import ZERO, zero_messages
 from myomorph.core.io.force_table import force_layout, read_forces
 from myomorph.core.io.formats import trial_format
@@ -21,6 +22,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import CLOCKS, READING
 from myomorph.core.model.errors import BadData, BadFile, UnknownName
 from myomorph.core.model.findings import Finding, messages_of_findings
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source
 from myomorph.core.model.segments import feet_of
@@ -68,13 +70,19 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
         nearest = (
             "The force of each plate acts on the foot that is nearest to its center of pressure."
         )
-        plated = recording.trial
         options = opening.options[ForceOptions]
         shared = _are_shared(opening)
         of_plates = ExternalLoads(
-            lambda moved: on_feet(
-                plate_wrenches(plated, settings.plates), model, moved, options, shared
-            )
+            measured=partial(
+                _of_recording,
+                recording.trial,
+                settings.plates,
+                model,
+                options=options,
+                shared=shared,
+            ),
+            on_bodies=partial(given_to_feet, model=model, options=options, shared=shared),
+            nearest=not settings.plates,
         )
         contacts = opening.values.get(ContactPlan)
         assumed = (
@@ -85,24 +93,30 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
         )
     path = settings.loads
     markers = opening.settings.or_default(MarkersFile)
-    loads = partial(
-        _loads_of_file,
-        path,
-        model,
-        bodies=settings.bodies,
-        trial=markers.markers,
-        plates=settings.plates,
-        laboratory=opening.settings.or_default(Laboratory),
-        options=opening.options[ForceOptions],
-        shared=_are_shared(opening),
+    options = opening.options[ForceOptions]
+    shared = _are_shared(opening)
+    of_file = ExternalLoads(
+        measured=partial(
+            _of_file,
+            path,
+            model,
+            bodies=settings.bodies,
+            trial=markers.markers,
+            plates=settings.plates,
+            laboratory=opening.settings.or_default(Laboratory),
+            options=options,
+            shared=shared,
+        ),
+        on_bodies=partial(given_to_feet, model=model, options=options, shared=shared),
+        nearest=not settings.bodies and not settings.plates and names_no_body(path),
     )
     sources += (file_source("loads", path), *load_tables(path, markers.markers))
-    by_nearness = path.suffix.lower() in TABLES and not settings.bodies
-    return Opened(
-        (ExternalLoads(loads, by_nearness),),
-        tuple(sources),
-        real=f"external forces from {path.name}",
-    )
+    return Opened((of_file,), tuple(sources), real=f"external forces from {path.name}")
+
+
+def names_no_body(path: Path) -> bool:
+    """Return whether files of a kind say nothing of the bodies that forces act on."""
+    return path.suffix.lower() in TABLES or trial_format(path) is not None
 
 
 def _are_shared(opening: Opening) -> bool:
@@ -179,12 +193,12 @@ def read_loads(
     >>> loads.bodies, loads.forces[0, 0].tolist()
     (('fore',), [0.0, -10.0, 0.0])
     """
-    wrenches = raw_loads(path, model, motion, bodies, trial, plates, laboratory, options)
+    measured = raw_loads(path, model, motion, bodies, trial, plates, laboratory, options)
     with about(path):
-        return on_feet(wrenches, model, motion, options)
+        return on_feet(measured.wrenches, model, motion, options)
 
 
-def _loads_of_file(
+def _of_file(
     path: Path,
     model: Model,
     motion: Motion,
@@ -195,11 +209,31 @@ def _loads_of_file(
     laboratory: Laboratory,
     options: ForceOptions,
     shared: bool,
-) -> Wrenches:
-    """External forces of a file as `read_loads` has them, or `shared` by contacts."""
-    wrenches = raw_loads(path, model, motion, bodies, trial, plates, laboratory, options)
+) -> PlateForces:
+    """External forces of a file, held against the motion; bodies as far as they are named."""
+    measured = raw_loads(path, model, motion, bodies, trial, plates, laboratory, options)
     with about(path):
-        return on_feet(wrenches, model, motion, options, shared)
+        checked = checked_loads(measured.wrenches, model, motion, options, shared)
+    return replace(measured, wrenches=checked)
+
+
+def _of_recording(
+    trial: Trial,
+    plates: Sequence[str],
+    model: Model,
+    motion: Motion,
+    *,
+    options: ForceOptions,
+    shared: bool,
+) -> PlateForces:
+    """Forces of a recording's plates, held against the motion; bodies as far as they are named."""
+    wrenches = checked_loads(plate_wrenches(trial, plates), model, motion, options, shared)
+    return PlateForces(wrenches, outlines_of(trial))
+
+
+def outlines_of(trial: Trial) -> FrozenMap[str, Array]:
+    """Corners of a recording's plates by name, (4, 3) each [m]."""
+    return FrozenMap({plate.name: plate.corners for plate in trial.plates})
 
 
 def on_feet(
@@ -213,27 +247,57 @@ def on_feet(
     only. `shared`: contacts share them, so that nothing is asked of the foot of a force. Raises
     `BadData` where a body is not known and the model has no foot.
     """
+    checked = checked_loads(wrenches, model, motion, options, shared)
+    return given_to_feet(checked, motion, model=model, options=options, shared=shared)
+
+
+def checked_loads(
+    wrenches: Wrenches,
+    model: Model,
+    motion: Motion,
+    options: ForceOptions | None = None,
+    shared: bool = False,
+) -> Wrenches:
+    """Forces held against the motion, on the bodies that are named, as far as any are: arguments
+    are those of `on_feet`.
+    """
     options = options or ForceOptions()
     findings: tuple[Finding, ...] = ()
-    checked = options.force_checks != "none"
     mend = options.force_checks == "mend"
     if options.force_shift:
         wrenches = replace(wrenches, time=wrenches.time + options.force_shift)
     else:
         wrenches = on_clock(wrenches, motion.time, mend)
     # Of frames that are still to arrive there is no motion to hold forces against.
-    if checked and len(motion) > 1:
+    if options.force_checks != "none" and len(motion) > 1:
         checks = BODY_CHECKS if shared else CHECKS
         found = checked_forces(wrenches, model, motion, mend, checks)
         findings = found.findings
         wrenches = _without_loads(found.wrenches, findings)
-    if not all(wrenches.bodies):
-        wrenches = nearest_feet(wrenches, model, motion, checked and not shared)
     texts = messages_of_findings(findings)
-    places = tuple(f"{finding.place} may carry" for finding in findings)
-    kept = (text for text in wrenches.notes if text not in texts and not text.startswith(places))
-    notes = (*texts, *kept)
-    return replace(wrenches, notes=notes, findings=(*wrenches.findings, *findings))
+    others = (text for text in wrenches.notes if text not in texts)
+    return replace(wrenches, notes=(*texts, *others), findings=(*wrenches.findings, *findings))
+
+
+def given_to_feet(
+    wrenches: Wrenches,
+    motion: Motion,
+    *,
+    model: Model,
+    options: ForceOptions | None = None,
+    shared: bool = False,
+) -> Wrenches:
+    """Forces that were held against the motion, those without a body on the feet that are nearest.
+
+    Arguments and errors are those of `on_feet`.
+    """
+    if all(wrenches.bodies):
+        return wrenches
+    checked = (options or ForceOptions()).force_checks != "none"
+    explained = [item.place for item in wrenches.findings if item.kind != ZERO]
+    found = nearest_feet(wrenches, model, motion, checked and not shared)
+    places = tuple(f"{place} may carry" for place in explained)
+    return replace(found, notes=tuple(note for note in found.notes if not note.startswith(places)))
 
 
 def _without_loads(wrenches: Wrenches, findings: Sequence[Finding]) -> Wrenches:
@@ -292,13 +356,14 @@ def raw_loads(
     plates: Sequence[str] = (),
     laboratory: Laboratory = AS_RECORDED,
     options: ForceOptions | None = None,
-) -> Wrenches:
-    """External forces as a file has them, unchecked; "" for a body that neither it nor the caller
-    names.
+) -> PlateForces:
+    """External forces as a file has them, unchecked, with the outlines of plates; "" for a body
+    that neither it nor the caller names.
 
     Parameters and errors as in `read_loads`.
     """
     ending = Path(path).suffix.lower()
+    outlines: Mapping[str, Array] = FrozenMap({})
     _refuse_wrong_kind(path, ending, bodies, plates)
     if ending in TABLES:
         with about(path):
@@ -315,8 +380,9 @@ def raw_loads(
         wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
     elif trial_format(path) is not None:
         with about(path):
-            recording = laboratory.trial(read_recording(path))
-            wrenches = plate_wrenches(upright(recording, model), plates)
+            recording = upright(laboratory.trial(read_recording(path)), model)
+            wrenches = plate_wrenches(recording, plates)
+            outlines = outlines_of(recording)
     else:
         raise BadFile(
             path,
@@ -328,13 +394,14 @@ def raw_loads(
         if body and body not in model.body_names and body != "ground":
             raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
     if ending not in (*TABLES, ".xml"):
-        return wrenches
+        return PlateForces(wrenches, outlines)
     weight = model.weight if model.mass > 0.0 else 0.0
     zeros = zero_messages(wrenches, np.asarray(model.up), weight)
     findings = (Finding(kind=ZERO, place=zero.place, text=zero) for zero in zeros)
-    return replace(
+    noted = replace(
         wrenches, notes=(*wrenches.notes, *zeros), findings=(*wrenches.findings, *findings)
     )
+    return PlateForces(noted)
 
 
 def _refuse_wrong_kind(

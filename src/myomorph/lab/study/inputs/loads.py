@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 from weakref import WeakKeyDictionary
 
+from myomorph.core.contact.plate_forces import PlateForces
 from myomorph.core.io.force_table import holds_forces
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.series import Motion, Trial, Wrenches
@@ -58,24 +59,42 @@ class ExternalLoads:
 
     Attributes
     ----------
-    find : reads the forces and holds them against the motion
+    measured : reads the forces and holds them against the motion; bodies as far as they are named
+    on_bodies : gives forces without a body to the feet; None where all have one
     nearest : nobody named the bodies, so each force is put on the foot nearest to its center of
         pressure
     """
 
-    find: Callable[[Motion], Wrenches]
+    measured: Callable[[Motion], PlateForces]
+    on_bodies: Callable[[Wrenches, Motion], Wrenches] | None = None
     nearest: bool = False
-    _known: WeakKeyDictionary[Motion, Wrenches] = field(
+    _measured: WeakKeyDictionary[Motion, PlateForces] = field(
+        default_factory=WeakKeyDictionary, init=False, repr=False
+    )
+    _acting: WeakKeyDictionary[Motion, Wrenches] = field(
         default_factory=WeakKeyDictionary, init=False, repr=False
     )
 
-    def of(self, motion: Motion) -> Wrenches:
-        """External forces of a motion, found once as long as the motion exists: reading and checks
-        take most of the time of inverse dynamics.
+    @classmethod
+    def on_known_bodies(cls, find: Callable[[Motion], Wrenches]) -> Self:
+        """Take forces whose bodies are known."""
+        return cls(lambda motion: PlateForces(find(motion)))
+
+    def as_measured(self, motion: Motion) -> PlateForces:
+        """External forces of a motion before they are given to bodies, found once as long as the
+        motion exists: reading and checks take most of the time of inverse dynamics.
         """
-        if motion not in self._known:
-            self._known[motion] = self.find(motion)
-        return self._known[motion]
+        if motion not in self._measured:
+            self._measured[motion] = self.measured(motion)
+        return self._measured[motion]
+
+    def of(self, motion: Motion) -> Wrenches:
+        """External forces of a motion on bodies, found once as long as the motion exists."""
+        if motion not in self._acting:
+            wrenches = self.as_measured(motion).wrenches
+            given = self.on_bodies
+            self._acting[motion] = wrenches if given is None else given(wrenches, motion)
+        return self._acting[motion]
 
 
 def loads_by_name(recording: Path) -> Path | None:

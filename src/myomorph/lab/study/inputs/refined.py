@@ -92,7 +92,7 @@ def _open(settings: RefinedFile, opening: Opening) -> Opened:
     return Opened(
         (
             RefinedMotion(motion, settings.cutoff, tissue),
-            None if loads is None else ExternalLoads(filtered),
+            None if loads is None else ExternalLoads.on_known_bodies(filtered),
         ),
         (file_source("refined motion", path),),
         real="coordinates refined together with body, masses and forces",

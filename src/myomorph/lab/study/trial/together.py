@@ -5,14 +5,15 @@ each other.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
+from myomorph.core.contact.plate_forces import PlateForces
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, listing
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import free_object
@@ -24,7 +25,7 @@ from myomorph.core.model.join import (
     join_wrenches,
 )
 from myomorph.core.model.model import Model
-from myomorph.core.model.series import Emg, Motion, Series, Trial, Wrenches
+from myomorph.core.model.series import Emg, Motion, Series, Wrenches
 from myomorph.core.model.shown import shown
 from myomorph.core.motion.clocks import on_one_clock
 from myomorph.core.motion.sync import resample_wrenches
@@ -41,7 +42,6 @@ from myomorph.lab.study.inputs.emg import RecordedEmg
 from myomorph.lab.study.inputs.input import ByType
 from myomorph.lab.study.inputs.keys import Notes, Place, WordOrFile
 from myomorph.lab.study.inputs.loads import ExternalLoads
-from myomorph.lab.study.inputs.markers import Recording
 from myomorph.lab.study.inputs.phases import Phases
 from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.inputs.truth import KnownTruth
@@ -219,17 +219,13 @@ def join_trials(
     )
     contact_options = options_of({"tension": settings.get("tension", {})})[ContactOptions]
     options = first.options.only(*kinds).having(contact_options, next(emg_options, None))
-    plates = tuple(
-        {plate.name: plate for trial in trials for plate in trial.recording.plates}.values()
-    )
     joined = TrialInputs(
         name=together.name,
         subject=" and ".join(parts),
         model=model,
         options=options,
         inputs=ByType(  # page: a collection, whose values have no names
-            Recording(Trial(plates=plates)),
-            ExternalLoads(partial(_joined_loads, parts, motions)),
+            _joined_external(parts, motions),
             _emg(parts),
             (
                 read_contacts(together.contacts, model, together.measured)
@@ -305,25 +301,64 @@ def _on_first_clock(series: Mapping[str, Series]) -> Series:
     )
 
 
-def _joined_loads(
-    parts: Mapping[str, Part], motions: Mapping[str, Motion], recorded: Motion
-) -> Wrenches:
-    """External forces of all parts, at the times of the first that has any."""
-    loads = {name: part.trial.get(ExternalLoads) for name, part in parts.items()}
-    wrenches = {name: load.of(motions[name]) for name, load in loads.items() if load is not None}
-    if not wrenches:
-        nothing = np.zeros((len(recorded), 0, 3))
-        return Wrenches(
-            time=recorded.time, names=(), bodies=(), forces=nothing, points=nothing, torques=nothing
-        )
-    if clock_difference(wrenches):
-        time = next(iter(wrenches.values())).time
-        start = max(wrench.time[0] for wrench in wrenches.values())
-        stop = min(wrench.time[-1] for wrench in wrenches.values())
-        if stop <= start:
-            raise BadData(
-                "external forces of " + " and ".join(wrenches) + " have no time in common"
-            )
-        common = time[(time >= start) & (time <= stop)]
-        wrenches = {name: resample_wrenches(wrench, common) for name, wrench in wrenches.items()}
-    return join_wrenches(wrenches)
+def _joined_external(parts: Mapping[str, Part], motions: Mapping[str, Motion]) -> ExternalLoads:
+    """External forces of all parts; a plate that several of them stand on is measured once."""
+
+    def measured(recorded: Motion) -> PlateForces:
+        loads = {name: part.trial.get(ExternalLoads) for name, part in parts.items()}
+        found = {
+            name: load.as_measured(motions[name])
+            for name, load in loads.items()
+            if load is not None
+        }
+        return _joined_plates(found, recorded)
+
+    def on_bodies(unused: Wrenches, recorded: Motion) -> Wrenches:
+        loads = {name: part.trial.get(ExternalLoads) for name, part in parts.items()}
+        found = {name: load.of(motions[name]) for name, load in loads.items() if load is not None}
+        return join_wrenches(_on_one_time(found)) if found else _nothing(recorded)
+
+    return ExternalLoads(measured=measured, on_bodies=on_bodies)
+
+
+def _joined_plates(parts: Mapping[str, PlateForces], recorded: Motion) -> PlateForces:
+    """Plates of all parts; one with an outline that several parts have stands for itself once."""
+    if not parts:
+        return PlateForces(_nothing(recorded))
+    common = _on_one_time({name: part.wrenches for name, part in parts.items()})
+    joined = join_wrenches(common)
+    plates = [(part, plate) for part in parts.values() for plate in part.wrenches.names]
+    outlines: dict[str, Array] = {}
+    names = list(joined.names)
+    kept = []
+    for column, (part, plate) in enumerate(plates):
+        corners = part.outlines.get(plate)
+        if plate in outlines and corners is not None:
+            continue
+        kept.append(column)
+        if corners is not None:
+            outlines[plate] = corners
+            names[column] = plate
+    wrenches = replace(joined, names=tuple(names)).columns(kept)
+    return PlateForces(wrenches, FrozenMap(outlines))
+
+
+def _on_one_time(wrenches: Mapping[str, Wrenches]) -> Mapping[str, Wrenches]:
+    """Bring forces of parts to the times of the first, as far as all have them."""
+    if not clock_difference(wrenches):
+        return wrenches
+    time = next(iter(wrenches.values())).time
+    start = max(wrench.time[0] for wrench in wrenches.values())
+    stop = min(wrench.time[-1] for wrench in wrenches.values())
+    if stop <= start:
+        raise BadData("external forces of " + " and ".join(wrenches) + " have no time in common")
+    common = time[(time >= start) & (time <= stop)]
+    return {name: resample_wrenches(wrench, common) for name, wrench in wrenches.items()}
+
+
+def _nothing(recorded: Motion) -> Wrenches:
+    """No force, at the times of a motion."""
+    nothing = np.zeros((len(recorded), 0, 3))
+    return Wrenches(
+        time=recorded.time, names=(), bodies=(), forces=nothing, points=nothing, torques=nothing
+    )

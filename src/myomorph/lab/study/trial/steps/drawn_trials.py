@@ -12,6 +12,7 @@ import scipy
 
 from myomorph.body.tension.task import TensionTask
 from myomorph.core.contact.plan import ContactPlan
+from myomorph.core.contact.plate_forces import PlateForces
 from myomorph.core.contact.site_motion import root_places, walked
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import MyomorphError
@@ -95,10 +96,9 @@ class Chain:
     `markers` that draws move are those recorded, else the model's own on the motion that was given,
     `base` what inverse kinematics makes of them; `modes`: how what it assumed of coordinates that
     no marker shows may differ, at the times of `recorded`; `residuals`: root mean square error of
-    each marker in the recording [m]; `loads` and `sensors` as recorded. Of so many frames
-    (`*_step`) one is drawn: errors change slowly, and frames do not depend on each other. The
-    second divides the
-    third.
+    each marker in the recording [m]; `loads` on bodies, the `plates` that they are of, and
+    `sensors` as recorded. Of so many frames (`*_step`) one is drawn: errors change slowly, and
+    frames do not depend on each other. The second divides the third.
     """
 
     trial: TrialInputs
@@ -109,6 +109,7 @@ class Chain:
     base: Motion | None
     residuals: Mapping[str, float]
     loads: Wrenches | None
+    plates: PlateForces | None = None
     sensors: SensorFit | None = None
     modes: tuple[AssumedMode, ...] = ()
     pose_step: int = 1
@@ -358,6 +359,7 @@ def chain_of(
         torques = solve_dynamics(trial, recorded)
     external = trial.get(ExternalLoads)
     loads = None if external is None else external.of(recorded)
+    plates = None if external is None else external.as_measured(recorded)
     chain = Chain(
         trial=trial,
         recorded=recorded,
@@ -367,6 +369,7 @@ def chain_of(
         base=base,
         residuals=residuals,
         loads=loads,
+        plates=plates,
         sensors=sensors,
         modes=modes,
     )
@@ -422,18 +425,31 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
         ):
             options = options.having(replace(options[ContactOptions], formulation="sequential"))
     model = drawn_subject(trial.model, draw)
-    loads = chain.loads
-    if loads is not None and acts(sources, ("forces",)):
-        loads = drawn_inputs.drawn_wrenches(loads, trial.model.up, draw)
     recorded = trial.get(RecordedEmg)
     return replace(trial, model=model, options=options).having(
         chosen,
         _drawn_points(trial.get(JointPoints), draw),
-        None if loads is None else ExternalLoads(lambda motion: loads),
+        _drawn_loads(chain, draw),
         None
         if recorded is None
         else replace(recorded, emg=drawn_inputs.drawn_emg(recorded.emg, draw)),
     )
+
+
+def _drawn_loads(chain: Chain, draw: Draw) -> ExternalLoads | None:
+    """External forces with errors, on bodies and as plates measured them; as recorded where the
+    sources leave them so.
+    """
+    loads = chain.loads
+    plates = chain.plates
+    if loads is None or plates is None:
+        return None
+    external = chain.trial.inputs[ExternalLoads]
+    if acts(draw.sources, ("forces",)):
+        up = chain.trial.model.up
+        loads = drawn_inputs.drawn_wrenches(loads, up, draw)
+        plates = replace(plates, wrenches=drawn_inputs.drawn_wrenches(plates.wrenches, up, draw))
+    return replace(external, measured=lambda motion: plates, on_bodies=lambda unused, motion: loads)
 
 
 def _drawn_points(points: JointPoints | None, draw: Draw) -> JointPoints | None:

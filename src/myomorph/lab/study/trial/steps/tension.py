@@ -19,6 +19,7 @@ from myomorph.body.tension.task import (
     tension_task,
 )
 from myomorph.core.contact.plan import ContactPlan
+from myomorph.core.contact.plate_forces import PlateForces
 from myomorph.core.contact.site_motion import root_places, walked
 from myomorph.core.io.contact_events import write_events
 from myomorph.core.io.loads import write_external_loads
@@ -286,8 +287,7 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
         Measurements(
             recorded=with_bridges(recorded, torques.motion),
             wrenches=_wrenches(trial, torques),
-            plates=trial.recording.plates,
-            plate_time=trial.recording.plate_time,
+            plates=_plates(trial, recorded, torques),
             cutoff=cutoff,
             standing=standing,
         ),
@@ -314,6 +314,18 @@ def _wrenches(trial: TrialInputs, torques: Torques) -> Wrenches | None:
     ):
         return wrenches
     return replace(wrenches, bodies=("",) * len(wrenches.bodies))
+
+
+def _plates(trial: TrialInputs, recorded: Motion, torques: Torques) -> PlateForces | None:
+    """What plates measured of the feet on them, filtered like the motion; None where contacts do
+    not ask.
+    """
+    plan = trial.get(ContactPlan)
+    loads = trial.get(ExternalLoads)
+    if plan is None or plan.measured == "exact" or loads is None or torques.wrenches is None:
+        return None
+    measured = loads.as_measured(recorded)
+    return measured.at(torques.motion.time, cutoff_of(trial, recorded))
 
 
 def recruitment_of(trial: TrialInputs) -> RecruitmentOptions:
