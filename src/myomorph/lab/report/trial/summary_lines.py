@@ -149,9 +149,8 @@ def tension_line(model: Model, tension: Tension) -> str:
     if tension.actuator_force.size:
         text += _reserves(model, tension)
     if tension.contacts is not None:
-        peak = float(
-            np.linalg.norm(tension.contacts.contact_force.sum(axis=1), axis=1).max(initial=0.0)
-        )
+        together = np.linalg.norm(tension.contacts.contact_force.sum(axis=1), axis=1)
+        peak = float(together[np.isfinite(together)].max(initial=0.0))
         groups = len({site.group for site in tension.contacts.sites})
         text += f"; {groups} contacts carry up to {peak:.4g} N together"
     if tension.pushing:
