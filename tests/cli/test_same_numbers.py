@@ -1,6 +1,4 @@
-"""The same inputs give the same numbers, whichever way they go: `analyze`, a study file, `tension`
-and Python.
-"""
+"""Equal inputs give equal numbers by `analyze`, a study file, `tension` and Python."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ TABLES = ("forces.sto", "reserves.sto", "contact_groups.sto", "torques_with_cont
 
 @pytest.fixture(scope="module")
 def analyzed(data, tmp_path_factory):
-    """A walk with plates that contacts share, whose laboratory is turned to the model."""
+    """Analyze a walk on plates that contacts share, whose laboratory is turned to the model."""
     recording = data("c3d-opensim-walking/walking5.c3d")
     folder = tmp_path_factory.mktemp("analyzed") / "results"
     shared = ["--contacts", "auto", "--measured", "shared"]
@@ -29,7 +27,7 @@ def analyzed(data, tmp_path_factory):
 
 
 def same(first, second):
-    """Whether two tables hold the same numbers, as far as files keep them."""
+    """Hold two tables against each other, as far as files keep numbers."""
     expected = read_sto(first)
     found = read_sto(second)
     assert found.names == expected.names
@@ -61,9 +59,9 @@ def test_the_study_file_that_analyze_wrote_gives_its_numbers(analyzed, tmp_path)
     _, folder = analyzed
     study = folder / "study.toml"
     assert main(["run", str(study), "--out", str(tmp_path / "again")]) == 0
-    (trial,) = (path.parent for path in (tmp_path / "again").rglob("forces.sto"))
+    (forces,) = (tmp_path / "again").rglob("forces.sto")
     for table in TABLES:
-        same(folder / "walking5" / table, trial / table)
+        same(folder / "walking5" / table, forces.parent / table)
 
 
 @pytest.mark.long

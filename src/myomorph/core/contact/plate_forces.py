@@ -37,6 +37,10 @@ class PlateForces:
         time : (frames,) [s]
         cutoff : low-pass [Hz], None for none
 
+        Returns
+        -------
+        the same plates, (frames, plates, 3) each
+
         Raises
         ------
         BadData : the times reach beyond those of the forces
