@@ -112,7 +112,7 @@ def compared(home: Path, written: Written) -> Row:
     table = mm.read_sto(home / "torques_with_contacts.sto")
     for what in ("arms", "legs and trunk"):
         some = [name for name in torques.names if bool(OF_ARMS.search(name)) == (what == "arms")]
-        errors = [at_times(table, f"{name}_moment", torques.time) - torques[name] for name in some]
+        errors = [_found(table, name, torques.time) - torques[name] for name in some]
         row[f"torques of {what}, RMS error [N m]"] = float(np.sqrt(np.nanmean(np.square(errors))))
         row[f"SD of {what} [N m]"] = rms([torques[name] - torques[name].mean() for name in some])
     row |= likeness(mm.read_sto(home / "activations.sto"), written.activations)
@@ -122,6 +122,12 @@ def compared(home: Path, written: Written) -> Row:
             or "none"
         )
     return row | {"over their limits": over}
+
+
+def _found(table: mm.Series, name: str, time: Array) -> Array:
+    """A coordinate's force or torque, by OpenSim's column, at other times (frames,)."""
+    column = f"{name}_moment" if f"{name}_moment" in table.names else f"{name}_force"
+    return at_times(table, column, time)
 
 
 def at_times(table: mm.Series, name: str, time: Array) -> Array:
