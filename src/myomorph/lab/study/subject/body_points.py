@@ -181,6 +181,7 @@ def _in_skin(
 
 def _in_own_skin(model: Model, shape: BodyShape, file: Path) -> _Posed:
     """Pose the model in a scan."""
+    # Loaded only where a skin is asked for: it brings the statistical body.
     from myomorph.body.shape.fit_pose import pose_model_to_skin
 
     with about(file):
@@ -193,6 +194,7 @@ def _in_own_skin(model: Model, shape: BodyShape, file: Path) -> _Posed:
 
 def _in_statistical_body(model: Model, shape: BodyShape, mass: float) -> _Posed:
     """Pose the model in the body of height and chest."""
+    # Loaded only where a skin is asked for: it brings the statistical body.
     from myomorph.body.shape.fit_pose import pose_model_to_skin
 
     body = _statistical(shape, mass)
