@@ -28,6 +28,7 @@ from myomorph.core.tension.solve import solve_contacts, solve_tension
 from myomorph.core.tension.tension import TensionOptions, contact_notes, missing_support
 from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.core.tension.terms.emg import EmgTarget
+from myomorph.lab.study.trial.joint_force import carried_tension
 
 FRAMES = slice(150, 1150, 90)
 
@@ -88,6 +89,18 @@ def test_much_that_comes_from_nowhere_is_named_with_its_size_and_time(walker, hi
     (finding,) = missing_support(replace(hidden, actuator_force=reserves), weight)
     assert f"at {hidden.time[7]:.2f} s" in finding.text
     assert finding.size == pytest.approx(20.0 * weight / np.sqrt(len(hidden)), rel=0.1)
+
+
+def test_a_frame_held_from_nowhere_shows_no_loads_of_joints(walker, hidden):
+    model = walker[0]
+    assert carried_tension(hidden, model) == (hidden, ())
+    reserves = hidden.actuator_force.copy()
+    reserves[7, hidden.reserve_names.index("residual_FY")] += 0.11 * model.weight
+    held, (note,) = carried_tension(replace(hidden, actuator_force=reserves), model)
+    lost = np.isnan(held.muscle_force).all(axis=1)
+    assert np.flatnonzero(lost).tolist() == [7]
+    assert note.times == ((hidden.time[7], hidden.time[7]),)
+    assert not np.isnan(held.muscle_force[~lost]).any()
 
 
 @pytest.mark.parametrize("formulation", ["simultaneous", "sequential"])

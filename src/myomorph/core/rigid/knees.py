@@ -132,7 +132,7 @@ def hinge_axis(model: Model, knee: Joint, poses: Poses, down: Array) -> Array:
 
     Returns
     -------
-    (3,) unit vector in the tibia
+    (3,) unit vector in the tibia; 0 for a knee whose coordinate does not turn it so
     """
     body_index = compile_tree(model).body_index
     femur = body_index[knee.parent]
@@ -143,4 +143,5 @@ def hinge_axis(model: Model, knee: Joint, poses: Poses, down: Array) -> Array:
         [change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]]
     )
     axis -= (axis @ down) * down
-    return axis / np.linalg.norm(axis)
+    size = float(np.linalg.norm(axis))
+    return axis / size if size > 0.0 else np.zeros(3)

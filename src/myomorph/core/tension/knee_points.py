@@ -163,7 +163,7 @@ def _axes(model: Model, knee: Joint) -> KneeAxes:
         raise _unfit(knee, "has no hip above it")
     if down is None:
         raise _unfit(knee, "has no ankle below it")
-    if poses is None:
+    if poses is None or not hinge_axis(model, knee, poses, down).any():
         raise BadModel(
             f"joint '{knee.name}' does not turn, so its contact points must be given in a file"
         )

@@ -15,6 +15,7 @@ Source: Schipplein and Andriacchi 1991.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -77,6 +78,21 @@ class StaticLoads(Labelled):
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def only(self, frames: np.ndarray) -> StaticLoads:
+        """Return the same with forces of some frames alone, NaN in others.
+
+        Parameters
+        ----------
+        frames : (frames,) whether a frame keeps its forces
+
+        Returns
+        -------
+        of the same joints
+        """
+        low = np.where(frames[:, None], self.static_load_low, np.nan)
+        high = np.where(frames[:, None], self.static_load_high, np.nan)
+        return replace(self, static_load_low=low, static_load_high=high)
 
     @property
     def series(self) -> tuple[Series, Series]:

@@ -30,6 +30,8 @@ that floats.
 """
 MAX_MISSING = 0.25
 """Share of the weight, root mean square, from which on forces from nowhere void the result."""
+MAX_UNEXPLAINED = 0.1
+"""Share of the weight, held from nowhere, above which a frame shows no loads of joints."""
 LARGE = 0.2
 """Share of the maximum isometric force from which a muscle's passive force is named."""
 FIBERS_OF_TENSION = tuple(
@@ -428,6 +430,29 @@ def contact_notes(tension: Tension) -> tuple[Message, ...]:
     )
 
 
+def unexplained_frames(tension: Tension, weight: float) -> np.ndarray:
+    """Find frames in which more than a tenth of the weight comes from nowhere.
+
+    Joint loads and muscle forces of such a frame hold a body that nothing carries.
+
+    Parameters
+    ----------
+    tension : result
+    weight : of the body [N]
+
+    Returns
+    -------
+    (frames,) bool
+    """
+    return np.asarray(_root_residuals(tension) > MAX_UNEXPLAINED * weight)
+
+
+def _root_residuals(tension: Tension) -> Array:
+    """Size of what holds the root from nowhere (frames,); a moment counts as a force at 1 m [N]."""
+    columns = [tension.reserve_names.index(name) for name in tension.residual_names]
+    return np.asarray(np.linalg.norm(tension.actuator_force[:, columns], axis=1))
+
+
 def missing_support(
     tension: Tension, weight: float, infeasible: Sequence[Message] = ()
 ) -> tuple[Finding, ...]:
@@ -442,8 +467,7 @@ def missing_support(
     infeasible : what was found of frames whose contacts cannot carry the motion, which is the same
         fault and becomes a part of the finding
     """
-    columns = [tension.reserve_names.index(name) for name in tension.residual_names]
-    residuals = np.linalg.norm(tension.actuator_force[:, columns], axis=1)
+    residuals = _root_residuals(tension)
     known = np.isfinite(residuals).any()
     size = float(np.sqrt(np.nanmean(residuals**2))) if known else 0.0
     if size <= MAX_MISSING * weight:

@@ -23,7 +23,7 @@ class StrideLoad:
     stop: float
     peak: float  # [N]
     peak_time: float  # [s]
-    impulse: float  # force added up over the time [N s]
+    impulse: float  # force added up over the time [N s]; NaN where it is not known all the time
 
     @property
     def peak_percent(self) -> float:
@@ -56,12 +56,15 @@ def stride_loads(loads: Series, strides: Strides | None) -> tuple[StrideLoad, ..
             for index, stride in enumerate(own_strides(name, strides), 1)
         ]
         for number, start, stop in spans or [(0, float(loads.time[0]), float(loads.time[-1]))]:
-            inside = (loads.time >= start - 1e-9) & (loads.time <= stop + 1e-9) & np.isfinite(force)
+            of_stride = (loads.time >= start - 1e-9) & (loads.time <= stop + 1e-9)
+            inside = of_stride & np.isfinite(force)
             if inside.sum() > 1:
                 clock = loads.time[inside]
                 values = force[inside]
                 top = int(np.argmax(values))
                 impulse = float(0.5 * (values[1:] + values[:-1]) @ np.diff(clock))
+                if inside.sum() < of_stride.sum():
+                    impulse = np.nan
                 result.append(
                     StrideLoad(
                         load=name,

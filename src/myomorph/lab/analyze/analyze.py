@@ -20,6 +20,7 @@ from myomorph.core.muscles.published_arms import arm_warnings
 from myomorph.lab.analysis.arm_labels import is_arm
 from myomorph.lab.analyze.arms import have_arms
 from myomorph.lab.analyze.generic_model import generic_model
+from myomorph.lab.analyze.joint_load_defaults import chosen_contact_points, with_joint_loads
 from myomorph.lab.analyze.proposed_protocol import proposed_sites, proposed_table
 from myomorph.lab.analyze.recorded_trial import (
     AnalyzeRequest,
@@ -75,7 +76,7 @@ from myomorph.lab.study.inputs.table import all_keys, settings_of_keys
 from myomorph.lab.study.plan.plan import Plan
 from myomorph.lab.study.plan.written_plan import is_unchanged, study_text
 from myomorph.lab.study.subject.subject_files import SubjectFiles
-from myomorph.lab.study.trial.trial_inputs import Settings, TrialFiles
+from myomorph.lab.study.trial.trial_inputs import TrialFiles
 from myomorph.lab.study.trial.uncertainty_file import STEP as UNCERTAINTY
 
 STUDY = "study.toml"
@@ -501,6 +502,7 @@ def _trials(person: CheckedPerson, chosen: ChosenModel) -> tuple[tuple[TrialFile
     labels = Labels(FrozenMap(chosen.labels))
     mass = BodyMass(request.mass)
     body = replace(request.inputs.or_default(RecordedPerson), height=_plausible(request.height))
+    points = chosen_contact_points(chosen.model, request.inputs, request.options)
     trials = []
     sentences = []
     for recording, name in zip(person.moving, _names(person.moving), strict=True):
@@ -508,7 +510,8 @@ def _trials(person: CheckedPerson, chosen: ChosenModel) -> tuple[tuple[TrialFile
         trial, of_trial = recorded_trial(recording, files, chosen.model, request)
         stated, of_session = stated_session(person.trials[recording.path], files.get(TrialSession))
         # Those on the session are not written, for its keys can be corrected.
-        trials.append(trial.having(labels, mass, body, stated, Assumed(tuple(of_trial))))
+        assumed = Assumed(tuple(of_trial))
+        trials.append(trial.having(labels, mass, body, points, stated, assumed))
         sentences += [f"{name}: {sentence}" for sentence in (*of_session, *of_trial)]
     return tuple(trials), sentences
 
@@ -560,15 +563,10 @@ def _plan(
         path=study,
         trials=tuple(trial for subject in files for trial in subject.trials),
         steps=tuple(subject.steps for subject in subjects for _ in subject.files.trials),
-        settings=_with_joint_loads(request.options),
+        settings=with_joint_loads(request.options),
         subjects=FrozenMap({subject.name: subject for subject in files}),
         flat=len(subjects) == 1,
     )
-
-
-def _with_joint_loads(options: Settings) -> Settings:
-    """Return settings that ask for the loads of joints, unless they say otherwise."""
-    return FrozenMap({**options, "tension": {"reactions": "child", **options.get("tension", {})}})
 
 
 def _with_assumed(subject: PreparedSubject, of_all: Sequence[str]) -> SubjectFiles:

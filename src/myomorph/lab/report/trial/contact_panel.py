@@ -1,6 +1,4 @@
-"""Contact forces, estimated beside measured and what is left open, and forces at contact points of
-joints.
-"""
+"""Contact forces, estimated beside measured and what is left open."""
 
 from __future__ import annotations
 
@@ -10,14 +8,9 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import GROUND
-from myomorph.core.model.series import Series
-from myomorph.core.tension.joint_contact import JointContactForces
-from myomorph.lab.analysis.cycles import band, over_cycles
-from myomorph.lab.analysis.joint_loads import own_strides, stride_loads
 from myomorph.lab.analysis.selection import Subject
-from myomorph.lab.analysis.strides import Strides
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.curves import CycleCurve, Line, cycle_chart, time_plot
+from myomorph.lab.report.charts.curves import Line
 from myomorph.lab.report.charts.marks import Level, drawing, mark, text
 from myomorph.lab.report.charts.points import floor_plot
 from myomorph.lab.report.charts.tracks import (
@@ -284,124 +277,3 @@ def _grid(prepared: Prepared, groups: Sequence[Group], who: Sequence[Subject]) -
         rows.append((group.label, vertical, f"{number(largest)} N{share}"))
     head = ("Contact", "Mean vertical", "Largest")
     return Grid(head, tuple(rows), "Estimated contact forces")
-
-
-STATICS = "statics"
-"""Style of forces that statics allow."""
-LOAD_HEAD = ("Force", "Stride", "From", "to", "Peak", "Peak, body weights", "at", "Impulse")
-
-
-def joint_contact_section(prepared: Prepared) -> Section | None:
-    """Whole force of each joint and the force at each of its contact points, in body weights."""
-    forces = prepared.results.joint_contacts
-    if forces is None or not len(forces) or not np.isfinite(forces.joint_contact_total).any():
-        return None
-    strides = prepared.strides
-    figures = tuple(
-        Figure(_joint_chart(prepared, forces, joint, strides), "medium") for joint in forces.joints
-    )
-    lead = (
-        "The force of the whole joint, and the pushes of its contact points along their normals,"
-        " which balance force along and moment across them. Forces across (ligaments, friction) are"
-        " part of the whole only."
-    )
-    if _statics(prepared, forces, forces.joints[0]):
-        lead += (
-            " Dashed: least and greatest force that the joint's torque asks for, over published"
-            " moment arms, without opposing muscles and those of two joints, which add to it."
-        )
-    if any(own_strides(joint, strides) for joint in forces.joints):
-        lead += " Over the stride: thin lines are strides, the thick one their mean."
-    rest = _not_carried(forces)
-    legend = [("first", "whole joint")]
-    names = dict.fromkeys(forces.points)
-    legend += list(zip(ORDINAL[1:], list(names)[: len(ORDINAL) - 1], strict=False))
-    if _statics(prepared, forces, forces.joints[0]):
-        legend.append((STATICS, "by statics"))
-    rows = []
-    for load in stride_loads(forces.loads(), strides):
-        span = (f"{number(instant, 0.001)} s" for instant in (load.start, load.stop))
-        peak = (
-            f"{number(load.peak)} N",
-            number(load.peak / forces.weight),
-            f"{load.peak_percent:.0f} %",
-        )
-        name = str(load.stride) if load.stride else "recording"
-        rows.append((load.load, name, *span, *peak, f"{number(load.impulse)} N·s"))
-    grid = Grid(
-        head=LOAD_HEAD,
-        rows=tuple(rows),
-        title="Peaks and impulses by stride",
-        folded=len(rows) > 12,
-    )
-    return Section(
-        key="joint_contacts",
-        title="Forces in joints",
-        lead=lead + rest,
-        legend=tuple(legend),
-        figures=figures,
-        grids=(grid,),
-    )
-
-
-def _not_carried(forces: JointContactForces) -> str:
-    """What the points do not carry, joint by joint, as sentences; "" where that is nothing."""
-    texts = []
-    for j, joint in enumerate(forces.joints):
-        moment = float(np.nanmax(forces.joint_contact_unbalanced_moment[:, j]))
-        pull = float(np.nanmax(forces.joint_contact_unbalanced_force[:, j]))
-        if moment > 0.1:
-            texts.append(
-                f"where a point of {joint} lifts off, a moment of up to {number(moment)} N·m is"
-                " left"
-            )
-        if pull > 1.0:
-            texts.append(
-                f"{joint} is under tension of up to {number(pull)} N, which no contact point can"
-                " transmit"
-            )
-    text = "; ".join(texts)
-    return f" {text[0].upper()}{text[1:]}." if text else ""
-
-
-def _statics(prepared: Prepared, forces: JointContactForces, joint: str) -> dict[str, Array]:
-    """Least and greatest force of a joint by statics (frames,) [N], by what each is called."""
-    found = prepared.results.static_loads
-    if found is None or joint not in found[0].names or len(found[0]) != len(forces):
-        return {}
-    low, high = found
-    return {"least by statics": low[joint], "greatest by statics": high[joint]}
-
-
-def _joint_chart(
-    prepared: Prepared, forces: JointContactForces, joint: str, strides: Strides | None
-) -> str:
-    points = [index for index, name in enumerate(forces.joint_of) if name == joint]
-    statics = _statics(prepared, forces, joint)
-    names = ("whole joint", *(forces.points[point] for point in points), *statics)
-    columns = [
-        forces.of(joint),
-        *(forces.joint_contact_force[:, point] for point in points),
-        *statics.values(),
-    ]
-    loads = Series(forces.time, names, np.stack(columns, axis=1) / forces.weight)
-    steps = own_strides(joint, strides)
-    own = (ORDINAL * (1 + len(names) // len(ORDINAL)))[: 1 + len(points)]
-    styles = (*own, *(STATICS for _ in statics))
-    if not steps:
-        lines = [
-            Line(time=forces.time, values=loads[name], style=style, label=name)
-            for name, style in zip(names, styles, strict=True)
-        ]
-        return time_plot(joint, "body weights", lines, prepared.span, prepared.events, low=0.0)
-    cycles = over_cycles(loads, [(step.start, step.stop) for step in steps]).values
-    curves = [
-        CycleCurve(
-            band(cycles[:, :, index]).mean,
-            style,
-            name,
-            each=() if style == STATICS else cycles[:, :, index],
-        )
-        for index, (name, style) in enumerate(zip(names, styles, strict=True))
-    ]
-    return cycle_chart(joint, "body weights", curves, [cycles[np.isfinite(cycles)], np.zeros(1)])

@@ -18,8 +18,8 @@ from myomorph.lab.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.lab.report.trial import figures as drawings
 from myomorph.lab.report.trial import muscle_sections
 from myomorph.lab.report.trial.analysis_sections import analysis_sections
-from myomorph.lab.report.trial.contact_panel import joint_contact_section
 from myomorph.lab.report.trial.identification import identification_sections
+from myomorph.lab.report.trial.joint_load_section import joint_load_section
 from myomorph.lab.report.trial.muscle_sections import fiber_section
 from myomorph.lab.report.trial.prepared import Prepared
 from myomorph.lab.report.trial.report_input import Truth
@@ -62,7 +62,7 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
         ),
         (muscle_sections.tension_section, ""),
         (fiber_section, ""),
-        (joint_contact_section, ""),
+        (joint_load_section, ""),
         (muscle_sections.emg_conflict_section, ""),
         (muscle_sections.emg_section, "EMG: no channels."),
         (muscle_sections.length_section, ""),

@@ -4,7 +4,7 @@ and numbers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.tension.joint_contact import JointContactForces, JointPoints
 from myomorph.core.tension.load_quantities import JOINT_CONTACT_LOAD
-from myomorph.lab.analysis.joint_loads import stride_loads
+from myomorph.lab.analysis.joint_loads import StrideLoad, stride_loads
 from myomorph.lab.analysis.strides import Strides
 from myomorph.lab.store.contact_store import get_joint_contacts, put_joint_contacts
 from myomorph.lab.store.results import Stored
@@ -38,6 +38,7 @@ COLUMNS = (
 
 # Of body weight: a joint that bears less may rest on any of its points without a word.
 LOADED = 0.25
+RARE = 0.05  # Share of the frames below which that is good to know.
 LEFT = 0.25  # Of the force times half the distance of the points: a moment left that is said.
 
 
@@ -86,7 +87,8 @@ def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tupl
                     f"{joint}: in {int(bad.sum())} of {len(bad)} frames a contact point of the"
                     " loaded joint would have to pull; it lifts off, and a moment of up to"
                     f" {moment[worst]:.1f} N m is left (at {contacts.time[worst]:.2f} s,"
-                    f" {up or 'none'} off)"
+                    f" {up or 'none'} off)",
+                    gravity="good to know" if bad.mean() < RARE else None,
                 )
             )
         pulled = pull > LOADED * contacts.weight
@@ -114,7 +116,7 @@ def _stride_rows(
             label,
             f"{load.start:.4f}",
             f"{load.stop:.4f}",
-            *(f"{value:.6g}" for value in numbers),
+            *(f"{value:.6g}" if np.isfinite(value) else "" for value in numbers),
         )
 
 
@@ -138,24 +140,35 @@ def joint_contact_numbers(stored: Stored, strides: TrialStrides | None) -> Itera
     each = [
         load for part in parts for load in stride_loads(joint_contacts.loads(), part)
     ] or stride_loads(joint_contacts.loads(), None)
-    assert JOINT_CONTACT_LOAD.tidy is not None
-    ending_of_loads = JOINT_CONTACT_LOAD.tidy.ending()
     for name in joint_contacts.loads().names:
-        strides_of_load = [stride for stride in each if stride.load == name]
-        ending = ", mean of strides" if any(stride.stride for stride in strides_of_load) else ""
-        if strides_of_load:
-            peak = (
-                float(np.mean([stride.peak for stride in strides_of_load])) / joint_contacts.weight
-            )
-            yield Value(
-                step="tension",
-                quantity=f"{name}{ending_of_loads}, peak{ending}",
-                value=peak,
-                unit="body weight",
-            )
-            yield Value(
-                step="tension",
-                quantity=f"{name}{ending_of_loads}, impulse{ending}",
-                value=float(np.mean([stride.impulse for stride in strides_of_load])),
-                unit="N s",
-            )
+        loads = [load for load in each if load.load == name]
+        if loads:
+            yield from _numbers_of(name, loads, joint_contacts.weight)
+
+
+def _numbers_of(name: str, loads: Sequence[StrideLoad], weight: float) -> Iterator[Value]:
+    """Mean peak and impulse of one load; no impulse where it is not known all the time.
+
+    Parameters
+    ----------
+    name : of the load
+    loads : stride by stride
+    weight : of the body [N]
+    """
+    assert JOINT_CONTACT_LOAD.tidy is not None
+    kind = JOINT_CONTACT_LOAD.tidy.ending()
+    ending = ", mean of strides" if any(load.stride for load in loads) else ""
+    yield Value(
+        step="tension",
+        quantity=f"{name}{kind}, peak{ending}",
+        value=float(np.mean([load.peak for load in loads])) / weight,
+        unit="body weight",
+    )
+    impulse = float(np.mean([load.impulse for load in loads]))
+    if np.isfinite(impulse):
+        yield Value(
+            step="tension",
+            quantity=f"{name}{kind}, impulse{ending}",
+            value=impulse,
+            unit="N s",
+        )

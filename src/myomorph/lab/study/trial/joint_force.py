@@ -2,16 +2,44 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from myomorph.core.io.sto import write_sto
+from myomorph.core.model.causes import CONTACTS
+from myomorph.core.model.findings import spans_of
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.segments import joint_labels
 from myomorph.core.model.series import Series
 from myomorph.core.tension.load_quantities import JOINT_FORCE, JOINT_REACTION
 from myomorph.core.tension.reaction import JointReactions
+from myomorph.core.tension.tension import MAX_UNEXPLAINED, Tension, unexplained_frames
 from myomorph.lab.store.quantities import put_value
 from myomorph.lab.study.step.step import StepOutput
+
+
+def carried_tension(tension: Tension, model: Model) -> tuple[Tension, tuple[Message, ...]]:
+    """Return tensions without frames in which the body is held from nowhere, and what is left out.
+
+    Parameters
+    ----------
+    tension : result; muscle forces (frames, muscles) become NaN in those frames [N]
+    model : of the body
+    """
+    lost = unexplained_frames(tension, model.weight)
+    if not lost.any():
+        return tension, ()
+    share = float(lost.mean())
+    note = CONTACTS.message(
+        f"joint loads are left out in {100.0 * share:.0f} % of the frames, in which more than"
+        f" {100.0 * MAX_UNEXPLAINED:.0f} % of the weight comes from nowhere",
+        times=spans_of(tension.time, lost),
+        share=share,
+    )
+    force = np.where(lost[:, None], np.nan, tension.muscle_force)
+    return replace(tension, muscle_force=force), (note,)
 
 
 def write_reactions(reactions: JointReactions, model: Model, output: StepOutput) -> None:

@@ -92,7 +92,7 @@ from myomorph.lab.study.trial.joint_contact_step import (
     joint_contact_signals,
     write_joint_contacts,
 )
-from myomorph.lab.study.trial.joint_force import write_reactions
+from myomorph.lab.study.trial.joint_force import carried_tension, write_reactions
 from myomorph.lab.study.trial.measured_force import put_measured
 from myomorph.lab.study.trial.static_load_step import write_static_loads
 from myomorph.lab.study.trial.steps.id import (
@@ -175,15 +175,18 @@ def _write_joint_loads(
     points = trial.get(JointPoints)
     if frame == "none" and points is None:
         return ()
+    carried, notes = carried_tension(tension, trial.model)
     if frame != "none":
-        write_reactions(task.reactions(tension, frame), trial.model, output)
+        write_reactions(task.reactions(carried, frame), trial.model, output)
     forces = None
-    notes: tuple[Message, ...] = ()
     if points is not None:
-        forces = task.joint_contacts(tension, points)
-        notes = write_joint_contacts(forces, points, strides, output)
+        forces = task.joint_contacts(carried, points)
+        notes += write_joint_contacts(forces, points, strides, output)
     statics = task.static_loads(tension)
-    return notes if statics is None else notes + write_static_loads(statics, forces, output)
+    if statics is None:
+        return notes
+    known = np.asarray(np.isfinite(carried.muscle_force).any(axis=1))
+    return notes + write_static_loads(statics.only(known), forces, output)
 
 
 def _solved_dynamics(trial: TrialInputs, poses: Poses, output: StepOutput) -> Torques:
