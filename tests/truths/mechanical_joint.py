@@ -268,6 +268,7 @@ def mechanical_joint(
     swing: float = 1.0,
     spin: float = 1.0,
     friction: float = 0.0,
+    axis: ArrayLike | None = None,
 ) -> VirtualJoint:
     """A virtual mechanical joint, released several times.
 
@@ -283,6 +284,7 @@ def mechanical_joint(
     swing : size of the releases; 1 for 0.5 to 1.1 rad
     spin : size of the push of a ball's limb about its long axis; 1 for 3 to 6 rad/s
     friction : dry, of every axis [N m]
+    axis : (3,) of a hinge, level; drawn by default
 
     Raises
     ------
@@ -297,28 +299,30 @@ def mechanical_joint(
     random = np.random.default_rng(seed)
     noise = noise or Noise()
     limb = _limb(random)
-    axis = _level(random) if kind == "hinge" else None
+    hinge = None
+    if kind == "hinge":
+        hinge = _level(random) if axis is None else np.asarray(axis, np.float64)
     slack = (
-        np.zeros(3 if axis is None else 1) if rest is None else np.asarray(rest, dtype=np.float64)
+        np.zeros(3 if hinge is None else 1) if rest is None else np.asarray(rest, dtype=np.float64)
     )
     truth = JointTruth(
         kind=kind,
         damping=float(damping),
         stiffness=float(stiffness),
         rest=slack,
-        axis=axis,
+        axis=hinge,
         parameters=limb,
     )
     text = _mjcf(truth, BASE_MARKERS, LIMB_MARKERS)
     compiled = mujoco.MjModel.from_xml_string(text)
-    if axis is None:
+    if hinge is None:
         compiled.qpos_spring[:] = Rotation.from_rotvec(slack).as_quat(scalar_first=True)
     compiled.dof_frictionloss[:] = friction
     at_base = {name: CENTER + place for name, place in BASE_MARKERS.items()}
     made = []
     for number in range(trials):
         start, rates = _release(truth, swing, spin, random)
-        qpos = Rotation.from_rotvec(start).as_quat(scalar_first=True) if axis is None else start
+        qpos = Rotation.from_rotvec(start).as_quat(scalar_first=True) if hinge is None else start
         exact = simulate(compiled, qpos, rates, seconds, STEP)
         made.append(
             VirtualTrial(

@@ -13,8 +13,8 @@ from myomorph.core.fit.correlation import variance_samples
 from myomorph.core.model.errors import UnknownName
 from myomorph.core.motion.filters import lowpass
 from myomorph.swings.viscosity.identification.inertia import InertiaOptions
+from myomorph.swings.viscosity.trust.acting import DRY, Bootstrap, acting_law
 from myomorph.swings.viscosity.trust.forward import angles_apart, measured_motion, swing_forward
-from myomorph.swings.viscosity.trust.freed import DRY, Bootstrap, acting_law
 from myomorph.swings.viscosity.trust.law import (
     PassiveLaw,
     PassiveProblem,

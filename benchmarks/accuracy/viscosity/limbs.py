@@ -22,8 +22,8 @@ from myomorph.swings.viscosity.study.conditions import Prepared, identify_condit
 from myomorph.swings.viscosity.study.options import StudyOptions
 from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 from myomorph.swings.viscosity.tracking.track import track
+from myomorph.swings.viscosity.trust.acting import DRY
 from myomorph.swings.viscosity.trust.checks import TOO_SMALL, condition_findings
-from myomorph.swings.viscosity.trust.freed import DRY
 
 Row = dict[str, object]
 
@@ -113,7 +113,7 @@ def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> L
         for name, one in result.conditions.items()
         for finding in one.findings
     ]
-    if any("dry friction" in note for note in result.found.notes):
+    if any("dry friction of" in note for note in result.found.notes):
         findings.append(("dry friction", "joint", "without"))
     return LimbRun(
         seed=seed,

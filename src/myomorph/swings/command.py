@@ -193,6 +193,8 @@ def print_specimen(outcome: Outcome) -> None:
         if key in report.row:
             value = report.row[key]
             parts.append(f"{label} {value.value:.3g} ({value.low:.3g} to {value.high:.3g}) {unit}")
+    if report.law:
+        parts.append(f"law: {report.law}")
     said(f"  {'; '.join(parts)}")
     notes = [note for note in report.notes if not note.endswith(": corrected")]
     warn(notes[:MAX_NOTES])

@@ -18,6 +18,7 @@ from myomorph.body.identify.pseudo_inertia import (
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.inertia import inertia_matrices, parameters_of
+from myomorph.swings.viscosity.swings.parameter_scale import parameter_scale
 from myomorph.swings.viscosity.swings.recording import PARAMETERS
 from myomorph.swings.viscosity.swings.sums import ONE, PREDICTED, WRENCH, SwingSums, eliminated
 
@@ -40,8 +41,9 @@ IMPOSSIBLE = 1e-3
 class InertiaOptions:
     """How the limb's inertia is identified, see `ViscosityOptions`.
 
-    A hinge is taken as "known" where it is "loaded": it needs the constant moment for the mass
-    center along its axis.
+    A hinge shows where its limb's mass center lies along the axis by a constant moment alone, as a
+    load of the base makes one too: with "loaded" it comes from the prior, and distances of the mass
+    center are those from the axis.
     """
 
     tare: Tare = "loaded"
@@ -140,7 +142,7 @@ def limb_inertia(
     options = options or InertiaOptions()
     counts = np.ones(len(sums)) if counts is None else counts
     hidden = options.tare == "unknown"
-    free = hidden or (options.tare == "loaded" and len(sums.axes) > 1)
+    free = options.tare != "known"
     products = sums.wrench_total(counts)
     whole = products.sum(axis=0)
     if free:
@@ -204,8 +206,7 @@ def _equations(products: Array) -> tuple[Array, Array]:
     A (10, 10), b (10,)
     """
     Z = slice(PREDICTED, PREDICTED + PARAMETERS)
-    scale = np.sqrt(np.diagonal(products)[Z])
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = parameter_scale(np.sqrt(np.diagonal(products)[Z]))
     values, vectors = np.linalg.eigh(products[Z, Z] / scale[:, None] / scale)
     seen = values > 1e-13 * values[-1]
     root = np.divide(
@@ -220,8 +221,7 @@ def _equations(products: Array) -> tuple[Array, Array]:
 
 def _least_norm(A: Array, b: Array) -> Array:
     """Solve A x = b (10,) by least squares; what is not seen is zero."""
-    scale = np.linalg.norm(A, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = parameter_scale(np.linalg.norm(A, axis=0))
     return np.linalg.lstsq(A / scale, b, rcond=1e-6)[0] / scale
 
 

@@ -22,6 +22,8 @@ from myomorph.core.fit.solver import Method, minimize
 from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.swings.viscosity.identification.budget import AXES, ErrorOptions, disturbed, thinned
+from myomorph.swings.viscosity.swings.friction import FRICTIONS, friction_rows
+from myomorph.swings.viscosity.swings.parameter_scale import shown_columns
 from myomorph.swings.viscosity.swings.recording import SwingRecording
 from myomorph.swings.viscosity.swings.sums import free_directions, predicted_rows
 
@@ -131,10 +133,12 @@ def estimate_instruments(
 
     With B_k what a unit of error k changes of the measured wrench, in every condition
 
-        moment about the free axes = -d rates - k angles + s - d_M J_M^T J_M rates + B theta
+        moment about the free axes = -d rates - k angles + s - c friction - d_M J_M^T J_M rates
+                                     + B theta
         force                      = force rows (m, m c) + B theta
 
-    d and s of each axis, k, d_M, m and c are free in each condition, theta is the same in all, with
+    d and s of each axis, k, both kinds of dry friction, d_M, m and c are free in each condition,
+    theta is the same in all, with
     the standard deviations of its prior. Each equation is weighted by what it leaves and by how
     many independent samples that has.
 
@@ -228,7 +232,8 @@ def _left(parts: _Equations) -> list[Array]:
     (frames, rows) of each trial
     """
     A = np.concatenate([inertial.reshape(-1, inertial.shape[2]) for _, inertial, _ in parts])
-    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    size = np.linalg.norm(A, axis=0)
+    size = np.where(shown_columns(size), size, np.inf)
     x = (
         np.linalg.lstsq(A / size, np.concatenate([y.ravel() for y, _, _ in parts]), rcond=1e-9)[0]
         / size
@@ -245,17 +250,18 @@ def _passive(swing_recording: SwingRecording, use: np.ndarray) -> Array:
 
     Returns
     -------
-    (frames, axes, 2 axes + 2)
+    (frames, axes, 2 axes + 4)
     """
     rates = swing_recording.rates[use]
     J = swing_recording.lengthening[use]
     axes = rates.shape[1]
-    columns = np.zeros((len(use), axes, 2 * axes + 2))
+    columns = np.zeros((len(use), axes, 2 * axes + 2 + len(FRICTIONS)))
     each = np.arange(axes)
     columns[:, each, each] = -rates
     columns[:, each, axes + each] = 1.0
     columns[:, :, 2 * axes] = -swing_recording.angles[use]
     columns[:, :, 2 * axes + 1] = -np.einsum("fma,fm->fa", J, np.einsum("fma,fa->fm", J, rates))
+    columns[:, :, 2 * axes + 2 :] = -friction_rows(swing_recording)[use]
     return columns
 
 
@@ -330,7 +336,8 @@ class SwingLaw:
         shared = np.concatenate([part.reshape(-1, part.shape[2]) for _, _, part in equations])
         y = np.concatenate([part.ravel() for part, _, _ in equations])
         size = np.linalg.norm(own, axis=0)
-        own = own[:, size > 0.0] / size[size > 0.0]
+        shown = shown_columns(size)
+        own = own[:, shown] / size[shown]
         shared = shared * scale
         law = eliminated(own, shared, y)
         return cls(

@@ -28,7 +28,12 @@ from myomorph.swings.viscosity.trust.law import PassiveLaw, law_columns
 Terms = tuple[str, ...]
 """Of a law."""
 SPRUNG = ("viscosity", "stiffness")
-LAWS: tuple[Terms, ...] = (("viscosity",), SPRUNG, (*SPRUNG, "coulomb"))
+LAWS: tuple[Terms, ...] = (
+    ("viscosity",),
+    ("viscosity", "coulomb"),
+    SPRUNG,
+    (*SPRUNG, "coulomb"),
+)
 """What is compared, the simplest first; with stiffness goes the angle at which the spring is at
 rest.
 """
@@ -164,10 +169,12 @@ class LimbResult:
 
     Attributes
     ----------
-    estimates : quantities by the names of `UNITS`
+    estimates : quantities by the names of `UNITS`; the interval of one that other laws have too
+        holds what those give that are not excluded
     fit : of the chosen law
     drops : with the half swings that were used
     held_out : of each law, against viscosity alone
+    alike : other laws whose held-out error is within `AS_GOOD` of the least
     shares : standard deviations by source and quantity
     missed : what constant coefficients do not explain
     """
@@ -176,6 +183,7 @@ class LimbResult:
     fit: SwingFit
     drops: tuple[Drop, ...]
     held_out: Mapping[Terms, Verdict]
+    alike: tuple[Terms, ...]
     shares: Mapping[str, Mapping[str, float]]
     missed: tuple[Missed, ...]
 
@@ -243,11 +251,16 @@ def identify_limb(
         source: {name: float(np.sqrt(variance)) for name, variance in of.items()}
         for source, of in variances.items()
     }
+    estimates = _intervals(quantities(fit), variances)
+    alike = _alike(held_out, terms)
+    for other in alike:
+        estimates = _joined(estimates, fit_swings(drops, other), drops, variances)
     return LimbResult(
-        estimates=_intervals(quantities(fit), variances),
+        estimates=estimates,
         fit=fit,
         drops=drops,
         held_out=held_out,
+        alike=alike,
         shares=shares,
         missed=missed,
     )
@@ -266,6 +279,47 @@ def _model_variances(
             name: (changed.get(name, value) - value) ** 2 for name, value in values.items()
         }
     return variances
+
+
+def _alike(held_out: Mapping[Terms, Verdict], chosen: Terms) -> tuple[Terms, ...]:
+    """List other laws that predict held-out drops about as well as the best one."""
+    least = min(verdict.ratio for verdict in held_out.values())
+    return tuple(
+        terms
+        for terms, verdict in held_out.items()
+        if terms != chosen and verdict.ratio <= AS_GOOD * least
+    )
+
+
+def _joined(
+    estimates: Mapping[str, Interval],
+    other: SwingFit,
+    drops: Sequence[Drop],
+    variances: Mapping[str, Mapping[str, float]],
+) -> dict[str, Interval]:
+    """Let intervals hold what another law gives.
+
+    Errors of the masses put all laws off alike.
+
+    Parameters
+    ----------
+    estimates : of the chosen law
+    other : fit of another law to the same drops
+    drops : that both are fitted to
+    variances : of the chosen law, by source and quantity
+    """
+    values = {name: value for name, value in quantities(other).items() if name in estimates}
+    swings = _variances(other, drops)
+    of_model = {source: of for source, of in variances.items() if source != "swings"}
+    beside = _intervals(values, {"swings": swings, **of_model})
+    return {
+        name: Interval(
+            value=estimate.value,
+            low=min(estimate.low, beside[name].low) if name in beside else estimate.low,
+            high=max(estimate.high, beside[name].high) if name in beside else estimate.high,
+        )
+        for name, estimate in estimates.items()
+    }
 
 
 def _intervals(

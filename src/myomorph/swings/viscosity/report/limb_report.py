@@ -55,6 +55,7 @@ def limb_report(name: str, coordinate: str, result: LimbResult, notes: Sequence[
     }
     errors = FrozenMap({source: FrozenMap(dict(of)) for source, of in result.shares.items()})
     chosen = " + ".join(result.fit.terms)
+    alike = tuple(" + ".join(terms) for terms in result.alike)
     row = FrozenMap(dict(result.estimates))
     return LimbReport(
         name=name,
@@ -63,6 +64,7 @@ def limb_report(name: str, coordinate: str, result: LimbResult, notes: Sequence[
         errors=errors,
         laws=FrozenMap(laws),
         chosen=chosen,
+        alike=alike,
         drops=tuple(curves),
         notes=tuple(notes),
     )

@@ -168,8 +168,9 @@ class SpecimenReport:
     `row` are its values in the tables; `truth` those of a virtual specimen and `paper` the printed
     ones, by quantity; `scans` residual maps of scanned bones; `failure` why it could not be done,
     else ""; `errors` what swings, instruments and model add to each result; `instruments` their
-    errors, assumed and as the swings show them; `shoulder`: the joint is the glenohumeral one, of
-    which literature and paper have values.
+    errors, assumed and as the swings show them; `law` that acts in the joint where it is not one
+    viscosity alone, with those that are not excluded; `shoulder`: the joint is the glenohumeral
+    one, of which literature and paper have values.
     """
 
     name: str
@@ -190,6 +191,7 @@ class SpecimenReport:
     errors: tuple[ErrorShare, ...] = ()
     instruments: Instruments | None = None
     shoulder: bool = True
+    law: str = ""
 
     @property
     def conditions(self) -> dict[str, ShownCondition]:
@@ -222,8 +224,8 @@ class LimbReport:
     """All that is shown of a limb; `failure` why it could not be done, else "".
 
     `row`: estimates by the names of `UNITS`; `errors`: standard deviation of each, by source;
-    `laws`: held-out error by law [rad]; `chosen`: among them; `drops`: curves; `notes`: the first
-    on the silence of muscles.
+    `laws`: held-out error by law [rad]; `chosen`: among them; `alike`: others that are not
+    excluded; `drops`: curves; `notes`: the first on the silence of muscles.
     """
 
     name: str
@@ -232,10 +234,17 @@ class LimbReport:
     errors: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: FrozenMap({}))
     laws: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     chosen: str = ""
+    alike: tuple[str, ...] = ()
     drops: tuple[DropCurves, ...] = ()
     truth: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     notes: tuple[str, ...] = ()
     failure: str = ""
+
+    @property
+    def law(self) -> str:
+        """The chosen law, and those that the swings do not exclude."""
+        others = f"; not excluded: {', '.join(self.alike)}" if self.alike else ""
+        return f"{self.chosen}{others}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,10 +5,8 @@ On the way are cut-off, equations, law, three steps and shared errors.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.errors import BadData, MyomorphError
@@ -21,11 +19,13 @@ from myomorph.swings.viscosity.identification.budget import ErrorOptions, ErrorS
 from myomorph.swings.viscosity.identification.instruments import Instruments, estimate_instruments
 from myomorph.swings.viscosity.identification.shared_errors import wider, with_shared_errors
 from myomorph.swings.viscosity.specimen.model import Specimen
+from myomorph.swings.viscosity.study.joint_law import with_acting
 from myomorph.swings.viscosity.study.options import StudyOptions
 from myomorph.swings.viscosity.study.recordings import CONDITIONS
 from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 from myomorph.swings.viscosity.swings.recording import SwingRecording
 from myomorph.swings.viscosity.tracking.tracked import TrackedSpecimen, swing_recordings
+from myomorph.swings.viscosity.trust.acting import ActingLaw
 from myomorph.swings.viscosity.trust.attachments import with_attachments
 from myomorph.swings.viscosity.trust.checks import (
     TARED,
@@ -34,7 +34,6 @@ from myomorph.swings.viscosity.trust.checks import (
     tracking_findings,
 )
 from myomorph.swings.viscosity.trust.cutoff import choose_cutoff
-from myomorph.swings.viscosity.trust.freed import DRY, ActingLaw
 from myomorph.swings.viscosity.trust.models import (
     PassiveComparison,
     PassiveOptions,
@@ -45,13 +44,6 @@ SWAY_SHARE = 0.3
 """Relative standard deviation of a viscosity, over the angle by which its base turns to and fro;
 chosen on virtual limbs whose base's motion was taken off [1/rad].
 """
-
-
-FORM_WORDS = {
-    "viscosity by axis": "axes",
-    "hinges": "three angles one after another, as hinges or a diagonal matrix in joint angles,",
-}
-"""How the forms of a joint's viscosity are called in notes, where it is not one value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +86,7 @@ class Identified:
     lost : conditions that could not be used
     conflicts : criteria of a law that disagree
     law : what acts in the joint beside one viscosity, by name
+    law_name : in words, "" for one viscosity alone
     """
 
     found: identify.SpecimenViscosity
@@ -108,6 +101,7 @@ class Identified:
     lost: tuple[str, ...]
     conflicts: tuple[str, ...]
     law: Mapping[str, Interval]
+    law_name: str
 
 
 def identify_conditions(
@@ -150,7 +144,8 @@ def identify_conditions(
     if sway:
         found = _with_sway(found, sway, options.identification.level)
     if acting is not None and found.without is not None:
-        found, joint = _with_acting(found, acting, shares, options.identification.level)
+        level = options.identification.level
+        found, joint = with_acting(found, by_swings, acting, shares, level)
     return Identified(
         found=found,
         by_swings=by_swings,
@@ -164,6 +159,7 @@ def identify_conditions(
         lost=tuple(lost),
         conflicts=tuple(conflicts),
         law=joint,
+        law_name=acting.name if joint and acting is not None else "",
     )
 
 
@@ -296,82 +292,6 @@ def _compared(
         if comparisons[name].conflict:
             notes.append(f"{identify.STATES[name]}: {comparisons[name].conflict}")
     return comparisons, notes
-
-
-def _with_acting(
-    specimen_viscosity: identify.SpecimenViscosity,
-    law: ActingLaw,
-    shares: Sequence[ErrorShare],
-    level: float,
-) -> tuple[identify.SpecimenViscosity, dict[str, Interval]]:
-    """Put what acts in the joint beside one viscosity into a specimen.
-
-    It is what swings without muscles show; instruments widen its coefficients as they widen the one
-    viscosity.
-    """
-    condition = specimen_viscosity.without
-    assert condition is not None
-    plain = condition.viscosity
-    swings = next(
-        (each for each in shares if each.quantity == "joint_viscosity" and each.source == "swings"),
-        None,
-    )
-    others = (
-        0.0
-        if swings is None or not swings.share > 0.0
-        else swings.sd * np.sqrt(1.0 / swings.share - 1.0)
-    )
-    half = float(half_width(others, level)) / plain.value
-    known = {name: wider(each, half * each.value, True) for name, each in law.coefficients.items()}
-    used = replace(law, coefficients=known).viscosity_of(plain)
-    condition = replace(condition, viscosity=used)
-    if law.form == "viscosity by axis":
-        axes = tuple(known[f"viscosity {axis}"] for axis in condition.recordings[0].axes)
-        condition = replace(condition, axis_viscosity=axes)
-    notes = [
-        f"{identify.STATES['without']}: {note}" for note in _acting_notes(law, known, plain, used)
-    ]
-    return specimen_viscosity.changed({"without": condition}, notes), known
-
-
-def _acting_notes(
-    law: ActingLaw, known: Mapping[str, Interval], plain: Interval, used: Interval
-) -> list[str]:
-    """Report what acts in the joint beside one viscosity.
-
-    Parameters
-    ----------
-    law : that predicts held-out trials best
-    known : its coefficients
-    plain : the one viscosity alone
-    used : the one viscosity that is used
-    """
-    notes = []
-    if law.form in FORM_WORDS:
-        values = ", ".join(
-            f"{each.value:.3g} ({each.low:.3g} to {each.high:.3g})"
-            if np.isfinite(each.value)
-            else "what is not shown"
-            for name, each in known.items()
-            if name not in (DRY, "viscosity")
-        )
-        notes.append(
-            f"{FORM_WORDS[law.form]} resist with {values} N m s/rad: the one value simplifies"
-        )
-    if law.friction:
-        dry = known[DRY]
-        friction = (
-            f"dry friction of {dry.value:.2g} N m ({dry.low:.2g} to {dry.high:.2g}) {law.friction}"
-            " of the joint"
-        )
-        values = f"{used.value:.3g}, is used; alone it is {plain.value:.3g} N m s/rad"
-        notes.append(f"{friction}: the viscosity beside it, {values}")
-    elif law.alike:
-        notes.append(
-            f"held-out trials are predicted as well with dry friction {law.alike[0]} of the joint:"
-            f" the viscosity's interval, {used.low:.3g} to {used.high:.3g} N m s/rad, holds both"
-        )
-    return notes
 
 
 def _with_sway(

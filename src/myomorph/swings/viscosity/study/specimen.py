@@ -221,6 +221,7 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
         scans=opened.scans,
         errors=identified.shares,
         instruments=identified.instruments,
+        law=identified.law_name,
         shoulder=shoulder and len(specimen.joint_coordinates) == 3,
     )
     return Studied(found=viscosity, report=report, model=model, tracked=tracked)

@@ -26,10 +26,11 @@ from myomorph.swings.viscosity.identification.inertia import (
     limb_inertia,
 )
 from myomorph.swings.viscosity.identification.instruments import Instruments
+from myomorph.swings.viscosity.swings.parameter_scale import parameter_scale
 from myomorph.swings.viscosity.swings.recording import SwingRecording
 from myomorph.swings.viscosity.swings.sums import SwingSums, swing_sums
 from myomorph.swings.viscosity.tracking.tracked import TrackedSpecimen
-from myomorph.swings.viscosity.trust.forward import sense
+from myomorph.swings.viscosity.trust.forward import hinge_axis, sense
 
 TARED = "tare"
 TOO_SMALL = "small swing"
@@ -56,6 +57,7 @@ instruments half as good as assumed pass once in 1,000 times.
 ROUNDED = 5e-4
 # A constant moment above this share of the limb's own, m g c, is not the noise of a plate.
 OFF = 0.05
+UPRIGHT = 1e-3  # Sine to the vertical below which a hinge stands upright.
 # How much larger than that of free parameters the residual of a possible limb's wrench may be.
 MISFIT = 1.5
 LOST = 0.5  # Share of a trial's frames without a pose from which the trial is questioned.
@@ -72,7 +74,8 @@ class PlateZero:
     mass : what the constant force amounts to [kg]
     least_mass : |h|^2 / I, below which no body has first moment h and inertia I about the joint
         [kg]
-    moment : (3,) constant one about the joint that the limb does not explain [N m]
+    moment : (3,) constant one about the joint that no limb explains; without what the mass center
+        of a hinge's limb can make of it by lying elsewhere along the axis [N m]
     own_moment : |h| g, the limb's at a right angle to gravity [N m]
     oscillation : I / |h|, the distance from the joint beyond which no mass center lies [m]
     """
@@ -109,9 +112,26 @@ def plate_zero(recordings: Sequence[SwingRecording], sums: SwingSums | None = No
     g = float(np.linalg.norm(gravity))
     mass = -sense(recordings[0]) * float(left[3:] @ gravity) / g**2
     least = least_mass(parameters)
+    across = _across_hinge(recordings[0])
+    moment = left[:3] - across * float(across @ left[:3])
     return PlateZero(
-        mass=mass, least_mass=least, moment=left[:3], own_moment=h * g, oscillation=h / least
+        mass=mass, least_mass=least, moment=moment, own_moment=h * g, oscillation=h / least
     )
+
+
+def _across_hinge(recording: SwingRecording) -> Array:
+    """Find the direction of the moment of a weight that lies along a hinge's axis.
+
+    Returns
+    -------
+    (3,) a unit vector in ground, level and across the axis; zeros for a ball, and for a hinge that
+    stands upright
+    """
+    axis = hinge_axis(recording)
+    turned = recording.rotations[recording.used][0] @ axis
+    across = np.cross(turned, recording.gravity)
+    size = float(np.linalg.norm(across))
+    return across / size if size > UPRIGHT * np.linalg.norm(recording.gravity) else np.zeros(3)
 
 
 def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, ...]:
@@ -164,7 +184,10 @@ def base_findings(
     covariance = (ROUNDED * zero.own_moment) ** 2 * np.eye(3)
     if changes:
         covariance = covariance + np.array(changes).T @ instruments.covariance @ np.array(changes)
-    level = np.linalg.svd(recordings[0].gravity[None])[2][1:]
+    # What no limb makes is level and, of a hinge, along its axis.
+    made = np.stack([recordings[0].gravity, _across_hinge(recordings[0])])
+    made = made[np.linalg.norm(made, axis=1) > 0.0]
+    level = np.linalg.svd(made)[2][len(made) :]
     moment = level @ zero.moment
     if moment @ np.linalg.solve(level @ covariance @ level.T, moment) < UNLIKELY:
         return ()
@@ -244,7 +267,7 @@ def _misfit(condition: Condition) -> tuple[Finding, ...]:
     )
     A = (rows / scale[:, None]).reshape(-1, rows.shape[2])
     b = (wrench / scale).ravel()
-    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    size = parameter_scale(np.linalg.norm(A, axis=0))
     free = b - A @ (np.linalg.lstsq(A / size, b, rcond=1e-9)[0] / size)
     ratio = float(
         np.linalg.norm(left / scale) / max(np.linalg.norm(free), 1e-9 * np.linalg.norm(b))

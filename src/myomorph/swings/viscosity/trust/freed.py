@@ -2,50 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.core.fit.interval_rule import interval_of_draws
 from myomorph.core.fit.verdict import Verdict
-from myomorph.core.model.arrays import Array, read_only, runs
-from myomorph.core.model.interval import Interval
-from myomorph.core.motion.filters import lowpass
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.swings.viscosity.identification.condition import LACKING, Influences
-from myomorph.swings.viscosity.identification.excitation import NOT_SHOWN, Excitation
+from myomorph.swings.viscosity.identification.excitation import Excitation
+from myomorph.swings.viscosity.swings.friction import FRICTIONS, WIDTH, friction_rows
+from myomorph.swings.viscosity.swings.parameter_scale import parameter_scale
 from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.swings.viscosity.swings.sums import SwingSums, predicted_torque_rows
 from myomorph.swings.viscosity.trust import law as laws
-from myomorph.swings.viscosity.trust.law import HINGES, LEVEL, PassiveProblem
 
-FINER = 10  # Instants between two frames at which the sign of a rate is taken, before the filter.
 ROUNDS = 8  # How often the axes are weighed anew.
 NO_ERROR = 1e3  # With which errors of the inertia, of unit torques, are next to none at first
 MIN_WEIGHT = 1e-3  # Of an axis
-WIDTH = 0.03
-"""Rate within which friction turns its sign, before the filter: about the noise of a rate, which
-hides the sign of a slower one. Held-out swings of virtual limbs are predicted best with it [rad/s].
-"""
-FRICTIONS = ("against the motion", "about each axis")
-"""A ball rubs against the direction of its angular velocity, or about each of its axes alike."""
-
 FORMS = ("viscosity", "viscosity by axis", "hinges")
 """Of a joint's viscosity: one value, one an axis of the limb's first bone, one of three angles one
 after another.
 """
 PLAIN = FORMS[0]
-# Share of the squares of held-out trials by which a law must lower them for each coefficient added.
-WORTH = 0.05
-# Laws whose held-out squares differ by a smaller share, beyond what coefficients are worth, predict
-# alike: nothing says which of them acts.
-ALIKE = 0.02
+MOVES = 3.0
+"""Rate about an axis over the noise in it, from which friction is taken to slide there: what sticks
+holds any torque up to that friction, and of a slower rate not even the sign is known.
+"""
 ROUNDING = 1e-6  # Share of the limb's torque: smaller misfits are all alike.
-MIN_RUBBED = 0.03  # Share of the one viscosity that friction must take off to be named.
-DRY = "dry friction"
 INERTIA_ERROR = 0.01
 """Standard deviation of the torque that an error of the inertia makes, over the limb's: about what
 step 1 leaves. An error of any size would take the torque of dampers and friction where the limb
@@ -77,61 +62,6 @@ class ActingTerms(NamedTuple):
         return (1 if self.form == PLAIN else axes) + bool(self.friction) + len(self.spring)
 
 
-@read_only
-class ActingLaw:
-    """What acts in a joint beside one viscosity over all axes.
-
-    Attributes
-    ----------
-    form : of `FORMS`
-    friction : of `FRICTIONS`, or "" without one
-    coefficients : by name with intervals: that of friction is `DRY`, "viscosity" the one value over
-        all axes beside it
-    values : (3 axes + 8,) that multiply `law_rows`
-    alike : frictions of other laws that predict held-out trials as well ("" for none), whose one
-        viscosities are in the interval of "viscosity" too
-    """
-
-    form: str
-    friction: str
-    coefficients: Mapping[str, Interval]
-    values: Array
-    alike: tuple[str, ...] = ()
-
-    def viscosity_of(self, plain: Interval) -> Interval:
-        """Find the one viscosity of a joint.
-
-        Parameters
-        ----------
-        plain : as it is without friction
-
-        Returns
-        -------
-        that beside the friction; where no friction acts for sure, the plain one, whose interval
-        holds that beside friction which predicts alike
-        """
-        beside = self.coefficients["viscosity"]
-        if self.friction:
-            return beside
-        if not self.alike:
-            return plain
-        return Interval(plain.value, min(plain.low, beside.low), max(plain.high, beside.high))
-
-    def resisting(self, recording: SwingRecording) -> Array:
-        """Find what resists in the place of the rates, of which `coefficients` have one viscosity.
-
-        Parameters
-        ----------
-        recording : of a swing
-
-        Returns
-        -------
-        (frames, axes) [rad/s]
-        """
-        viscosity = max(self.coefficients["viscosity"].value, 1e-12)
-        return law_rows(recording) @ self.values / viscosity
-
-
 class FreedFit(NamedTuple):
     """A law fitted with free errors of the inertia.
 
@@ -140,11 +70,14 @@ class FreedFit(NamedTuple):
     law : (3 axes + 6,) coefficients
     friction : dry, beside it [N m]
     misfit : (columns,) what of the products' columns adds up to its misfit
+    unsure : (coefficients of the law's own unknowns, errors) by how much each is off where an error
+        of the inertia is one standard deviation
     """
 
     law: Array
     friction: float
     misfit: Array
+    unsure: Array
 
     @property
     def coefficients(self) -> Array:
@@ -169,184 +102,6 @@ class LawBasis(NamedTuple):
     groups: laws.Groups
 
 
-@dataclass(frozen=True)
-class Bootstrap:
-    """How intervals are drawn.
-
-    Attributes
-    ----------
-    draws : how many
-    seed : of the random numbers
-    """
-
-    draws: int
-    seed: int
-
-
-def acting_law(
-    problem: PassiveProblem, phi: Array, spring: tuple[str, ...], bootstrap: Bootstrap
-) -> ActingLaw | None:
-    """Choose the form of the viscosity and the friction that predict held-out trials best.
-
-    Parameters
-    ----------
-    problem : torques of one condition
-    phi : (10,) of the limb
-    spring : terms of a spring that may be beside them
-    bootstrap : for the intervals
-
-    Returns
-    -------
-    None where that is one viscosity, there is one trial, or no axis is excited
-    """
-    if len(np.unique(problem.sums.trial)) < 2:
-        return None
-    freed = FreedProblem.of(problem.recordings, problem.sums, phi)
-    # Of an axis that is not excited the torque is of noise and of other axes: no law shows there.
-    shown = Excitation.of(problem.recordings).shown
-    if not shown.any():
-        return None
-    verdicts = freed.held_out(list(_candidates(problem, freed, spring)), shown)
-    axes = len(problem.axes)
-    scores = {
-        acting: verdict.log_squares + WORTH * acting.count(axes)
-        for acting, verdict in verdicts.items()
-    }
-    chosen = min(scores, key=scores.__getitem__)
-    alike = _frictions_alike(scores, chosen)
-    if (chosen.form, chosen.friction) == (PLAIN, "") and not alike:
-        return None
-    generator = np.random.default_rng(bootstrap.seed)
-    single = _estimates(freed, chosen._replace(form=PLAIN), bootstrap.draws, generator)
-    estimates = _estimates(freed, chosen, bootstrap.draws, generator)
-    hidden = _hidden_places(chosen.form, problem.recordings[0], shown, len(estimates))
-    used = [single[0] if place in hidden else each for place, each in enumerate(estimates)]
-    named = [NOT_SHOWN if place in hidden else each for place, each in enumerate(estimates)]
-    return ActingLaw(
-        form=chosen.form,
-        friction=chosen.friction,
-        coefficients=_named(
-            chosen, problem.axes, _joined(freed, single[0], alike, bootstrap), named
-        ),
-        values=_row_values(chosen, axes, used),
-        alike=alike,
-    )
-
-
-def _frictions_alike(scores: Mapping[ActingTerms, float], chosen: ActingTerms) -> tuple[str, ...]:
-    """List frictions of other laws that predict held-out trials as well as the chosen one."""
-    near = [acting.friction for acting, score in scores.items() if score - scores[chosen] < ALIKE]
-    return tuple(dict.fromkeys(friction for friction in near if friction != chosen.friction))
-
-
-def _joined(
-    freed: FreedProblem, single: Interval, alike: Sequence[str], bootstrap: Bootstrap
-) -> Interval:
-    """Let the interval of the one viscosity hold those beside frictions that predict alike.
-
-    Parameters
-    ----------
-    freed : problem of the condition
-    single : the one viscosity beside the chosen friction
-    alike : other frictions
-    bootstrap : for their intervals
-    """
-    others = [
-        _estimates(
-            freed,
-            ActingTerms(form=PLAIN, friction=friction),
-            bootstrap.draws,
-            np.random.default_rng(bootstrap.seed),
-        )[0]
-        for friction in alike
-    ]
-    return Interval(
-        value=single.value,
-        low=min([single.low, *(each.low for each in others)]),
-        high=max([single.high, *(each.high for each in others)]),
-    )
-
-
-def _hidden_places(form: str, recording: SwingRecording, shown: np.ndarray, count: int) -> set[int]:
-    """Find viscosities that swings do not show among the coefficients of a law and friction.
-
-    Parameters
-    ----------
-    form : of `FORMS`
-    recording : one of the condition
-    shown : (axes,) whether an axis is excited
-    count : of the coefficients
-
-    Returns
-    -------
-    places of axes of which each has its own, or of the last hinge where that lies along an axis
-    that is not excited
-    """
-    hidden = set(np.flatnonzero(~shown).tolist())
-    if form == "viscosity by axis":
-        return hidden
-    if form == "hinges" and int(np.argmax(np.abs(recording.hinges[1]))) in hidden:
-        return {count - 2}
-    return set()
-
-
-def _candidates(
-    problem: PassiveProblem, freed: FreedProblem, spring: tuple[str, ...]
-) -> Iterator[ActingTerms]:
-    """Yield what may act in a joint, the plainest first."""
-    forms = [form for form in FORMS if len(problem.axes) == 3 or form == PLAIN]
-    if not all(len(recording.hinges) for recording in problem.recordings):
-        forms = [form for form in forms if form != "hinges"]
-    alone = float(freed.fit(ActingTerms(PLAIN)).law[0])
-    max_beside = (1.0 - MIN_RUBBED) * alone
-    rubbing = [
-        friction
-        for friction in FRICTIONS
-        if float(freed.fit(ActingTerms(PLAIN, friction)).law[0]) < max_beside
-    ]
-    springs = dict.fromkeys(((), spring))
-    for form, friction, beside in product(forms, ("", *rubbing), springs):
-        yield ActingTerms(form=form, friction=friction, spring=beside)
-
-
-def _estimates(
-    freed: FreedProblem, acting: ActingTerms, draws: int, generator: np.random.Generator
-) -> list[Interval]:
-    """Find the intervals of a law's 3 axes + 6 coefficients and of friction."""
-    influences = freed.influences(acting)
-    drawn = np.maximum(influences.draws(draws, generator), 0.0)
-    return [
-        interval_of_draws(value, column, LEVEL)
-        for value, column in zip(influences.values, drawn.T, strict=True)
-    ]
-
-
-def _named(
-    acting: ActingTerms, axes: Sequence[str], single: Interval, estimates: Sequence[Interval]
-) -> dict[str, Interval]:
-    """Name the coefficients that act; `single` is the one viscosity over all axes."""
-    known = {"viscosity": single}
-    if acting.form == "viscosity by axis":
-        known |= {f"viscosity {axis}": estimates[i] for i, axis in enumerate(axes)}
-    if acting.form == "hinges":
-        first = len(estimates) - 1 - len(HINGES)
-        known |= {f"hinge {name}": estimates[first + i] for i, name in enumerate(HINGES)}
-    if acting.friction:
-        known[DRY] = estimates[-1]
-    return known
-
-
-def _row_values(acting: ActingTerms, axes: int, estimates: Sequence[Interval]) -> Array:
-    """Order coefficients (3 axes + 8,) as `law_rows` are."""
-    values = np.zeros(3 * axes + 6 + len(FRICTIONS))
-    values[: 3 * axes + 6] = [each.value for each in estimates[:-1]]
-    values[axes : 3 * axes] = 0.0  # A spring is fitted by itself.
-    if acting.friction:
-        place = -len(FRICTIONS) + FRICTIONS.index(acting.friction)
-        values[place] = estimates[-1].value
-    return values
-
-
 @read_only
 class FreedProblem:
     """Torques of one condition whose inertia may be off.
@@ -368,7 +123,7 @@ class FreedProblem:
         predicted_rows]
     phi : (10,) of the limb
     trial : (blocks,) number of the trial of each
-    frames : (blocks,) how many each has
+    frames : (blocks, axes) in which each moves about an axis
     parted : see `SwingSums.parted`
     alike : frames that count as one, as the low-pass leaves two samples a period of its cutoff
     """
@@ -399,9 +154,14 @@ class FreedProblem:
             np.concatenate([each.torque_rows, law_rows(each), rows], axis=2).transpose(1, 0, 2)
             for each, rows in zip(recordings, predicted, strict=True)
         ]
-        rows = [columns[trial][:, use] for trial, use in zip(sums.trial, sums.uses, strict=True)]
+        noise = Excitation.of(recordings).noise
+        moves = [
+            np.abs(each.rates.T) > np.maximum(WIDTH, MOVES * noise)[:, None] for each in recordings
+        ]
+        own = list(zip(sums.trial, sums.uses, strict=True))
+        rows = [columns[trial][:, use] * moves[trial][:, use, None] for trial, use in own]
         products = np.stack([each.transpose(0, 2, 1) @ each for each in rows])
-        frames = np.array([len(use) for use in sums.uses], np.float64)
+        frames = np.array([moves[trial][:, use].sum(axis=1) for trial, use in own], np.float64)
         first = recordings[0]
         alike = 1.0
         if first.cutoff is not None:
@@ -432,20 +192,22 @@ class FreedProblem:
         products = np.tensordot(counts, self.products, axes=1)
         basis = self._basis(acting, products)
         by_axis = basis.columns.T @ products @ basis.columns
+        frames = np.maximum(counts @ self.frames, 1.0)
         weights = np.ones(axes)
         ridge = NO_ERROR
         # Columns of errors have unit torques, the first one that of the limb.
         largest = INERTIA_ERROR**2 * float(np.einsum("aij->ij", by_axis)[0, 0])
         for _ in range(ROUNDS):
             solution = _solved(np.tensordot(weights, by_axis, axes=1), basis, ridge)
-            left = np.maximum(solution @ by_axis @ solution, 1e-300)
-            weights = np.maximum(left.min() / left, MIN_WEIGHT)
-            ridge = self.alike * float(left.min()) / float(counts @ self.frames) / largest
+            variance = np.maximum(solution @ by_axis @ solution, 1e-300) / frames
+            weights = np.maximum(variance.min() / variance, MIN_WEIGHT)
+            ridge = self.alike * float(variance.min()) / largest
         x = solution[1 + basis.errors :]
         return FreedFit(
             law=basis.mapping @ x[: basis.mapping.shape[1]],
             friction=float(x[-1]) if acting.friction else 0.0,
             misfit=basis.columns @ solution,
+            unsure=np.sqrt(largest) * _moved(np.tensordot(weights, by_axis, axes=1), basis, ridge),
         )
 
     def _basis(self, acting: ActingTerms, products: Array) -> LawBasis:
@@ -473,7 +235,10 @@ class FreedProblem:
     def held_out(
         self, candidates: Sequence[ActingTerms], shown: np.ndarray
     ) -> dict[ActingTerms, Verdict]:
-        """Predict each trial by laws that were fitted to the others, and by one viscosity.
+        """Predict each part by laws that were fitted to the others, and by one viscosity.
+
+        Parts are the trials; of a single one its first and its second half, which swings wide and
+        little.
 
         Parameters
         ----------
@@ -484,13 +249,13 @@ class FreedProblem:
         -------
         verdict of each law
         """
-        trials = np.unique(self.trial)
+        parts = self.parts
         generic = self._misfits(ActingTerms(PLAIN))[:, shown]
-        weights = np.array([self.frames[self.trial == trial].sum() for trial in trials])
+        weights = np.array([self.frames[parts == part].sum() for part in np.unique(parts)])
         return {
             acting: Verdict(
                 kinds=tuple((f"torque {axis}", "N m") for axis in np.flatnonzero(shown)),
-                parts=tuple(f"trial {trial}" for trial in trials),
+                parts=tuple(f"part {part}" for part in np.unique(parts)),
                 estimate=self._misfits(acting)[:, shown],
                 generic=generic,
                 weights=weights,
@@ -499,22 +264,31 @@ class FreedProblem:
             for acting in candidates
         }
 
+    @property
+    def parts(self) -> NDArray[np.intp]:
+        """(blocks,) what is held out together: trials, or halves of the only one."""
+        if len(np.unique(self.trial)) > 1:
+            return self.trial
+        return (np.arange(len(self.trial)) >= len(self.trial) // 2).astype(np.intp)
+
     def _misfits(self, acting: ActingTerms) -> Array:
-        """Find what each trial leaves of a law fitted to the others.
+        """Find what each part leaves of a law fitted to the others.
 
         Returns
         -------
-        (trials, axes) root mean square torque [N m]
+        (parts, axes) root mean square torque [N m]
         """
         misfits = []
-        for trial in np.unique(self.trial):
-            out = self.trial == trial
+        parts = self.parts
+        for part in np.unique(parts):
+            out = parts == part
             misfit = self.fit(acting, 1.0 - out).misfit
             products = self.products[out].sum(axis=0)
             squares = misfit @ products @ misfit
             of_limb = self.phi @ products[:, :PARAMETERS, :PARAMETERS] @ self.phi
             least = ROUNDING**2 * float(of_limb.sum())
-            misfits.append(np.sqrt(np.maximum(squares, least) / self.frames[out].sum()))
+            frames = np.maximum(self.frames[out].sum(axis=0), 1.0)
+            misfits.append(np.sqrt(np.maximum(squares, least) / frames))
         return np.array(misfits)
 
     def influences(self, acting: ActingTerms) -> Influences:
@@ -536,6 +310,25 @@ class FreedProblem:
             parted=self.parted,
         )
 
+    def unsure(self, acting: ActingTerms) -> Array:
+        """Find by how much errors of the inertia put a law's coefficients off, then friction.
+
+        All blocks share these errors, so blocks do not show them.
+
+        Parameters
+        ----------
+        acting : terms of the law, and friction
+
+        Returns
+        -------
+        (3 axes + 7, errors) for one standard deviation of each error
+        """
+        own = self.fit(acting).unsure
+        mapping, _ = laws.law_columns(acting.terms, self.products.shape[1])
+        size = mapping.shape[1]
+        friction = own[size:] if acting.friction else np.zeros((1, own.shape[1]))
+        return np.concatenate([mapping @ own[:size], friction])
+
     def _errors(self, products: Array) -> Array:
         """Find possible errors of the inertia, perpendicular to `phi` in torque.
 
@@ -549,7 +342,9 @@ class FreedProblem:
         """
         scale = np.sqrt(np.einsum("aii->i", products)[-PARAMETERS:])
         scale[0] = 0.0  # Mass makes no torque.
-        seen = scale > 0.0
+        # A column of rounding would be one of noise, were it scaled to a unit torque.
+        largest = parameter_scale(scale)
+        seen = scale > ROUNDING * largest
         across = np.linalg.svd((self.phi * scale)[seen][None])[2][1:]
         errors = np.zeros((len(across), PARAMETERS))
         errors[:, seen] = across / scale[seen]
@@ -580,6 +375,35 @@ def _solved(products: Array, basis: LawBasis, ridge: float) -> Array:
     return np.concatenate([[1.0], -back @ np.array([1.0, *x]), x])
 
 
+def _moved(products: Array, basis: LawBasis, ridge: float) -> Array:
+    """Find by how much a unit of each error of the inertia puts the coefficients off.
+
+    Least squares with a ridge take an error only in part; with A the columns of the law, N those of
+    the errors and the ridge r,
+
+        (A^T W A)^-1 A^T N (N^T N + r)^-1 r,   W = 1 - N (N^T N + r)^-1 N^T
+
+    Parameters
+    ----------
+    products : (n, n) of the basis' columns
+    basis : with the count of errors
+    ridge : variance of the misfit over that of an error of the inertia
+
+    Returns
+    -------
+    (coefficients, errors)
+    """
+    inner = slice(1, 1 + basis.errors)
+    outer = slice(1 + basis.errors, len(products))
+    beside = products[outer, inner]
+    known = products[inner, inner] + ridge * np.eye(basis.errors)
+    taken = np.linalg.pinv(known, rcond=1e-10, hermitian=True)
+    less = products[outer, outer] - beside @ taken @ beside.T
+    size = np.sqrt(np.maximum(np.diagonal(less), 1e-300))
+    inverse = np.linalg.pinv(less / size[:, None] / size, rcond=1e-9, hermitian=True)
+    return np.asarray((inverse / size[:, None] / size) @ beside @ taken * ridge)
+
+
 def law_rows(recording: SwingRecording) -> Array:
     """Find what each coefficient of a law resists in a recording, then `FRICTIONS` of 1 N m.
 
@@ -594,33 +418,3 @@ def law_rows(recording: SwingRecording) -> Array:
     slopes = laws.slopes_of(recording)
     law = laws.resistances(recording.angles, recording.rates, recording.lengthening, WIDTH, slopes)
     return np.concatenate([law, friction_rows(recording)], axis=2)
-
-
-def friction_rows(recording: SwingRecording) -> Array:
-    """Find the torque of `FRICTIONS` of 1 N m against the motion, through the motion's low-pass.
-
-    Parameters
-    ----------
-    recording : of a swing
-
-    Returns
-    -------
-    (frames, axes, 2) [N m]
-    """
-    result = np.zeros((*recording.rates.shape, len(FRICTIONS)))
-    known = np.asarray(np.isfinite(recording.rates).all(axis=1))
-    for start, stop in runs(known):
-        rates = recording.rates[start:stop]
-        frames = np.arange(len(rates))
-        instants = np.arange((len(rates) - 1) * FINER + 1) / FINER
-        fine = np.stack([np.interp(instants, frames, rate) for rate in rates.T], axis=1)
-        speed = np.linalg.norm(fine, axis=1)[:, None]
-        against_motion = fine / np.hypot(speed, WIDTH)
-        about_axes = fine / np.hypot(fine, WIDTH)
-        rubbing = np.concatenate([against_motion, about_axes], axis=1)
-        if recording.cutoff and len(rates) > 1:
-            rate = FINER / float(np.median(np.diff(recording.time[start:stop])))
-            rubbing = lowpass(rubbing, rate, recording.cutoff)
-        by_friction = rubbing[::FINER].reshape(len(rates), len(FRICTIONS), -1)
-        result[start:stop] = by_friction.transpose(0, 2, 1)
-    return result

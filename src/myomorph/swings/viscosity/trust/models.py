@@ -23,6 +23,7 @@ from myomorph.swings.viscosity.identification.torque import (
     spring_misfit,
 )
 from myomorph.swings.viscosity.swings.recording import SwingRecording
+from myomorph.swings.viscosity.trust.acting import ActingLaw, Bootstrap, acting_law
 from myomorph.swings.viscosity.trust.forward import (
     SwingMotion,
     Window,
@@ -30,7 +31,6 @@ from myomorph.swings.viscosity.trust.forward import (
     swing_forward,
     windows,
 )
-from myomorph.swings.viscosity.trust.freed import ActingLaw, Bootstrap, acting_law
 from myomorph.swings.viscosity.trust.law import (
     LEVEL,
     WIDTH,
@@ -73,6 +73,8 @@ moment arms; "hinges": of three angles one after another.
 """
 
 ALONE = LAWS[0]
+RUBBED = ("viscosity", "coulomb")
+"""The law of dry friction, which acts where `acting_law` finds it."""
 # How often the rest of a ball's spring is found again with angles counted from the last.
 NEUTRAL_ROUNDS = 2
 # Of an information criterion, that tells nothing (Burnham and Anderson 2002, 2.6).
@@ -246,7 +248,8 @@ class PassiveComparison:
     @property
     def conflict(self) -> str:
         """Where the criteria disagree, in words; else ""."""
-        if self.by_bic is self.chosen:
+        dry = self.acting is not None and bool(self.acting.friction)
+        if self.by_bic is self.chosen or (dry and self.by_bic.terms == RUBBED):
             return ""
         law = self.by_bic
         plain = self.chosen
