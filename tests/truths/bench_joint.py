@@ -68,7 +68,7 @@ def _weight() -> tuple[Array, Array]:
 
 
 def _on_fixture(trial: VirtualTrial) -> VirtualTrial:
-    """The trial as a plate measures it that carries the fixture too."""
+    """Add the fixture to what the plate measures in a trial."""
     force, moment = _weight()
     wrenches = trial.wrenches
     carried = replace(wrenches, forces=wrenches.forces + force, torques=wrenches.torques + moment)
@@ -76,7 +76,7 @@ def _on_fixture(trial: VirtualTrial) -> VirtualTrial:
 
 
 def _fixture(wrenches: Wrenches, noise: Noise, random: np.random.Generator) -> Wrenches:
-    """The fixture at rest."""
+    """Make the recording of the fixture at rest."""
     force, moment = _weight()
     white = random.standard_normal((2, REST, 1, 3))
     return replace(

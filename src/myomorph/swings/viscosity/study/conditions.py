@@ -144,8 +144,7 @@ def identify_conditions(
     if sway:
         found = _with_sway(found, sway, options.identification.level)
     if acting is not None and found.without is not None:
-        level = options.identification.level
-        found, joint = with_acting(found, by_swings, acting, shares, level)
+        found, joint = with_acting(found, by_swings, acting, shares, options.identification.level)
     return Identified(
         found=found,
         by_swings=by_swings,

@@ -193,18 +193,8 @@ def acting_law(
     if not shown.any():
         return None
     freed = FreedProblem.of(problem.recordings, problem.sums, phi)
-    verdicts = freed.held_out(list(_candidates(problem, freed, spring)), shown)
+    chosen = _predicting(freed, list(_candidates(problem, freed, spring)), shown, bootstrap)
     axes = len(problem.axes)
-    certain = {
-        friction
-        for friction in {acting.friction for acting in verdicts} - {""}
-        if _drawn(freed, ActingTerms(PLAIN, friction), bootstrap).evidence > CERTAIN
-    }
-    scores = {
-        acting: verdict.log_squares + WORTH * (acting.count(axes) - (acting.friction in certain))
-        for acting, verdict in verdicts.items()
-    }
-    chosen = min(scores, key=scores.__getitem__)
     singles = {
         friction: _drawn(freed, chosen._replace(form=PLAIN, friction=friction), bootstrap)
         for friction in ("", *_frictions(axes))
@@ -236,6 +226,34 @@ def acting_law(
         values=_row_values(chosen, axes, used),
         alike=alike,
     )
+
+
+def _predicting(
+    freed: FreedProblem,
+    candidates: Sequence[ActingTerms],
+    shown: np.ndarray,
+    bootstrap: Bootstrap,
+) -> ActingTerms:
+    """Choose the law that predicts best what it was not fitted to, for its coefficients.
+
+    Parameters
+    ----------
+    freed : problem of the condition
+    candidates : laws
+    shown : (axes,) whose torques are predicted
+    bootstrap : for how certain friction is
+    """
+    certain = {
+        friction
+        for friction in {acting.friction for acting in candidates} - {""}
+        if _drawn(freed, ActingTerms(PLAIN, friction), bootstrap).evidence > CERTAIN
+    }
+    axes = freed.products.shape[1]
+    scores = {
+        acting: verdict.log_squares + WORTH * (acting.count(axes) - (acting.friction in certain))
+        for acting, verdict in freed.held_out(candidates, shown).items()
+    }
+    return min(scores, key=scores.__getitem__)
 
 
 def _frictions(axes: int) -> tuple[str, ...]:
