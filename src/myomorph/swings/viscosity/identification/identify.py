@@ -449,7 +449,9 @@ def muscle_masses(bare: LimbInertia, full: LimbInertia) -> Array:
     """(2,) mass of the muscles by the constant forces, and the least that their first moment and
     inertia weigh [kg].
     """
-    return np.array([full.mass - bare.mass, least_mass(full.parameters - bare.parameters)])
+    return np.array(
+        [full.mass - bare.mass, least_mass(full.parameters - bare.parameters, full.hinge)]
+    )
 
 
 def _muscle_mass(

@@ -71,12 +71,14 @@ class LimbInertia:
     hidden : whether the mass hides behind an unknown zero of the plate, so that parameters[0] is a
         guess
     possible : whether a body can have the parameters that the wrench shows, up to its noise
+    hinge : (3,) axis along which the mass center is not shown; zeros where it is
     """
 
     parameters: Array
     noise: Array
     hidden: bool
     possible: bool
+    hinge: Array
 
     @property
     def mass(self) -> float:
@@ -90,28 +92,39 @@ class LimbInertia:
 
     @property
     def first_moment(self) -> float:
-        """Mass times distance of the mass center, which needs no zero of the plate [kg m]."""
-        return float(np.linalg.norm(self.parameters[1:4]))
+        """Mass times distance of the mass center, which needs no zero of the plate [kg m].
+
+        The distance is that from the joint's center, from the axis of a hinge.
+        """
+        return float(np.linalg.norm(_across(self.parameters[1:4], self.hinge)))
 
     @property
     def least_mass(self) -> float:
         """The least that a body of this first moment and inertia weighs, [kg]."""
-        return least_mass(self.parameters)
+        return least_mass(self.parameters, self.hinge)
 
 
-def least_mass(parameters: Array) -> float:
+def least_mass(parameters: Array, hinge: Array) -> float:
     """Find the mass |h|^2 / I below which no body has these parameters.
 
     Parameters
     ----------
     parameters : (10,) with first moment h and largest inertia I about the joint
+    hinge : (3,) axis of a hinge, which shows h across and I about it alone; zeros for a ball
 
     Returns
     -------
     [kg]; 0 without an inertia
     """
-    inertia = float(np.linalg.eigvalsh(inertia_matrices(parameters))[-1])
-    return float(parameters[1:4] @ parameters[1:4]) / inertia if inertia > 0.0 else 0.0
+    about = inertia_matrices(parameters)
+    inertia = float(hinge @ about @ hinge if hinge.any() else np.linalg.eigvalsh(about)[-1])
+    moment = _across(parameters[1:4], hinge)
+    return float(moment @ moment) / inertia if inertia > 0.0 else 0.0
+
+
+def _across(moment: Array, hinge: Array) -> Array:
+    """Take off what lies along a unit axis (3,); all is left where that is zero."""
+    return moment - hinge * float(hinge @ moment)
 
 
 def limb_inertia(
@@ -166,11 +179,15 @@ def limb_inertia(
     reference = _cylinder(_least_norm(A, b), hidden)
     prior = PseudoInertiaOptions(mass_sd=options.prior_sd)
     fit = solve_pseudo_inertia(A, b, reference[None], options=prior)
+    axis = sums.directions[0] if free and len(sums.axes) == 1 else np.zeros(3)
+    hinge = axis / max(float(np.linalg.norm(axis)), 1e-300)
     possible = fit.status == "closed form"
     if not possible:
         unbound = solve_ridge(A, b, reference[None], options=prior)
         possible = fit.misfit - unbound.misfit < 6.0 * IMPOSSIBLE * float(counts @ sums.frames)
-    return LimbInertia(parameters=fit.parameters[0], noise=noise, hidden=hidden, possible=possible)
+    return LimbInertia(
+        parameters=fit.parameters[0], noise=noise, hidden=hidden, possible=possible, hinge=hinge
+    )
 
 
 def _noise(products: Array, frames: float) -> Array:

@@ -272,6 +272,7 @@ class SwingSums:
     torque : (blocks, axes, 15 + muscles, same) of [torque_rows, rate, angle, 1, plate, resisted,
         u]; plate is the moment that the plate measures about the axis, u_m = J_m J_m . rates the
         torque of muscle m of unit viscosity, sign turned
+    directions : (axes, 3) free axes in the limb's first body
     still : frames left out because the limb hardly swung any more
     parted : sum of the squares of a frame's shares in its blocks, mean over the frames, 1 without
         fades: by so much sums of independent noise scatter between blocks of what they do in the
@@ -286,6 +287,7 @@ class SwingSums:
     uses: tuple[np.ndarray, ...]
     wrench: Array
     torque: Array
+    directions: Array
     still: int
     parted: float
 
@@ -374,6 +376,7 @@ def swing_sums(
         uses=tuple(block.own for block in blocks),
         wrench=_wrenches(recordings, predicted, blocks),
         torque=_torques(recordings, along, blocks),
+        directions=along,
         still=_count(parts) - _count(live),
         parted=_parted(blocks, _count(live)),
     )

@@ -22,7 +22,6 @@ from myomorph.swings.viscosity.identification.identify import (
 )
 from myomorph.swings.viscosity.identification.inertia import (
     InertiaOptions,
-    least_mass,
     limb_inertia,
 )
 from myomorph.swings.viscosity.identification.instruments import Instruments
@@ -101,17 +100,18 @@ def plate_zero(recordings: Sequence[SwingRecording], sums: SwingSums | None = No
     sums : of these; made by default
     """
     sums = swing_sums(recordings) if sums is None else sums
-    parameters = limb_inertia(sums, None, InertiaOptions(tare="unknown")).parameters.copy()
+    limb = limb_inertia(sums, None, InertiaOptions(tare="unknown"))
+    parameters = limb.parameters.copy()
     parameters[0] = 0.0
     parts = [(recordings[i], use) for i, use in zip(sums.trial, sums.uses, strict=True)]
     left = np.concatenate(
         [each.wrench[use] - each.wrench_rows[use] @ parameters for each, use in parts]
     ).mean(axis=0)
     gravity = recordings[0].gravity
-    h = float(np.linalg.norm(parameters[1:4]))
+    h = limb.first_moment
     g = float(np.linalg.norm(gravity))
     mass = -sense(recordings[0]) * float(left[3:] @ gravity) / g**2
-    least = least_mass(parameters)
+    least = limb.least_mass
     across = _across_hinge(recordings[0])
     moment = left[:3] - across * float(across @ left[:3])
     return PlateZero(
