@@ -179,15 +179,25 @@ def limb_inertia(
     reference = _cylinder(_least_norm(A, b), hidden)
     prior = PseudoInertiaOptions(mass_sd=options.prior_sd)
     fit = solve_pseudo_inertia(A, b, reference[None], options=prior)
-    axis = sums.directions[0] if free and len(sums.axes) == 1 else np.zeros(3)
-    hinge = axis / max(float(np.linalg.norm(axis)), 1e-300)
     possible = fit.status == "closed form"
     if not possible:
         unbound = solve_ridge(A, b, reference[None], options=prior)
         possible = fit.misfit - unbound.misfit < 6.0 * IMPOSSIBLE * float(counts @ sums.frames)
     return LimbInertia(
-        parameters=fit.parameters[0], noise=noise, hidden=hidden, possible=possible, hinge=hinge
+        parameters=fit.parameters[0],
+        noise=noise,
+        hidden=hidden,
+        possible=possible,
+        hinge=_hinge(sums) if free else np.zeros(3),
     )
+
+
+def _hinge(sums: SwingSums) -> Array:
+    """Find the unit axis (3,) of a hinge in the limb; zeros for a ball."""
+    if len(sums.axes) > 1:
+        return np.zeros(3)
+    axis = sums.directions[0]
+    return np.asarray(axis / np.linalg.norm(axis))
 
 
 def _noise(products: Array, frames: float) -> Array:
