@@ -8,8 +8,8 @@ import h5py
 import numpy as np
 import pytest
 
-from myomorph.core.io import keypoints
 from myomorph.core.io.keypoints import read_keypoint_names, read_keypoints
+from myomorph.core.io.parsing import hdf5
 from myomorph.core.io.parsing.guard import Outcome
 from myomorph.core.model.errors import BadFile
 from myomorph.lab.study.inputs.reading import read_recording
@@ -140,7 +140,7 @@ def test_the_mouse_of_34_keypoints(data):
 def test_a_file_on_which_the_library_hangs_or_crashes_is_named(tmp_path, monkeypatch, status, told):
     """HDF5 does so on some damaged files: they are tried in a process of their own first."""
     made(tmp_path / "a.h5", node_names=NAMES, attributes={"units": "m"})
-    monkeypatch.setattr(keypoints, "run_guarded", lambda *_: Outcome(status, told))
+    monkeypatch.setattr(hdf5, "run_guarded", lambda *_: Outcome(status, told))
     with pytest.raises(BadFile, match=f"cannot be read as HDF5 .*{told}"):
         read_keypoints(tmp_path / "a.h5")
 

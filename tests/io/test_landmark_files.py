@@ -11,11 +11,11 @@ import pytest
 
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.landmarks import (
-    MAX_BYTES,
     read_body_landmarks,
     read_landmark_pairs,
     read_landmarks,
 )
+from myomorph.core.io.parsing.door import MAX_SIZES
 from myomorph.core.model.errors import BadData, BadFile, UnknownName
 from myomorph.core.model.landmarks import LandmarkPairs
 
@@ -108,11 +108,11 @@ def test_what_is_wrong_with_a_table_is_told(tmp_path, text, told):
 
 
 def test_absent_and_endless_files(tmp_path):
-    with pytest.raises(BadFile, match="cannot be read"):
+    with pytest.raises(BadFile, match="no such file"):
         read_landmark_pairs(tmp_path / "L.csv")
     path = tmp_path / "L.csv"
     with path.open("wb") as stream:
-        stream.truncate(MAX_BYTES + 1)
+        stream.truncate(MAX_SIZES["landmarks"] + 1)
     with pytest.raises(BadFile, match="more than the 64 MiB"):
         read_landmark_pairs(path)
     with pytest.raises(BadFile, match=r"ends in '\.stl'; expected \.csv"):

@@ -177,7 +177,7 @@ def test_faces_must_name_vertices_that_exist(tmp_path: Path) -> None:
 def test_another_kind_of_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match=r"\.msh"):
         read_mesh(tmp_path / "a.msh")
-    with pytest.raises(BadFile, match="cannot be read"):
+    with pytest.raises(BadFile, match="no such file"):
         read_mesh(tmp_path / "absent.vtp")
 
 

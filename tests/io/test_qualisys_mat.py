@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from myomorph.core.io import qualisys_mat
+from myomorph.core.io import mat5
 from myomorph.core.io.qualisys_mat import read_qualisys_mat
 from myomorph.core.model.errors import BadFile
 from myomorph.lab.info.inspect import inspect
@@ -124,7 +124,7 @@ def test_damaged_and_foreign_files_are_named(tmp_path, monkeypatch):
     savemat(tmp_path / "c.mat", {"x": np.eye(3)})
     with pytest.raises(BadFile, match="holds 'x', but no Qualisys recording"):
         read_qualisys_mat(tmp_path / "c.mat")
-    monkeypatch.setattr(qualisys_mat, "MAX_BYTES", 1000)
+    monkeypatch.setattr(mat5, "MAX_UNPACKED", 1000)
     with pytest.raises(BadFile, match="once unpacked"):
         read_qualisys_mat(tmp_path / "a.mat")
 

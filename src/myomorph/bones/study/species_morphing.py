@@ -43,6 +43,7 @@ from myomorph.bones.study.morph_files import Unit, resized, source_bones
 from myomorph.bones.study.morph_masses import with_skin_masses
 from myomorph.bones.study.morphing import Morphed, MorphSettings
 from myomorph.core.io.mesh import read_mesh
+from myomorph.core.io.parsing.door import content_of
 from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.messages import Message
@@ -103,7 +104,12 @@ def read_species(table: str | Path) -> SpeciesTable:
             f"there are {', '.join(known)}, or give a .toml file of your own",
         )
     try:
-        return _table(tomllib.loads(path.read_text("utf-8")), "" if is_known else Path(table).stem)
+        text = (
+            content_of(path, "settings").decode("utf-8")
+            if isinstance(path, Path)
+            else path.read_text("utf-8")
+        )
+        return _table(tomllib.loads(text), "" if is_known else Path(table).stem)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise BadFile(table, f"not TOML: {error}") from None
     except BadData as error:

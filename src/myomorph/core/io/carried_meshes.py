@@ -5,7 +5,8 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from myomorph.core.io.mesh import MAX_BYTES, find_mesh, mesh_files, mesh_folders
+from myomorph.core.io.mesh import find_mesh, mesh_files, mesh_folders
+from myomorph.core.io.parsing.door import MAX_SIZES
 from myomorph.core.model.model import Model
 
 GEOMETRY = "Geometry"
@@ -29,7 +30,7 @@ def carry_meshes(model: Model, folder: Path) -> None:
         found = find_mesh(name, beside)
         if found is None or find_mesh(name, there) is not None:
             continue
-        if found.stat().st_size > MAX_BYTES:
+        if found.stat().st_size > MAX_SIZES["a mesh"]:
             continue
         path = folder / GEOMETRY / name.replace("\\", "/")
         path.parent.mkdir(parents=True, exist_ok=True)

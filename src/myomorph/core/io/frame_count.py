@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.core.io.c3d.raw import BLOCK, KEY, claimed_frames
+from myomorph.core.io.parsing.hdf5 import ERRORS, open_hdf5
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.io.parsing.text import number_or_nan
 from myomorph.core.io.trc import trc_head
 from myomorph.core.model.errors import BadFile, MyomorphError
@@ -72,6 +74,8 @@ def count_frames(path: str | os.PathLike[str]) -> FrameCount:
     None for all that a damaged file, or one of another kind, does not state there
     """
     path = Path(path)
+    if not is_named_file(path):
+        return FrameCount()
     try:
         with path.open("rb") as stream:
             head = stream.read(HEAD)
@@ -134,13 +138,10 @@ def _trc(head: bytes, path: Path) -> FrameCount:
 
 
 def _keypoints(path: Path) -> FrameCount:
-    # Brings h5py: loaded only where it is needed.
-    import h5py
-
     try:
-        with h5py.File(path, "r") as file:
-            tracks = file.get("tracks")
-            frames = tracks.shape[0] if isinstance(tracks, h5py.Dataset) and tracks.shape else None
-    except (OSError, RuntimeError):
+        with open_hdf5(path) as file:
+            shape = getattr(file.get("tracks"), "shape", ())
+            frames = shape[0] if shape else None
+    except ERRORS:
         raise BadFile(path, "cannot be read as HDF5") from None
     return FrameCount(frames)

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.core.io.parsing.guard import run_guarded, seconds_for
+from myomorph.core.io.parsing.door import MAX_NUMBERS, MAX_SIZES, content_of
+from myomorph.core.io.parsing.hdf5 import ERRORS, open_hdf5
 from myomorph.core.io.parsing.named_file import is_named_file
-from myomorph.core.io.parsing.text import readable, unique_names, without_far_away
+from myomorph.core.io.parsing.text import unique_names, without_far_away
 from myomorph.core.model import causes
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadFile, from_extra, quoted
@@ -31,21 +32,7 @@ BODY_KEYS = ("bodies", "KEYPOINT_MODEL_PAIRS")
 OFFSET_KEYS = ("offsets", "KEYPOINT_INITIAL_OFFSETS")
 RATE_KEYS = ("rate", "fps", "frame_rate", "FrameRate")
 ENDINGS = (".yaml", ".yml", ".json", ".txt")
-MAX_VALUES = 1 << 28  # Numbers that are read at most.
 MAX_NAMES = 10_000
-MAX_TEXT = 1 << 20  # Bytes of a file of names.
-MAX_BYTES = 1 << 31  # Bytes of a data set that are read to see whether they can be.
-MEMORY = 4.0  # Of the child at most [GiB].
-HDF5_ERRORS = (
-    OSError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-    KeyError,
-    AttributeError,
-    MemoryError,
-)
-"""What h5py raises for damaged files."""
 HINT = "expected an HDF5 file with a dataset 'tracks' of (frames, animals, points, 3)"
 
 
@@ -192,16 +179,10 @@ def _tracks(path: Path, animal: int, notes: list[Message]) -> tuple[Array, Keypo
     ------
     BadFile : it cannot be read, or has no tracks of numbers in three dimensions, or no such animal
     """
-    # Brings h5py: loaded only where it is needed.
-    import h5py
-
-    if not path.is_file():
-        raise BadFile(path, "does not exist")
-    _check_hdf5(path)
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path, HINT) as file:
             values, stored = _stored_tracks(file, path, animal, notes)
-    except HDF5_ERRORS as error:
+    except ERRORS as error:
         raise BadFile(path, f"cannot be read as HDF5 ({_one_line(error)})", HINT) from None
     return np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan), stored
 
@@ -248,7 +229,7 @@ def _tracks_shape(tracks: Any, path: Path) -> tuple[int, ...]:
     if len(shape) != 4 or shape[-1] != 3 or not np.issubdtype(tracks.dtype, np.floating):
         flat = " (two-dimensional: triangulate the cameras first)" if 2 in tracks.shape else ""
         raise BadFile(path, f"its 'tracks' are {tracks.shape} of {tracks.dtype}{flat}", HINT)
-    if math.prod(shape) > MAX_VALUES or 0 in shape:
+    if math.prod(shape) > MAX_NUMBERS or 0 in shape:
         raise BadFile(path, f"its 'tracks' are {tracks.shape}: nothing, or too much to read", HINT)
     return shape
 
@@ -256,42 +237,6 @@ def _tracks_shape(tracks: Any, path: Path) -> tuple[int, ...]:
 def _one_line(error: Exception) -> str:
     """Return the beginning of an error's text on one line."""
     return " ".join(str(error).split())[:120]
-
-
-def _check_hdf5(path: Path) -> None:
-    """Read a file in another process first, since the library may crash or hang on it.
-
-    Errors that the library reports are left to the reader.
-
-    Raises
-    ------
-    BadFile : the library crashed, hung or needed too much memory
-    """
-    outcome = run_guarded(f"{__name__}:_read_all", [path.resolve()], seconds_for(path), MEMORY)
-    if outcome.status == "hung":
-        raise BadFile(
-            path,
-            f"cannot be read as HDF5 (the library {outcome.message})",
-            f"is it damaged? {HINT}",
-        )
-    if outcome.status == "failed":
-        raise BadFile(path, f"cannot be read as HDF5 ({outcome.message[:120]})", HINT)
-
-
-def _read_all(path: str) -> None:
-    """Run the child's side: touch everything that the reader may read."""
-    # Loaded only where such a file is read or written.
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            for holder in (file, *file.values()):
-                dict(holder.attrs)
-                if isinstance(holder, h5py.Dataset) and holder.nbytes <= MAX_BYTES:
-                    holder[...]
-    except HDF5_ERRORS:
-        # The reader reports what it cannot read.
-        return
 
 
 def _stored_facts(file: Any, tracks: Any) -> KeypointNames:
@@ -347,7 +292,7 @@ def _names_of_candidate(path: Path) -> KeypointNames | None:
     """Read a file if it may be one of names, None where it is none."""
     if path.suffix.lower() not in ENDINGS or not path.is_file():
         return None
-    if path.stat().st_size > MAX_TEXT:
+    if path.stat().st_size > MAX_SIZES["names of points"]:
         return None
     try:
         return read_keypoint_names(path)
@@ -423,10 +368,7 @@ def _names_of_content(content: Mapping[str, Any], path: Path) -> KeypointNames:
 def _names_text(path: Path) -> str:
     """Read a file of names; `BadFile` where it is too long or no text."""
     try:
-        with readable(path):
-            if path.stat().st_size > MAX_TEXT:
-                raise BadFile(path, "is too long to be a file of names")
-            return path.read_text(encoding="utf-8")
+        return content_of(path, "names of points").decode("utf-8-sig")
     except UnicodeDecodeError:
         raise BadFile(path, "is not text") from None
 

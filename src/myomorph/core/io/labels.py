@@ -42,7 +42,7 @@ def read_labels(path: str | os.PathLike[str]) -> dict[str, str]:
     ending = path.suffix.lower()
     if ending not in (".csv", ".tsv", ".txt", ".toml"):
         raise BadFile(path, f"is no map of labels: its name ends in '{ending}'", HINT)
-    text = file_text(path, HINT)
+    text = file_text(path, HINT, "settings")
     result = _from_toml(path, text) if ending == ".toml" else _from_csv(path, text)
     if not result:
         raise BadFile(path, "holds no label", HINT)

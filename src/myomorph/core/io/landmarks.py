@@ -22,12 +22,11 @@ import numpy as np
 from myomorph.core.io.osim.document import read_document
 from myomorph.core.io.osim.frames import Frames
 from myomorph.core.io.osim.setup_parts import holder_of, named_markers
-from myomorph.core.io.parsing.text import check_size, file_text, number
+from myomorph.core.io.parsing.text import file_text, number
 from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadFile, UnknownName, quoted
 from myomorph.core.model.landmarks import LandmarkPairs
 
-MAX_BYTES = 64 * 1024 * 1024
 MAX_NAME = 200  # Characters of a column's name in which a unit is looked for.
 UNITS = {
     "m": 1.0,
@@ -310,8 +309,7 @@ class _Table:
 
 def _text(path: Path, hint: str) -> str:
     """Read the text of a file that is not too large; `BadFile` where it is."""
-    check_size(path, MAX_BYTES, "landmarks")
-    return file_text(path, hint)
+    return file_text(path, hint, "landmarks")
 
 
 def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> _Table:

@@ -7,6 +7,7 @@ import io
 import logging
 import os
 import re
+import warnings
 import zlib
 from collections.abc import Iterable, Iterator, KeysView, Sequence
 from dataclasses import dataclass
@@ -15,9 +16,9 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import numpy as np
 from lxml import etree
 
+from myomorph.core.io.parsing.door import MAX_SIZES, check_file, content_of
 from myomorph.core.io.parsing.named_file import is_named_file
-from myomorph.core.io.parsing.text import check_size
-from myomorph.core.io.parsing.xml import ENTITIES, read_xml
+from myomorph.core.io.parsing.xml import declares_entities, read_xml
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadFile, MyomorphError, quoted
@@ -25,8 +26,8 @@ from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.surface import Surface
 
-MAX_BYTES = 256 * 1024 * 1024
 ENDINGS = (".vtp", ".obj", ".stl", ".ply")
+PLY_HEAD = 65536  # Bytes in which the head of a PLY file ends.
 STL_HEAD = 84  # Bytes; the last four count the triangles.
 STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 """A triangle of a binary STL file, of which it holds as many as its bytes 80 to 83 say."""
@@ -220,7 +221,7 @@ def read_mesh(path: str | Path) -> Surface:
         raise BadFile(
             path, f"is not a mesh: its name ends in '{ending}'", f"expected {', '.join(ENDINGS)}"
         )
-    check_size(path, MAX_BYTES, "a mesh")
+    check_file(path, "a mesh")
     try:
         surface = _read_vtp(path) if ending == ".vtp" else _read_other(path, ending[1:])
     except BadFile:
@@ -237,11 +238,13 @@ def read_mesh(path: str | Path) -> Surface:
 
 def _read_other(path: Path, kind: str) -> Surface:
     """Read an OBJ, STL or PLY file; `BadFile` where it holds no triangles."""
-    content = path.read_bytes()
+    content = content_of(path, "a mesh")
     if kind == "stl" and _is_binary_stl(content):
         triangles = np.frombuffer(content, STL_FACE, offset=STL_HEAD)
         corners = triangles["corners"].reshape(-1, 3)
         return merged(corners, np.arange(len(corners)).reshape(-1, 3))
+    if kind == "ply":
+        _check_ply(content)
     # Imported here because trimesh takes half a second, which binary STL, as bones mostly are, need
     # not pay.
     import trimesh
@@ -256,6 +259,14 @@ def _read_other(path: Path, kind: str) -> Surface:
     if vertices.size == 0 or faces.size == 0:
         raise BadFile(path, "holds no triangles")
     return merged(vertices, faces)
+
+
+def _check_ply(content: bytes) -> None:
+    """Check that a PLY file is as long as what its head counts; `ValueError` where it is not."""
+    head = content[: content.find(b"end_header") + 1 or PLY_HEAD]
+    count = sum(map(int, re.findall(rb"(?m)^\s*element\s+\S+\s+(\d{1,18})\b", head)))
+    if count > len(content):
+        raise ValueError(f"its head counts {count} elements, more than its bytes")
 
 
 def _is_binary_stl(content: bytes) -> bool:
@@ -343,12 +354,12 @@ def _vtp_file(path: Path) -> _VtpFile:
     ------
     BadFile : it is not XML, or declares entities
     """
-    content = path.read_bytes()
+    content = content_of(path, "a mesh")
     mark = re.search(rb"<AppendedData[^>]*>", content)
     if mark is None:
         return _VtpFile(document=read_xml(path).root)
     before = content[: mark.end()]
-    if ENTITIES.search(content[: mark.start()]):
+    if declares_entities(content[: mark.start()]):
         raise BadFile(path, "declares XML entities, which could expand without end")
     end_mark = b"</AppendedData>"
     end = content.rfind(end_mark)
@@ -379,6 +390,8 @@ def _triangles(piece: etree._Element, reader: _Arrays) -> Iterator[np.ndarray]:
         corners = reader.array(arrays["connectivity"]).astype(np.int64)
         ends = reader.array(arrays["offsets"]).astype(np.int64)
         if len(ends):
+            if ends[0] < 0 or (np.diff(ends) < 0).any() or ends[-1] > len(corners):
+                raise ValueError("offsets do not rise, or pass the corners")
             yield split(corners, ends)
 
 
@@ -395,13 +408,13 @@ def _fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
     (triangles, 3)
     """
     starts = np.concatenate([[0], ends[:-1]])
-    sides = ends - starts
-    triangles = []
-    for index in range(1, int(sides.max()) - 1):
-        first = starts[sides > index + 1]
-        fan = [corners[first], corners[first + index], corners[first + index + 1]]
-        triangles.append(np.stack(fan, axis=1))
-    return _joined(triangles)
+    counts = np.maximum(ends - starts - 2, 0)
+    first = np.repeat(starts, counts)
+    before = np.repeat(np.cumsum(counts) - counts, counts)
+    index = np.arange(counts.sum()) - before + 1
+    fan = [corners[first], corners[first + index], corners[first + index + 1]]
+    # The first triangle of each polygon, then the second of each, and so on.
+    return np.stack(fan, axis=1)[np.argsort(index, kind="stable")]
 
 
 def _strips(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -447,6 +460,7 @@ class _Arrays:
         self.compressor = document.get("compressor", "")
         self.appended = appended
         self.raw = raw
+        self.size = 0  # Bytes of all numbers that were read.
 
     def array(self, element: etree._Element | None) -> np.ndarray:
         """Read the numbers of one element, flat.
@@ -468,15 +482,21 @@ class _Arrays:
         kind = _TYPES[element.get("type", "Float32")]
         form = element.get("format", "ascii")
         if form == "ascii":
-            return np.array((element.text or "").split(), dtype=kind)
+            return self._counted(_ascii(element.text or "", kind))
         if form == "appended":
-            data = self.appended[int(element.get("offset", "0")) :]
+            data = memoryview(self.appended)[int(element.get("offset", "0")) :]
             return self._decoded(data, self.order + kind, self.raw)
-        return self._decoded(
-            "".join((element.text or "").split()).encode(), self.order + kind, False
-        )
+        text = "".join((element.text or "").split()).encode()
+        return self._decoded(memoryview(text), self.order + kind, False)
 
-    def _decoded(self, data: bytes, kind: str, raw: bool) -> np.ndarray:
+    def _counted(self, numbers: np.ndarray) -> np.ndarray:
+        """Return numbers as they are; `ValueError` where all that was read is too much."""
+        self.size += numbers.nbytes
+        if self.size > MAX_SIZES["a mesh"]:
+            raise ValueError(f"more than {MAX_SIZES['a mesh'] >> 20} MiB of numbers")
+        return numbers
+
+    def _decoded(self, data: memoryview, kind: str, raw: bool) -> np.ndarray:
         """Decode an array behind its header: a count of bytes, or sizes of compressed blocks.
 
         Parameters
@@ -491,65 +511,58 @@ class _Arrays:
 
         Raises
         ------
-        ValueError : it is cut off, or its compressor is unknown
-        """
-        if not self.compressor:
-            size = np.dtype(self.header).itemsize
-            body = data if raw else base64.b64decode(_only_base64(data))
-            count = int(np.frombuffer(body, self.header, 1)[0])
-            return np.frombuffer(_exactly(body[size:], count), kind)
-        if self.compressor != "vtkZLibDataCompressor":
-            raise ValueError(f"compressor {self.compressor}")
-        parts = []
-        sizes, body = self._compressed(data, raw)
-        for end, size in zip(np.cumsum(sizes), sizes, strict=True):
-            parts.append(zlib.decompress(_exactly(body[end - size : end], size)))
-        return np.frombuffer(b"".join(parts), kind)
-
-    def _compressed(self, data: bytes, raw: bool) -> tuple[np.ndarray, bytes]:
-        """Split an array of compressed blocks into the sizes of the blocks, and the blocks.
-
-        Its header counts the blocks, states the sizes of a block and of the last one before they
-        were compressed, and then the compressed size of each.
-
-        Parameters
-        ----------
-        data : from the array's first byte or character on; more may follow
-        raw : whether they are bytes, not base64
-
-        Returns
-        -------
-        (blocks,) [bytes], and the bytes behind the header
+        ValueError : it is cut off or too large, or its compressor is unknown
         """
         size = np.dtype(self.header).itemsize
-        first = data if raw else base64.b64decode(data[: _padded(size)])
-        count = 3 + int(np.frombuffer(first, self.header, 1)[0])
-        if raw:
-            head = data[: size * count]
-            body = data[size * count :]
-        else:
-            cut = _padded(size * count)
-            head = base64.b64decode(data[:cut])
-            body = base64.b64decode(_only_base64(data[cut:]))
-        return np.frombuffer(head, self.header, count)[3:].astype(np.int64), body
+        if not self.compressor:
+            count = int(np.frombuffer(_bytes(data, size, raw), self.header, 1)[0])
+            body = _bytes(data, size + count, raw)[size:]
+            return self._counted(np.frombuffer(body, kind))
+        if self.compressor != "vtkZLibDataCompressor":
+            raise ValueError(f"compressor {self.compressor}")
+        # Count of blocks, sizes of a block and of the last one before they were compressed, and
+        # the compressed size of each.
+        count = 3 + int(np.frombuffer(_bytes(data, size, raw), self.header, 1)[0])
+        head = _bytes(data, size * count, raw)
+        sizes = np.frombuffer(head, self.header, count)[3:].astype(np.int64)
+        begin = size * count if raw else _padded(size * count)
+        body = _bytes(data[begin:], int(sizes.sum()), raw)
+        parts = []
+        for end, length in zip(np.cumsum(sizes), sizes, strict=True):
+            parts.append(self._unpacked(body[end - length : end]))
+        return np.frombuffer(b"".join(parts), kind)
+
+    def _unpacked(self, block: bytes) -> bytes:
+        """Unpack a block; `ValueError` where it is too large."""
+        stream = zlib.decompressobj()
+        content = stream.decompress(block, MAX_SIZES["a mesh"] - self.size + 1)
+        self._counted(np.frombuffer(content, np.uint8))
+        return content
+
+
+def _ascii(text: str, kind: str) -> np.ndarray:
+    """Read numbers in plain text (numbers,); `ValueError` where another word is among them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            return np.fromstring(text, dtype=kind, sep=" ")
+        except DeprecationWarning as error:
+            raise ValueError(str(error)) from None
+
+
+def _bytes(data: memoryview, count: int, raw: bool) -> bytes:
+    """Return the first bytes of data, of base64 or raw; `ValueError` where there are fewer."""
+    if count < 0 or count > len(data):
+        raise ValueError(f"expected {count} bytes, but got {len(data)}")
+    part = bytes(data[:count]) if raw else base64.b64decode(bytes(data[: _padded(count)]))
+    if len(part) < count:
+        raise ValueError(f"expected {count} bytes, but got {len(part)}")
+    return part[:count]
 
 
 def _padded(size: int) -> int:
     """Return how many characters base64 needs for so many bytes."""
     return 4 * ((size + 2) // 3)
-
-
-def _only_base64(data: bytes) -> bytes:
-    """Cut out the first run of base64 text: appended arrays stand one behind the other."""
-    match = re.match(rb"[A-Za-z0-9+/]*={0,2}", data)
-    return match[0] if match else b""
-
-
-def _exactly(data: bytes, count: int) -> bytes:
-    """Return the first bytes; `ValueError` where there are fewer than `count`."""
-    if len(data) < count:
-        raise ValueError(f"expected {count} bytes, but got {len(data)}")
-    return data[:count]
 
 
 def write_obj(surface: Surface, path: str | os.PathLike[str]) -> None:

@@ -6,16 +6,14 @@ They are version 5 files with one structure per recording.
 from __future__ import annotations
 
 import os
-import struct
-import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import scipy
 
-from myomorph.core.io.parsing.text import mapped_bytes, unique_names, without_far_away
+from myomorph.core.io.mat5 import HEADER, Matrix, arrays_of
+from myomorph.core.io.parsing.door import MAX_NUMBERS, mapped_bytes
+from myomorph.core.io.parsing.text import unique_names, without_far_away
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import READING
 from myomorph.core.model.errors import BadFile, quoted
@@ -24,11 +22,6 @@ from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Markers, Trial
 
 HINT = "export the recording from QTM as MAT, or as C3D"
-HEADER = 128  # Bytes; the last two state the byte order.
-TAG = 8  # Bytes of type and size before each element.
-COMPRESSED = 15
-MAX_BYTES = 2 << 30  # Bytes that a file may hold once it is unpacked.
-STEP = 1 << 24
 MILLIMETERS = 1e-3
 FRAGMENT = "unidentified_"
 UNREAD = ("Analog", "Force", "EMG", "RigidBodies")
@@ -56,7 +49,15 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
         labels, frames or rate do not fit
     """
     path = Path(path)
-    _check(path)
+    try:
+        return _trial(path, unidentified)
+    except ValueError as error:
+        # What is damaged is met where it is read.
+        raise BadFile(path, f"is damaged: {error}", HINT) from None
+
+
+def _trial(path: Path, unidentified: bool) -> Trial:
+    """Read a recording; `BadFile` or `ValueError` where that cannot be done."""
     name, recording = _recording(path)
     if _field(_field(recording, "Trajectories"), "Labeled") is None:
         raise BadFile(path, f"'{name}' has no labelled trajectories", HINT)
@@ -106,7 +107,7 @@ class _Trajectories:
         return replace(self, labels=[*self.labels, *labels], labelled=labelled)
 
 
-def _trajectories(recording: Any, path: Path) -> _Trajectories:
+def _trajectories(recording: Matrix, path: Path) -> _Trajectories:
     """Read the trajectories of a recording.
 
     Raises
@@ -132,15 +133,13 @@ def _trajectories(recording: Any, path: Path) -> _Trajectories:
     return result
 
 
-def _labels(group: Any) -> list[str]:
+def _labels(group: Matrix | None) -> list[str]:
     """Read the labels of a group of trajectories; a single one is no array."""
     value = _field(group, "Labels")
-    if value is None:
-        return []
-    return [str(text).strip() for text in np.atleast_1d(np.asarray(value, dtype=object))]
+    return [] if value is None else [text.strip() for text in value.texts()]
 
 
-def _notes(recording: Any, frames: int) -> list[Message]:
+def _notes(recording: Matrix, frames: int) -> list[Message]:
     """List warnings of a recording: another count of frames than stated, and parts not read."""
     notes = []
     stated = _number(recording, "Frames")
@@ -154,7 +153,7 @@ def _notes(recording: Any, frames: int) -> list[Message]:
     return notes
 
 
-def _facts(recording: Any, name: str, rate: float, unidentified: Array) -> dict[str, str]:
+def _facts(recording: Matrix, name: str, rate: float, unidentified: Array) -> dict[str, str]:
     """Collect facts: maker, name, unit, rate, date and unidentified trajectories, as texts.
 
     Parameters
@@ -171,8 +170,9 @@ def _facts(recording: Any, name: str, rate: float, unidentified: Array) -> dict[
         "point rate": f"{rate:g} Hz",
     }
     timestamp = _field(recording, "Timestamp")
-    if isinstance(timestamp, str) and timestamp.strip():
-        facts["date"] = timestamp.strip()
+    date = "" if timestamp is None else timestamp.text().strip()
+    if date:
+        facts["date"] = date
     if len(unidentified):
         durations = np.isfinite(unidentified).all(axis=2).sum(axis=1) / rate
         facts["unidentified fragments"] = (
@@ -182,101 +182,45 @@ def _facts(recording: Any, name: str, rate: float, unidentified: Array) -> dict[
     return facts
 
 
-def _check(path: Path) -> None:
-    """Check that a file is of version 5, whole, and would fit into memory.
+def _recording(path: Path) -> tuple[str, Matrix]:
+    """Find the first structure with trajectories, and its name.
 
     Raises
     ------
-    BadFile : it is not
+    BadFile : the file is of another version, damaged or too large, or has no such structure
     """
-    data = mapped_bytes(path)
+    data = mapped_bytes(path, "a MATLAB file")
     head = bytes(data[:HEADER])
-    if head.startswith(b"MATLAB 7.3") or head.startswith(b"\x89HDF"):
+    if head.startswith((b"MATLAB 7.3", b"\x89HDF")):
         raise BadFile(path, "is a MATLAB file of version 7.3", "save it with save(..., '-v7')")
-    mark = head[HEADER - 2 :]
-    if mark not in (b"IM", b"MI"):
+    if head[HEADER - 2 :] not in (b"IM", b"MI"):
         raise BadFile(path, "is not a MATLAB file of version 5", HINT)
-    order = "<" if mark == b"IM" else ">"
-    at = HEADER
-    unpacked = 0
-    while at < len(data):
-        begin = at + TAG
-        if begin > len(data):
-            raise _cut_off(path)
-        kind, size = struct.unpack(f"{order}II", bytes(data[at:begin]))
-        end = begin + size
-        if end > len(data):
-            raise _cut_off(path)
-        unpacked += _unpacked(data[begin:end], path) if kind == COMPRESSED else size
-        if unpacked > MAX_BYTES:
-            raise BadFile(path, f"holds more than {MAX_BYTES >> 30} GB once unpacked", HINT)
-        at = end
-
-
-def _cut_off(path: Path) -> BadFile:
-    """Make the error of a file that is not whole."""
-    return BadFile(path, "ends early: it was cut off or is damaged", HINT)
-
-
-def _unpacked(data: np.ndarray, path: Path) -> int:
-    """Count the bytes that a compressed element holds; counting ends beyond `MAX_BYTES`.
-
-    Parameters
-    ----------
-    data : (bytes,) of the element
-    path : of the file, for messages
-
-    Raises
-    ------
-    BadFile : it cannot be unpacked
-    """
-    stream = zlib.decompressobj()
-    size = 0
-    rest = bytes(data)
-    try:
-        while rest and size <= MAX_BYTES and not stream.eof:
-            size += len(stream.decompress(rest, STEP))
-            rest = stream.unconsumed_tail
-    except zlib.error:
-        raise BadFile(path, "is damaged: a part of it cannot be unpacked", HINT) from None
-    return size
-
-
-def _recording(path: Path) -> tuple[str, Any]:
-    """Find the first structure with trajectories, and its name; `BadFile` where there is none."""
-    # Brings SciPy: loaded only where it is needed.
-    try:
-        content = scipy.io.loadmat(
-            path, struct_as_record=False, squeeze_me=True, chars_as_strings=True
-        )
-    except Exception as error:  # a damaged file makes the reader fail in many ways
-        raise BadFile(path, f"is damaged ({' '.join(str(error).split())[:120]})", HINT) from None
-    names = [name for name in content if not name.startswith("__")]
-    for name in names:
-        if _field(content[name], "Trajectories") is not None:
-            return name, content[name]
+    names = []
+    for array in arrays_of(data):
+        if array.field("Trajectories") is not None:
+            return array.name, array
+        names.append(array.name)
     held = quoted(names) or "nothing"
     raise BadFile(
         path, f"holds {held}, but no Qualisys recording (a structure with Trajectories)", HINT
     )
 
 
-def _field(structure: Any, name: str) -> Any:
+def _field(structure: Matrix | None, name: str) -> Matrix | None:
     """Return a field of a structure, None where it has none or it is empty."""
-    value = getattr(structure, name, None)
-    return None if isinstance(value, np.ndarray) and value.size == 0 else value
+    return None if structure is None else structure.field(name)
 
 
-def _number(structure: Any, name: str) -> float:
+def _number(structure: Matrix | None, name: str) -> float:
     """Return a field's first number, NaN where it has none."""
     value = _field(structure, name)
     try:
-        return float(np.asarray(value, dtype=np.float64).reshape(-1)[0])
-    except (TypeError, ValueError, IndexError):
+        return float("nan") if value is None else float(value.values().reshape(-1)[0])
+    except ValueError:
         return float("nan")
 
 
-def _positions(group: Any, path: Path, kind: str) -> Array:
+def _positions(group: Matrix | None, path: Path, kind: str) -> Array:
     """Read the trajectories of a group.
 
     Parameters
@@ -294,13 +238,16 @@ def _positions(group: Any, path: Path, kind: str) -> Array:
     ------
     BadFile : it is of another shape, or no numbers
     """
-    data = _field(group, "Data")
-    if data is None:
+    array = _field(group, "Data")
+    if array is None:
         return np.zeros((0, 0, 3))
+    if array.size > MAX_NUMBERS:
+        raise BadFile(path, f"holds more than {MAX_NUMBERS} numbers of {kind} trajectories", HINT)
     try:
-        data = np.asarray(data, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise BadFile(path, f"its {kind} trajectories are no numbers", HINT) from None
+        data = np.asarray(array.values(), dtype=np.float64)
+    except ValueError as error:
+        problem = f"its {kind} trajectories are no numbers ({error})"
+        raise BadFile(path, problem, HINT) from None
     data = data[None] if data.ndim == 2 else data
     if data.ndim != 3 or data.shape[1] not in (3, 4):
         shape = f"its {kind} trajectories have the shape {data.shape}"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.core.io.parsing.text import mapped_bytes
+from myomorph.core.io.parsing.door import mapped_bytes
 from myomorph.core.model.causes import READING
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.series import Sound
@@ -71,7 +71,7 @@ def read_wav(path: str | os.PathLike[str], start: float = 0.0) -> Sound:
     BadFile : it cannot be read, is no such file, holds samples in another format, none, or too many
     """
     path = Path(path)
-    data = mapped_bytes(path)
+    data = mapped_bytes(path, "sound")
     facts, first, promised = _chunks(data, path)
     warnings = []
     if promised in UNFINISHED:

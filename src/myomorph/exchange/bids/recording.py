@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from myomorph.core.io.parsing.door import check_file
 from myomorph.core.io.parsing.text import number, without_far_away
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadFile, from_extra
@@ -316,6 +317,7 @@ def read_emg(path: Path) -> Analog:
     Raises `BadFile`, or `MissingPackage` without edfio.
     """
     edfio = from_extra("bids", "edfio")
+    check_file(path, "EMG")
     try:
         file = (edfio.read_bdf if path.suffix.lower() == ".bdf" else edfio.read_edf)(str(path))
         signals = list(file.signals)

@@ -12,9 +12,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from myomorph.core.io.parsing.hdf5 import MAX_BYTES, open_hdf5
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.store.digests import Seal, seal_of
 
 BARE = "This is a netCDF dimension but not a netCDF variable."
 SCALE = "DIMENSION_SCALE"
@@ -201,10 +206,14 @@ class NetcdfVariable:
 
 
 class NetcdfSource:
-    """An open file with variables by name, written by `new_netcdf` or by another library."""
+    """An open file with variables by name, written by `new_netcdf` or by another library.
 
-    def __init__(self, file: Any):
+    `largest` : bytes that a variable may have, None for any.
+    """
+
+    def __init__(self, file: Any, largest: int | None = None):
         self._file = file
+        self._largest = largest
         self._names: dict[Any, str] = {}
 
     @cached_property
@@ -225,6 +234,8 @@ class NetcdfSource:
         """
         for name in [name for name in only if name in self._file] if only else self._file:
             values = self._file[name]
+            if self._largest is not None and values.nbytes > self._largest:
+                raise ValueError(f"'{name}' has {values.nbytes / 2**30:.1f} GiB")
             if "NAME" not in values.attrs or not as_text(values.attrs["NAME"]).startswith(BARE):
                 yield name, values
 
@@ -258,7 +269,35 @@ class NetcdfSource:
 
 @contextmanager
 def open_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfSource]:
-    """Open a file to read from; raises `OSError` where it is none."""
+    """Open a file to read from.
+
+    One that fits its own digest is read at once, one without is a stranger's: a child reads it
+    first.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Yields
+    ------
+    its variables and attributes
+
+    Raises
+    ------
+    BadFile : its digest shows that it is damaged, or the door refuses it
+    OSError : it is no HDF5
+    """
+    sealed = seal_of(path)
+    if sealed is Seal.DAMAGED:
+        raise BadFile(
+            path,
+            "is damaged: it does not fit the digest that it was written with",
+            "run the command that wrote it again, or take a copy of it",
+        )
+    if sealed is Seal.NONE:
+        with open_hdf5(Path(path), in_order=True) as file:
+            yield NetcdfSource(file, MAX_BYTES)
+        return
     import h5py
 
     with h5py.File(path, "r", track_order=True) as file:

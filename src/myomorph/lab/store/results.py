@@ -7,7 +7,6 @@ import json
 import os
 import shutil
 import tempfile
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -18,12 +17,14 @@ import numpy as np
 
 from myomorph import __version__
 from myomorph.core.io.formats import is_composed
+from myomorph.core.io.parsing.hdf5 import ERRORS
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.messages import Message, messages_of, messages_text, unique
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance, Source
+from myomorph.lab.store.digests import file_digest, seal
 from myomorph.lab.store.netcdf import (
     HeldFile,
     NetcdfFile,
@@ -33,23 +34,20 @@ from myomorph.lab.store.netcdf import (
     new_netcdf,
     open_netcdf,
 )
+from myomorph.lab.store.table_digests import read_digests, table_digests
 
 STORED = ".nc"
 PROVENANCE = "provenance_"
 REMARKS = "warnings_"
-"""What facts of a single step begin with: what its values were made from, and its warnings."""
+TABLES = "tables_"
+"""What facts of a single step begin with: what its values were made from, its warnings, and the
+digests of its tables.
+"""
 STEP = "step"
 BLOCK_ROWS = 512
 BLOCK_COLUMNS = 64
 # What every result file tells first.
 WHOSE = {"Conventions": "CF-1.10", "source": f"myomorph {__version__}"}
-SETTLED = 10.0
-"""A file is taken to be the same while its size and times are, if it has not been touched for so
-long [s].
-"""
-LARGE = 1 << 16
-MAX_HASHES = 256
-_HASHES: dict[tuple[int, ...], str] = {}
 
 
 def file_source(role: str, path: str | os.PathLike[str]) -> Source:
@@ -60,7 +58,7 @@ def file_source(role: str, path: str | os.PathLike[str]) -> Source:
 
         return value_source(role, str(path), str(path), version("myo-sim"))
     try:
-        return Source(role, str(path), _hash_of(path))
+        return Source(role, str(path), file_digest(path))
     except OSError as error:
         raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
 
@@ -68,31 +66,6 @@ def file_source(role: str, path: str | os.PathLike[str]) -> Source:
 def file_sources(*named: tuple[str, Path | None]) -> tuple[Source, ...]:
     """Files as inputs of a step, each with its role; those that are None are left out."""
     return tuple(file_source(role, path) for role, path in named if path is not None)
-
-
-def _hash_of(path: str | os.PathLike[str]) -> str:
-    """Hash of a file's bytes; a large file that has not been touched since is read only once."""
-    digest = hashlib.sha256()
-    with open(path, "rb") as stream:
-        status = os.fstat(stream.fileno())
-        look = (
-            status.st_dev,
-            status.st_ino,
-            status.st_size,
-            status.st_mtime_ns,
-            status.st_ctime_ns,
-        )
-        # One that was written just now could be written again without its time telling.
-        settled = time.time() - max(status.st_mtime, status.st_ctime) > SETTLED
-        if settled and look in _HASHES:
-            return _HASHES[look]
-        for block in iter(lambda: stream.read(1 << 20), b""):
-            digest.update(block)
-    if settled and status.st_size > LARGE:
-        while len(_HASHES) >= MAX_HASHES:
-            _HASHES.pop(next(iter(_HASHES)), None)
-        _HASHES[look] = digest.hexdigest()
-    return digest.hexdigest()
 
 
 def value_source(role: str, name: str, *values: object) -> Source:
@@ -227,6 +200,10 @@ class ResultWriter:
         """Write the warnings of a step, one line each."""
         self.fact(REMARKS + step, messages_text(texts))
 
+    def tables(self, step: str, folder: Path, leave_out: str = "") -> None:
+        """Write the digests of the tables of a step, which lie in a folder."""
+        self.fact(TABLES + step, json.dumps(table_digests(folder, leave_out)))
+
     def gather_remarks(self, steps: Sequence[str], others: Sequence[str]) -> None:
         """Put the warnings of the steps of this file together, in their order.
 
@@ -256,7 +233,7 @@ class ResultWriter:
         for name, value in other.attributes.items():
             marked = any(
                 name.startswith(prefix) and name[len(prefix) :] not in steps
-                for prefix in (PROVENANCE, REMARKS)
+                for prefix in (PROVENANCE, REMARKS, TABLES)
             )
             if name not in self._file.attributes and not marked:
                 self.fact(name, value)
@@ -290,7 +267,7 @@ def _texts() -> Any:
 
 @contextmanager
 def new_result(path: str | os.PathLike[str], step: str = "") -> Iterator[ResultWriter]:
-    """Make a NetCDF file that appears under its name only when it is whole.
+    """Make a NetCDF file that appears under its name only when it is whole, with its digest.
 
     Parameters
     ----------
@@ -304,6 +281,7 @@ def new_result(path: str | os.PathLike[str], step: str = "") -> Iterator[ResultW
         with new_netcdf(name) as file:
             file.attributes |= WHOSE
             yield ResultWriter(file, step)
+        seal(name)
         os.chmod(name, 0o644)
         os.replace(name, path)
     except BaseException:
@@ -353,8 +331,8 @@ def result_files(folder: Path) -> list[Path]:
     return paths
 
 
-DAMAGED = (OSError, ValueError, KeyError, AttributeError, TypeError, RuntimeError, MemoryError)
-"""What HDF5 raises on a damaged file, or on one of another kind: links to nothing, groups, sizes
+DAMAGED = (*ERRORS, BadFile)
+"""What is raised on a damaged file, or on one of another kind: links to nothing, groups, sizes
 beyond all memory.
 """
 
@@ -370,6 +348,8 @@ def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> 
     try:
         with open_netcdf(path) as file:
             return stored_values(path, file, leave_out)
+    except BadFile:
+        raise
     except DAMAGED as error:
         raise BadFile(
             path, f"is not a result of Myomorph ({error})", "give a NetCDF file that a step wrote"
@@ -414,7 +394,7 @@ def made_from(attributes: Mapping[str, str]) -> dict[str, Provenance]:
 
 
 def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:
-    """Provenance by step of a result file, empty where there is none that can be read."""
+    """Provenance by step of a result file, empty where there is none or it is damaged."""
     if not Path(path).is_file():
         return {}
     try:
@@ -422,6 +402,22 @@ def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:
             return made_from(file.attributes)
     except DAMAGED:
         return {}
+
+
+def stored_tables(path: str | os.PathLike[str]) -> dict[str, dict[str, str]]:
+    """Digests of the tables of each step of a result file, by their paths; empty as above."""
+    if not Path(path).is_file():
+        return {}
+    try:
+        with open_netcdf(path) as file:
+            marked = {
+                name.removeprefix(TABLES): text
+                for name, text in file.attributes.items()
+                if name.startswith(TABLES)
+            }
+    except DAMAGED:
+        return {}
+    return {step: read_digests(text) for step, text in marked.items()}
 
 
 @contextmanager

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from myomorph.core.model.errors import BadFile, listing
+from myomorph.core.io.parsing.door import content_of
+from myomorph.core.model.errors import BadFile
 
 MAX_PROBLEMS = 200  # Of a file that are printed
 
@@ -15,17 +16,7 @@ MAX_PROBLEMS = 200  # Of a file that are printed
 def read_toml(path: Path) -> dict[str, Any]:
     """Read the tables of a study file."""
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as error:
-        beside = (
-            sorted(file.name for file in path.parent.glob("*.toml")) if path.parent.is_dir() else []
-        )
-        hint = (
-            f"{path.parent} has {listing(path.name, beside)}"
-            if beside
-            else "give a study file in TOML"
-        )
-        raise BadFile(path, f"cannot be read ({error.strerror or error})", hint) from None
+        return tomllib.loads(content_of(path, "settings").decode("utf-8"))
     except UnicodeDecodeError:
         raise BadFile(path, "is not text", "give a study file in TOML") from None
     except (ValueError, RecursionError) as error:

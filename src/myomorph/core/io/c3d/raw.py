@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.core.io.parsing.text import readable
+from myomorph.core.io.parsing.door import content_of
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import READING
 from myomorph.core.model.errors import BadFile
@@ -147,8 +147,7 @@ def read_raw_c3d(path: str | os.PathLike[str]) -> RawC3d:
     BadFile : it cannot be read, is no C3D file, or holds no whole frame
     """
     path = Path(path)
-    with readable(path):
-        data = path.read_bytes()
+    data = content_of(path, "C3D")
     if len(data) < BLOCK:
         what = "is empty" if not data else f"is too short for a C3D file ({len(data)} bytes)"
         raise BadFile(

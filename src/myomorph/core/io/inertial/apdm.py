@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from myomorph.core.io.inertial.signals import sensors_of_signals
-from myomorph.core.io.parsing.guard import run_guarded, seconds_for
+from myomorph.core.io.parsing.hdf5 import ERRORS, open_hdf5
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.inertial_sensors import InertialSensors, beside
@@ -28,7 +27,6 @@ SIGNALS = {
 """Data sets by the names of either layout; in m/s^2, rad/s, microtesla, and quaternions w, x, y, z.
 """
 MAX_BYTES = 1 << 31  # Of a signal.
-MEMORY = 4.0  # Of the child at most [GiB].
 
 
 def read_apdm(path: Path) -> InertialSensors:
@@ -50,40 +48,21 @@ def read_apdm(path: Path) -> InertialSensors:
     ------
     BadFile : it cannot be read, has no sensor, or one without signals, times or the usual shapes
     """
-    if not path.is_file():
-        raise BadFile(path, "no such file")
-    # Crafted files can make the library hang or crash: a child goes first.
-    outcome = run_guarded(f"{__name__}:read_through", [path.resolve()], seconds_for(path), MEMORY)
-    if outcome.status != "done":
-        raise BadFile(path, f"cannot be read ({outcome.message})", HINT)
     sensors = _sensors(path)
     if not sensors:
         raise BadFile(path, "holds no sensor", HINT)
     return beside(sensors)
 
 
-def read_through(path: str | os.PathLike[str]) -> None:
-    """Read all that `read_apdm` reads, in a process that may be stopped.
-
-    Parameters
-    ----------
-    path : of the file
-    """
-    _sensors(Path(path))
-
-
 def _sensors(path: Path) -> list[InertialSensors]:
-    """Read each sensor by itself; `BadFile` where the file is no HDF5."""
-    # Takes a moment to import, and few trials need it.
-    import h5py
-
+    """Read each sensor by itself; `BadFile` where the file is no HDF5 or damaged."""
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path, HINT) as file:
             if "Sensors" in file:
                 return _sensors_of_newer_layout(file, path)
             return _sensors_of_older_layout(file, path)
-    except OSError as error:
-        raise BadFile(path, f"is no HDF5 file ({error})", HINT) from None
+    except ERRORS as error:
+        raise BadFile(path, f"is no HDF5 file of sensors ({error})", HINT) from None
 
 
 def _sensors_of_newer_layout(file: Any, path: Path) -> list[InertialSensors]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from myomorph.core.io.c3d.read import read_c3d
 from myomorph.core.io.inertial.channels import sensors_of_channels
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.errors import BadData, BadFile, MyomorphError
 from myomorph.core.model.extension import Format
 from myomorph.core.model.inertial_sensors import InertialSensors, beside
@@ -52,6 +53,8 @@ def sensor_files(path: Path) -> tuple[Path, ...]:
     """
     ending = path.suffix.lower()
     if ending == ".c3d" or not any(ending in kind.endings for kind in SENSORS):
+        return ()
+    if not is_named_file(path):
         return ()
     if ending == ".sto":
         with path.open("rb") as stream:

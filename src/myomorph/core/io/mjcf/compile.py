@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import ntpath
 import os
 import posixpath
@@ -16,8 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 
+from myomorph.core.io.parsing.door import check_file, readable
 from myomorph.core.io.parsing.guard import run_guarded
+from myomorph.core.io.parsing.text import whole_number
 from myomorph.core.io.parsing.xml import read_xml
 from myomorph.core.model.errors import BadFile, quoted
 from myomorph.core.model.model import Kept
@@ -25,8 +29,11 @@ from myomorph.core.model.model import Kept
 DEFAULT_TIME_LIMIT = 60.0  # Of processor time, of all threads together [s].
 WALL_SHARE = 4.0  # Of that limit, after which the process is stopped on a busy machine too.
 MAX_FILES = 200
-MAX_MEMORY = 8.0  # Of the process that compiles [GiB].
-MAX_ASSET_BYTES = 512 * 1024 * 1024
+MAX_MEMORY = 4.0  # Of the process that compiles [GiB].
+MAX_COMPILED = 1 << 30  # Bytes of a compiled model that are loaded.
+MAX_CELLS = 1 << 24  # Of a height field.
+PNG = b"\x89PNG\r\n\x1a\n"
+PNG_SIZES = slice(16, 24)  # Bytes of width and height.
 LICENSES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt")
 TEXTURE_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 
@@ -121,6 +128,8 @@ def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[A
                     " these files"
                 )
             raise BadFile(path, f"MuJoCo cannot compile it: {reason}", hint)
+        if binary.stat().st_size > MAX_COMPILED:
+            raise BadFile(path, f"takes more than {MAX_COMPILED >> 30} GiB once it is compiled")
         compiled = mujoco.MjModel.from_binary_path(str(binary))
     kept = [
         Kept(
@@ -178,10 +187,10 @@ def check_files(path: Path, root: Path | None = None) -> list[str]:
         if file is None or not file.exists():
             if kind in ("mesh", "hfield"):
                 missing.append(name)
-        elif file.stat().st_size > MAX_ASSET_BYTES:
-            raise BadFile(
-                path, f"{kind} file '{name}' is larger than {MAX_ASSET_BYTES / 2**20:.0f} MiB"
-            )
+            continue
+        check_file(file, "a part of a model")
+        if kind == "hfield":
+            _check_cells(path, name, _cells_of(file))
     return missing
 
 
@@ -229,8 +238,27 @@ def _walk(element: Any, folder: Path, survey: _Survey) -> None:
         ]
     elif tag in ("mesh", "hfield", "skin", "flexcomp") and "file" in element.attrib:
         survey.assets.append((tag, element.get("file"), folder))
+    if tag == "hfield" and "file" not in element.attrib:
+        sizes = [whole_number(element.get(key, "0").strip()) or 0 for key in ("nrow", "ncol")]
+        _check_cells(survey.main, element.get("name", ""), sizes)
     for child in element:
         _walk(child, folder, survey)
+
+
+def _cells_of(file: Path) -> list[int]:
+    """Read the rows and columns of a height field, of a picture or of MuJoCo's own format."""
+    with readable(file), file.open("rb") as stream:
+        head = stream.read(PNG_SIZES.stop)
+    order = ">" if head.startswith(PNG) else "<"
+    sizes = head[PNG_SIZES] if head.startswith(PNG) else head[:8]
+    return [int(size) for size in np.frombuffer(sizes.ljust(8, b"\0"), f"{order}i4")]
+
+
+def _check_cells(path: Path, name: str, sizes: list[int]) -> None:
+    """Check that a height field is not too large; `BadFile` where it is."""
+    if math.prod(sizes) > MAX_CELLS or max(sizes) > MAX_CELLS:
+        problem = f"its height field '{name}' has {' x '.join(map(str, sizes))} cells"
+        raise BadFile(path, problem, f"at most {MAX_CELLS} are read")
 
 
 def _include(name: str, folder: Path, survey: _Survey, tag: str) -> None:

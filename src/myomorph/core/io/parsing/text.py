@@ -15,6 +15,7 @@ from typing import TextIO
 
 import numpy as np
 
+from myomorph.core.io.parsing.door import content_of
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import HIDDEN, READING
 from myomorph.core.model.errors import BadFile
@@ -32,81 +33,14 @@ def whole_number(text: str) -> int | None:
     return int(text) if text.isascii() and text.isdigit() and len(text) <= LONGEST else None
 
 
-@contextmanager
-def readable(path: Path) -> Iterator[None]:
-    """Raise `BadFile` where the system refuses to read a file within the block.
-
-    Parameters
-    ----------
-    path : of the file, for the message
-
-    Yields
-    ------
-    nothing
-
-    Raises
-    ------
-    BadFile : an `OSError` occurs in the block
-    """
-    try:
-        yield
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
-
-
-def check_size(path: Path, largest: int, what: str) -> None:
-    """Check that a file exists and is not larger than allowed.
-
-    Parameters
-    ----------
-    path : of the file
-    largest : size allowed [bytes]
-    what : kind of content, for the message
-
-    Raises
-    ------
-    BadFile : it is absent or larger
-    """
-    with readable(path):
-        size = path.stat().st_size
-    if size > largest:
-        raise BadFile(
-            path,
-            f"is {size / 2**20:.0f} MiB, more than the {largest / 2**20:.0f} MiB allowed for"
-            f" {what}",
-        )
-
-
-def mapped_bytes(path: Path) -> np.ndarray:
-    """Map the bytes of a file into memory.
-
-    Parameters
-    ----------
-    path : of the file
-
-    Returns
-    -------
-    (bytes,) of type uint8, empty for an empty file
-
-    Raises
-    ------
-    BadFile : it cannot be read
-    """
-    with readable(path):
-        return (
-            np.memmap(path, dtype=np.uint8, mode="r")
-            if path.stat().st_size
-            else np.zeros(0, np.uint8)
-        )
-
-
-def file_text(path: Path, hint: str) -> str:
+def file_text(path: Path, hint: str, kind: str = "a table") -> str:
     """Read the text of a file in UTF-8, UTF-16 with a mark or, failing that, Latin-1.
 
     Parameters
     ----------
     path : of the file
     hint : what was expected, for the message
+    kind : of content, which limits its size
 
     Returns
     -------
@@ -114,10 +48,9 @@ def file_text(path: Path, hint: str) -> str:
 
     Raises
     ------
-    BadFile : it cannot be read, is empty or is not text
+    BadFile : it is no regular file or too large, cannot be read, is empty or is not text
     """
-    with readable(path):
-        raw = path.read_bytes()
+    raw = content_of(path, kind)
     if not raw[:4096].strip() and not raw.strip():
         raise BadFile(path, "is empty", hint)
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -395,15 +328,17 @@ def unique_names(names: Sequence[str], kind: str, notes: list[Message]) -> tuple
     the names in their order, each once
     """
     taken = set(names)
+    next_numbers: dict[str, int] = {}
     unique: dict[str, None] = {}
     renamed: dict[str, str] = {}
     count = 0
     for name in names:
         new_name = name
         if name in unique:
-            number = 2
+            number = next_numbers.get(name, 2)
             while f"{name}_{number}" in taken:
                 number += 1
+            next_numbers[name] = number + 1
             new_name = f"{name}_{number}"
             taken.add(new_name)
             renamed.setdefault(name, new_name)

@@ -9,14 +9,14 @@ from pathlib import Path
 
 from lxml import etree
 
+from myomorph.core.io.parsing.door import content_of
 from myomorph.core.model.causes import READING
-from myomorph.core.model.errors import BadFile, quoted
+from myomorph.core.model.errors import BadFile
 from myomorph.core.model.messages import Message
 
-LARGEST = 256 * 1024 * 1024
-ENTITIES = re.compile(rb"<!\s*(ENTITY|DOCTYPE[^>]*\[)", re.IGNORECASE)
+ENTITY = re.compile(rb"<!\s*ENTITY", re.IGNORECASE)
+DOCTYPE = re.compile(rb"<!\s*DOCTYPE", re.IGNORECASE)
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 TAG = re.compile(r"</?[A-Za-z_][\w.:-]*")
 TAG_BYTES = re.compile(TAG.pattern.encode("ascii"))
 COLONS = ".colons."
@@ -59,7 +59,7 @@ def read_xml(path: str | os.PathLike[str]) -> XmlFile:
     """
     path = Path(path)
     content = _content(path)
-    if ENTITIES.search(content.replace(b"\0", b"")):
+    if declares_entities(content):
         raise BadFile(
             path,
             "declares XML entities, which could expand without end",
@@ -80,6 +80,27 @@ def read_xml(path: str | os.PathLike[str]) -> XmlFile:
         path,
         (READING.message(f"not well-formed XML ({_said(problem)}): that was overlooked"),),
     )
+
+
+def declares_entities(content: bytes) -> bool:
+    """Whether a document declares entities, or a type of its own in which it may.
+
+    Each part is looked at once, so that the time grows with the size alone.
+
+    Parameters
+    ----------
+    content : of the document, in any encoding of XML
+    """
+    content = content.replace(b"\0", b"")
+    if ENTITY.search(content):
+        return True
+    start = 0
+    while doctype := DOCTYPE.search(content, start):
+        start = content.find(b">", doctype.end())
+        start = len(content) if start < 0 else start
+        if b"[" in content[doctype.end() : start]:
+            return True
+    return False
 
 
 def with_colons(text: str) -> str:
@@ -110,41 +131,31 @@ def _tidied(content: bytes) -> bytes:
     except UnicodeDecodeError:
         text = content.decode("cp1252", errors="replace")
     text = re.sub(r"^\s*<\?xml[^>]*\?>", "", text)
-    text = COMMENT.sub(lambda comment: "\n" * comment.group().count("\n"), NOT_XML.sub(" ", text))
+    text = _without_comments(NOT_XML.sub(" ", text))
     if "<OpenSimDocument" not in text:
         text = re.sub(r"</OpenSimDocument>\s*$", "", text)
     return AMPERSAND.sub("&amp;", text).encode("utf-8")
 
 
+def _without_comments(text: str) -> str:
+    """Take the comments out of a text, but for the ends of their lines."""
+    parts = []
+    start = 0
+    while (begin := text.find("<!--", start)) >= 0:
+        end = text.find("-->", begin + len("<!--"))
+        if end < 0:
+            break
+        parts += [text[start:begin], "\n" * text.count("\n", begin, end)]
+        start = end + len("-->")
+    return "".join((*parts, text[start:]))
+
+
 def _content(path: Path) -> bytes:
-    """Read the bytes of a file; `BadFile` where it is absent, too large or empty."""
-    try:
-        size = path.stat().st_size
-        if size > LARGEST:
-            raise BadFile(
-                path,
-                f"is {size / 2**20:.0f} MiB, more than the {LARGEST / 2**20:.0f} MiB allowed"
-                " for XML",
-            )
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise BadFile(path, "no such file", _beside(path)) from None
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    """Read the bytes of a file; `BadFile` where the door refuses it or it is empty."""
+    content = content_of(path, "XML")
     if not content.strip():
         raise BadFile(path, "is empty")
     return content
-
-
-def _beside(path: Path) -> str:
-    """List the files of the same ending in a file's folder, as a hint."""
-    folder = path.parent
-    if not folder.is_dir():
-        return f"the folder '{folder}' does not exist"
-    names = sorted(
-        file.name for file in folder.iterdir() if file.suffix.lower() == path.suffix.lower()
-    )
-    return f"its folder has {quoted(names)}" if names else f"its folder has no '{path.suffix}' file"
 
 
 def _parse(content: bytes) -> etree._Element:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from myomorph.core.io.parsing.door import content_of
 from myomorph.core.io.parsing.text import written
 from myomorph.core.model.errors import BadFile, MyomorphError
 from myomorph.core.model.frozen_map import FrozenMap
@@ -78,8 +79,8 @@ def _plain(values: np.ndarray) -> Any:
 def read_gains(path: Path) -> SubjectGains:
     """Read gains; raises `BadFile` where the file is none of `write_gains`."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        data = json.loads(content_of(path, "settings").decode("utf-8"))
+    except (ValueError, RecursionError) as error:
         raise BadFile(
             path, f"cannot be read as gains of EMG ({error})", "give gains.json of the step 'emg'"
         ) from error

@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 
 from myomorph.core.contact.plate_forces import PlateForces
 from myomorph.core.io.force_table import holds_forces
+from myomorph.core.io.parsing.door import content_of
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.series import Motion, Trial, Wrenches
 from myomorph.lab.study.inputs.beside import TABLE_ENDINGS, companion, is_alone, plain_stem
@@ -102,7 +103,7 @@ def loads_by_name(recording: Path) -> Path | None:
     recording's name.
     """
     path = companion(recording, WORDS, (".xml", *TABLE_ENDINGS), alone=True)
-    model = path is not None and path.suffix == ".xml" and b"<mujoco" in path.read_bytes()
+    model = path is not None and path.suffix == ".xml" and b"<mujoco" in content_of(path, "XML")
     return companion(recording, WORDS, TABLE_ENDINGS, alone=True) if model else path
 
 

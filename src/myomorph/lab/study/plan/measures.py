@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from myomorph.core.io.parsing.door import content_of
 from myomorph.core.io.parsing.named_file import is_named_file
-from myomorph.core.model.errors import listing
+from myomorph.core.model.errors import BadFile, listing
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 UNITS: Mapping[str, Mapping[str, float]] = {
@@ -69,9 +70,9 @@ def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[s
     """
     where = path.name
     try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        problems.append(f"measures: '{path}' cannot be read ({error.strerror or error})")
+        text = content_of(path, "settings").decode("utf-8-sig")
+    except BadFile as error:
+        problems.append(f"measures: {error}")
         return {}
     except UnicodeDecodeError:
         problems.append(f"{where}: is not text in UTF-8: save the table as 'CSV UTF-8'")

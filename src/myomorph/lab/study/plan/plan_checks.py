@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
-from myomorph.core.model.errors import MyomorphError, listing
+from myomorph.core.io.parsing.door import content_of
+from myomorph.core.model.errors import BadFile, MyomorphError, listing
 from myomorph.core.model.model import GROUND, Model
 from myomorph.lab.store.results import file_name
 from myomorph.lab.study.inputs.reading import open_model
@@ -242,8 +243,8 @@ def _names(kind: str, model: Model) -> tuple[str, ...]:
 def _text(path: Path) -> str:
     """A model's file as text, names as they stand in XML."""
     try:
-        return path.read_bytes().decode("utf-8", errors="replace")
-    except OSError:
+        return content_of(path, "XML").decode("utf-8", errors="replace")
+    except BadFile:
         return ""
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, Self, TypeVar
 
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.messages import (
     Message,
@@ -23,6 +24,7 @@ from myomorph.core.model.messages import (
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.results import file_source, whole_folder
+from myomorph.lab.store.table_digests import altered_tables, read_digests, write_digests
 from myomorph.lab.study.step.job_steps import JobSteps
 from myomorph.lab.study.step.step import WHOLE_STUDY, Step, step_of
 from myomorph.lab.study.step.step_table import Scope
@@ -32,9 +34,10 @@ NOTES = "notes.txt"
 MESSAGES = "messages.json"
 """What may not be believed of a step's result, one line each and with causes, among its tables."""
 RESULT = "result"
-"""Role of a step's own files, where its folder holds others too: one that was altered makes the
-step run again.
-"""
+"""Role of a step's own files: one that was altered makes the step run again."""
+DIGESTS = "digests.json"
+"""File with the digests of what a step leaves beside its own tables."""
+PAGE = ".html"  # Ending of pages.
 
 
 @dataclass(frozen=True)
@@ -70,8 +73,11 @@ def result_folder(
         yield folder
         if notes:
             write_notes(folder, notes)
-        if step is not None and not step.tables:
-            files = (path for path in sorted(folder.rglob("*")) if path.is_file())
+        if step is not None:
+            # A page is made anew by `report`.
+            files = (
+                path for path in sorted(folder.rglob("*")) if path.is_file() and path.suffix != PAGE
+            )
             results = (file_source(RESULT, path) for path in files)
             named = (
                 replace(result, name=Path(result.name).relative_to(folder).as_posix())
@@ -136,6 +142,12 @@ def stored_provenance(tables: Path, step: Step[Any] | None = None) -> Provenance
     return replace(made, sources=tuple(source for source in made.sources if source.role != RESULT))
 
 
+def _leaf_digests(home: Path, step: Step[Any]) -> dict[str, str]:
+    """Digests of the files that later steps read, as a step wrote them; none of older versions."""
+    path = home / step.tables / DIGESTS
+    return read_digests(path.read_text("utf-8")) if step.tables and is_named_file(path) else {}
+
+
 class ScopeInputs(Protocol):
     """What the steps of a subject, a specimen or a study begin with."""
 
@@ -185,6 +197,10 @@ class FolderSteps(JobSteps, Generic[Inputs]):
         value = self._step(step)
         home = self.outcome.folder
         missing = [name for name in value.leaves.values() if not (home / name).exists()]
+        if not missing and not self.fresh:
+            altered = altered_tables(home, _leaf_digests(home, value))
+            if altered:
+                return altered
         if missing and not self.fresh and stored_provenance(home / value.tables, value) is not None:
             return (f"{missing[0]} is missing",)
         return super().reasons(step)
@@ -196,6 +212,9 @@ class FolderSteps(JobSteps, Generic[Inputs]):
         home.mkdir(parents=True, exist_ok=True)
         try:
             value.run(self.inputs, FolderOutput(value, home, self.provenance(step)))
+            if value.tables and (home / value.tables).is_dir():
+                names = tuple(name for name in value.leaves.values() if not name.endswith(PAGE))
+                write_digests(home / value.tables / DIGESTS, home, names)
         finally:
             with suppress(OSError):
                 # Only where it is empty, since the step has failed.

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.io.parsing.door import content_of
 from myomorph.core.io.parsing.text import written
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadFile, listing
@@ -65,8 +66,8 @@ def read_norms(path: Path) -> tuple[GaitNorm, ...]:
     BadFile : a column or a row is none of a norm
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = content_of(path, "settings").decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
         raise BadFile(path, f"cannot be read as a norm ({error})") from None
     facts = _facts(line for line in lines if line.startswith("#"))
     table = csv.DictReader(line for line in lines if line and not line.startswith("#"))

@@ -15,11 +15,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
+from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.messages import unique
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.store import results as store
 from myomorph.lab.store.netcdf import HeldFile, open_netcdf
 from myomorph.lab.store.outcome import Outcome, failed
+from myomorph.lab.store.table_digests import altered_tables, read_digests, write_digests
 from myomorph.lab.study.step.job_steps import JobSteps, run_steps
 from myomorph.lab.study.step.step import StepOutput, large_variables, step_of, trial_steps
 from myomorph.lab.study.step.step_table import REPORT, STEPS
@@ -30,6 +32,8 @@ from myomorph.lab.study.trial.trial_inputs import TrialInputs
 from myomorph.lab.study.workers.ahead import Ahead, compile_ahead, wraps_of
 
 PARTS = ".steps"
+DIGESTS = "digests.json"
+"""File with the digests of those that are made of all results: values and pages."""
 PART = f"step{store.STORED}"
 VALUES = "values.csv"
 HELD_FRAMES = 1000
@@ -64,6 +68,7 @@ class TrialSteps(JobSteps):
         self.parts = folder / PARTS
         self.stored = folder / f"{store.file_name(trial.name)}{store.STORED}"
         self.results = results or trial_step.StepResults()
+        self._damage: dict[str, tuple[str, ...]] = {}
         self._files, self._made = ({}, {}) if fresh else self._earlier()
         self._waiting: list[str] = []
         markers = trial.recording.markers
@@ -72,17 +77,35 @@ class TrialSteps(JobSteps):
         self._ahead: Ahead | None = None
 
     def _earlier(self) -> tuple[dict[str, Path], dict[str, Provenance]]:
-        """The file that holds the result of each step, and what that was made from."""
+        """The file that holds the result of each step, and what that was made from.
+
+        Steps are left out of which the file or a table is damaged; `_damage` then says what.
+        """
+        made: dict[str, Provenance] = {}
+        files: dict[str, Path] = {}
         stored = store.stored_provenance(self.stored)
-        made = {step: provenance for step, provenance in stored.items() if step in STEPS["trial"]}
-        files = dict.fromkeys(made, self.stored)
+        tables = store.stored_tables(self.stored)
+        if self.stored.is_file() and not stored:
+            self._damage = dict.fromkeys(STEPS["trial"], (f"{self.stored.name} is damaged",))
         for step in STEPS["trial"]:
+            if step in stored:
+                home = self.folder / step_of(step).tables
+                self._damage[step] = altered_tables(home, tables.get(step, {}))
+                made[step] = stored[step]
+                files[step] = self.stored
             part = self.parts / step / PART
             provenance = store.stored_provenance(part).get(step)
             if provenance is not None:
+                digests = store.stored_tables(part).get(step, {})
+                self._damage[step] = altered_tables(part.parent, digests)
                 made[step] = provenance
                 files[step] = part
-        return files, made
+        sound = [step for step in made if not self._damage.get(step)]
+        return {step: files[step] for step in sound}, {step: made[step] for step in sound}
+
+    def reasons(self, step: str) -> tuple[str, ...]:
+        """Why a step is computed: also where its file or a table is damaged."""
+        return self._damage.get(step) or super().reasons(step)
 
     def provenance(self, step: str) -> Provenance:
         """What a step's result would be made from now."""
@@ -109,6 +132,8 @@ class TrialSteps(JobSteps):
         once.
         """
         expected = [VALUES, trial_step.PAGE] if self.reports else [VALUES]
+        if any(self._damage.values()) or self._altered_pages():
+            return None
         if self.parts.exists() or not all(
             (self.folder / name).is_file() for name in (self.stored.name, *expected)
         ):
@@ -135,9 +160,22 @@ class TrialSteps(JobSteps):
         )
         return self._with_results(replace(self.outcome, done=done, reused=done), results)
 
+    def _altered_pages(self) -> tuple[str, ...]:
+        """Files made of all results that are damaged or were edited."""
+        path = self.folder / DIGESTS
+        digests = read_digests(path.read_text("utf-8")) if is_named_file(path) else {}
+        return tuple(
+            name
+            for name, digest in digests.items()
+            if altered_tables(self.folder, {name: digest}) and (self.folder / name).is_file()
+        )
+
     def __enter__(self) -> Self:
         self.folder.mkdir(parents=True, exist_ok=True)
         clear_leftovers(self.folder)
+        for name in self._altered_pages():
+            # Made anew of the results.
+            (self.folder / name).unlink(missing_ok=True)
         if self.fresh:
             shutil.rmtree(self.parts, ignore_errors=True)
         return self
@@ -184,6 +222,17 @@ class TrialSteps(JobSteps):
             self._ahead.stop()
         if not outcome.done:
             return outcome
+        outcome = self._ended(outcome)
+        if outcome.error:
+            return outcome
+        try:
+            write_digests(self.folder / DIGESTS, self.folder, (VALUES, trial_step.PAGE))
+        except OSError as error:
+            return failed(outcome, error, "results")
+        return outcome
+
+    def _ended(self, outcome: Outcome) -> Outcome:
+        """Gather the results of steps, with their tables and pages."""
         try:
             self._having(*(step.gives for step in trial_steps() if step.outcome is not None))
             held = self._gather(outcome)
@@ -283,10 +332,13 @@ class _Held:
         if not self.allowed:
             with store.new_result(folder / PART, step) as writer:
                 yield writer
+                writer.tables(step, folder, PART)
             return
         file = HeldFile()
         started = time.monotonic()
-        yield store.ResultWriter(file, step)
+        writer = store.ResultWriter(file, step)
+        yield writer
+        writer.tables(step, folder, PART)
         self.files[step] = file
         if time.monotonic() - started > HELD_SECONDS:
             self._store(step, folder)

@@ -139,6 +139,8 @@ def _what_is_in(path: Path) -> tuple[tuple[object, ...] | None, bool]:
             return (path.parent, trial, time.shape[0], *ends), any(
                 name in variables for name in MOTIONS
             )
+    except BadFile:
+        raise
     except DAMAGED as error:
         raise BadFile(
             path, f"is not a result of Myomorph ({error})", "give a folder that a step wrote"

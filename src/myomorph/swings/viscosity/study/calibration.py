@@ -15,6 +15,7 @@ from pydantic import Field
 
 from myomorph.core.contact.plate_placements import MarkedWeight, Placement, find_placements
 from myomorph.core.io.mesh import find_mesh, read_mesh
+from myomorph.core.io.parsing.door import content_of
 from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadFile, UnknownName
@@ -162,11 +163,9 @@ def read_picks(path: Path) -> dict[str, Array]:
     (3,) or (6,) by name: x, y, z of the scan, perhaps of the bone (bone_x, ...) too
     """
     try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadFile(
-            path, f"cannot be read ({getattr(error, 'strerror', None) or 'not text'})"
-        ) from None
+        rows = list(csv.reader(content_of(path, "settings").decode("utf-8-sig").splitlines()))
+    except UnicodeDecodeError:
+        raise BadFile(path, "cannot be read (not text)") from None
     result: dict[str, Array] = {}
     for number, row in enumerate(rows, start=1):
         cells = [cell.strip() for cell in row]
