@@ -8,14 +8,16 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 
+import edfio
 import h5py
 import numpy as np
 from scipy.io import savemat
 
-from myomorph.core.io.c3d.write import write_c3d
+from myomorph.core.io.c3d.write import write_c3d, write_trial
 from myomorph.core.model.provenance import Provenance
-from myomorph.core.model.series import Emg, Markers, PlateRecording
+from myomorph.core.model.series import Analog, Emg, Markers, PlateRecording, Trial
 from myomorph.exchange.bids.recording import write_emg
+from myomorph.lab.store.digests import LENGTH
 from myomorph.lab.store.results import new_result
 
 SEEDS = Path(__file__).with_name("seeds")
@@ -26,16 +28,18 @@ TIME = np.arange(6) / 100.0
 def binary_seeds() -> Mapping[str, tuple[bytes, ...]]:
     """Whole files by their ending."""
     return {
-        ".c3d": (_bytes("a.c3d", _c3d),),
+        ".c3d": (_bytes("a.c3d", _c3d), _bytes("a.c3d", _sensors)),
         ".wav": tuple(
             _wav(kind, bits) for kind, bits in ((1, 8), (1, 16), (1, 24), (3, 32), (0xFFFE, 16))
         ),
         ".stl": (_stl(),),
         ".ply": (_ply("<"), _ply(">")),
         ".bdf": (_bytes("a_emg.bdf", _emg),),
-        ".h5": (_bytes("a.h5", _keypoints),),
+        ".edf": (_bytes("a.edf", _edf),),
+        ".h5": (_bytes("a.h5", _keypoints), _bytes("a.h5", _opal)),
+        ".hdf5": (_bytes("a.h5", _keypoints), _bytes("a.h5", _opal)),
         ".mat": (_bytes("a.mat", _packed), _bytes("a.mat", _unpacked)),
-        ".nc": (_bytes("a.nc", _result),),
+        ".nc": (_bytes("a.nc", _result), _bytes("a.nc", _result)[:-LENGTH]),
     }
 
 
@@ -51,6 +55,24 @@ def _emg(path: Path) -> None:
     write_emg(path.with_name("a"), emg, ("V", "V"), {})
 
 
+def _edf(path: Path) -> None:
+    signals = [
+        edfio.EdfSignal(np.linspace(-1.0, 1.0, 6), 100.0, label=label, physical_dimension="V")
+        for label in ("A", "B")
+    ]
+    edfio.Edf(signals, data_record_duration=0.06).write(path)
+
+
+def _opal(path: Path) -> None:
+    with h5py.File(path, "w", libver="earliest") as file:
+        for sensor in ("1000", "1001"):
+            group = file.create_group(f"Sensors/{sensor}")
+            group["Time"] = np.arange(6) * 10_000
+            group["Accelerometer"] = np.linspace(-9.0, 9.0, 18).reshape(6, 3)
+            group["Gyroscope"] = np.linspace(-1.0, 1.0, 18).reshape(6, 3)
+            file[f"Processed/{sensor}/Orientation"] = np.tile([1.0, 0.0, 0.0, 0.0], (6, 1))
+
+
 def _c3d(path: Path) -> None:
     markers = Markers(TIME, ("hip", "knee"), np.linspace(0.0, 1.0, 36).reshape(6, 2, 3))
     corners = np.array([[0.4, 0.6, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
@@ -64,6 +86,23 @@ def _c3d(path: Path) -> None:
             corners=corners,
             origin=np.array([0.0, 0.0, -0.04]),
             channels=channels,
+        ),
+    )
+
+
+def _sensors(path: Path) -> None:
+    names = tuple(f"leg.{kind}.{axis}" for kind in ("ACC", "GYRO") for axis in "XYZ")
+    write_trial(
+        path,
+        Trial(
+            Markers(TIME, ("hip",), np.full((6, 1, 3), 0.5)),
+            analog=Analog(
+                TIME,
+                names,
+                np.linspace(-1.0, 1.0, 36).reshape(6, 6),
+                units=("g",) * 3 + ("deg/s",) * 3,
+            ),
+            plate_time=TIME,
         ),
     )
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -17,25 +17,25 @@ from binary_seeds import SEEDS, binary_seeds
 from myomorph.bones.study.species_morphing import read_species
 from myomorph.core.io.channels import read_channels
 from myomorph.core.io.contact_events import read_events
-from myomorph.core.io.keypoints import read_keypoint_names, read_keypoints
+from myomorph.core.io.formats import CHANNELS, MODELS, TRIALS
+from myomorph.core.io.inertial.read import SENSORS
+from myomorph.core.io.keypoints import read_keypoint_names
+from myomorph.core.io.labels import read_labels
 from myomorph.core.io.landmarks import read_body_landmarks, read_landmark_pairs
 from myomorph.core.io.loads import read_external_loads
 from myomorph.core.io.mesh import read_mesh
 from myomorph.core.io.mjcf.compile import check_files
-from myomorph.core.io.mjcf.read import read_mjcf
 from myomorph.core.io.osim.actuators import read_actuators
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.osim.setup_parts import read_ik_tasks, read_marker_set
 from myomorph.core.io.osim.write import write_osim
-from myomorph.core.io.qualisys_mat import read_qualisys_mat
 from myomorph.core.io.sto import read_sto
-from myomorph.core.io.trc import read_trc
 from myomorph.core.io.wav import read_wav
 from myomorph.core.model.model import Model
-from myomorph.exchange.bids.recording import read_emg
 from myomorph.exchange.opensim.tool_setups import read_setup
 from myomorph.lab.info.inspect import inspect
 from myomorph.lab.store.results import read_result
+from myomorph.lab.store.toml_file import refuse
 from myomorph.lab.study.inputs.contact_file import read_contacts, read_stairs
 from myomorph.lab.study.inputs.reading import read_motion, read_recording
 from myomorph.lab.study.plan.measures import read_measures
@@ -68,6 +68,11 @@ class Reader:
     recorded: str = ""
     guarded: bool = False
 
+    @property
+    def file_name(self) -> str:
+        """Of a wrong file, which has the ending."""
+        return f"zz wrong{self.ending}"
+
     def seeds(self, data: Path | None = None) -> list[bytes]:
         """Whole files: ours, and small real ones of the folder `data`."""
         found = [(SEEDS / name).read_bytes() for name in self.files] + list(
@@ -93,6 +98,14 @@ def _written_again(path: Path) -> Any:
     return write_osim(read_osim(path), path.with_name("written again.osim"))
 
 
+def _measures(path: Path) -> Any:
+    """A table of measures; its problems as a study names them."""
+    problems: list[str] = []
+    read = read_measures(path, problems, [])
+    refuse(path, problems)
+    return read
+
+
 STUDIES = ("study.toml", "study_tables.toml", "study_laboratory.toml")
 TABLES = ("taps.csv", "taps_frames.csv", "taps_spans.csv")
 SETUPS = ("setup_ik.xml", "setup_id.xml", "setup_analyze.xml", "setup_scale.xml")
@@ -112,8 +125,52 @@ def _as_motion(part: str, path: Path) -> Any:
         return read_recording(stem.with_name(f"{stem.name}_motion.tsv"))
 
 
+FORMATS = (*MODELS, *TRIALS, *CHANNELS, *SENSORS)
+"""Kinds of files by the product's own tables: each is tried, whoever adds it."""
+SEEDS_OF = {
+    "OpenSim model": ("arm.osim",),
+    "MuJoCo model": ("arm_mujoco.xml",),
+    "TRC markers": ("walk.trc",),
+    "BIDS motion": ("bids_motion.tsv",),
+    "OpenSim orientations": ("orientations.sto",),
+    "Xsens MVN": ("sensors.mvnx",),
+    "Xsens MT Manager": ("xsens.txt",),
+    "Movella DOT, APDM or Delsys": (
+        "dot.csv",
+        "apdm.csv",
+        "apdm_older.csv",
+        "delsys_sensors.csv",
+    ),
+}
+"""Files of text that fuzzing begins with; binary ones are made."""
+RECORDED = {
+    ".osim": "*/*.osim",
+    ".xml": "mouse*/*.xml",
+    ".trc": "**/*.trc",
+    ".c3d": "**/*.c3d",
+    ".mvnx": "**/*.mvnx",
+}
+WITH_FILES_BESIDE = {"BIDS motion": partial(_as_motion, "motion.tsv")}
+GUARDED = (".h5", ".hdf5", ".xml", ".mjcf")
+"""Endings of files that a process of their own reads first."""
+
+
+def of_formats() -> Iterator[Reader]:
+    """Each kind of file of the product's tables, by each of its endings."""
+    for kind in FORMATS:
+        for ending in kind.endings:
+            yield Reader(
+                name=f"{kind.name}, {ending}",
+                ending=ending,
+                read=WITH_FILES_BESIDE.get(kind.name, kind.read),
+                files=SEEDS_OF.get(kind.name, ()),
+                recorded=RECORDED.get(ending, ""),
+                guarded=ending in GUARDED,
+            )
+
+
 READERS = (
-    Reader(name="OSIM", ending=".osim", read=read_osim, files=("arm.osim",), recorded="*/*.osim"),
+    *of_formats(),
     Reader(
         name="OSIM, described and written",
         ending=".osim",
@@ -122,21 +179,12 @@ READERS = (
         recorded="*/*.osim",
     ),
     Reader(
-        name="MJCF",
-        ending=".xml",
-        read=read_mjcf,
-        files=("arm_mujoco.xml",),
-        recorded="mouse*/*.xml",
-        guarded=True,
-    ),
-    Reader(
         name="MJCF before it is compiled",
         ending=".xml",
         read=check_files,
         files=("arm_mujoco.xml",),
         recorded="mouse*/*.xml",
     ),
-    Reader(name="TRC", ending=".trc", read=read_trc, files=("walk.trc",), recorded="**/*.trc"),
     Reader(
         name="STO, MOT",
         ending=".sto",
@@ -157,12 +205,14 @@ READERS = (
             read=partial(_as_motion, name),
             files=(f"bids_{name}",),
         )
-        for name in MOTION
+        for name in MOTION[1:]
     ),
-    Reader("EMG, BDF", ".bdf", read_emg),
     Reader(name="C3D", ending=".c3d", read=read_recording, files=(), recorded="**/*.c3d"),
     Reader(
-        name="channels, CSV", ending=".csv", read=read_channels, files=("cells.csv", "channels.csv")
+        name="channels, CSV",
+        ending=".csv",
+        read=read_channels,
+        files=("cells.csv", "channels.csv", "delsys.csv"),
     ),
     Reader(
         name="touches, CSV", ending=".csv", read=lambda path: read_events(path, 100.0), files=TABLES
@@ -199,7 +249,7 @@ READERS = (
     Reader(
         name="measures, CSV",
         ending=".csv",
-        read=lambda path: read_measures(path, [], []),
+        read=_measures,
         files=("measures.csv", "people.csv"),
     ),
     Reader(
@@ -214,8 +264,8 @@ READERS = (
         read=read_keypoint_names,
         files=("names.yaml", "names_stac.yaml"),
     ),
-    Reader("keypoints, HDF5", ".h5", read_keypoints, guarded=True),
-    Reader("Qualisys, MAT", ".mat", read_qualisys_mat),
+    Reader(name="labels, CSV", ending=".csv", read=read_labels, files=("labels.csv",)),
+    Reader(name="labels, TOML", ending=".toml", read=read_labels, files=("labels.toml",)),
     Reader("WAV", ".wav", read_wav),
     Reader(name="OBJ", ending=".obj", read=read_mesh, files=("bone.obj",), recorded="**/*.obj"),
     Reader(name="STL", ending=".stl", read=read_mesh, files=("bone.stl",), recorded="**/*.stl"),
@@ -273,7 +323,7 @@ READERS = (
         files=("markers.xml",),
         recorded="**/*MarkerSet*.xml",
     ),
-    Reader("results, NetCDF", ".nc", read_result),
+    Reader("results, NetCDF", ".nc", read_result, guarded=True),
 )
 
 

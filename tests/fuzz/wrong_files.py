@@ -51,7 +51,7 @@ class Attempts:
         self.files = 0
         self.slowest = 0.0
         self.begun = time.monotonic()
-        self.path = folder / f"zz wrong{reader.ending}"
+        self.path = folder / reader.file_name
         self.findings: set[str] = set()
         self.told = self.begun
 

@@ -12,7 +12,15 @@ import numpy as np
 from lxml import etree
 
 from myomorph.core.io.inertial.signals import sensors_of_signals
-from myomorph.core.io.parsing.text import TableBody, file_text, parse_cells, quick_numbers
+from myomorph.core.io.parsing.door import MAX_NUMBERS
+from myomorph.core.io.parsing.text import (
+    TableBody,
+    file_text,
+    number_or_nan,
+    parse_cells,
+    quick_numbers,
+    rising,
+)
 from myomorph.core.io.parsing.xml import read_xml
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import READING
@@ -78,8 +86,7 @@ def read_mvnx(path: Path) -> InertialSensors:
     names = tuple(item.get("label", "") for item in _all(subject, kind))
     if not names or _first(frames[0], tag) is None:
         raise _without_orientations(path)
-    rate = float(subject.get("frameRate") or "nan")
-    time = np.array([_time(frame, index, rate) for index, frame in enumerate(frames)])
+    time = _times(frames, number_or_nan(subject.get("frameRate") or ""), path)
     signals = {"orientations": _vectors(frames, tag, len(names), 4, path)}
     notes: tuple[Message, ...] = (
         READING.message("has no sensors: the orientations are those of MVN's segments"),
@@ -99,10 +106,33 @@ def _without_orientations(path: Path) -> BadFile:
     )
 
 
-def _time(frame: etree._Element, index: int, rate: float) -> float:
-    """Return the time of a frame [s]: its own, or by its index where it states none."""
-    milliseconds = frame.get("time")
-    return float(milliseconds) * 1e-3 if milliseconds else index / rate
+def _times(frames: Sequence[etree._Element], rate: float, path: Path) -> Array:
+    """Read the times of frames: their own, or by their indices where they state none.
+
+    Parameters
+    ----------
+    frames : elements
+    rate : frames per second [Hz], NaN where the file states none
+    path : of the file, for messages
+
+    Returns
+    -------
+    (frames,) [s]
+
+    Raises
+    ------
+    BadFile : a time is no number, or they do not rise
+    """
+    own = np.array([number_or_nan(frame.get("time") or "") for frame in frames])
+    stated = np.array([bool(frame.get("time")) for frame in frames])
+    index = np.arange(len(frames), dtype=np.float64)
+    by_rate = index / rate if rate > 0.0 else np.full(len(frames), np.nan)
+    time = np.where(stated, 1e-3 * own, by_rate)
+    if not rising(time).all():
+        frame = int(np.flatnonzero(~rising(time))[0])
+        problem = f"frame {frame} has no time that is later than those before"
+        raise BadFile(path, problem, "export the recording again, with its frame rate")
+    return time
 
 
 def _all(element: etree._Element, tag: str) -> list[etree._Element]:
@@ -134,6 +164,8 @@ def _vectors(frames: list[etree._Element], tag: str, count: int, width: int, pat
     ------
     BadFile : a frame has another count of numbers, or a text
     """
+    if len(frames) * count * width > MAX_NUMBERS:
+        raise BadFile(path, f"has {len(frames)} frames of {count} sensors, too many to read")
     rows = np.full((len(frames), count, width), np.nan)
     for index, frame in enumerate(frames):
         element = _first(frame, tag)

@@ -1,0 +1,201 @@
+"""What no reader may do, whoever wrote the file: wait for a pipe, read without end, leave it."""
+
+from __future__ import annotations
+
+import base64
+import os
+import signal
+import zlib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from fuzz_readers import READERS, reader
+from scipy.io import savemat
+
+from myomorph.core.io.formats import read_model, read_trial
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.io.parsing.door import MAX_SIZES
+from myomorph.core.io.parsing.text import unique_names
+from myomorph.core.io.parsing.xml import declares_entities, read_xml
+from myomorph.core.model.errors import BadFile, MyomorphError
+
+ALONE = [each for each in READERS if not each.name.startswith("BIDS")]
+"""Readers of one file: those of BIDS are given several."""
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no named pipes in folders")
+@pytest.mark.parametrize("each", ALONE, ids=lambda each: each.name)
+def test_a_pipe_is_refused(tmp_path: Path, each) -> None:
+    path = tmp_path / each.file_name
+    os.mkfifo(path)
+
+    def waited(*_):
+        pytest.fail(f"{each.name} waits for a pipe")
+
+    signal.signal(signal.SIGALRM, waited)
+    signal.alarm(20)
+    try:
+        with pytest.raises(MyomorphError):
+            each.read(path)
+    finally:
+        signal.alarm(0)
+
+
+@pytest.mark.parametrize("each", ALONE, ids=lambda each: each.name)
+def test_an_endless_file_is_refused(tmp_path: Path, each) -> None:
+    path = tmp_path / each.file_name
+    with path.open("wb") as stream:
+        stream.truncate(max(MAX_SIZES.values()) + 1)
+    with pytest.raises(MyomorphError, match="MiB allowed for"):
+        each.read(path)
+
+
+def _external_link(file: h5py.File, elsewhere: Path) -> None:
+    file["group/values"] = h5py.ExternalLink(str(elsewhere), "/secret")
+
+
+def _external_storage(file: h5py.File, elsewhere: Path) -> None:
+    file.create_dataset("stored", (4,), "f8", external=[(str(elsewhere), 0, 32)])
+
+
+def _virtual(file: h5py.File, elsewhere: Path) -> None:
+    layout = h5py.VirtualLayout((4,), "f8")
+    layout[:] = h5py.VirtualSource(str(elsewhere), "secret", (4,))
+    file.create_virtual_dataset("virtual", layout)
+
+
+@pytest.mark.parametrize("lead_out", [_external_link, _external_storage, _virtual])
+@pytest.mark.parametrize("name", ["keypoints, .h5", "APDM, .h5", "results, NetCDF"])
+def test_no_file_is_read_that_another_leads_to(tmp_path: Path, lead_out, name) -> None:
+    elsewhere = tmp_path / "elsewhere.h5"
+    with h5py.File(elsewhere, "w") as file:
+        file["secret"] = np.arange(4.0)
+    path = tmp_path / reader(name).file_name
+    with h5py.File(path, "w") as file:
+        file["tracks"] = np.zeros((6, 1, 2, 3))
+        lead_out(file, elsewhere)
+    with pytest.raises(BadFile, match="lies in another file"):
+        reader(name).read(path)
+
+
+def test_a_packed_matlab_file_of_zeros(tmp_path: Path) -> None:
+    frames = 70_000
+    groups = {"Labeled": {"Labels": "a", "Data": np.zeros((240, 4, frames), np.float32)}}
+    savemat(
+        tmp_path / "a.mat",
+        {"walk": {"FrameRate": 100.0, "Trajectories": groups}},
+        do_compression=True,
+    )
+    assert (tmp_path / "a.mat").stat().st_size < 2**20
+    with pytest.raises(BadFile, match="holds more than"):
+        read_trial(tmp_path / "a.mat")
+
+
+def _vtp(points: str, polygons: str, attributes: str = "") -> str:
+    return (
+        f'<VTKFile type="PolyData" {attributes}><PolyData><Piece><Points>{points}</Points>'
+        f"<Polys>{polygons}</Polys></Piece></PolyData></VTKFile>"
+    )
+
+
+def test_a_packed_mesh_of_zeros(tmp_path: Path) -> None:
+    block = zlib.compress(bytes(MAX_SIZES["a mesh"] + 4), 9)
+    head = np.array([1, len(block), 0, len(block)], "<u4").tobytes()
+    array = (base64.b64encode(head) + base64.b64encode(block)).decode()
+    points = f'<DataArray type="Float32" format="binary">{array}</DataArray>'
+    attributes = 'compressor="vtkZLibDataCompressor"'
+    (tmp_path / "a.vtp").write_text(_vtp(points, "", attributes), encoding="utf-8")
+    with pytest.raises(BadFile, match="MiB of numbers"):
+        read_mesh(tmp_path / "a.vtp")
+
+
+def test_polygons_that_share_all_corners(tmp_path: Path) -> None:
+    count = 3000
+    corners = " ".join(["0"] * count)
+    ends = f"{count} 0 " * count
+    points = '<DataArray type="Float32" format="ascii">0 0 0</DataArray>'
+    polygons = (
+        f'<DataArray Name="connectivity" type="Int64" format="ascii">{corners}</DataArray>'
+        f'<DataArray Name="offsets" type="Int64" format="ascii">{ends}</DataArray>'
+    )
+    (tmp_path / "a.vtp").write_text(_vtp(points, polygons), encoding="utf-8")
+    with pytest.raises(BadFile, match="offsets do not rise"):
+        read_mesh(tmp_path / "a.vtp")
+
+
+def test_a_mesh_that_counts_more_than_it_has(tmp_path: Path) -> None:
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\n"
+    (tmp_path / "a.ply").write_text(f"{head}end_header\n", encoding="utf-8")
+    with pytest.raises(BadFile, match="more than its bytes"):
+        read_mesh(tmp_path / "a.ply")
+
+
+def test_a_height_field_beyond_all_memory(tmp_path: Path) -> None:
+    field = '<hfield name="hills" nrow="40000" ncol="40000" size="1 1 1 1"/>'
+    (tmp_path / "a.xml").write_text(f"<mujoco><asset>{field}</asset></mujoco>", encoding="utf-8")
+    with pytest.raises(BadFile, match="'hills' has 40000 x 40000 cells"):
+        read_model(tmp_path / "a.xml")
+
+
+def test_a_height_field_in_a_file_beyond_all_memory(tmp_path: Path) -> None:
+    size = np.array([40000, 40000], ">i4").tobytes()
+    (tmp_path / "hills.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + size + bytes(40))
+    field = '<hfield name="hills" file="hills.png" size="1 1 1 1"/>'
+    (tmp_path / "a.xml").write_text(f"<mujoco><asset>{field}</asset></mujoco>", encoding="utf-8")
+    with pytest.raises(BadFile, match="40000 x 40000 cells"):
+        read_model(tmp_path / "a.xml")
+
+
+def test_sensors_times_frames_beyond_all_memory(tmp_path: Path) -> None:
+    sensors = '<sensor label="a"/>' * 6000
+    frame = "<frame time='{}'><sensorOrientation>1 0 0 0</sensorOrientation></frame>"
+    frames = "".join(frame.format(index) for index in range(6000))
+    text = f"<mvnx><subject><sensors>{sensors}</sensors><frames>{frames}</frames></subject></mvnx>"
+    (tmp_path / "a.mvnx").write_text(text, encoding="utf-8")
+    with pytest.raises(BadFile, match="too many to read"):
+        reader("Xsens MVN, .mvnx").read(tmp_path / "a.mvnx")
+
+
+@pytest.mark.parametrize(
+    ("rate", "time", "words"),
+    [("x", "", "frame 0 has no time"), ("0", "", "frame 0 has no time"), ("60", "x", "frame 0")],
+)
+def test_frames_without_times_are_named(tmp_path: Path, rate, time, words) -> None:
+    frame = f"<frame time='{time}'><sensorOrientation>1 0 0 0</sensorOrientation></frame>"
+    text = f"<mvnx><subject frameRate='{rate}'><sensor label='a'/>{frame}</subject></mvnx>"
+    (tmp_path / "a.mvnx").write_text(text, encoding="utf-8")
+    with pytest.raises(BadFile, match=words):
+        reader("Xsens MVN, .mvnx").read(tmp_path / "a.mvnx")
+
+
+def test_equal_names_are_numbered() -> None:
+    names = unique_names(["a", "a_2", "a", "b", "a", "b"], "column", [])
+    assert names == ("a", "a_2", "a_3", "b", "a_4", "b_2")
+    assert len(set(unique_names(["a"] * 20_000, "column", []))) == 20_000
+
+
+def test_comments_are_taken_out_of_xml_that_needs_repair(tmp_path: Path) -> None:
+    text = "<a><!-- one & -- two --><b>1 & 2</b>\n<!-- x\ny --><c/></a>"
+    (tmp_path / "a.xml").write_text(text, encoding="utf-8")
+    root = read_xml(tmp_path / "a.xml").root
+    assert [child.tag for child in root] == ["b", "c"]
+    assert root[0].text == "1 & 2"
+    assert root[1].sourceline == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "declares"),
+    [
+        ("<!DOCTYPE a><b/>", False),
+        ("<!DOCTYPE a [<!ENTITY x 'y'>]><b/>", True),
+        ("<!DOCTYPE a [ ]><b/>", True),
+        ("<!  entity x 'y'>", True),
+        ("<!DOCTYPE a SYSTEM 'x.dtd'><b/>[", False),
+        ("<!DOCTYPE " * 9, False),
+    ],
+)
+def test_entities_are_found(text: str, declares: bool) -> None:
+    assert declares_entities(text.encode("utf-8")) is declares
+    assert declares_entities(text.encode("utf-16")) is declares
