@@ -32,7 +32,7 @@ TRIAL = "s01/reach"
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory) -> Path:
-    """A folder with the example's files, a study of one trial and its results."""
+    """Make a folder with the example's files, a study of one trial and its results."""
     arm = example_files(tmp_path_factory.mktemp("finished"))
     (arm.folder / "study.toml").write_text(STUDY, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:

@@ -74,7 +74,16 @@ class Element:
         yield from _elements(self.content, self.order)
 
     def numbers(self) -> Array:
-        """Read numbers, flat (numbers,); `ValueError` where it has none."""
+        """Read numbers.
+
+        Returns
+        -------
+        (numbers,)
+
+        Raises
+        ------
+        ValueError : it has none
+        """
         if self.kind not in TYPES:
             raise ValueError(f"type {self.kind} is none of numbers")
         return np.frombuffer(self.content, self.order + TYPES[self.kind])
@@ -189,6 +198,10 @@ def arrays_of(data: np.ndarray) -> Iterator[Matrix]:
     Parameters
     ----------
     data : (bytes,) of the file
+
+    Yields
+    ------
+    arrays in the file's order
 
     Raises
     ------

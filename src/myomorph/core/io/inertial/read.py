@@ -52,17 +52,21 @@ def sensor_files(path: Path) -> tuple[Path, ...]:
     the file, and those of the other sensors where each has a file; () where it is no such recording
     """
     ending = path.suffix.lower()
-    if ending == ".c3d" or not any(ending in kind.endings for kind in SENSORS):
-        return ()
-    if not is_named_file(path):
+    known = ending != ".c3d" and any(ending in kind.endings for kind in SENSORS)
+    if not known or not is_named_file(path):
         return ()
     if ending == ".sto":
         with path.open("rb") as stream:
             return (path,) if b"quaternion" in stream.read(HEAD).lower() else ()
     if not _holds_sensors(path):
         return ()
+    return _files_alike(path)
+
+
+def _files_alike(path: Path) -> tuple[Path, ...]:
+    """List the files of sensors whose names share their beginning with that of one."""
     stem = path.stem.rpartition("_")[0]
-    if ending not in SETS or not stem:
+    if path.suffix.lower() not in SETS or not stem:
         return (path,)
     alike = re.compile(re.escape(stem) + r"_[^_]+" + re.escape(path.suffix))
     beside = [other for other in sorted(path.parent.iterdir()) if alike.fullmatch(other.name)]

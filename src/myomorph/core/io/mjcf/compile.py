@@ -238,7 +238,7 @@ def _walk(element: Any, folder: Path, survey: _Survey) -> None:
         ]
     elif tag in ("mesh", "hfield", "skin", "flexcomp") and "file" in element.attrib:
         survey.assets.append((tag, element.get("file"), folder))
-    if tag == "hfield" and "file" not in element.attrib:
+    if tag == "hfield":
         sizes = [whole_number(element.get(key, "0").strip()) or 0 for key in ("nrow", "ncol")]
         _check_cells(survey.main, element.get("name", ""), sizes)
     for child in element:
