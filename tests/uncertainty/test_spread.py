@@ -48,6 +48,22 @@ def test_draws_without_a_solution_do_not_count():
     np.testing.assert_allclose(found.deviation, np.std([0.0, 1.0, 3.0], ddof=1))
 
 
+def test_a_frame_that_few_draws_do_not_solve_has_the_limits_of_the_others():
+    rng = np.random.default_rng(5)
+    values = rng.normal(size=(20, 3, 2))
+    values[4, 1] = np.nan  # One draw of twenty.
+    values[:3, 2, 0] = np.nan  # Three of twenty: too many.
+    with Draws(20, {"torques": (3, 2)}) as draws:
+        for number, table in enumerate(values):
+            draws.put(number, {"torques": table})
+        found = draws.spread("torques", TIME, NAMES)
+    others = np.delete(values[:, 1], 4, axis=0)
+    np.testing.assert_allclose(found.low[1], np.quantile(others, 0.05, axis=0), rtol=1e-5)
+    np.testing.assert_allclose(found.deviation[1], others.std(axis=0, ddof=1), rtol=1e-5)
+    assert np.isnan(found.high[2, 0])
+    assert np.isfinite(found.high[2, 1])
+
+
 def test_between_its_frames_limits_keep_their_distance():
     found = normal_draws()
     own = np.full((3, 2), 10.0)

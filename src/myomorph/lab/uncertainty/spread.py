@@ -5,13 +5,14 @@ source has in it.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import field, replace
 from pathlib import Path
 from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.fit.interval_rule import LEVEL, drawn_limits, reflected_limits
 from myomorph.core.model.arrays import Array, read_only
@@ -27,6 +28,8 @@ from myomorph.lab.uncertainty.sources import SourceSize
 # Draws that take more [bytes] are kept on disk, so that memory does not grow with their number
 IN_MEMORY = 100e6
 AT_ONCE = 20e6  # Values that are sorted together [bytes]
+MIN_SOLVED = 0.9
+"""Share of the draws that must have solved a frame for it to have limits."""
 
 
 @read_only
@@ -178,7 +181,30 @@ class Draws(ExitStack):
             taken = np.asarray(values[done, part], np.float64)
             low[part], high[part] = drawn_limits(taken)
             deviation[part] = taken.std(axis=0, ddof=1)
+            for frame, columns in _solved_in_part(taken):
+                values_there = taken[:, frame, columns]
+                known = values_there[np.isfinite(values_there).all(axis=1)]
+                at = (start + frame, columns)
+                low[at], high[at] = drawn_limits(known)
+                deviation[at] = known.std(axis=0, ddof=1)
         return Spread(time=time, names=names, low=low, high=high, deviation=deviation)
+
+
+def _solved_in_part(values: Array) -> Iterator[tuple[int, NDArray[np.intp]]]:
+    """Find frames that a few draws could not solve, and their columns.
+
+    Parameters
+    ----------
+    values : (draws, frames, names), NaN where a draw was not solved
+
+    Returns
+    -------
+    frames, and columns (columns,) of each
+    """
+    share = np.isfinite(values).mean(axis=0)
+    partly = (share < 1.0) & (share >= MIN_SOLVED)
+    for frame in np.flatnonzero(partly.any(axis=1)):
+        yield int(frame), np.flatnonzero(partly[frame])
 
 
 FACTORS: Mapping[str, float] = FrozenMap(

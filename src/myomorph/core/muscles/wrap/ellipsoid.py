@@ -96,6 +96,24 @@ class _Section(NamedTuple):
     angle: float
 
 
+class _Way(NamedTuple):
+    """An arc whose length is asked for.
+
+    Attributes
+    ----------
+    x, y : ends of the segment
+    touched : tangent points
+    chords : number of them
+    constrained : whether the path may touch one half only
+    """
+
+    x: Vector
+    y: Vector
+    touched: _Chord
+    chords: int
+    constrained: bool
+
+
 @bare
 def wrap_ellipsoid(p, q, size, method, half):
     """Wrap the segment from p to q around an ellipsoid at the origin.
@@ -289,30 +307,57 @@ def _arc(x, y, touched, a, plane, factor, constrained):
     if gap / factor < CHORD:
         return gap
     chords = min(int(gap / factor / CHORD), MAX_CHORDS)
-    section = _section(r, s, plane)
+    way = _Way(x=x, y=y, touched=touched, chords=chords, constrained=constrained)
+    length = _way_length(way, _section(r, s, _center_on_axis(plane)), a)
+    if length < math.inf:
+        return length
+    # That center may lie outside, and some of its rays miss the surface: OpenSim has NaN there.
+    return _way_length(way, _section(r, s, _center_of_section(plane, a)), a)
+
+
+@in_place
+def _way_length(way, section, a):
+    """Sum the chords of an arc with the rays of a section, the other way round if it must."""
+    touched = way.touched
+    chords = way.chords
     length, second, last = _chords_length(section, section.angle / chords, chords, touched, a)
-    if constrained and chords > 1:
-        start = minus(second, r)
-        end = minus(last, s)
-        if dot(minus(x, r), start) > 0.0 or dot(minus(y, s), end) > 0.0:
+    if way.constrained and chords > 1:
+        start = minus(second, touched.r)
+        end = minus(last, touched.s)
+        back = minus(way.x, touched.r)
+        ahead = minus(way.y, touched.s)
+        if dot(back, start) > 0.0 or dot(ahead, end) > 0.0:
             other_angle = section.angle - 2.0 * math.pi
             length, _, _ = _chords_length(section, other_angle / chords, chords, touched, a)
     return length
 
 
 @in_place
-def _section(r, s, plane):
-    """Lay rays from the point of the plane on the axis that it crosses most squarely."""
-    axis = 0
-    for i in range(1, 3):
-        if abs(plane.n[i]) > abs(plane.n[axis]):
-            axis = i
-    center = replaced((0.0, 0.0, 0.0), axis, -plane.d / plane.n[axis])
+def _section(r, s, center):
+    """Lay rays from a center in the plane of both tangent points."""
     e = unit(minus(r, center))
     to_s = unit(minus(s, center))
     angle = math.acos(min(1.0, max(-1.0, dot(e, to_s))))
     f = cross(unit(cross(e, to_s)), e)
     return _Section(center=center, e=e, f=f, angle=angle)
+
+
+@in_place
+def _center_on_axis(plane):
+    """Find the point of the plane on the axis that it crosses most squarely."""
+    axis = 0
+    for i in range(1, 3):
+        if abs(plane.n[i]) > abs(plane.n[axis]):
+            axis = i
+    return replaced((0.0, 0.0, 0.0), axis, -plane.d / plane.n[axis])
+
+
+@in_place
+def _center_of_section(plane, a):
+    """Find the center of the ellipse in which the plane cuts, c_i = -d n_i a_i^2 / |n a|^2."""
+    wide = (plane.n[0] * a[0], plane.n[1] * a[1], plane.n[2] * a[2])
+    scale = -plane.d / dot(wide, wide)
+    return scale * wide[0] * a[0], scale * wide[1] * a[1], scale * wide[2] * a[2]
 
 
 @bare
@@ -364,7 +409,8 @@ def _ray(section, cosine, sine):
 
 @in_place
 def _ray_length(h, g, C):
-    """Positive root t of (h . h) t^2 + 2 (h . g) t + C = 0."""
+    """Positive root t of (h . h) t^2 + 2 (h . g) t + C = 0, NaN where there is none."""
     A = dot(h, h)
     B = 2.0 * dot(h, g)
-    return (-B + math.sqrt(B * B - 4.0 * A * C)) / (2.0 * A)
+    square = B * B - 4.0 * A * C
+    return (-B + math.sqrt(square)) / (2.0 * A) if square >= 0.0 else math.nan

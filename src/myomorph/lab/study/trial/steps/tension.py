@@ -175,7 +175,11 @@ def _write_joint_loads(
     points = trial.get(JointPoints)
     if frame == "none" and points is None:
         return ()
-    carried, notes = carried_tension(tension, trial.model)
+    carried = tension
+    notes: tuple[Message, ...] = ()
+    if task.setting is not None:
+        # Forces under feet that plates measured stay what they are, whatever holds the root.
+        carried, notes = carried_tension(tension, trial.model)
     if frame != "none":
         write_reactions(task.reactions(carried, frame), trial.model, output)
     forces = None
