@@ -1,5 +1,7 @@
-"""What limits of results cost: a walk of 10 s with 92 muscles, its tensions alone and with 200
-draws.
+"""What limits of results cost: tensions of two walks alone and with 200 draws.
+
+One is of 10 s on a treadmill with 92 muscles, one of 2.4 s over plates with 80 and both sides of
+the knees.
 
 Each is a process of its own with kernels compiled before; memory is that of the process and those
 that it starts.
@@ -13,14 +15,30 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 
 import psutil
 
 from data_collection import data_folder
 
-HOME = "ceinms-emg-walk"
-SPAN = ("5", "15")
+TREADMILL = "ceinms-emg-walk"
+PLATES = "rajagopal-walk-emg"
+WALKS: Mapping[str, tuple[str, ...]] = {
+    "10 s": (
+        *("--model", f"{TREADMILL}/model/gait2392.osim"),
+        *("--motion", f"{TREADMILL}/walk36/ik.sto"),
+        *("--loads", f"{TREADMILL}/walk36/XLD.mot"),
+        *("--time", "5", "15", "--cutoff", "6", "--reactions", "child"),
+    ),
+    "2.4 s": (
+        *("--model", f"{PLATES}/subject_walk_scaled.osim"),
+        *("--motion", f"{PLATES}/coordinates.sto"),
+        *("--loads", f"{PLATES}/grf_walk.xml"),
+        *("--reactions", "child", "--contact-points", "auto"),
+    ),
+}
+"""What `tension` is called with, by the length of the walk; files in the folder of data."""
 LOOK = 0.05
 """How often memory is looked at [s]."""
 
@@ -40,11 +58,20 @@ def run(draws: int) -> list[dict[str, object]]:
         "sampled, one process": (*count, "--workers", "1"),
         "sampled": count,
     }
-    _measured(("--draws", "3"))
+    rows: list[dict[str, object]] = []
+    for walk in WALKS:
+        rows += _rows(walk, ways)
+    return rows
+
+
+def _rows(walk: str, ways: Mapping[str, tuple[str, ...]]) -> list[dict[str, object]]:
+    """Rows of one walk."""
+    _measured(walk, ("--draws", "3"))
     rows: list[dict[str, object]] = []
     for name, words in ways.items():
-        wall, processor, memory = _measured(words)
+        wall, processor, memory = _measured(walk, words)
         row: dict[str, object] = {
+            "walk": walk,
             "way": name,
             "time [s]": wall,
             "processor time [s]": processor,
@@ -57,27 +84,16 @@ def run(draws: int) -> list[dict[str, object]]:
     return rows
 
 
-def _measured(words: tuple[str, ...]) -> tuple[float, float, float]:
+def _measured(walk: str, words: tuple[str, ...]) -> tuple[float, float, float]:
     """Time [s], processor time of all processes [s] and largest memory [MB] of a command."""
-    home = data_folder() / HOME
-    files = ("--model", home / "model/gait2392.osim", "--motion", home / "walk36/ik.sto")
+    files = [str(data_folder() / word) if "/" in word else word for word in WALKS[walk]]
     with tempfile.TemporaryDirectory() as work:
-        files += (
-            "--loads",
-            home / "walk36/XLD.mot",
-            "--time",
-            *SPAN,
-            "--cutoff",
-            "6",
-            "--reactions",
-            "child",
-        )
         command = [
             sys.executable,
             "-m",
             "myomorph",
             "tension",
-            *map(str, files),
+            *files,
             *words,
             "--out",
             f"{work}/out",

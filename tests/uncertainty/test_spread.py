@@ -9,7 +9,7 @@ from scipy.special import ndtri
 
 from myomorph.core.tension.quantities import MUSCLE_FORCE
 from myomorph.lab.uncertainty import spread as spreads
-from myomorph.lab.uncertainty.spread import Draws, Spread, widened
+from myomorph.lab.uncertainty.spread import Draws, Spread, limit_error, widened
 
 TIME = np.arange(3) / 10.0
 NAMES = ("a", "b")
@@ -88,3 +88,9 @@ def test_widened_limits_are_further_apart_and_never_below_what_can_be():
     forces = replace(spread, quantity=MUSCLE_FORCE)
     assert (widened(forces, 3.0).low == 0.0).all()
     assert widened(forces, 1.0) is forces
+
+
+def test_limits_scatter_as_the_line_of_a_result_says():
+    values = np.random.default_rng(11).normal(size=(2000, 200))
+    limits = np.quantile(values, 0.95, axis=1)
+    assert np.isclose(limits.std() / ndtri(0.95), limit_error(200), rtol=0.1)

@@ -34,7 +34,8 @@ from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.core.tension.joint_contact import (
     JointContactForces,
     JointPoints,
-    joint_contact_forces,
+    pointed_joints,
+    shared_reactions,
 )
 from myomorph.core.tension.problem import TensionInputs
 from myomorph.core.tension.reaction import JointReactions, joint_reactions
@@ -260,35 +261,39 @@ class TensionTask:
             )
         return notes
 
-    def reactions(self, tension: Tension, frame: str) -> JointReactions:
-        """Find the loads of all joints.
+    def joint_loads(
+        self, tension: Tension, frame: str, points: JointPoints | None
+    ) -> tuple[JointReactions | None, JointContactForces | None]:
+        """Find the loads of all joints, and forces at contact points.
 
         Parameters
         ----------
         tension : of this problem
-        frame : whose axes they are in, see `joint_reactions`
+        frame : whose axes the loads are in, see `joint_reactions`; "none" for no loads
+        points : where surfaces touch, None for nowhere
 
         Returns
         -------
-        forces [N] and moments [N m] over time
+        forces [N] and moments [N m] over time, None of what is not asked for
         """
-        inputs = (self.model, self.motion, tension, self.wrenches)
-        return joint_reactions(*inputs, frame=frame, actuators=self.actuators)
-
-    def joint_contacts(self, tension: Tension, points: JointPoints) -> JointContactForces:
-        """Find forces at contact points of joints.
-
-        Parameters
-        ----------
-        tension : of this problem
-        points : where surfaces touch
-
-        Returns
-        -------
-        forces over time [N]
-        """
-        inputs = (self.model, self.motion, tension, self.wrenches)
-        return joint_contact_forces(*inputs, points.points, actuators=self.actuators)
+        every = () if frame == "none" else tuple(joint.name for joint in self.model.joints)
+        pointed = () if points is None else pointed_joints(self.model, points.points)
+        if not every and not pointed:
+            return None, None
+        found = joint_reactions(
+            self.model,
+            self.motion,
+            tension,
+            self.wrenches,
+            (*every, *pointed),
+            frame=(*(frame for _ in every), *("ground" for _ in pointed)),
+            actuators=self.actuators,
+        )
+        contacts = None
+        if points is not None:
+            of_points = found.part(slice(len(every), None))
+            contacts = shared_reactions(self.model, self.motion, of_points, points.points)
+        return found.part(slice(0, len(every))) if every else None, contacts
 
     def static_loads(self, tension: Tension) -> StaticLoads | None:
         """Find the forces of knees and ankles that statics allow.

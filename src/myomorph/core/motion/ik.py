@@ -303,7 +303,11 @@ def _with_unseen(
 
 
 def poses_near(
-    model: Model, markers: Markers, motion: Motion, options: InverseKinematicsOptions | None = None
+    model: Model,
+    markers: Markers,
+    motion: Motion,
+    options: InverseKinematicsOptions | None = None,
+    posture: Array | None = None,
 ) -> Motion:
     """Coordinates of `inverse_kinematics` for markers and a model close to those of a motion.
 
@@ -317,25 +321,62 @@ def poses_near(
     markers : at the times of the motion [m]
     motion : (frames, coordinates) where each frame begins [rad or m]
     options : see `InverseKinematicsOptions`
+    posture : (frames, coordinates) what coordinates are weakly drawn to, as `posture_of` found it
+        for another model or markers of the same recording; None to find it [rad or m]
 
     Returns
     -------
     motion, (frames, coordinates) [rad or m], NaN in unknown frames
     """
     options = options or InverseKinematicsOptions()
-    refuse_other_times("markers", markers.time, motion.time)
     tree = compile_tree(model)
-    names, weights = tracked_markers(model, markers, options)
-    problem = pose_problem(tree, names, weights, options, markers)
-    # Every frame by itself, from where the motion is; what no marker shows stays there.
-    starts = np.array(motion.values)
-    blank = ~(np.isfinite(starts).all(axis=1) & frames_shown(problem))
-    starts[blank] = tree.defaults
-    problem = problem._replace(posture=posture_near(tree, problem, starts))
+    problem, starts, blank = _near(tree, markers, motion, options)
+    if posture is None:
+        posture = posture_near(tree, problem, starts)
+    problem = problem._replace(posture=posture)
     settings = options.settings._replace(chained=False)
     values = solve_poses(tree, problem, starts, settings).values
     values[blank] = np.nan
     return _motion(model, markers, values)
+
+
+def posture_of(
+    model: Model, markers: Markers, motion: Motion, options: InverseKinematicsOptions | None = None
+) -> Array:
+    """Find what coordinates are weakly drawn to near a motion, for `poses_near`.
+
+    It depends on which coordinates the markers show, and hardly on where they are seen.
+
+    Parameters
+    ----------
+    model, markers, motion, options : as of `poses_near`
+
+    Returns
+    -------
+    (frames, coordinates) [rad or m]
+    """
+    tree = compile_tree(model)
+    problem, starts, _ = _near(tree, markers, motion, options or InverseKinematicsOptions())
+    return posture_near(tree, problem, starts)
+
+
+def _near(
+    tree: Tree, markers: Markers, motion: Motion, options: InverseKinematicsOptions
+) -> tuple[PoseProblem, Array, np.ndarray]:
+    """Make the problem of `poses_near`, in which every frame begins where the motion is.
+
+    Returns
+    -------
+    problem, starts (frames, coordinates) [rad or m], and which frames (frames,) are unknown
+    """
+    refuse_other_times("markers", markers.time, motion.time)
+    names, weights = tracked_markers(tree.model, markers, options)
+    problem = pose_problem(tree, names, weights, options, markers)
+    # What no marker shows stays where the motion is.
+    starts = np.array(motion.values)
+    blank = ~(np.isfinite(starts).all(axis=1) & frames_shown(problem))
+    starts[blank] = tree.defaults
+    return problem, starts, blank
 
 
 def _motion(model: Model, markers: Markers, values: Array) -> Motion:

@@ -15,6 +15,7 @@ Sources: Singer 1970 (the motion), Van Loan 1978 (its steps), Rauch, Tung and St
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +53,33 @@ class Smoothing(NamedTuple):
     variance: Array
 
 
+class Gains(NamedTuple):
+    """How measurements enter the states of columns that are seen in the same frames.
+
+    Attributes
+    ----------
+    update : (frames, 4) first column of P before a measurement, and the variance of its innovation
+    back : (frames, 3, 3) gains of smoothing
+    variance : (frames, 3) of the smoothed states
+    covariance : (frames, 3, 3) P of each frame; scratch
+    """
+
+    update: Array
+    back: Array
+    variance: Array
+    covariance: Array
+
+    @staticmethod
+    def room(frames: int) -> Gains:
+        """Make room for so many frames."""
+        return Gains(
+            update=np.zeros((frames, 4)),
+            back=np.zeros((frames, 3, 3)),
+            variance=np.empty((frames, 3)),
+            covariance=np.empty((frames, 3, 3)),
+        )
+
+
 def smoothed_states(values: Array, step: float, decay: Array) -> Smoothing:
     """Smooth columns, NaN where not seen.
 
@@ -72,11 +100,35 @@ def smoothed_states(values: Array, step: float, decay: Array) -> Smoothing:
     measured = np.where(seen, values - offset, 0.0)
     steps = _steps(step, decay)
     mean = np.empty((frames, columns, 3))
-    variance = np.empty((frames, columns, 3))
-    room = np.empty((frames, 4, 3))
-    _smooth(measured, seen, steps.transition, steps.spread, mean, variance, room)
+    variance = np.empty_like(mean)
+    room = Gains.room(frames)
+    for chosen in _seen_alike(seen, decay):
+        column = chosen[0]
+        transition = steps.transition[column]
+        seen_there = np.ascontiguousarray(seen[:, column])
+        _gains(seen_there, transition, steps.spread[column], *room)
+        own = np.empty((frames, len(chosen), 3))
+        values_there = np.ascontiguousarray(measured[:, chosen])
+        _means(values_there, seen_there, transition, room.update, room.back, own)
+        mean[:, chosen] = own
+        variance[:, chosen] = room.variance[:, None]
     mean[:, :, 0] += offset
     return Smoothing(mean=mean, variance=variance)
+
+
+def _seen_alike(seen: np.ndarray, decay: Array) -> Iterable[list[int]]:
+    """Group columns that share gains: gains do not depend on what was measured.
+
+    Parameters
+    ----------
+    seen : (frames, columns)
+    decay : (columns,)
+    """
+    groups: dict[tuple[float, bytes], list[int]] = {}
+    for column in range(seen.shape[1]):
+        pattern = (float(decay[column]), seen[:, column].tobytes())
+        groups.setdefault(pattern, []).append(column)
+    return groups.values()
 
 
 def _steps(step: float, decay: Array) -> Steps:
@@ -105,67 +157,109 @@ def _steps(step: float, decay: Array) -> Steps:
 
 
 @kernel
-def _smooth(y, seen, transition, spread, mean, variance, room):
-    """Filter each column forwards and smooth it backwards.
+def _gains(seen, F, Q, update, back, variance, covariance):
+    """Find the gains of a filter forwards and a smoother backwards.
 
-    With mean x and covariance P of a frame by what came before and itself, those of the next frame
-    as predicted, x' = F x and P' = F P F^T + Q, and as smoothed, X' and V',
+    With the covariance P of a frame by what came before and itself, that of the next frame as
+    predicted, P' = F P F^T + Q, and as smoothed V',
 
-        C = P F^T P'^-1,    X = x + C (X' - x'),    V = P + C (V' - P') C^T
+        C = P F^T P'^-1,    V = P + C (V' - P') C^T
+
+    Parameters
+    ----------
+    seen : (frames,)
+    F, Q : (3, 3) transition and spread of a step
+    update, back, variance, covariance : as of `Gains`, filled
+    """
+    P = np.zeros((3, 3))
+    product = np.empty((3, 3))
+    V = np.empty((3, 3))
+    for i in range(3):
+        P[i, i] = DIFFUSE
+    started = False
+    frames = seen.shape[0]
+    for k in range(frames):
+        # Before the first value nothing is known, and nothing less a frame later.
+        if started:
+            _predict_covariance(F, Q, P, product)
+        if seen[k]:
+            started = True
+            for i in range(3):
+                update[k, i] = P[i, 0]
+            update[k, 3] = P[0, 0] + 1.0
+            _update_covariance(update[k], P)
+        covariance[k] = P
+    V[:] = P
+    for k in range(frames - 1, -1, -1):
+        if k < frames - 1:
+            P[:] = covariance[k]
+            _predict_covariance(F, Q, P, product)
+            _gain_back(F, P, covariance[k], product, back[k])
+            _variance_back(back[k], covariance[k], P, V, product)
+        for i in range(3):
+            variance[k, i] = V[i, i]
+
+
+@kernel
+def _means(y, seen, F, update, back, mean):
+    """Filter each column forwards and smooth it backwards with gains that are known.
+
+    With the mean x of a frame by what came before and itself, x' = F x as predicted for the next
+    and X' as smoothed, X = x + C (X' - x').
 
     Parameters
     ----------
     y : (frames, columns) measured less an offset, 0 where not seen
-    seen : (frames, columns)
-    transition, spread : (columns, 3, 3) F and Q
-    mean, variance : (frames, columns, 3) filled
-    room : (frames, 4, 3) x and P of each frame; scratch
+    seen : (frames,)
+    F : (3, 3) transition of a step
+    update, back : as of `Gains`
+    mean : (frames, columns, 3) filled
     """
     x = np.empty(3)
-    P = np.empty((3, 3))
-    product = np.empty((3, 3))
-    back = np.empty((3, 3))
     X = np.empty(3)
-    V = np.empty((3, 3))
+    frames = y.shape[0]
     for j in range(y.shape[1]):
-        F = transition[j]
         x[:] = 0.0
-        P[:] = 0.0
-        for i in range(3):
-            P[i, i] = DIFFUSE
         started = False
-        for k in range(y.shape[0]):
-            # Before the first value nothing is known, and nothing less a frame later.
+        for k in range(frames):
             if started:
-                _predict(F, spread[j], x, P, product)
-            if seen[k, j]:
+                _predict_mean(F, x)
+            if seen[k]:
                 started = True
-                _update(y[k, j] - x[0], P[0, 0] + 1.0, x, P)
-            room[k, 0] = x
-            room[k, 1:] = P
+                e = y[k, j] - x[0]
+                for i in range(3):
+                    x[i] += update[k, i] * e / update[k, 3]
+            mean[k, j] = x
         X[:] = x
-        V[:] = P
-        for k in range(y.shape[0] - 1, -1, -1):
-            if k < y.shape[0] - 1:
-                x[:] = room[k, 0]
-                P[:] = room[k, 1:]
-                _predict(F, spread[j], x, P, product)
-                _gain_back(F, P, room[k, 1:], product, back)
-                _step_back(back, room[k], x, P, X, V, product)
+        for k in range(frames - 2, -1, -1):
+            x[:] = mean[k, j]
+            _predict_mean(F, x)
             for i in range(3):
-                mean[k, j, i] = X[i]
-                variance[k, j, i] = V[i, i]
+                x[i] = X[i] - x[i]
+            for i in range(3):
+                X[i] = (
+                    mean[k, j, i]
+                    + back[k, i, 0] * x[0]
+                    + back[k, i, 1] * x[1]
+                    + back[k, i, 2] * x[2]
+                )
+            mean[k, j] = X
 
 
 @bare
-def _predict(F, Q, x, P, product):
-    """Advance mean x (3,) and covariance P (3, 3) by a step: F x, F P F^T + Q."""
+def _predict_mean(F, x):
+    """Advance a mean x (3,) by a step: F x."""
     a = F[0, 0] * x[0] + F[0, 1] * x[1] + F[0, 2] * x[2]
     b = F[1, 0] * x[0] + F[1, 1] * x[1] + F[1, 2] * x[2]
     c = F[2, 0] * x[0] + F[2, 1] * x[1] + F[2, 2] * x[2]
     x[0] = a
     x[1] = b
     x[2] = c
+
+
+@bare
+def _predict_covariance(F, Q, P, product):
+    """Advance a covariance P (3, 3) by a step: F P F^T + Q."""
     for i in range(3):
         for m in range(3):
             product[i, m] = F[i, 0] * P[0, m] + F[i, 1] * P[1, m] + F[i, 2] * P[2, m]
@@ -177,14 +271,12 @@ def _predict(F, Q, x, P, product):
 
 
 @bare
-def _update(e, s, x, P):
-    """Take a measurement with innovation e of variance s into mean x (3,) and covariance P."""
-    p0 = P[0, 0]
-    p1 = P[1, 0]
-    p2 = P[2, 0]
-    x[0] += p0 * e / s
-    x[1] += p1 * e / s
-    x[2] += p2 * e / s
+def _update_covariance(update, P):
+    """Take a measurement into a covariance P (3, 3); `update` (4,) as of `Gains`."""
+    p0 = update[0]
+    p1 = update[1]
+    p2 = update[2]
+    s = update[3]
     P[0, 0] = p0 / s
     P[0, 1] = p1 / s
     P[1, 0] = P[0, 1]
@@ -229,23 +321,21 @@ def _gain_back(F, ahead, P, root, back):
 
 
 @bare
-def _step_back(back, state, x, ahead, X, V, product):
-    """Smooth a frame by the one after it, see `_smooth`.
+def _variance_back(back, covariance, ahead, V, product):
+    """Smooth the covariance of a frame by that of the one after it, see `_gains`.
 
     Parameters
     ----------
     back : (3, 3) C
-    state : (4, 3) x and P of the frame
-    x, ahead : (3,) and (3, 3), x' and P' as predicted for the next
-    X, V : (3,) and (3, 3), of the next as smoothed; overwritten by those of the frame
+    covariance : (3, 3) P of the frame
+    ahead : (3, 3) P' as predicted for the next; overwritten
+    V : (3, 3) of the next as smoothed; overwritten by that of the frame
     product : (3, 3) scratch
     """
     for i in range(3):
-        x[i] = X[i] - x[i]
         for m in range(3):
             ahead[i, m] = V[i, m] - ahead[i, m]
     for i in range(3):
-        X[i] = state[0, i] + back[i, 0] * x[0] + back[i, 1] * x[1] + back[i, 2] * x[2]
         for m in range(3):
             product[i, m] = (
                 back[i, 0] * ahead[0, m] + back[i, 1] * ahead[1, m] + back[i, 2] * ahead[2, m]
@@ -255,5 +345,5 @@ def _step_back(back, state, x, ahead, X, V, product):
             value = (
                 product[i, 0] * back[m, 0] + product[i, 1] * back[m, 1] + product[i, 2] * back[m, 2]
             )
-            V[i, m] = state[1 + i, m] + value
+            V[i, m] = covariance[i, m] + value
             V[m, i] = V[i, m]

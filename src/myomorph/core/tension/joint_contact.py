@@ -25,7 +25,12 @@ from myomorph.core.rigid.kinematics import Poses, forward_kinematics
 from myomorph.core.rigid.knees import long_axis
 from myomorph.core.rigid.tree import Tree, compile_tree
 from myomorph.core.tension.load_quantities import JOINT_CONTACT_LOAD, JOINT_CONTACTS
-from myomorph.core.tension.reaction import Patella, frame_in_ground, joint_reactions
+from myomorph.core.tension.reaction import (
+    JointReactions,
+    Patella,
+    frame_in_ground,
+    joint_reactions,
+)
 from myomorph.core.tension.tension import Tension
 
 FORCE_ALONG_NORMAL = 1e3
@@ -255,12 +260,7 @@ def joint_contact_forces(  # page: as of `joint_reactions`, and the points
     >>> mm.joint_contact_forces(model, motion, None, None, points).point_columns
     ('upper_elbow', 'lower_elbow')
     """
-    if not points:
-        raise BadData("no contact points are given: expected at least one")
-    known = {joint.name: joint for joint in model.joints}
-    for point in points:
-        check_name("joint", point.joint, known, f"contact point '{point.name}': the model")
-    joints = tuple(dict.fromkeys(point.joint for point in points))
+    joints = pointed_joints(model, points)
     reactions = joint_reactions(
         model,
         motion,
@@ -271,6 +271,42 @@ def joint_contact_forces(  # page: as of `joint_reactions`, and the points
         actuators=actuators,
         patella=patella,
     )
+    return shared_reactions(model, motion, reactions, points)
+
+
+def pointed_joints(model: Model, points: Sequence[ContactPoint]) -> tuple[str, ...]:
+    """Name the joints that have contact points, each once.
+
+    Raises
+    ------
+    BadData : there are no points
+    UnknownName : a joint is not in the model
+    """
+    if not points:
+        raise BadData("no contact points are given: expected at least one")
+    known = {joint.name for joint in model.joints}
+    for point in points:
+        check_name("joint", point.joint, known, f"contact point '{point.name}': the model")
+    return tuple(dict.fromkeys(point.joint for point in points))
+
+
+def shared_reactions(
+    model: Model, motion: Motion, reactions: JointReactions, points: Sequence[ContactPoint]
+) -> JointContactForces:
+    """Share loads of joints among their contact points.
+
+    Parameters
+    ----------
+    model, motion : as of `joint_contact_forces`
+    reactions : of the `pointed_joints`, on their children, in ground
+    points : of these joints
+
+    Returns
+    -------
+    as of `joint_contact_forces`
+    """
+    known = {joint.name: joint for joint in model.joints}
+    joints = reactions.joints
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     ordered = []

@@ -284,6 +284,18 @@ class JointReactions(Labelled):
         """
         return {"time": self.time, "joint": self.joints, "axis": AXES}
 
+    def part(self, columns: slice) -> JointReactions:
+        """Take the loads of some joints, by their places."""
+        return JointReactions(
+            time=self.time,
+            joints=self.joints[columns],
+            bodies=self.bodies[columns],
+            frames=self.frames[columns],
+            forces=self.forces[:, columns],
+            moments=self.moments[:, columns],
+            points=self.points[:, columns],
+        )
+
     def of(self, joint: str) -> Array:
         """Force in one joint.
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from zlib import crc32
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from myomorph.core.fit.interval_rule import LEVEL, drawn_limits, reflected_limits
@@ -130,7 +131,10 @@ class Uncertainty:
             for name, factor in self.factors.items()
             if factor != 1.0
         )
-        text = f"limits of {100 * LEVEL:.0f} % from {self.draws - self.failed} draws"
+        count = self.draws - self.failed
+        text = f"limits of {100 * LEVEL:.0f} % from {count} draws"
+        if count > 0:
+            text += f", each known to {100 * limit_error(count):.0f} % of the half width"
         return f"{text}, widened by factors ({wider})" if wider else text
 
 
@@ -306,6 +310,17 @@ def widened_errors(errors: Array, factors: Array) -> Array:
     low, high = drawn_limits(errors[known])
     middle = 0.5 * (low + high)
     return np.asarray(middle + factors * (errors - middle))
+
+
+def limit_error(count: int) -> float:
+    """Return the standard error of a limit from so many normal draws, over the half width.
+
+    sqrt(p (1 - p) / n) / (z_p phi(z_p)) with the share p beyond it
+    """
+    beyond = 0.5 - 0.5 * LEVEL
+    z = float(-scipy.special.ndtri(beyond))
+    density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+    return float(np.sqrt(beyond * (1.0 - beyond) / count) / (z * density))
 
 
 def of_subject(errors: Array, subject: str) -> Array:

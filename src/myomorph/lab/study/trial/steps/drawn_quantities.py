@@ -122,11 +122,11 @@ def muscle_quantities(
         tables.append((CONTACT_GROUP_FORCE, task.contact_groups(tension)))
     frame = trial.options[TensionTables].reactions
     points = trial.get(JointPoints)
-    if frame != "none":
-        reactions = task.reactions(tension, frame)
+    reactions, contacts = task.joint_loads(tension, frame, points)
+    if reactions is not None:
         tables.append((JOINT_REACTION, reactions.table(joint_labels(trial.model))))
-    if points is not None:
-        tables.append((JOINT_CONTACT_LOAD, task.joint_contacts(tension, points).table()))
+    if contacts is not None:
+        tables.append((JOINT_CONTACT_LOAD, contacts.table()))
     return [*made, *(series_table(quantity, table, trial.model) for quantity, table in tables)]
 
 

@@ -20,7 +20,12 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion, Wrenches
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.motion.cutoff_choice import recording_noise
-from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit, poses_near
+from myomorph.core.motion.ik import (
+    InverseKinematicsOptions,
+    KinematicsFit,
+    poses_near,
+    posture_of,
+)
 from myomorph.core.motion.sensors.mounting import (
     SensorMounting,
     SensorOptions,
@@ -133,6 +138,22 @@ class Chain:
         """The filter that the recording chose, None where it was stated."""
         return chosen_filter(self.trial, self.recorded)
 
+    @cached_property
+    def posture(self) -> Array | None:
+        """What coordinates are weakly drawn to in every draw, (frames, coordinates) at the poses
+        that are drawn; None where no markers are.
+        """
+        if self.markers is None or self.base is None:
+            return None
+        every_pose = slice(None, None, self.pose_step)
+        near = Motion(self.markers.time[every_pose], self.base.names, self.base.values[every_pose])
+        return posture_of(
+            self.trial.model,
+            self.markers.frames(every_pose),
+            near,
+            self.trial.options[InverseKinematicsOptions],
+        )
+
     @property
     def groups(self) -> tuple[str, ...]:
         """Groups of sources that can change a result."""
@@ -219,7 +240,8 @@ class Chain:
         mounting = None if self.sensors is None else self._mounted(draw)
         if self.sensors is not None and mounting is not None:
             options = self._sensed(options, moved, mounting, draw)
-        solved = poses_near(trial.model, moved, near, options)
+        posture = None if mounting is not None else self.posture
+        solved = poses_near(trial.model, moved, near, options, posture)
         if (
             self.sensors is not None
             and mounting is not None

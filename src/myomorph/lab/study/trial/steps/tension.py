@@ -180,11 +180,10 @@ def _write_joint_loads(
     if task.setting is not None:
         # Forces under feet that plates measured stay what they are, whatever holds the root.
         carried, notes = carried_tension(tension, trial.model)
-    if frame != "none":
-        write_reactions(task.reactions(carried, frame), trial.model, output)
-    forces = None
-    if points is not None:
-        forces = task.joint_contacts(carried, points)
+    reactions, forces = task.joint_loads(carried, frame, points)
+    if reactions is not None:
+        write_reactions(reactions, trial.model, output)
+    if forces is not None and points is not None:
         notes += write_joint_contacts(forces, points, strides, output)
     statics = task.static_loads(tension)
     if statics is None:
