@@ -27,6 +27,7 @@ from myomorph.swings.viscosity.trust.checks import TOO_SMALL, condition_findings
 
 Row = dict[str, object]
 
+RANGES = "ranges"
 LIMBS = 100
 LEVEL = 0.9
 WORKERS = 2
@@ -107,7 +108,7 @@ def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> L
         (name.partition(" ")[0] for name in result.law if " " in name and name != DRY),
         "one viscosity",
     )
-    found = {name: row[name] for name in limb.truth if name in row and np.isfinite(row[name].value)}
+    found = {name: row[name] for name in limb.truth if name in row and np.isfinite(row[name].high)}
     findings = [
         (finding.kind, finding.place, name)
         for name, one in result.conditions.items()
@@ -186,6 +187,11 @@ def _told(one: LimbRun, quantity: str) -> str:
         return "withheld"
     found = one.found[quantity]
     truth = one.truth[quantity]
+    if not np.isfinite(found.value):
+        ends = (
+            f"{100.0 * (found.low / truth - 1.0):+.1f} to {100.0 * (found.high / truth - 1.0):+.1f}"
+        )
+        return f"range, {ends} %{'' if found.holds(truth) else ', misses'}"
     error = 100.0 * (found.value / truth - 1.0)
     low = 100.0 * (found.low / truth - 1.0)
     high = 100.0 * (found.high / truth - 1.0)
@@ -202,14 +208,15 @@ def measure_coverage() -> Iterable[Row]:
     for quantity, label in QUANTITIES.items():
         own = [(one.found[quantity], one.truth[quantity]) for one in runs if quantity in one.found]
         errors = np.array([100.0 * (found.value / truth - 1.0) for found, truth in own])
+        errors = errors[np.isfinite(errors)]
         widths = np.array([50.0 * (found.high - found.low) / truth for found, truth in own])
         held = sum(found.holds(truth) for found, truth in own)
         yield {
             "quantity": label,
             "of limbs": len(own),
-            "error RMS": f"{np.sqrt(np.mean(errors**2)):.2f} %",
-            "mean": f"{errors.mean():+.2f} %",
-            "largest": f"{np.abs(errors).max():.2f} %",
+            "error RMS": f"{np.sqrt(np.mean(errors**2)):.2f} %" if len(errors) else RANGES,
+            "mean": f"{errors.mean():+.2f} %" if len(errors) else RANGES,
+            "largest": f"{np.abs(errors).max():.2f} %" if len(errors) else RANGES,
             "median half-width": f"{np.median(widths):.2f} %",
             "90 % intervals that hold": f"{held} ({100.0 * held / max(len(own), 1):.0f} %)",
         }

@@ -198,7 +198,8 @@ class CohortLine:
     Attributes
     ----------
     quantity : of the tables
-    mean, sd : the SD is that of the population (division by the count), as [S] prints it
+    mean, sd : the SD is that of the population (division by the count), as [S] prints it; NaN where
+        a specimen has no more than a range
     count : of specimens
     low, high : 95 % interval of the mean of these specimens, from the intervals of each: how well
         they were measured, not how other specimens may differ; NaN where a specimen has none
@@ -228,7 +229,9 @@ def cohort(rows: Sequence[Row]) -> tuple[CohortLine, ...]:
     """Find mean and population SD of every quantity that a specimen has.
 
     The specimens' errors are taken as independent: with half-widths h of their intervals, that of
-    the mean of n is sqrt(sum h^2) / n, below and above the mean each with its own.
+    the mean of n is sqrt(sum h^2) / n, below and above the mean each with its own. Where a specimen
+    has no more than a range, the mean has one too: from the mean of the lower ends to that of the
+    upper ones.
 
     Parameters
     ----------
@@ -237,12 +240,24 @@ def cohort(rows: Sequence[Row]) -> tuple[CohortLine, ...]:
     lines = []
     for quantity in QUANTITIES:
         known = [row[quantity.name] for row in rows if quantity.name in row]
-        known = [estimate for estimate in known if np.isfinite(estimate.value)]
+        known = [each for each in known if np.isfinite(each.value) or np.isfinite(each.high)]
         if not known:
             continue
         values, lows, highs = np.array(
             [(estimate.value, estimate.low, estimate.high) for estimate in known]
         ).T
+        if not np.isfinite(values).all():
+            lines.append(
+                CohortLine(
+                    quantity=quantity,
+                    mean=float("nan"),
+                    sd=float("nan"),
+                    low=float(lows.mean()),
+                    high=float(highs.mean()),
+                    count=len(known),
+                )
+            )
+            continue
         mean = float(values.mean())
         sd = float(values.std())
         below = float(np.linalg.norm(values - lows)) / len(known)

@@ -206,6 +206,8 @@ def with_interval(estimate: Interval) -> str:
     interval = (
         f" ({number(estimate.low)} to {number(estimate.high)})" if np.isfinite(estimate.low) else ""
     )
+    if not np.isfinite(estimate.value) and interval:
+        return interval.strip(" ()")
     return number(estimate.value) + interval
 
 
@@ -262,7 +264,11 @@ def _top(
     values: Sequence[Interval | None], beside: Sequence[Beside], levels: Sequence[svg.Level]
 ) -> float:
     """Highest value shown: all, except intervals that would press everything else to the floor."""
-    known = [value.value for value in values if value is not None and np.isfinite(value.value)]
+    known = [
+        value.value if np.isfinite(value.value) else value.high
+        for value in values
+        if value is not None and (np.isfinite(value.value) or np.isfinite(value.high))
+    ]
     known += [float(value) for other in beside for value in other.values if np.isfinite(value)]
     known += [
         level.value + level.spread for level in levels if np.isfinite(level.value + level.spread)
@@ -273,9 +279,15 @@ def _top(
 
 
 def _bar(area: svg.Frame, estimate: Interval, x: float, half: float) -> str:
-    """An upright bar with its whisker; an arrow where the interval is cut."""
+    """An upright bar with its whisker; an arrow where the interval is cut. Of a range without a
+    value, the range.
+    """
     if not np.isfinite(estimate.value):
-        return ""
+        if not (np.isfinite(estimate.low) and np.isfinite(estimate.high)):
+            return ""
+        top = float(area.y.cut(estimate.high))
+        tall = max(float(area.y.cut(estimate.low)) - top, 0.5)
+        return svg.rect("bar first soft", x - half, top, 2.0 * half, tall)
     y = float(area.y.cut(estimate.value))
     bottom = area.y.start
     bar = svg.rect("bar first soft", x - half, y, 2.0 * half, max(bottom - y, 0.5))

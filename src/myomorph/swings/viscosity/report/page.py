@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from myomorph.core.model.messages import Message, as_message
 from myomorph.lab.report.charts.marks import Level
 from myomorph.lab.report.page.page import Tile, rendered
@@ -147,7 +149,7 @@ def _sections(viscosity_input: ViscosityInput, lines: Mapping[str, CohortLine]) 
     levels = {
         name: [Level(value=line.mean, label="", style="mean", spread=line.sd)]
         for name, line in lines.items()
-        if line.count > 1
+        if line.count > 1 and np.isfinite(line.mean)
     }
     if any(specimen.shoulder and specimen.intact is not None for specimen in viscosity_input.done):
         levels.setdefault("total_viscosity", []).append(

@@ -50,9 +50,14 @@ def scientific(value: float) -> str:
 
 
 def with_interval(estimate: Interval | None) -> str:
-    """Print a value and its interval, to the digits that the interval's width leaves."""
+    """Print a value and its interval, to the digits that the interval's width leaves.
+
+    Of what is known as a range alone the range is printed.
+    """
     if estimate is None:
         return LACKING
+    if not np.isfinite(estimate.value) and np.isfinite(estimate.high):
+        return span(estimate.low, estimate.high)
     if not estimate.high > estimate.low:
         return number(estimate.value)
     return (
@@ -91,7 +96,11 @@ def table_section(specimens: Sequence[SpecimenReport], lines: Mapping[str, Cohor
 
 
 def _printed(estimate: Interval | None) -> str:
-    return LACKING if estimate is None else scientific(estimate.value)
+    if estimate is None:
+        return LACKING
+    if not np.isfinite(estimate.value) and np.isfinite(estimate.high):
+        return f"{scientific(estimate.low)} to {scientific(estimate.high)}"
+    return scientific(estimate.value)
 
 
 def _table(
@@ -121,7 +130,10 @@ def _own_means(
 ) -> list[tuple[str, ...]]:
     """Print mean and SD of columns."""
     known = [lines.get(column.name) for column in columns]
-    means = (LACKING if line is None else scientific(line.mean) for line in known)
+    means = (
+        LACKING if line is None else _printed(Interval(line.mean, line.low, line.high))
+        for line in known
+    )
     spreads = (LACKING if line is None else scientific(line.sd) for line in known)
     return [("mean", *means), ("± SD", *spreads)]
 
@@ -174,7 +186,11 @@ def _mean_cells(
         "Quantity": f"{where(quantity)} [{quantity.unit}]",
         "Truth": _spread(truths),
         "Paper's six": _spread(paper),
-        "Estimate": LACKING if line is None else _plus_minus(line.mean, line.sd),
+        "Estimate": (
+            LACKING
+            if line is None or not np.isfinite(line.mean)
+            else _plus_minus(line.mean, line.sd)
+        ),
         "95 % interval of the mean": (
             LACKING if unknown or line is None else span(line.low, line.high)
         ),
@@ -189,7 +205,7 @@ def _mean_held(line: CohortLine | None, truths: Sequence[float]) -> str:
         return ""
     truth = float(np.mean(truths))
     held = "yes" if line.low <= truth <= line.high else "no"
-    return f"{held}, off by {_off(line.mean, truth)}"
+    return f"{held}, off by {_off(line.mean, truth)}" if np.isfinite(line.mean) else held
 
 
 def _spread(values: Sequence[float]) -> str:
@@ -224,7 +240,9 @@ def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
             truth = specimen.truth.get(quantity.name)
             paper = specimen.paper.get(quantity.name)
             estimate = specimen.row.get(quantity.name)
-            off = _off(estimate.value, truth) if estimate is not None and truth else ""
+            off = ""
+            if estimate is not None and truth and np.isfinite(estimate.value):
+                off = _off(estimate.value, truth)
             words = (LACKING if value is None else number(value) for value in (truth, paper))
             held = ""
             if estimate is not None and truth is not None and estimate.high > estimate.low:

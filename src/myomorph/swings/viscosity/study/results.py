@@ -76,7 +76,11 @@ def specimens_table(rows: Sequence[tuple[str, Row]]) -> str:
 
 
 def _interval(estimate: Interval | None) -> list[Any]:
-    return ["", "", ""] if estimate is None else [estimate.value, estimate.low, estimate.high]
+    if estimate is None:
+        return ["", "", ""]
+    # What is known as a range alone has no value.
+    value = estimate.value if np.isfinite(estimate.value) else ""
+    return [value, estimate.low, estimate.high]
 
 
 def cohort_table(rows: Sequence[Row]) -> str:
@@ -85,8 +89,8 @@ def cohort_table(rows: Sequence[Row]) -> str:
     cells = (
         (
             line.quantity.name,
-            line.mean,
-            line.sd,
+            line.mean if np.isfinite(line.mean) else "",
+            line.sd if np.isfinite(line.sd) else "",
             line.count,
             line.low,
             line.high,

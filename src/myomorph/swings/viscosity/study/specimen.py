@@ -82,7 +82,7 @@ def with_laws(
     compared: PassiveComparison | None = None,
 ) -> reports.SpecimenReport:
     """The report with alternatives to plain viscosity for one condition."""
-    if np.isnan(condition.mass.value):
+    if np.isnan(condition.mass.high):
         options = replace(options, tare="unknown")
     compared = compared or compare_passive_laws(condition.recordings, options)
     models = []

@@ -39,8 +39,12 @@ SEARCH = 2.0
 LAG = 0.05  # Offsets that are tried where no clock so near agrees, and their distance [s].
 AS_GOOD = 1.1  # Of lags that leave up to this much more than the best, the smallest is taken.
 MAX_LAG_FRAMES = 500  # Frames on which every lag is judged.
-# Squared distance of offset and drift from zero, in SDs, that chance passes 1 time in 20.
+# Squared distance of offset and drift from zero, in SDs, that chance passes 1 time in 20, and once
+# in 1,000: a clock that is off by little is corrected only beyond the second, for what a small
+# correction may spoil is no less than what it mends.
 CHANCE = 6.0
+SURE = 13.8
+LARGE_CLOCK_ERROR = 2e-3  # Lag of a recording from which the first is enough [s].
 MIN_CLOCK_ERROR = 5e-4  # Largest lag of a recording that is left as it is [s].
 
 
@@ -197,7 +201,8 @@ def plate_clock(
         return Clock(), ["the clocks cannot be compared: too little of the swing shows both"]
     sizes = np.sqrt(np.diag(best.covariance)).clip(min=1e-12)
     doubt = float(np.square(np.array([best.offset, best.drift]) / sizes).sum())
-    if doubt < CHANCE or np.abs(best.times(time) - time).max() < MIN_CLOCK_ERROR:
+    lag = float(np.abs(best.times(time) - time).max())
+    if doubt < (CHANCE if lag > LARGE_CLOCK_ERROR else SURE) or lag < MIN_CLOCK_ERROR:
         return Clock(), []
     drifts = (
         f", and drifts {1e6 * best.drift:+.0f} ± {1e6 * best.drift_sd:.0f} ppm"
