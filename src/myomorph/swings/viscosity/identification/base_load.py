@@ -59,7 +59,8 @@ def shared_load(load: BaseLoad, muscles: float | None) -> BaseLoad:
     ------
     BadData : the base carries less with muscles than without
     """
-    (bare_low, bare_high), (full_low, full_high) = load.removed, load.intact
+    bare_low, bare_high = load.removed
+    full_low, full_high = load.intact
     most = float("inf") if muscles is None else muscles
     if full_high < bare_low:
         raise BadData(
@@ -124,7 +125,8 @@ def _bounded(masses: Mapping[str, Interval], muscles: Interval) -> dict[str, Int
     masses : of both conditions [kg]
     muscles : that are the difference [kg]
     """
-    bare, full = (masses[name] for name in STATES)
+    bare = masses["without"]
+    full = masses["with"]
     ends = {
         "without": (full.low - muscles.high, full.high - muscles.low),
         "with": (bare.low + muscles.low, bare.high + muscles.high),
