@@ -379,6 +379,32 @@ def test_a_level_is_given_up_where_torques_are_so_much_likelier_without_it(misfi
     assert kept_level(tracking, "known", np.zeros(1), np.zeros(1)) == chosen
 
 
+@pytest.mark.parametrize("channels", [("flexor",), ("flexor", "extensor")])
+def test_emg_that_nothing_can_check_takes_no_part(pair, channels):
+    """A channel cannot be left out where it is the only one, or where none shows its muscles."""
+    model, motion, torques, _, _ = pair
+    held = object.__new__(HeldOut)
+    held.calibration = SimpleNamespace(channels=channels)
+    held._without = lambda channel, out: np.full(1 + len(WEIGHTS), np.nan)
+    held._with_twins = list
+    calibration = held.chosen(uncalibrated(channels, DELAY))
+    assert calibration.weight == 0.0
+    measured = {name: PAIR[name] for name in channels}
+    told = EmgRecording(
+        emg=recorded(pair),
+        muscles=measured,
+        maxima={},
+        options=EmgOptions(),
+        calibration=calibration,
+    )
+    inputs = TensionInputs(
+        model=model, motion=motion, torques=torques, options=RIGID, actuators=None
+    )
+    targets = emg_targets_of(told, inputs)
+    assert targets.target is None
+    assert any("EMG takes no part, as nothing checks it" in note for note in targets.notes)
+
+
 @pytest.mark.parametrize(("after", "weight"), [(0.6, 10.0), (0.4, 0.0)])
 def test_emg_takes_no_part_where_channels_that_are_left_out_come_out_worse(pair, after, weight):
     model, motion, torques, _, _ = pair

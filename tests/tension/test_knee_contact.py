@@ -13,10 +13,10 @@ from myomorph.core.motion.sync import resample_wrenches
 from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.rigid.leg_angles import leg_angles
 from myomorph.core.tension.joint_contact import joint_contact_forces
-from myomorph.core.tension.knee_contact import MAX_FLEXION, KneeContactTerm
 from myomorph.core.tension.knee_points import knee_points
 from myomorph.core.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.terms.knee_contact import MAX_FLEXION, KneeContactTerm
 from myomorph.lab.study.inputs.reading import read_motion
 
 STUDY = "knee-implant-walk"

@@ -121,7 +121,6 @@ WEIGHTS = ((10.0, 1.0), (3.0, 1.0), (1.0, 1.0), (0.3, 1.0), (0.1, 1.0), (0.1, 0.
 """Weights that are tried, the firmest first: of soft targets, and of what synergies say of muscles
 without EMG.
 """
-ALONE_WEIGHT = 1.0  # The weight where there is but one channel, so that none can be left out
 WORSE = 0.05  # Fall of a held-out channel's correlation that is too much
 # Share of it that is allowed where a weight is chosen: muscles that no channel measures may fare
 # worse
@@ -239,18 +238,18 @@ class HeldOut:
 
         Returns
         -------
-        the calibration with the weight, 0 where channels disagree
+        the calibration with the weight, 0 where channels disagree or none can be left out
         """
         names = emg_calibration.channels
         if len(names) < 2:
-            return replace(emg_calibration, weight=ALONE_WEIGHT)
+            return _unchecked(emg_calibration, "there is one channel, which cannot be left out")
         table = np.array([self._without(c, [c]) for c in range(len(names))])
         # A muscle that acts as none under an electrode fares as channels do without those that act
         # as they do.
         unlike = [self._without(c, out) for c, out in self._with_twins() if len(out) < len(names)]
         known = np.array([row for row in (*table, *unlike) if np.isfinite(row[0])])
         if not len(known):
-            return replace(emg_calibration, weight=ALONE_WEIGHT)
+            return _unchecked(emg_calibration, "no channel that is left out shows its muscles")
         changes = np.nan_to_num(known[:, 1:]) - known[:, :1]
         good = (changes.mean(axis=0) >= 0.0) & (changes.min(axis=0) >= -MARGIN * WORSE)
         best = int(np.argmax(good)) if good.any() else int(np.argmax(changes.mean(axis=0)))
@@ -370,6 +369,15 @@ class HeldOut:
             " with their own "
         )
         return (EMG.message(f"{text}EMG when left out, without EMG to with it"),) if fallen else ()
+
+
+def _unchecked(emg_calibration: EmgCalibration, why: str) -> EmgCalibration:
+    """Give EMG the weight 0, as nothing can check it, and say so."""
+    warning = EMG.message(
+        f"EMG takes no part, as nothing checks it: {why} (--emg-weight 1 uses it)"
+    )
+    warnings = (*emg_calibration.warnings, warning)
+    return replace(emg_calibration, weight=0.0, warnings=warnings)
 
 
 def held_out_verdict(names: Sequence[str], held: Array) -> Verdict:

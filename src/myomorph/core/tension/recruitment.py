@@ -14,11 +14,11 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.muscles.patella import patella_of
 from myomorph.core.rigid.knees import knee_joints
-from myomorph.core.tension.knee_contact import KneeContactTerm
 from myomorph.core.tension.reaction import joint_reactions
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.co_contraction import CoContractionTerm
 from myomorph.core.tension.terms.joint_load import JointLoadTerm, crossed_joints
+from myomorph.core.tension.terms.knee_contact import KneeContactTerm
 from myomorph.core.tension.terms.term import Term
 
 KNEES = "knees"

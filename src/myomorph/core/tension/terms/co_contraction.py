@@ -16,20 +16,16 @@ from myomorph.core.rigid.dynamics import values_and_rates
 from myomorph.core.rigid.forward import gathered
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.terms.actuators import balanced_coordinates
-from myomorph.core.tension.terms.muscles import MuscleTerm
-from myomorph.core.tension.terms.term import LIMIT_COST, Frames, Rows, Term, Unknowns, Variables
+from myomorph.core.tension.terms.least_value import LeastValueTerm
+from myomorph.core.tension.terms.term import Frames
 
-WEIGHT = 100.0
-"""Cost of a missing co-contraction, squared, in units of the effort a^2 of one muscle: an aim and
-no constraint, so that a joint whose muscles cannot do it still has a solution.
-"""
 MIN_ARM = 1e-4
 """Moment arms below this turn nothing [m]."""
 MAX_FRAMES_LOOKED_AT = 9
 """Number of frames, evenly over the motion, whose moment arms tell who turns a joint."""
 
 
-class CoContractionTerm(Term):
+class CoContractionTerm(LeastValueTerm):
     """The weaker side of every joint that muscles turn both ways gives at least a share.
 
     With moment arms r and forces F of unit activation, A = min over the sides of sum |r| F, and the
@@ -79,6 +75,7 @@ class CoContractionTerm(Term):
             np.flatnonzero((np.abs(arms[:, :, column]) > MIN_ARM).any(axis=0))
             for column in self._columns
         ]
+        super().__init__([f"co-contraction of {name}" for name in self.coordinates], self._crossing)
 
         # What springs and bushings of joints give is not asked of muscles.
         none = np.zeros(len(motion))
@@ -103,39 +100,16 @@ class CoContractionTerm(Term):
         result[:, self._paths.arm_muscle, self._paths.arm_coordinate] = arms
         return result
 
-    def variables(self) -> Variables:
-        """How far each coordinate passes its least co-contraction."""
-        count = len(self.coordinates)
-        return Variables(
-            names=tuple(f"co-contraction of {name} beyond" for name in self.coordinates),
-            weight=np.full(count, LIMIT_COST),
-            exponent=np.full(count, 2.0),
-            lower=np.zeros(count),
-            upper=np.full(count, np.inf),
-        )
-
-    def rows(self, unknowns: Unknowns) -> Rows:
-        """One row per coordinate, of the muscles that cross it and of what passes the least."""
-        self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))
-        first = unknowns.of(self._muscles).start
-        beyond = unknowns.of(self).start
-        columns = [
-            np.append(first + muscles, beyond + j) for j, muscles in enumerate(self._crossing)
-        ]
-        names = tuple(f"co-contraction of {name}" for name in self.coordinates)
-        return Rows.of_frames(names, columns, 1.0, WEIGHT, on_forces=True)
-
-    def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
+    def least_values(self, frames: Frames) -> tuple[list[Array], Array]:
         """|r| F / A of each muscle, and |tau| / A + 2 level.
 
         Parameters
         ----------
-        rows : as `rows` returned them
         frames : a chunk of the motion
 
         Returns
         -------
-        (frames, entries) and (frames, rows)
+        (frames, crossing muscles) of each coordinate, and (frames, coordinates)
         """
         muscles = self._muscles.forces(frames)
         turning = self._arms(muscles.arms)[:, :, self._columns] * muscles.active[..., None]
@@ -143,11 +117,8 @@ class CoContractionTerm(Term):
         extending = np.maximum(-turning, 0.0).sum(axis=1)
         weaker = np.maximum(np.minimum(flexing, extending), 1e-9)
         size = np.abs(turning) / weaker[:, None]
-        beyond = -np.ones((len(frames), 1))
-        values = [
-            np.hstack([size[:, crossing, j], beyond]) for j, crossing in enumerate(self._crossing)
-        ]
-        return np.hstack(values), self._torque[frames.part] / weaker + 2.0 * self._level
+        values = [size[:, crossing, j] for j, crossing in enumerate(self._crossing)]
+        return values, self._torque[frames.part] / weaker + 2.0 * self._level
 
 
 def _turned_both_ways(model: Model, arms: Array, coordinates: Sequence[str]) -> list[int]:

@@ -19,10 +19,9 @@ from myomorph.core.tension.joint_contact import ContactPoint, points_in_ground
 from myomorph.core.tension.knee_points import knee_points
 from myomorph.core.tension.reaction import JointReactions, joint_reactions
 from myomorph.core.tension.terms.joint_load import crossing_muscles
-from myomorph.core.tension.terms.muscles import MuscleTerm
-from myomorph.core.tension.terms.term import LIMIT_COST, Frames, Rows, Term, Unknowns, Variables
+from myomorph.core.tension.terms.least_value import LeastValueTerm
+from myomorph.core.tension.terms.term import Frames
 
-WEIGHT = 100.0  # Cost of a missing body weight, squared, beside the effort a^2 of one muscle
 MAX_FLEXION = np.radians(30.0)  # Beyond which nothing is asked of a knee [rad]
 NOTHING_ASKED = -1e3  # Least force of frames that are bent farther [body weights]
 
@@ -54,7 +53,7 @@ class Side(NamedTuple):
     owners: Array
 
 
-class KneeContactTerm(Term):
+class KneeContactTerm(LeastValueTerm):
     """Each side of a nearly straight knee carries at least a share of the body's weight.
 
     With the points r and o of both sides, the force F and moment M that the joint transmits, and
@@ -100,41 +99,19 @@ class KneeContactTerm(Term):
             self._sides += _sides(model, motion, load, own, asked)
         if not self._sides:
             raise BadModel(f"knee_contact: no knee of model '{model.name}' bends: leave it out")
+        names = [f"{side.point} of {side.knee}" for side in self._sides]
+        super().__init__(names, [side.muscles for side in self._sides])
 
-    def variables(self) -> Variables:
-        """How far each side passes its least force."""
-        count = len(self._sides)
-        return Variables(
-            names=tuple(f"{side.point} of {side.knee} beyond" for side in self._sides),
-            weight=np.full(count, LIMIT_COST),
-            exponent=np.full(count, 2.0),
-            lower=np.zeros(count),
-            upper=np.full(count, np.inf),
-        )
-
-    def rows(self, unknowns: Unknowns) -> Rows:
-        """One row per side, of the muscles that cross the knee and of what passes the least."""
-        self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))
-        first = unknowns.of(self._muscles).start
-        beyond = unknowns.of(self).start
-        columns = [
-            np.append(first + side.muscles, beyond + number)
-            for number, side in enumerate(self._sides)
-        ]
-        names = tuple(f"{side.point} of {side.knee}" for side in self._sides)
-        return Rows.of_frames(names, columns, 1.0, WEIGHT, on_forces=True)
-
-    def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
+    def least_values(self, frames: Frames) -> tuple[list[Array], Array]:
         """Force on each side per unit activation, and what is missing without activations.
 
         Parameters
         ----------
-        rows : as `rows` returned them
         frames : a chunk of the motion
 
         Returns
         -------
-        (frames, entries) and (frames, rows), both in body weights
+        (frames, crossing muscles) of each side, and (frames, sides), all in body weights
         """
         muscles = self._muscles.forces(frames)
         pulls, work = self._paths.pulls(frames.coordinates)
@@ -148,12 +125,11 @@ class KneeContactTerm(Term):
             moments = unit[..., 3:] - np.cross(opposite, unit[..., :3])
             # The bones push back against what muscles pull.
             share = -np.einsum("fmi,fi->fm", moments, side.per_moment[frames.part]) / self._weight
-            beyond = -np.ones((len(frames), 1))
-            values.append(np.hstack([share * muscles.active[:, side.muscles], beyond]))
+            values.append(share * muscles.active[:, side.muscles])
             least = np.where(side.asked[frames.part], self._level, NOTHING_ASKED)
             carried = np.einsum("fm,fm->f", share, anyway[:, side.muscles])
             targets.append(least - side.alone[frames.part] - carried)
-        return np.hstack(values), np.stack(targets, axis=1)
+        return values, np.stack(targets, axis=1)
 
 
 def _sides(
