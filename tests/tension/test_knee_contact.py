@@ -14,9 +14,10 @@ from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.rigid.leg_angles import leg_angles
 from myomorph.core.tension.joint_contact import joint_contact_forces
 from myomorph.core.tension.knee_points import knee_points
+from myomorph.core.tension.knee_sides import MAX_FLEXION, knee_sides
 from myomorph.core.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.core.tension.solve import solve_tension
-from myomorph.core.tension.terms.knee_contact import MAX_FLEXION, KneeContactTerm
+from myomorph.core.tension.terms.knee_contact import KneeContactTerm
 from myomorph.lab.study.inputs.reading import read_motion
 
 STUDY = "knee-implant-walk"
@@ -67,7 +68,7 @@ def test_each_side_keeps_its_least_where_the_knee_is_nearly_straight(model, walk
 
 def test_without_muscles_a_side_has_the_force_that_its_point_carries(model, walk) -> None:
     motion, wrenches = walk
-    term = KneeContactTerm(model=model, motion=motion, wrenches=wrenches, level=LEVEL)
+    term = KneeContactTerm(model, knee_sides(model, motion, wrenches), LEVEL)
     from_alone = {side.point: side.alone for side in term._sides if side.knee == KNEE}
     without = joint_contact_forces(
         model,
@@ -91,9 +92,9 @@ def test_no_knee_no_force_no_contact(arm, model, walk) -> None:
     with pytest.raises(BadData, match="expected 0 to 1 body weight"):
         RecruitmentOptions(knee_contact=2.0)
     with pytest.raises(BadData, match="expected above 0"):
-        KneeContactTerm(model=model, motion=motion, wrenches=wrenches, level=0.0)
+        KneeContactTerm(model, knee_sides(model, motion, wrenches), 0.0)
     with pytest.raises(BadModel, match="has no knee"):
-        KneeContactTerm(model=read_osim(arm.model), motion=motion, wrenches=None, level=LEVEL)
+        knee_sides(read_osim(arm.model), motion, None)
     torques = inverse_dynamics(model, motion, wrenches)
     assert recruitment_terms(model, motion, torques, wrenches, RecruitmentOptions(0.0)) == ()
 

@@ -14,6 +14,7 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.muscles.patella import patella_of
 from myomorph.core.rigid.knees import knee_joints
+from myomorph.core.tension.knee_sides import knee_sides
 from myomorph.core.tension.reaction import joint_reactions
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.co_contraction import CoContractionTerm
@@ -157,7 +158,9 @@ def recruitment_terms(
     if options.knee_contact:
         terms.append(
             KneeContactTerm(
-                model=model, motion=motion, wrenches=wrenches, level=options.knee_contact
+                model=model,
+                sides=knee_sides(model, motion, wrenches),
+                level=options.knee_contact,
             )
         )
     return tuple(terms)
