@@ -518,10 +518,7 @@ def test_the_page_of_the_viewer(walk: tuple[Model, LiveRecording]) -> None:
         port = probe.getsockname()[1]
     viewer = WebDisplay(model=model, segments={}, surfaces=None, port=port)
     try:
-        assert (
-            b"<html"
-            in urllib.request.urlopen(f"http://127.0.0.1:{viewer.port}/", timeout=10).read()
-        )
+        assert b"<html" in urllib.request.urlopen(viewer.address, timeout=10).read()
         viewer.pose(np.zeros(len(model.coordinates)), np.array([[0.0, 1.0, 0.0], [np.nan] * 3]))
         viewer.show(state, Clock(1.0, 2.0))
     finally:

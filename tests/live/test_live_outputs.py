@@ -156,14 +156,14 @@ def test_the_page_shows_the_newest_frame(walk: tuple[Model, Markers, Wrenches]) 
     page = LivePage(model=model, chain=chain, surfaces=None, port=port, delays=delays)
     try:
         assert page.port == port
-        assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=20).read()
+        assert b"<html" in urllib.request.urlopen(page.address, timeout=20).read()
         follow(chain, source, late=[page], delays=delays)
         with pytest.raises(BadData, match=f"port {port}"):
             LivePage(model=model, chain=chain, surfaces=None, port=port, delays=delays)
     finally:
         page.close()
     with pytest.raises(urllib.error.URLError):
-        urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5)
+        urllib.request.urlopen(page.address, timeout=5)
 
 
 def test_the_table_of_the_page(walk: tuple[Model, Markers, Wrenches]) -> None:

@@ -85,7 +85,7 @@ def browser(page: Replay, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     ) as opened:
         # On a busy machine the page would draw fewer pixels, and no picture would come back as it
         # was.
-        opened.open(f"http://127.0.0.1:{page.port}/?fixedDpr=1")
+        opened.open(f"{page.address}&fixedDpr=1")
         opened.until("document.body.innerText.includes('Time [s]')")
         opened.until("document.querySelectorAll('.u-over').length >= 4")
         wait(lambda: len(np.unique(scene(opened).reshape(-1, 3), axis=0)) > 500, 30, "the body")
@@ -309,7 +309,7 @@ def test_it_listens_on_this_machine_and_on_the_port_it_is_given() -> None:
     replay = Replay([{"one": walker}], port)
     try:
         assert replay.port == port
-        assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=10).read()
+        assert b"<html" in urllib.request.urlopen(replay.address, timeout=10).read()
         own = socket.gethostbyname(socket.gethostname())
         if not own.startswith("127."):
             with socket.socket() as outside:

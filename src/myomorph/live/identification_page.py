@@ -25,7 +25,7 @@ from myomorph.core.model.surface import Surface
 from myomorph.lab.analysis.presets import plain_words, segment_words
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.scene.image import level_color
-from myomorph.lab.viewer.web_page import DEEPER, MARKER, BodyView, Page, half_blocks
+from myomorph.lab.viewer.web_page import DEEPER, MARKER, BodyView, Page, escaped, half_blocks
 from myomorph.live.online_identification import OnlineState
 
 BAR = 18  # Characters of a bar.
@@ -146,7 +146,7 @@ def live_markdown(
     moment = state.fit.innovation_rms[:3]
     force = state.fit.innovation_rms[3:]
     facts = (
-        f"**Move next: {move_next(state, segments) or 'anything'}**",
+        f"**Move next: {escaped(move_next(state, segments) or 'anything')}**",
         f"{at.now:.1f} s" + (f" of {at.duration:.1f} s" if at.duration else ""),
         _frames(state),
         _identifiable(state).capitalize(),
@@ -156,7 +156,7 @@ def live_markdown(
     for words, sides in segment_levels(names, segments, state.levels).items():
         for side, level in sides.items():
             segment = f"{side} {words}".strip()
-            lines.append(f"| {segment} | {100 * level:.0f} % |")
+            lines.append(f"| {escaped(segment)} | {100 * level:.0f} % |")
     return "\n".join(lines)
 
 
@@ -210,7 +210,7 @@ class TerminalDisplay:
 
 
 class WebDisplay(Page):
-    """Draws in a web page, http://localhost:PORT: links in colors, markers as points, the numbers,
+    """Draws in a web page: links in colors, markers as points, the numbers,
     a progress bar. `surfaces`: meshes by `Mesh.file`; without any, limbs are rounds.
     """
 
@@ -229,7 +229,7 @@ class WebDisplay(Page):
         self._show_body(view, view.scene.solids if view.meshed else view.limbs(), 0.6)
         self._progress = self._server.gui.add_progress_bar(0.0)
         self._text = self._server.gui.add_markdown("")
-        sys.stderr.write(f"the body is at http://localhost:{self.port}\n")
+        sys.stderr.write(f"the body is at {self.address}\n")
 
     def pose(self, coordinates: Array, markers: Array | None) -> None:
         """Put the body in a pose (coordinates,) and show markers (n, 3) [m], at most thirty times a

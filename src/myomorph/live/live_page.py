@@ -27,7 +27,7 @@ from myomorph.lab.viewer.replay_body import (
     tubes,
 )
 from myomorph.lab.viewer.replay_scene import COLORS, add_arrows, add_batch, bone_solids, move_batch
-from myomorph.lab.viewer.web_page import DEEPER, BodyView, Page
+from myomorph.lab.viewer.web_page import DEEPER, BodyView, Page, escaped
 
 STRONGEST = 8
 TURNED = 8  # Muscles and torques that the table holds.
@@ -177,12 +177,12 @@ def live_text(model: Model, shown: Shown, rows: tuple[Sequence[int], Sequence[in
     for m in muscles:
         active = _number(shown.activations[m], ".2f")
         force = _number(shown.forces[m], ".0f", " N")
-        pulls[m] = f"{names[m]} | {active} | {force}"
+        pulls[m] = f"{escaped(names[m])} | {active} | {force}"
     names = model.coordinate_names
     for j in coordinates:
         angle = _number(np.rad2deg(shown.coordinates[j]), ".0f", "°")
         torque = _number(shown.torques[j], ".0f", " N·m")
-        turns[j] = f"{names[j]} | {angle} | {torque}"
+        turns[j] = f"{escaped(names[j])} | {angle} | {torque}"
     lines += _table("Muscle | activation | tension", pulls, shown.force_limits)
     lines += _table("Coordinate | angle | torque", turns, shown.torque_limits)
     return "\n".join(lines)

@@ -47,14 +47,14 @@ class LivePage:
         self._process.start()
         other.close()
         answer = self._answer(START)
-        if not isinstance(answer, int):
+        if not isinstance(answer, tuple):
             self._process.join()
             raise answer
-        self.port = answer
+        self.port, self.address = answer
         self._ready = True
         self._drawn = 0.0
 
-    def _answer(self, timeout: float) -> int | MyomorphError:
+    def _answer(self, timeout: float) -> tuple[int, str] | MyomorphError:
         try:
             if self._pipe.poll(timeout):
                 return self._pipe.recv()
@@ -134,7 +134,7 @@ def _serve(
         pipe.send(error)
         return
     try:
-        pipe.send(viewer.port)
+        pipe.send((viewer.port, viewer.address))
         while (shown := pipe.recv()) is not None:
             viewer.show(shown)
             pipe.send(True)

@@ -153,7 +153,7 @@ def run_live_chain(
             )
             stack.callback(page.close)
             late.append(page)
-            said(f"the body is at http://localhost:{page.port}")
+            said(f"the body is at {page.address}")
         session = follow(chain, source, direct, late, delays)
         if record is not None:
             record.write(session, (file_source("model", model), *read), tension)

@@ -87,8 +87,7 @@ def _play(folders: list[Path], appearance: Appearance, port: int | None, browser
     """Serve the page until Ctrl-C; return the exit status."""
     from myomorph.lab.study.trial.viewing import open_replay
 
-    def served(opened: int) -> None:
-        address = f"http://127.0.0.1:{opened}"
+    def served(address: str) -> None:
         said(f"{address} (for this machine only; Ctrl-C ends)")
         if browser:
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()

@@ -22,7 +22,7 @@ from myomorph.lab.viewer.player import Player
 from myomorph.lab.viewer.replay_body import PlayedBody
 from myomorph.lab.viewer.replay_charts import Curves
 from myomorph.lab.viewer.replay_scene import COLORS, LAYERS
-from myomorph.lab.viewer.web_page import quiet
+from myomorph.lab.viewer.web_page import escaped, quiet
 
 FRAMES = 30.0  # Frames a second that the page is sent [Hz].
 SLOW = 3  # Numbers and curves follow with every third frame.
@@ -47,12 +47,12 @@ Choices = Sequence[Mapping[str, Callable[[], ReportInput]]]
 
 class Replay(Player):
     """A page on this machine that plays results again. `choices`: of each body, its recordings, of
-    which `chosen` is shown, the first at first; `served`: called with the port once the page can be
-    opened, which loads while results are read.
+    which `chosen` is shown, the first at first; `served`: called with the address once the page can
+    be opened, which loads while results are read.
     """
 
     def __init__(
-        self, choices: Choices, port: int | None = None, served: Callable[[int], None] | None = None
+        self, choices: Choices, port: int | None = None, served: Callable[[str], None] | None = None
     ):
         super().__init__(port)
         self.choices = choices
@@ -63,7 +63,7 @@ class Replay(Player):
                 self._server.gui.add_markdown("Opening the results ...")
                 self._server.on_client_connect(self._welcome)
                 if served is not None:
-                    served(self.port)
+                    served(self.address)
                 self._build(
                     [
                         PlayedBody(choice[name]())
@@ -269,9 +269,11 @@ class Panel:
     def _add_about(self) -> None:
         with self._gui.add_folder("About", expand_by_default=False):
             for body in self._player.bodies:
-                lines = [f"**{_plain(body.results.head.title)}**"]
-                lines += [f"*{note.kind}*: {_plain(note.text)}" for note in body.results.head.notes]
-                lines += [f"*warning*: {_plain(text)}" for text in body.results.head.warnings]
+                lines = [f"**{escaped(body.results.head.title)}**"]
+                lines += [
+                    f"*{note.kind}*: {escaped(note.text)}" for note in body.results.head.notes
+                ]
+                lines += [f"*warning*: {escaped(text)}" for text in body.results.head.warnings]
                 self._gui.add_markdown("\n\n".join(lines))
 
     def _choose_recording(self, number: int, event: Any) -> None:
@@ -319,7 +321,7 @@ class Panel:
     def _state_text(self, frames: Sequence[int]) -> str:
         lines = []
         for body, frame in zip(self._player.bodies, frames, strict=True):
-            line = f"{_plain(body.results.head.title)}: frame {frame + 1} of {len(body.time)}"
+            line = f"{escaped(body.results.head.title)}: frame {frame + 1} of {len(body.time)}"
             if not body.known[frame]:
                 line += ", **pose unknown**"
             tension = body.results.tension
@@ -332,9 +334,9 @@ class Panel:
         body = self._player.bodies[self._subject]
         chosen = self._player.found[self._subject]
         if not chosen:
-            return f"no muscle is called '{_plain(self._missed)}'" if self._missed else ""
+            return f"no muscle is called '{escaped(self._missed)}'" if self._missed else ""
         if body.results.tension is None:
-            return ", ".join(_plain(body.muscles[m]) for m in chosen[:MAX_ROWS])
+            return ", ".join(escaped(body.muscles[m]) for m in chosen[:MAX_ROWS])
         rows = ["| | activation | tension |", "|---|---|---|"]
         if body.fibers is not None:
             rows = [
@@ -348,7 +350,7 @@ class Panel:
             active = _shown(body.activations[frame, m], ".2f")
             fibers = zip(body.fibers or (), (".2f", ".1%"), strict=False)
             more = "".join(f" {_shown(values[frame, m], form)} |" for values, form in fibers)
-            rows.append(f"| {_plain(body.muscles[m])} | {active} | {tension} |{more}")
+            rows.append(f"| {escaped(body.muscles[m])} | {active} | {tension} |{more}")
         return "\n".join(rows) + (
             f"\n\nand {len(chosen) - MAX_ROWS} more" if len(chosen) > MAX_ROWS else ""
         )
@@ -379,13 +381,6 @@ def _key(layers: Sequence[str]) -> str:
         for name in layers
     ]
     return f'<div style="{SMALL};flex-wrap:wrap">{"".join(dots)}</div>'
-
-
-def _plain(text: str) -> str:
-    """A text whose characters Markdown would take for its own."""
-    return "".join(
-        f"\\{character}" if character in "\\`*_{}[]()#+!|<>" else character for character in text
-    )
 
 
 class MuscleIndex:

@@ -5,6 +5,7 @@ their pose.
 from __future__ import annotations
 
 import os
+import re
 import socket
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
@@ -28,6 +29,7 @@ from myomorph.lab.report.scene.image import Bytes, level_color
 from myomorph.lab.report.scene.raster import Canvas, View
 from myomorph.lab.report.scene.scene import Scene, Solid, make_scene
 from myomorph.lab.report.scene.shapes import bones, capsule, outward
+from myomorph.lab.viewer.page_guard import PageGuard
 
 SHRINK = 4  # Pixels rendered for one shown, along each axis.
 MIN_LENGTH = 1e-3  # Pieces that are shorter are not drawn [m].
@@ -161,6 +163,7 @@ class Page:
         self._server = open_server(port, title)
         self._page = self._server.scene
         self.port = int(self._server.get_port())
+        self.address = str(self._server.myomorph_guard.address(self.port))
 
     def close(self) -> None:
         """Take the page down."""
@@ -224,7 +227,9 @@ class Page:
 
 
 def open_server(port: int | None, title: str) -> Any:
-    """A page on this machine by `viser`, on a given port or on any free one."""
+    """A page on this machine by `viser`, on a given port or on any free one, for whoever has the
+    token of its guard, which it holds as `myomorph_guard`.
+    """
     try:
         # Brings viser: loaded only where it is needed.
         import viser
@@ -246,10 +251,23 @@ def open_server(port: int | None, title: str) -> Any:
                 raise BadData(
                     f"port {port} cannot be used ({error.strerror or error}): name another"
                 ) from None
-    with quiet():
+    guard = PageGuard()
+    with quiet(), guard.over_servers():
         server = viser.ViserServer(host=HOST, port=port or 0, label=title, verbose=False)
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    server.myomorph_guard = guard
     return server
+
+
+def escaped(text: str) -> str:
+    """Write a text so that Markdown, and HTML in it, take none of its characters for their own.
+
+    Parameters
+    ----------
+    text : such as the name of a muscle, which a stranger's model may have chosen
+    """
+    text = re.sub(r"([\\`*_{}\[\]()#+!|~$])", r"\\\1", " ".join(text.split()))
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
 @contextmanager

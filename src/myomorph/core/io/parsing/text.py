@@ -22,6 +22,7 @@ from myomorph.core.model.errors import BadFile
 from myomorph.core.model.messages import Message
 
 BINARY_SHARE = 0.02
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # How a spreadsheet's formulas begin.
 MAX_DISTANCE = 1e5  # Of a position, along an axis [m].
 LONGEST = 18  # Digits of a whole number: a crafted file may hold thousands
 MISSING = ("na", "n/a", "-", "--", "none", "null", "missing", ".")
@@ -403,6 +404,30 @@ def written(path: str | os.PathLike[str]) -> Iterator[TextIO]:
         raise
 
 
+def spreadsheet_cell(cell: object) -> object:
+    """Return a cell that no spreadsheet takes for a formula.
+
+    A text that begins like one gets an apostrophe before it; numbers stay as they are.
+
+    Parameters
+    ----------
+    cell : of a table that is written
+
+    Examples
+    --------
+    >>> from myomorph.core.io.parsing.text import spreadsheet_cell
+    >>> spreadsheet_cell("=HYPERLINK(1)"), spreadsheet_cell("-1.5e3"), spreadsheet_cell("-")
+    ("'=HYPERLINK(1)", '-1.5e3', '-')
+    """
+    if not isinstance(cell, str) or not cell.startswith(FORMULA) or len(cell.strip()) < 2:
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
+
+
 def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]], digits: int = 6) -> str:
     """Write a table as comma-separated text.
 
@@ -418,9 +443,12 @@ def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]], digits: i
     """
     text = io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(head)
+    table.writerow(map(spreadsheet_cell, head))
     for row in rows:
-        table.writerow(f"{cell:.{digits}g}" if isinstance(cell, float) else cell for cell in row)
+        table.writerow(
+            f"{cell:.{digits}g}" if isinstance(cell, float) else spreadsheet_cell(cell)
+            for cell in row
+        )
     return text.getvalue()
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Literal
 
 from myomorph import __version__
+from myomorph.core.io.parsing.text import spreadsheet_cell
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
 from myomorph.core.model.provenance import Provenance
@@ -72,10 +73,11 @@ class Sheet:
         """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(self.head)
+        writer.writerow(map(spreadsheet_cell, self.head))
         for row in self.rows:
             writer.writerow(
-                [_written(cell, digits) if isinstance(cell, float) else cell for cell in row]
+                _written(cell, digits) if isinstance(cell, float) else spreadsheet_cell(cell)
+                for cell in row
             )
         return text.getvalue()
 

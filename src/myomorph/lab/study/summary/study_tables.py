@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph import __version__
-from myomorph.core.io.parsing.text import write_csv
+from myomorph.core.io.parsing.text import spreadsheet_cell, write_csv
 from myomorph.core.model.errors import few
 from myomorph.core.model.frozen_map import FrozenMap, grouped
 from myomorph.core.model.messages import Message
@@ -197,7 +197,9 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Pat
                 for each in tidy.read_values(outcome.folder / tidy.VALUES)
                 if each.step in outcome.done
             ]
-            table.writerows((*trial.whose, *tidy.value_row(each)) for each in values)
+            table.writerows(
+                map(spreadsheet_cell, (*trial.whose, *tidy.value_row(each))) for each in values
+            )
             condition = growing.setdefault(trial.condition, GrowingCondition(trial.condition))
             condition.add(
                 outcome.subject,

@@ -53,13 +53,13 @@ AS_STORED = Appearance()
 def open_replay(
     folders: Sequence[str | Path],
     port: int | None = None,
-    served: Callable[[int], None] | None = None,
+    served: Callable[[str], None] | None = None,
     appearance: Appearance = AS_STORED,
     others: Callable[[Path], Recordings] = lambda folder: {},
 ) -> Replay:
     """A page, on a free port by default, that shows the results (with a motion) of one folder or
-    file, or of several in one scene; `served` is called with the port once the page can be opened,
-    before the results are read; `others`: finds recordings of folders of another kind.
+    file, or of several in one scene; `served` is called with the address once the page can be
+    opened, before the results are read; `others`: finds recordings of folders of another kind.
     """
     choices = [others(Path(folder)) or recordings(folder, appearance) for folder in folders]
     from myomorph.lab.viewer.replay import Replay
