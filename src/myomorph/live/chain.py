@@ -325,6 +325,12 @@ class LiveChain:
         while self._waiting and self._waiting[-1][0] - self._waiting[0][0] > KEPT:
             self._waiting.popleft()
 
+    def restart(self) -> None:
+        """Begin anew with the next frame: nothing is known of the motion before it."""
+        self._motion.forget()
+        self._forces.forget()
+        self._waiting.clear()
+
     def _forces_at(self, time: float) -> Array | None:
         """(bodies, 6) filtered wrenches at a time, None where they are not known."""
         if not self._force_rate:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
 
 from myomorph.core.model.errors import BadData
 from myomorph.core.tension.tension import TensionOptions
@@ -14,6 +16,7 @@ from myomorph.lab.study.inputs.imu import ImuFiles
 from myomorph.lab.study.inputs.labels import Labels
 from myomorph.live.chain import ChainOptions
 from myomorph.live.limits import LimitOptions
+from myomorph.live.loop import LiveSession
 
 LiveSettings = flags.options_class(
     ChainOptions, TensionOptions, LimitOptions, leave_out=("draw_seed", "widened")
@@ -24,7 +27,9 @@ LiveInputs = flags.inputs_class("labels", "imu")
 @flags.documented
 def live_command(
     *,
-    model: flags.ModelFile,
+    model: Annotated[
+        Path | None, Parameter(name="--model", help="OpenSim (.osim) or MuJoCo (.xml) model.")
+    ] = None,
     markers: Path | None = None,
     loads: Path | None = None,
     inputs: LiveInputs | None = None,  # type: ignore[valid-type]
@@ -36,6 +41,7 @@ def live_command(
     web: int | None = None,
     lsl_out: str = "",
     out: Path | None = None,
+    recover: Path | None = None,
     uncertainty: flags.UncertaintyFile = None,
     options: LiveSettings | None = None,  # type: ignore[valid-type]
 ) -> int:
@@ -54,12 +60,25 @@ def live_command(
     web : port of a web page on this machine that shows the body
     lsl_out : send coordinates, torques and activations as a stream of this name
     out : folder for tables of all frames, and of how late each of them was
+    recover : folder of a session that was killed: write its results from the log that is left
     """
     from myomorph.lab.store.settings import with_settings
     from myomorph.lab.study.trial.uncertainty_file import read_sizes
     from myomorph.lab.uncertainty.sources import Sources
-    from myomorph.live.run import LiveFiles, LiveOutputs, LiveSensors, LiveStreams, run_live_chain
+    from myomorph.live.run import (
+        LiveFiles,
+        LiveOutputs,
+        LiveSensors,
+        LiveStreams,
+        recover_session,
+        run_live_chain,
+    )
 
+    if recover is not None:
+        _say(recover_session(recover), recover)
+        return 0
+    if model is None:
+        raise BadData("live needs a model (--model FILE), or a session to recover")
     given = flags.inputs_of_flags(inputs, near=True)
     sensors = given.or_default(ImuFiles)
     labels = given.or_default(Labels).labels
@@ -101,12 +120,16 @@ def live_command(
         with_settings(LimitOptions(), drawn),
         with_settings(Sources(), sizes),
     )
+    _say(session, out)
+    return 0
+
+
+def _say(session: LiveSession, out: Path | None) -> None:
     warn(session.notes)
     for line in session.summary():
         said(line)
     if out is not None:
         said(f"wrote {out}")
-    return 0
 
 
 def _status(line: str) -> None:

@@ -24,6 +24,7 @@ EXTENSION = Extension(
                 "web",
                 "lsl-out",
                 "out",
+                "recover",
                 "cutoff",
                 "recruitment",
                 "draws",

@@ -151,6 +151,11 @@ class LiveIdentification:
         self._forces.append((time, totals))
         self._waiting.extend(zip(time.tolist(), totals, strict=True))
 
+    def restart(self) -> None:
+        """Begin anew with the next frame; what was identified stays."""
+        self.estimate.restart()
+        self._waiting.clear()
+
     def frame(self, time: float, row: Array) -> IdentificationFrame:
         """Fold one frame in: markers (markers, 3) [m], or coordinates of the source's names [rad or
         m].

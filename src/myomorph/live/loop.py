@@ -12,7 +12,7 @@ from array import array
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -20,14 +20,15 @@ from threadpoolctl import threadpool_limits
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
+from myomorph.live.session_clock import SessionClock, Stamp
 from myomorph.live.sources import Source
 
 WAIT = 0.02  # Longest sleep without a look at the source [s].
 GAP = 0.1  # Time without a sample of force after which forces are unknown [s].
 FORCE_WAIT = 0.01  # How long a frame waits for the forces of its time [s].
 PAUSE = 0.0005  # Pause while a frame waits for its forces [s].
-SOLVED, HELD, NO_FORCE, SETTLING, UNSOLVED = range(5)
-STATES = ("solved", "markers lost", "no force", "settling", "no solution")
+SOLVED, HELD, NO_FORCE, SETTLING, UNSOLVED, BAD_TIME = range(6)
+STATES = ("solved", "markers lost", "no force", "settling", "no solution", "bad time")
 """What a frame's torques and activations are: known, or unknown because of what."""
 
 
@@ -74,6 +75,9 @@ class Steps(Protocol[FrameOut]):
         """Take samples of the plates: (samples,) [s], (samples, plates, 6) moment and force [N m],
         [N].
         """
+
+    def restart(self) -> None:
+        """Begin anew with the next frame: the clock of the frames was set."""
 
     def frame(self, time: float, row: Array) -> FrameOut:
         """Compute one frame: markers (markers, 3) [m], or coordinates of the source's names [rad or
@@ -122,9 +126,23 @@ class Delays:
     newer ones waited.
     """
 
+    WIDTH = 5  # Numbers of a row.
+
     def __init__(self) -> None:
         self._rows = array("d")
         self.dropped = 0
+
+    @classmethod
+    def of_table(cls, table: Array, dropped: int) -> Delays:
+        """Make them of rows (frames, 5) that were stored."""
+        delays = cls()
+        delays.dropped = dropped
+        delays._rows.extend(np.asarray(table, np.float64).ravel().tolist())
+        return delays
+
+    def row(self, index: int) -> list[float]:
+        """Time, taken, age, busy and state of a frame."""
+        return self._rows[self.WIDTH * index : self.WIDTH * (index + 1)].tolist()
 
     def add(self, time: float, taken: float, age: float, busy: float, state: int) -> None:
         """One frame. `time`: of the frame [s]; `taken`, `age`: how long after it was there it was
@@ -243,6 +261,26 @@ def uncollected_past() -> Iterator[None]:
         gc.unfreeze()
 
 
+@dataclass(frozen=True, eq=False)
+class _Waiting:
+    """A frame that is to be computed. `taken`: how long after it was there it was taken [s]."""
+
+    sent: float  # its time by the sender's clock [s]
+    stamp: Stamp
+    row: Array
+    taken: float
+
+    def age(self, source: Source) -> float:
+        """How long ago it was there [s]."""
+        return source.age(self.sent) - self.stamp.late
+
+    def after(self, dropped: _Waiting) -> _Waiting:
+        """The same where the frame before it was dropped."""
+        if not dropped.stamp.restarts:
+            return self
+        return replace(self, stamp=replace(self.stamp, restarts=True))
+
+
 def _follow(
     steps: Steps[F],
     source: Source,
@@ -251,7 +289,8 @@ def _follow(
     delays: Delays,
     now: Callable[[], float],
 ) -> None:
-    waiting: deque[tuple[float, Array, float]] = deque()
+    waiting: deque[_Waiting] = deque()
+    stamps = SessionClock()
     clocked = source.speed != 0.0 or source.duration is None
     step = 1.5 / source.force_rate if source.force_rate else 0.0
     pushing = 0.0
@@ -262,29 +301,36 @@ def _follow(
         if clocked or not waiting:
             arrived = source.take()
             start = now()
-            steps.push_forces(arrived.force_time, arrived.forces)
+            force_time, kept = stamps.of_forces(arrived.force_time)
+            steps.push_forces(force_time, arrived.forces[kept])
             pushing += now() - start
             for time, row in zip(arrived.motion_time.tolist(), arrived.motion, strict=True):
-                waiting.append((time, row, source.age(time)))
-        while (
-            clocked and waiting and source.age(waiting[0][0]) > steps.max_age and len(waiting) > 1
-        ):
-            waiting.popleft()
+                stamp = stamps.of_frame(time, source.age(time))
+                if stamp.is_bad:
+                    delays.add(time, float("nan"), float("nan"), 0.0, BAD_TIME)
+                else:
+                    waiting.append(_Waiting(time, stamp, row, source.age(time) - stamp.late))
+        while clocked and len(waiting) > 1 and waiting[0].age(source) > steps.max_age:
+            waiting[1] = waiting[1].after(waiting.popleft())
             delays.dropped += 1
         if not waiting:
             continue
-        time, row, taken = waiting[0]
+        oldest = waiting[0]
+        time = oldest.stamp.time
         behind = time - steps.newest_force
-        if clocked and step and step < behind < GAP and source.age(time) < FORCE_WAIT:
+        if clocked and step and step < behind < GAP and oldest.age(source) < FORCE_WAIT:
             clock.sleep(PAUSE)
             continue
         waiting.popleft()
         start = now()
+        if oldest.stamp.restarts:
+            steps.restart()
+        row = oldest.row
         frame = steps.frame(time, row)
         for output in outputs:
             output.put(frame, row)
-        age = source.age(time) if clocked else float("nan")
-        delays.add(time, taken, age, pushing + now() - start, frame.state)
+        age = oldest.age(source) if clocked else float("nan")
+        delays.add(time, oldest.taken, age, pushing + now() - start, frame.state)
         pushing = 0.0
         for output in late:
             output.put(frame, row)

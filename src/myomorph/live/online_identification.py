@@ -128,6 +128,13 @@ class OnlineIdentification:
         if self._force.full:
             self._forces.append((self._force.time, self._force.filtered[0]))
 
+    def restart(self) -> None:
+        """Begin the filters anew with the next frame; what was identified stays."""
+        self._motion = MovingWindow(self.filter, len(self._pose))
+        self._force = MovingWindow(self.force_filter, 6)
+        self._forces.clear()
+        self._waiting.clear()
+
     def warm_up(self) -> None:
         """Do everything once without effect, so that nothing is compiled when the first frame
         comes.

@@ -4,51 +4,42 @@ delays.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import IO
 
 import numpy as np
 
 from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
 from myomorph.body.sensors.sensor_recording import SensorRecording
 from myomorph.core.io.inertial.read import read_inertial
-from myomorph.core.io.sto import write_sto
-from myomorph.core.model.arrays import Array
-from myomorph.core.model.errors import BadData
+from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
+from myomorph.core.model.provenance import Provenance
 from myomorph.core.model.provenance import Source as Input
-from myomorph.core.model.series import Z_UP_TO_Y_UP, Motion, Series, Wrenches
+from myomorph.core.model.series import Z_UP_TO_Y_UP, Motion
 from myomorph.core.motion.sensors.mounting import SensorMounting, with_orientations
-from myomorph.core.rigid.quantities import GENERALIZED_FORCE
-from myomorph.core.tension.quantities import ACTIVATION, MUSCLE_FORCE
-from myomorph.core.tension.tension import Tension, TensionOptions
-from myomorph.lab.store import stored as store
-from myomorph.lab.store.quantity_files import quantity_table, write_series
+from myomorph.core.tension.tension import TensionOptions
 from myomorph.lab.store.results import (
-    STORED,
     file_source,
-    new_result,
     provenance_of,
     value_source,
     whole_folder,
 )
 from myomorph.lab.store.settings import plain_settings
-from myomorph.lab.store.uncertainty_store import put_uncertainty
 from myomorph.lab.study.inputs import reading
 from myomorph.lab.study.inputs.imu import NONE, ImuFiles
 from myomorph.lab.study.trial.reporting import surfaces_of
 from myomorph.lab.uncertainty.sources import Sources
-from myomorph.lab.uncertainty.spread import Spread, Uncertainty
-from myomorph.live.chain import ChainFrame, ChainOptions, LiveChain
-from myomorph.live.limits import TABLES, LimitOptions
-from myomorph.live.loop import STATES, Delays, LiveSession, Output, follow
+from myomorph.live.chain import ChainOptions, LiveChain
+from myomorph.live.interruption import ended_by_signals
+from myomorph.live.limits import LimitOptions
+from myomorph.live.loop import Delays, LiveSession, Output, follow
 from myomorph.live.page import LivePage
+from myomorph.live.session_log import LOG, SessionLog, head_of, read_log
+from myomorph.live.session_results import STEP, SessionResults
 from myomorph.live.sources import Replay, Source, open_recording, read_forces_of
 from myomorph.live.streams import LabOutlet, LabStreams
 
@@ -133,11 +124,14 @@ def run_live_chain(
     direct: list[Output] = []
     late: list[Output] = []
     with ExitStack() as stack:
-        record = None
+        log = None
         if outputs.folder is not None:
-            folder = stack.enter_context(whole_folder(outputs.folder))
-            record = stack.enter_context(LiveRecord(chain, folder))
-            late.append(record)
+            settings = plain_settings(chain.options) | plain_settings(tension or TensionOptions())
+            made = provenance_of(STEP, (file_source("model", model), *read), settings)
+            outputs.folder.mkdir(parents=True, exist_ok=True)
+            log = SessionLog(outputs.folder / LOG, head_of(chain, model, made), delays)
+            stack.enter_context(log)
+            late.append(log)
         if outputs.stream:
             outlet = LabOutlet(outputs.stream, chain, source)
             direct.append(outlet)
@@ -154,9 +148,73 @@ def run_live_chain(
             stack.callback(page.close)
             late.append(page)
             said(f"the body is at {page.address}")
-        session = follow(chain, source, direct, late, delays)
-        if record is not None:
-            record.write(session, (file_source("model", model), *read), tension)
+        stack.enter_context(ended_by_signals())
+        try:
+            session = follow(chain, source, direct, late, delays)
+        except BaseException:
+            if log is not None:
+                _keep(log, len(delays), said)
+            raise
+    if log is not None:
+        _write_results(log.path, opened, session)
+    return session
+
+
+def _keep(log: SessionLog, frames: int, said: Callable[[str], None]) -> None:
+    """Keep the log of a session that an error ended, if it holds a frame."""
+    log.close()
+    if frames == 0:
+        log.path.unlink()
+        with suppress(OSError):
+            # Only where nothing else is in it.
+            log.path.parent.rmdir()
+    else:
+        said(f"{frames} frames are kept: myomorph live --recover {log.path.parent}")
+
+
+def _write_results(log: Path, model: Model, session: LiveSession) -> None:
+    """Write the results of a log, all together, and remove the log."""
+    head, rows = read_log(log)
+    with whole_folder(log.parent) as folder:
+        SessionResults(head, rows, model, folder).write(session)
+    log.unlink()
+
+
+def recover_session(folder: Path) -> LiveSession:
+    """Write the results of a session that was killed, or ended by an error, of its log.
+
+    Parameters
+    ----------
+    folder : that the session wrote to
+
+    Raises
+    ------
+    BadFile : it holds no log, or the model was changed since
+    """
+    path = folder / LOG
+    if not path.is_file():
+        hint = "give the --out of a session of live that did not end"
+        raise BadFile(folder, f"holds no {LOG}: there is nothing to recover", hint)
+    head, rows = read_log(path)
+    made = Provenance.from_json(head.provenance)
+    source = next(source for source in made.sources if source.role == "model")
+    if file_source("model", head.model).sha256 != source.sha256:
+        hint = "put the model of the session back in its place"
+        raise BadFile(head.model, f"was changed since the session in '{folder}'", hint)
+    model = reading.open_model(Path(head.model))
+    parts = head.parts
+    lost = int(rows[-1, parts["dropped"].start])
+    delays = Delays.of_table(rows[:, parts["delays"]], dropped=lost)
+    times = rows[:, parts["delays"].start]
+    times = times[np.isfinite(times)]
+    session = LiveSession(
+        delays=delays,
+        filter_delay=head.filter_delay,
+        seconds=float(np.ptp(times)) if len(times) else 0.0,
+        notes=(*head.notes, f"the session did not end by itself: recovered of its {LOG}"),
+        interrupted=True,
+    )
+    _write_results(path, model, session)
     return session
 
 
@@ -229,247 +287,3 @@ def open_source(
             value_source("markers", "labels of markers", sorted(live_files.labels.items()))
         )
     return Replay(series, wrenches, live_files.speed), tuple(inputs)
-
-
-STEP = "live"
-BLOCK = 256  # Frames that are written at once.
-
-
-class LiveRecord:
-    """Keeps every frame in a folder while the session runs, and writes the results at its end."""
-
-    def __init__(self, chain: LiveChain, folder: Path):
-        self._chain = chain
-        self._folder = folder
-        model = chain.model
-        n = len(model.coordinates)
-        muscles = len(model.muscles)
-        widths = {
-            "time": 1,
-            "coordinates": n,
-            "velocities": n,
-            "torques": n,
-            "activations": muscles,
-            "forces": muscles,
-            "reserves": len(chain.actuators),
-            "balanced": len(chain.tension.coordinates),
-            "wrenches": 6 * len(chain.bodies),
-            "residual": 1,
-            "status": 1,
-            "error": 1,
-            "seen": 1,
-            "remaining": 1,
-        }
-        if chain.limits is not None:
-            widths |= {f"{name}_limits": 3 * widths[name] for name in TABLES}
-        ends = np.cumsum([0, *widths.values()])
-        self._part = {name: slice(a, b) for name, a, b in zip(widths, ends, ends[1:], strict=False)}
-        self._rows = np.empty((BLOCK, int(ends[-1])))
-        self._filled = 0
-        self._path = folder / "frames.tmp"
-        self._file: IO[bytes] = self._path.open("wb")
-
-    def __enter__(self) -> LiveRecord:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
-        self.close()
-        self._path.unlink(missing_ok=True)
-
-    def put(self, frame: ChainFrame, markers: Array) -> None:
-        """Keep one frame."""
-        row = self._rows[self._filled]
-        shared = frame.tension
-        values = (
-            frame.time,
-            frame.coordinates,
-            frame.velocities,
-            frame.torques,
-            shared.activations,
-            shared.forces,
-            shared.reserves,
-            shared.balanced,
-            frame.wrenches.ravel(),
-            shared.equilibrium_residual,
-            shared.status,
-            frame.error,
-            frame.seen,
-            frame.owed,
-        )
-        for part, value in zip(self._part.values(), values, strict=False):
-            row[part] = value
-        if self._chain.limits is not None:
-            for name in TABLES:
-                limits = np.nan if frame.limits is None else getattr(frame.limits, name).ravel()
-                row[self._part[f"{name}_limits"]] = limits
-        self._filled += 1
-        if self._filled == BLOCK:
-            self._flush()
-
-    def _flush(self) -> None:
-        self._file.write(self._rows[: self._filled].tobytes())
-        self._filled = 0
-
-    def close(self) -> None:
-        """Nothing more comes."""
-        if not self._file.closed:
-            self._flush()
-            self._file.close()
-
-    def write(
-        self, session: LiveSession, sources: Iterable[Input], tension: TensionOptions | None
-    ) -> None:
-        """Write tables, `live.nc`, `delays.csv` and `session.json`."""
-        self.close()
-        rows = np.fromfile(self._path, dtype=np.float64).reshape(-1, self._rows.shape[1])
-        self._write_delays(session, rows)
-        # What has a value is of an instant before the newest frame by the filter's delay.
-        known = np.isfinite(rows[:, self._part["coordinates"]]).all(axis=1)
-        if known.any():
-            self._write_results(session, rows[known], sources, tension or TensionOptions())
-
-    def _write_delays(self, session: LiveSession, rows: Array) -> None:
-        delays = session.delays
-        markers = rows[:, [self._part[part].start for part in ("seen", "error", "remaining")]]
-        head = (
-            "time_s,waiting_ms,latency_ms,computation_ms,state,markers_seen,marker_error_mm,"
-            "remaining_jump"
-        )
-        lines = (
-            f"{time:.6f},{1e3 * waiting:.4f},{1e3 * age:.4f},{1e3 * busy:.4f},"
-            f"{STATES[int(state)]},{seen:.0f},{1e3 * error:.3f},{remaining:.3g}"
-            for (time, waiting, age, busy, state), (seen, error, remaining) in zip(
-                delays.table, markers, strict=True
-            )
-        )
-        (self._folder / "delays.csv").write_text(
-            "\n".join([head, *lines, ""]), encoding="utf-8", newline="\n"
-        )
-        spread = {}
-        for name, delay in (
-            ("from_frame_to_result", delays.end_to_end),
-            ("computation", delays.busy),
-        ):
-            times = {"median": delay.median, "percentile_99": delay.late, "worst": delay.worst}
-            rounded = {
-                key: round(1e3 * time, 4) if np.isfinite(time) else None
-                for key, time in times.items()
-            }
-            spread[f"{name}_ms"] = rounded
-        facts = {
-            "frames": len(delays),
-            "dropped": delays.dropped,
-            "seconds": round(session.seconds, 3),
-            "states": {STATES[state]: count for state, count in delays.states().items()},
-            "filter_delay_s": round(session.filter_delay, 6),
-            **spread,
-            "notes": list(session.notes),
-        }
-        (self._folder / "session.json").write_text(
-            json.dumps(facts, indent=1) + "\n", encoding="utf-8"
-        )
-
-    def _write_results(
-        self, session: LiveSession, rows: Array, sources: Iterable[Input], options: TensionOptions
-    ) -> None:
-        chain = self._chain
-        folder = self._folder
-        part = self._part
-        model = chain.model
-        time = rows[:, 0] - session.filter_delay
-        motion = Motion(
-            time=time,
-            names=model.coordinate_names,
-            values=rows[:, part["coordinates"]],
-            velocities=rows[:, part["velocities"]],
-        )
-        torques = Series(
-            time, model.coordinate_names, rows[:, part["torques"]], quantity=GENERALIZED_FORCE
-        )
-        tension = self._tension(time, rows, options)
-        write_series(folder, motion, model)
-        write_series(folder, torques, model)
-        for quantity in (ACTIVATION, MUSCLE_FORCE):
-            values = quantity.of(tension)
-            write_series(folder, Series(time, tension.muscles, values, quantity=quantity))
-        with new_result(folder / f"{STEP}{STORED}", STEP) as writer:
-            chosen = plain_settings(chain.options) | plain_settings(options)
-            writer.provenance(provenance_of(STEP, sources, chosen))
-            store.put_derivatives(writer, motion, model)
-            store.put_torques(writer, torques, self._wrenches(time, rows))
-            acts = {actuator.name: actuator.coordinate for actuator in model.actuators}
-            store.put_tension(
-                writer, tension, tuple(acts.get(name, "") for name in tension.reserve_names)
-            )
-            writer.fact("trial", STEP)
-            if chain.limits is not None:
-                put_uncertainty(writer, self._limits(time, rows))
-
-    def _limits(self, time: Array, rows: Array) -> Uncertainty:
-        """Limits of all tables, written beside them."""
-        drawn = self._chain.limits
-        spreads = dict[str, Spread]()
-        assert drawn is not None
-        model = self._chain.model
-        for part, quantity in TABLES.items():
-            by_muscle = quantity.dims[1] == "muscle"
-            names = self._chain.tension.muscles if by_muscle else model.coordinate_names
-            parts = rows[:, self._part[f"{part}_limits"]].reshape(len(rows), 3, len(names))
-            low, high, deviation = np.array(parts).swapaxes(0, 1)
-            spreads[quantity.name] = Spread(
-                time=time, names=names, low=low, high=high, deviation=deviation, quantity=quantity
-            )
-            for bound, values in (("low", low), ("high", high)):
-                file = f"{quantity.stem}_{bound}{quantity.suffix}"
-                table = quantity_table(Series(time, names, values, quantity=quantity), model)
-                write_sto(table, self._folder / file)
-        return Uncertainty(FrozenMap(spreads), draws=drawn.draws, factors=FrozenMap(drawn.factors))
-
-    def _tension(self, time: Array, rows: Array, options: TensionOptions) -> Tension:
-        solver = self._chain.tension
-        kept = {name: np.array(rows[:, part]) for name, part in self._part.items()}
-        return Tension(
-            time=np.array(time),
-            muscles=solver.muscles,
-            activation=kept["activations"],
-            muscle_force=kept["forces"],
-            reserve_names=solver.actuators,
-            actuator_force=kept["reserves"],
-            coordinates=solver.coordinates,
-            balanced_torque=kept["balanced"],
-            equilibrium_residual=kept["residual"][:, 0],
-            status=kept["status"][:, 0].astype(np.int8),
-            iterations=np.zeros(len(rows), np.int64),
-            activation_lower=np.array(solver.lower),
-            activation_upper=np.array(solver.upper),
-            overstretched=(),
-            options=options,
-        )
-
-    def _wrenches(self, time: Array, rows: Array) -> Wrenches | None:
-        """External forces where they meet the floor."""
-        bodies = self._chain.bodies
-        if not bodies:
-            return None
-        each = rows[:, self._part["wrenches"]].reshape(len(rows), len(bodies), 6)
-        moments = each[..., :3]
-        forces = each[..., 3:]
-        up = self._chain.feet.up
-        lift = forces @ up
-        acts = np.abs(lift) > 1.0
-        points = np.where(
-            acts[..., None], np.cross(up, moments) / np.where(acts, lift, 1.0)[..., None], 0.0
-        )
-        return Wrenches(
-            time=time,
-            names=bodies,
-            bodies=bodies,
-            forces=forces,
-            points=points,
-            torques=moments - np.cross(points, forces),
-        )
