@@ -141,7 +141,12 @@ class SetBack:
         index = self._count + np.arange(len(time))
         self._count += len(time)
         time[index >= self._at] -= self._by
-        return Arrived(time, arrived.motion, arrived.force_time, arrived.forces)
+        return Arrived(
+            motion_time=time,
+            motion=arrived.motion,
+            force_time=arrived.force_time,
+            forces=arrived.forces,
+        )
 
     def wait(self, most: float) -> None:
         self._source.wait(most)

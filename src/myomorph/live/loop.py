@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.live.session_clock import SessionClock, Stamp
-from myomorph.live.sources import Source
+from myomorph.live.sources import Arrived, Source
 
 WAIT = 0.02  # Longest sleep without a look at the source [s].
 GAP = 0.1  # Time without a sample of force after which forces are unknown [s].
@@ -281,6 +281,18 @@ class _Waiting:
         return replace(self, stamp=replace(self.stamp, restarts=True))
 
 
+def _stamped(
+    arrived: Arrived, stamps: SessionClock, source: Source, delays: Delays
+) -> Iterator[_Waiting]:
+    """Yield frames with rising times; those without are only counted."""
+    for time, row in zip(arrived.motion_time.tolist(), arrived.motion, strict=True):
+        stamp = stamps.of_frame(time, source.age(time))
+        if stamp.is_bad:
+            delays.add(time, float("nan"), float("nan"), 0.0, BAD_TIME)
+        else:
+            yield _Waiting(time, stamp, row, source.age(time) - stamp.late)
+
+
 def _follow(
     steps: Steps[F],
     source: Source,
@@ -304,14 +316,10 @@ def _follow(
             force_time, kept = stamps.of_forces(arrived.force_time)
             steps.push_forces(force_time, arrived.forces[kept])
             pushing += now() - start
-            for time, row in zip(arrived.motion_time.tolist(), arrived.motion, strict=True):
-                stamp = stamps.of_frame(time, source.age(time))
-                if stamp.is_bad:
-                    delays.add(time, float("nan"), float("nan"), 0.0, BAD_TIME)
-                else:
-                    waiting.append(_Waiting(time, stamp, row, source.age(time) - stamp.late))
+            waiting.extend(_stamped(arrived, stamps, source, delays))
         while clocked and len(waiting) > 1 and waiting[0].age(source) > steps.max_age:
-            waiting[1] = waiting[1].after(waiting.popleft())
+            dropped = waiting.popleft()
+            waiting[0] = waiting[0].after(dropped)
             delays.dropped += 1
         if not waiting:
             continue
@@ -325,15 +333,14 @@ def _follow(
         start = now()
         if oldest.stamp.restarts:
             steps.restart()
-        row = oldest.row
-        frame = steps.frame(time, row)
+        frame = steps.frame(time, oldest.row)
         for output in outputs:
-            output.put(frame, row)
+            output.put(frame, oldest.row)
         age = oldest.age(source) if clocked else float("nan")
         delays.add(time, oldest.taken, age, pushing + now() - start, frame.state)
         pushing = 0.0
         for output in late:
-            output.put(frame, row)
+            output.put(frame, oldest.row)
         # As fast as it goes, no frame is ever awaited: what is left is done now.
         while not clocked and steps.idle():
             pass

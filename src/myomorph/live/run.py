@@ -176,7 +176,7 @@ def _write_results(log: Path, model: Model, session: LiveSession) -> None:
     """Write the results of a log, all together, and remove the log."""
     head, rows = read_log(log)
     with whole_folder(log.parent) as folder:
-        SessionResults(head, rows, model, folder).write(session)
+        SessionResults(head=head, rows=rows, model=model, folder=folder).write(session)
     log.unlink()
 
 

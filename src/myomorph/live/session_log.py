@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
@@ -174,7 +174,13 @@ class SessionLog:
         self.close()
 
     def put(self, frame: ChainFrame, markers: Array) -> None:
-        """Add a frame, and before it those that the loop could not give out."""
+        """Add a frame, and before it those that the loop could not give out.
+
+        Parameters
+        ----------
+        frame : its results
+        markers : (markers, 3) [m], or coordinates, which no result holds
+        """
         self._add_lost(1)
         shared = frame.tension
         values = {
@@ -232,6 +238,26 @@ class SessionLog:
         self._flushed = clock.monotonic()
 
 
+def _head(facts: Mapping[str, Any]) -> LogHead:
+    """Make a head of what a log states."""
+    return LogHead(
+        model=facts["model"],
+        provenance=facts["provenance"],
+        filter_delay=facts["filter_delay"],
+        widths=facts["widths"],
+        muscles=tuple(facts["muscles"]),
+        actuators=tuple(facts["actuators"]),
+        coordinates=tuple(facts["coordinates"]),
+        lower=tuple(facts["lower"]),
+        upper=tuple(facts["upper"]),
+        bodies=tuple(facts["bodies"]),
+        up=tuple(facts["up"]),
+        draws=facts["draws"],
+        factors=facts["factors"],
+        notes=tuple(facts["notes"]),
+    )
+
+
 def read_log(path: Path) -> tuple[LogHead, Array]:
     """Read a log, as far as it was written.
 
@@ -255,11 +281,7 @@ def read_log(path: Path) -> tuple[LogHead, Array]:
         facts = json.loads(line)
         if facts.pop("format") != FORMAT:
             raise BadFile(path, "is the log of another version", "recover it with that version")
-        texts = {
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in facts.items()
-        }
-        head = LogHead(**texts)
+        head = _head(facts)
     except (ValueError, KeyError, TypeError, AttributeError):
         raise BadFile(path, "is no log of a session", hint) from None
     # The last row may have been written in part.

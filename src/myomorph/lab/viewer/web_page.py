@@ -266,7 +266,9 @@ def escaped(text: str) -> str:
     ----------
     text : such as the name of a muscle, which a stranger's model may have chosen
     """
-    text = re.sub(r"([\\`*_{}\[\]()#+!|~$])", r"\\\1", " ".join(text.split()))
+    # An underscore within a word is none of Markdown's.
+    special = r"([\\`*{}\[\]()#+!|~$]|(?<!\w)_|_(?!\w))"
+    text = re.sub(special, r"\\\1", " ".join(text.split()))
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 

@@ -74,7 +74,7 @@ class DaskWorkers:
         self._packed: OrderedDict[int, tuple[Model, bytes]] = OrderedDict()
         self._woken: queue.SimpleQueue[None] = queue.SimpleQueue()
         self._looked = 0.0
-        self._last_useful = time.monotonic()
+        self._last_useful = self._answered = time.monotonic()
         self._client = connected(self._address, patience)
         self._mark: tuple[Path, str] | None = None
         try:
@@ -199,13 +199,20 @@ class DaskWorkers:
                 )
             # of several libraries, and what it was does not matter: the next look tells
             except Exception:
+                if time.monotonic() - self._answered > ALONE:
+                    raise self._gone(f"has not answered for {ALONE / 60:.0f} min") from None
                 return None
+            self._answered = time.monotonic()
             return dict(identity["workers"])
+        raise self._gone("is gone")
+
+    def _gone(self, what: str) -> BadData:
+        """Make the error of a scheduler that serves no longer."""
         hint = (
             "what is done is kept: start it and its workers, and run the same command again to"
             " go on"
         )
-        raise BadData(f"--scheduler {self._address}: the scheduler is gone: {hint}")
+        return BadData(f"--scheduler {self._address}: the scheduler {what}: {hint}")
 
     def _judge(self, process: Process) -> None:
         """Take a process that has answered, or refuse it by name."""
@@ -238,14 +245,20 @@ class DaskWorkers:
         """A future of what a function gives in one process; the scheduler is never to repeat it
         elsewhere.
         """
-        future = self._client.submit(
-            function,
-            *values,
-            key=f"{function.__name__}-{uuid.uuid4().hex}",
-            workers=[address],
-            allow_other_workers=False,
-            pure=False,
-        )
+        try:
+            future = self._client.submit(
+                function,
+                *values,
+                key=f"{function.__name__}-{uuid.uuid4().hex}",
+                workers=[address],
+                allow_other_workers=False,
+                pure=False,
+            )
+        # of several libraries: the connection may end at any time
+        except Exception as error:
+            if self._client.status == "running":
+                raise
+            raise self._gone("is gone") from error
         future.add_done_callback(lambda _: self._woken.put(None))
         return future
 
