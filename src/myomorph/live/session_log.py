@@ -63,7 +63,7 @@ class LogHead:
     bodies: tuple[str, ...]
     up: tuple[float, ...]
     draws: int = 0
-    factors: Mapping[str, int] = field(default_factory=dict)
+    factors: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property
