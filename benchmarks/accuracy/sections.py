@@ -102,6 +102,7 @@ PAGES: dict[str, dict[str, str]] = {
         "knee_trials": "accuracy.tension.knee_trials:measure",
         "knee_statics": "accuracy.tension.knee_statics:measure",
         "knee_patella": "accuracy.tension.knee_patella:measure",
+        "implant_ranges": "accuracy.tension.implant_ranges:measure",
         "knee_arms": "accuracy.tension.knee_activities:measure_arms",
         "hip": "accuracy.tension.hip:measure",
         "knee_activities": "accuracy.tension.knee_activities:measure_forces",
@@ -162,6 +163,7 @@ PAGES: dict[str, dict[str, str]] = {
         "recording_faults_clean": "accuracy.faults.recordings:measure_clean",
     },
     "ground-forces": {
+        "loads_beside": "accuracy.contact.loads_beside:measure",
         "hidden_plates": "accuracy.contact.hidden_plates:measure",
         "hidden_plates_parts": "accuracy.contact.hidden_plates:measure_parts",
         "hidden_plates_partial": "accuracy.contact.hidden_plates:measure_partial",

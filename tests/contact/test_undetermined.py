@@ -4,6 +4,8 @@ alone.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,52 @@ def test_a_foot_that_stands_beside_all_plates_is_named_while_it_stands(size):
     stands = stance(places, "calcn_l")
     assert flagged[stands].all()
     assert flagged[~stands].mean() < 0.3
+
+
+@pytest.mark.parametrize(("carried", "found"), [(0.4, ["calcn_l"]), (1.0, [])])
+def test_a_foot_still_on_a_step_is_named_where_weight_is_missing(carried, found):
+    """One foot stays on its plate, the other is put 0.82 m higher; held up, it carries nothing."""
+    raised = np.clip((TIME - 0.4) / 0.5, 0.0, 1.0) - np.clip((TIME - 1.7) / 0.5, 0.0, 1.0)
+    places = {}
+    for foot, side in (("calcn_r", 0.1), ("calcn_l", -0.1)):
+        high = 0.82 * raised * (foot == "calcn_l")
+        heel = np.stack([0.3 * high, high, np.full_like(TIME, side)], axis=1)
+        places[foot] = np.stack([heel, heel + [0.2, 0.0, 0.0]], axis=1)
+    on_step = raised == 1.0
+    share = np.where(raised > 0.0, 1.0, 0.5)
+    force = np.where(on_step, carried, share) * WEIGHT
+    ground = np.where(raised == 0.0, 0.5, 0.0) * WEIGHT
+    forces = np.stack([force[:, None] * UP, ground[:, None] * UP], axis=1)
+    points = np.stack([places[foot].mean(axis=1) for foot in places], axis=1)
+    points[:, :, 1] = 0.0
+    given = Wrenches(
+        time=TIME,
+        names=("one", "other"),
+        bodies=tuple(places),
+        forces=forces,
+        points=points,
+        torques=np.zeros_like(forces),
+    )
+    findings = undetermined_loads(given, places, WEIGHT, UP)
+    assert [finding.place for finding in findings] == found
+    for finding in findings:
+        ((start, stop),) = finding.times
+        assert start == pytest.approx(0.9, abs=0.05)
+        assert stop == pytest.approx(1.7, abs=0.05)
+
+
+def test_a_center_of_pressure_beside_all_feet_is_named_while_it_is_there():
+    """A hand leans beside the foot from 0.2 to 0.5 s: the plate's load is not the foot's alone."""
+    time, places = walk()
+    given = loads(time, places)
+    leaning = (time >= 0.2) & (time <= 0.5)
+    points = np.array(given.points)
+    points[leaning, 0, 2] += 0.2
+    (finding,) = undetermined_loads(replace(given, points=points), places, WEIGHT, UP)
+    assert finding.place == "calcn_r"
+    assert "beside all feet" in finding.text
+    ((start, stop),) = finding.times
+    assert (start, stop) == pytest.approx((0.2, 0.5), abs=0.03)
 
 
 def test_a_plate_under_two_feet_is_nobodys():

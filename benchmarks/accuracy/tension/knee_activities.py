@@ -234,10 +234,10 @@ def inputs(
     few = mm.Motion(moving.time[::EVERY], moving.names, *parts)
     loads = read_external_loads(here / f"grf/{activity.file}_external_forces.xml")
     wrenches = mm.resample_wrenches(loads, few.time, cutoff=CUTOFF)
-    return model, few, replace(wrenches, bodies=_feet(model, few, wrenches))
+    return model, few, replace(wrenches, bodies=feet_under(model, few, wrenches))
 
 
-def _feet(model: mm.Model, motion: mm.Motion, wrenches: mm.Wrenches) -> tuple[str, ...]:
+def feet_under(model: mm.Model, motion: mm.Motion, wrenches: mm.Wrenches) -> tuple[str, ...]:
     """The foot nearest to each force: the study's files put all of them on one talus."""
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))

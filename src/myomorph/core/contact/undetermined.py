@@ -30,6 +30,12 @@ UNDETERMINED = "load not determined"  # Kind of a finding, whose place is the bo
 MAX_OFFSET = 0.75  # Of a foot's own center of pressure from its middle line, over its length
 MAX_NEARNESS = 0.6  # Of that offset to the distance from another foot that stands
 MAX_STEP = 0.25  # Height of a standing foot above feet on plates, over its length
+STILL = 0.25
+"""Of the speed of a standing foot, at which a foot that is higher stands still."""
+RESTS = 0.2
+"""Duration for which a higher foot of a person is still at least on a step [s]."""
+MISSING = 0.2
+"""Share of the weight that plates must lack meanwhile, on the mean: else the foot is held up."""
 
 
 @read_only
@@ -89,6 +95,34 @@ class Feet:
         max_heights = np.nanmedian(self.heights[carried]) + MAX_STEP * self.lengths
         return (speeds < MOVES * self.time_scale) & (self.heights < max_heights)
 
+    def on_steps(self, vertical: Array, weight: float, standing: Flags) -> Flags:
+        """Frames in which a foot rests on something above the plates: a step, a stool, a rail.
+
+        It is still there, heel and ball, while the plates carry less than the body weighs. A foot
+        that is held up is still as well, but then the plates carry the whole body.
+
+        Parameters
+        ----------
+        vertical : (frames,) force of all plates against gravity [N]
+        weight : of the body [N]
+        standing : (frames, feet) as of `standing`
+
+        Returns
+        -------
+        (frames, feet)
+        """
+        ends = np.stack([self.heels, self.balls], axis=2)
+        speeds = np.linalg.norm(np.gradient(ends, self.time, axis=0), axis=3).max(axis=2)
+        still = (speeds < STILL * MOVES * self.time_scale) & ~standing
+        result = np.zeros(still.shape, bool)
+        for foot in range(len(self.names)):
+            for start, stop in runs(still[:, foot]):
+                lasts = self.time[stop - 1] - self.time[start]
+                lacks = vertical[start:stop].mean() < (1.0 - MISSING) * weight
+                if lasts >= RESTS * self.time_scale and lacks:
+                    result[start:stop, foot] = True
+        return result
+
 
 def undetermined_loads(
     wrenches: Wrenches, places: Mapping[str, Array], weight: float, up: Array
@@ -123,7 +157,9 @@ def undetermined_loads(
         return ()
 
     stands = feet.standing(carried)
-    shared = _shared_loads(feet, wrenches, loaded, owned, stands)
+    vertical = np.nan_to_num(wrenches.forces @ up).sum(axis=1)
+    stands |= feet.on_steps(vertical, weight, stands | carried)
+    outside, shared = _shared_loads(feet, wrenches, loaded, owned, stands)
     # A foot that stands while another's load is shared may carry a part of it.
     shared |= stands & ~carried & shared.any(axis=1, keepdims=True)
 
@@ -141,7 +177,8 @@ def undetermined_loads(
             continue
         reasons = []
         if (shared[:, number] & unknown).any():
-            reasons.append("the center of pressure is not under it alone")
+            beside = ", at times beside all feet" if (outside[:, number] & unknown).any() else ""
+            reasons.append(f"the center of pressure is not under it alone{beside}")
         if (off_plates & unknown).any():
             reasons.append("it stands where no plate carries it")
         percentage = 100.0 * unknown.sum() / np.isfinite(feet.heights[:, number]).sum()
@@ -158,8 +195,8 @@ def undetermined_loads(
 
 def _shared_loads(
     feet: Feet, wrenches: Wrenches, loaded: Flags, owned: Flags, stands: Flags
-) -> Flags:
-    """Frames in which the load assigned to a foot is not that foot's alone.
+) -> tuple[Flags, Flags]:
+    """Frames in which a foot's load lies beside all feet, and in which it is not its alone.
 
     Parameters
     ----------
@@ -169,7 +206,7 @@ def _shared_loads(
 
     Returns
     -------
-    (frames, feet)
+    (frames, feet) each; the second holds the first
     """
     centers = _centers_of_pressure(wrenches, feet.min_duration)
     distances = sole_distances(centers, feet.heels, feet.balls, feet.up)  # (frames, forces, feet)
@@ -177,7 +214,10 @@ def _shared_loads(
     competes = stands[:, None, None] & ~np.eye(len(feet.names), dtype=bool)
     to_others = np.where(competes, distances[:, :, None], np.inf).min(axis=3)
     limits = np.minimum(MAX_OFFSET * feet.lengths, MAX_NEARNESS * to_others)
-    return (loaded[..., None] & owned.T & (distances > limits)).any(axis=1)
+    has_load = loaded[..., None] & owned.T
+    beside = (distances > MAX_OFFSET * feet.lengths).all(axis=2, keepdims=True)
+    outside = (has_load & beside).any(axis=1)
+    return outside, (has_load & (distances > limits)).any(axis=1)
 
 
 def _centers_of_pressure(wrenches: Wrenches, duration: float) -> Array:
