@@ -85,8 +85,47 @@ def measure(folder: Path) -> Iterator[Row]:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One simulated recording.
+
+    Attributes
+    ----------
+    wrenches : of both plates
+    places : foot -> heel and ball (frames, 2, 3) [m]
+    weight : of the body [N]
+    during : (frames,) whether it happens
+    """
+
+    wrenches: Wrenches
+    places: dict[str, Array]
+    weight: float
+    during: np.ndarray
+
+
 def _person(case: Case, random: np.random.Generator) -> Array:
     """Count frames of both feet: not known, of these found, known, of these left out."""
+    made = _recording(case, random)
+    time = made.wrenches.time
+    findings = undetermined_loads(made.wrenches, made.places, made.weight, UP)
+    counts = np.zeros(4)
+    for foot in FEET:
+        left_out = np.zeros(len(time), bool)
+        for finding in findings:
+            for start, stop in finding.times if finding.place == foot else ():
+                left_out |= (time >= start) & (time <= stop)
+        unknown = made.during & (foot == case.foot)
+        counts += [
+            unknown.sum(),
+            (unknown & left_out).sum(),
+            (~unknown).sum(),
+            (~unknown & left_out).sum(),
+        ]
+    return counts
+
+
+def _recording(case: Case, random: np.random.Generator) -> Recording:
+    """Simulate one recording of a case."""
     time = np.arange(0.0, LASTS, 1.0 / RATE)
     weight = random.uniform(500.0, 1000.0)
     begin = random.uniform(0.6, 1.0)
@@ -95,20 +134,14 @@ def _person(case: Case, random: np.random.Generator) -> Array:
     # 0 on the floor, 1 while it happens.
     happens = _smooth((time - begin + moves) / moves) * _smooth((end + moves - time) / moves)
     during = (time >= begin) & (time <= end)
-    height = random.uniform(0.15, 0.82)
-    places = {}
-    for foot, side in zip(FEET, (0.1, -0.1), strict=True):
-        up = height * happens * (case.raised and foot == "calcn_l")
-        heel = np.stack([0.3 * up, up, np.full_like(time, side)], axis=1)
-        both = np.stack([heel, heel + [0.2, 0.0, 0.0]], axis=1)
-        places[foot] = both + NOISE * _noise(random, both.shape)
+    places = _places(case, random, happens)
     lost = random.uniform(*case.carries) * during
     of_left = np.where(happens > 0.0, 0.0, 0.5) if case.raised else 0.5 * np.ones_like(time)
     shares = np.stack([1.0 - of_left - lost, of_left], axis=1)
     shares += random.normal(0.0, 0.01, shares.shape) * (shares > 0.0)
     points = np.stack([places[foot].mean(axis=1) * (1.0, 0.0, 1.0) for foot in FEET], axis=1)
     points[:, 0, 2] += random.uniform(*case.aside) * during
-    given = Wrenches(
+    wrenches = Wrenches(
         time=time,
         names=FEET,
         bodies=FEET,
@@ -116,21 +149,19 @@ def _person(case: Case, random: np.random.Generator) -> Array:
         points=points,
         torques=np.zeros_like(points),
     )
-    findings = undetermined_loads(given, places, weight, UP)
-    counts = np.zeros(4)
-    for foot in FEET:
-        spans = [span for finding in findings if finding.place == foot for span in finding.times]
-        left_out = np.zeros(len(time), bool)
-        for start, stop in spans:
-            left_out |= (time >= start) & (time <= stop)
-        unknown = during & (foot == case.foot)
-        counts += [
-            unknown.sum(),
-            (unknown & left_out).sum(),
-            (~unknown).sum(),
-            (~unknown & left_out).sum(),
-        ]
-    return counts
+    return Recording(wrenches=wrenches, places=places, weight=weight, during=during)
+
+
+def _places(case: Case, random: np.random.Generator, happens: Array) -> dict[str, Array]:
+    """Heels and balls of both feet; `happens` (frames,) from 0 to 1."""
+    height = random.uniform(0.15, 0.82)
+    places = {}
+    for foot, side in zip(FEET, (0.1, -0.1), strict=True):
+        up = height * happens * (case.raised and foot == "calcn_l")
+        heel = np.stack([0.3 * up, up, np.full_like(up, side)], axis=1)
+        both = np.stack([heel, heel + [0.2, 0.0, 0.0]], axis=1)
+        places[foot] = both + NOISE * _noise(random, both.shape)
+    return places
 
 
 def _smooth(share: Array) -> Array:

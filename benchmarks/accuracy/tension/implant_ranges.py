@@ -56,7 +56,8 @@ class Loads:
 
     def at_peak(self, label: str, joint: str) -> Row:
         """Greatest force of a joint, with its limits and range there."""
-        found, low, high = (table[f"{label}_force"] / self.weight for table in self.tables)
+        column = f"{label}_force"
+        found, low, high = [table[column] / self.weight for table in self.tables]
         frame = int(np.argmax(np.where(self.standing, found, -1.0)))
         row: Row = {
             "greatest force [BW]": float(found[frame]),
@@ -113,22 +114,31 @@ def _loads(folder: Path, activity: Activity) -> Loads:
     given = read_external_loads(here / f"grf/{activity.file}_external_forces.xml")
     at_frames = mm.resample_wrenches(given, motion.time, cutoff=None)
     feet = feet_under(model, motion, at_frames)
-    with tempfile.TemporaryDirectory() as work:
-        home = Path(work)
-        write_external_loads(replace(given, bodies=feet), home / "loads.sto", home / "loads.xml")
-        (home / "sizes.toml").write_text("contributions = 0\n", encoding="utf-8")
-        files = ("--model", folder / MODEL, "--motion", motion_file, "--loads", home / "loads.xml")
-        ways = ("--reactions", "child", "--contact-points", "auto", "--time")
-        draws = ("--draws", DRAWS, "--uncertainty", home / "sizes.toml")
-        out = home / "out"
-        command("tension", *files, *ways, *SPANS[activity.file], *draws, "--out", out)
-        tables = [mm.read_sto(out / f"joint_reactions{end}.sto") for end in ("", "_low", "_high")]
-        statics = [mm.read_sto(out / f"static_load_{end}.sto") for end in ("low", "high")]
+    tables, statics = _tension(folder / MODEL, motion_file, replace(given, bodies=feet))
     time = tables[0].time
     carried = np.interp(time, motion.time, np.nan_to_num(at_frames.forces[:, :, 1]).sum(axis=1))
     return Loads(
-        tables=(tables[0], tables[1], tables[2]),
-        statics=(statics[0], statics[1]),
+        tables=tables,
+        statics=statics,
         weight=model.weight,
         standing=np.asarray(carried > STANDING * model.weight),
     )
+
+
+def _tension(
+    model: Path, motion: Path, wrenches: mm.Wrenches
+) -> tuple[tuple[mm.Table, mm.Table, mm.Table], tuple[mm.Table, mm.Table]]:
+    """Run `tension`; return loads of joints with limits, and least and greatest by statics."""
+    span = next(span for name, span in SPANS.items() if motion.name.startswith(name))
+    with tempfile.TemporaryDirectory() as work:
+        home = Path(work)
+        write_external_loads(wrenches, home / "loads.sto", home / "loads.xml")
+        (home / "sizes.toml").write_text("contributions = 0\n", encoding="utf-8")
+        files = ("--model", model, "--motion", motion, "--loads", home / "loads.xml")
+        ways = ("--reactions", "child", "--contact-points", "auto", "--time")
+        draws = ("--draws", DRAWS, "--uncertainty", home / "sizes.toml")
+        out = home / "out"
+        command("tension", *files, *ways, *span, *draws, "--out", out)
+        loads = [mm.read_sto(out / f"joint_reactions{end}.sto") for end in ("", "_low", "_high")]
+        statics = [mm.read_sto(out / f"static_load_{end}.sto") for end in ("low", "high")]
+    return (loads[0], loads[1], loads[2]), (statics[0], statics[1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ from myomorph.core.contact.states import steady
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.causes import FEET_BESIDE
 from myomorph.core.model.findings import Finding, spans_of, times_text
+from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Wrenches
 
 Flags = NDArray[np.bool_]
@@ -95,7 +96,7 @@ class Feet:
         max_heights = np.nanmedian(self.heights[carried]) + MAX_STEP * self.lengths
         return (speeds < MOVES * self.time_scale) & (self.heights < max_heights)
 
-    def on_steps(self, vertical: Array, weight: float, standing: Flags) -> Flags:
+    def on_steps(self, wrenches: Wrenches, weight: float, standing: Flags) -> Flags:
         """Frames in which a foot rests on something above the plates: a step, a stool, a rail.
 
         It is still there, heel and ball, while the plates carry less than the body weighs. A foot
@@ -103,7 +104,7 @@ class Feet:
 
         Parameters
         ----------
-        vertical : (frames,) force of all plates against gravity [N]
+        wrenches : of all plates
         weight : of the body [N]
         standing : (frames, feet) as of `standing`
 
@@ -111,6 +112,7 @@ class Feet:
         -------
         (frames, feet)
         """
+        vertical = np.nan_to_num(wrenches.forces @ self.up).sum(axis=1)
         ends = np.stack([self.heels, self.balls], axis=2)
         speeds = np.linalg.norm(np.gradient(ends, self.time, axis=0), axis=3).max(axis=2)
         still = (speeds < STILL * MOVES * self.time_scale) & ~standing
@@ -157,16 +159,16 @@ def undetermined_loads(
         return ()
 
     stands = feet.standing(carried)
-    vertical = np.nan_to_num(wrenches.forces @ up).sum(axis=1)
-    stands |= feet.on_steps(vertical, weight, stands | carried)
+    stands |= feet.on_steps(wrenches, weight, stands | carried)
     outside, shared = _shared_loads(feet, wrenches, loaded, owned, stands)
     # A foot that stands while another's load is shared may carry a part of it.
     shared |= stands & ~carried & shared.any(axis=1, keepdims=True)
 
     findings = []
     for number, foot in enumerate(feet.names):
-        on_ground = stands[:, number] | carried[:, number]
-        off_plates = _stances_off_plates(feet, on_ground, carried[:, number])
+        off_plates = _stances_off_plates(
+            feet, stands[:, number] | carried[:, number], carried[:, number]
+        )
         unknown = steady(shared[:, number] | off_plates, feet.time, feet.min_duration)
         spans = [
             (start, stop)
@@ -181,16 +183,22 @@ def undetermined_loads(
             reasons.append(f"the center of pressure is not under it alone{beside}")
         if (off_plates & unknown).any():
             reasons.append("it stands where no plate carries it")
-        percentage = 100.0 * unknown.sum() / np.isfinite(feet.heights[:, number]).sum()
-        text = FEET_BESIDE.message(
-            f"the load on '{foot}' is not determined in {percentage:.0f} % of the time"
-            f" ({times_text(spans)}): {', or '.join(reasons)}: torques of its joints are wrong"
-            " there",
-            size=percentage,
-            share=0.01 * percentage,
-        )
+        share = float(unknown.sum() / np.isfinite(feet.heights[:, number]).sum())
+        text = _message(foot, share, spans, reasons)
         findings.append(Finding(kind=UNDETERMINED, place=foot, text=text, times=tuple(spans)))
     return tuple(findings)
+
+
+def _message(
+    foot: str, share: float, spans: Sequence[tuple[float, float]], reasons: Sequence[str]
+) -> Message:
+    """Say that the load on a foot is not determined, when and why."""
+    return FEET_BESIDE.message(
+        f"the load on '{foot}' is not determined in {100.0 * share:.0f} % of the time"
+        f" ({times_text(spans)}): {', or '.join(reasons)}: torques of its joints are wrong there",
+        size=100.0 * share,
+        share=share,
+    )
 
 
 def _shared_loads(
@@ -216,8 +224,8 @@ def _shared_loads(
     limits = np.minimum(MAX_OFFSET * feet.lengths, MAX_NEARNESS * to_others)
     has_load = loaded[..., None] & owned.T
     beside = (distances > MAX_OFFSET * feet.lengths).all(axis=2, keepdims=True)
-    outside = (has_load & beside).any(axis=1)
-    return outside, (has_load & (distances > limits)).any(axis=1)
+    outside = np.asarray((has_load & beside).any(axis=1))
+    return outside, np.asarray((has_load & (distances > limits)).any(axis=1))
 
 
 def _centers_of_pressure(wrenches: Wrenches, duration: float) -> Array:
