@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-from tests.truths.bench_joint import write_bench
-from tests.truths.mechanical_joint import mechanical_joint
 from threadpoolctl import threadpool_limits
 
 from myomorph.core.model.interval import Interval
 from myomorph.lab.cli.program import main
 from myomorph.swings.simulate.laboratory import Noise
 from myomorph.swings.viscosity.study.specimen_step import read_specimen
+from truths.bench_joint import write_bench
+from truths.mechanical_joint import mechanical_joint
 
 Row = dict[str, object]
 
