@@ -21,7 +21,7 @@ def told(lines):
         muscles=SimpleNamespace(muscles=tuple(muscles)),
     )
     dampers = Dampers(
-        bushing=None,
+        bushings=(),
         coordinates=FrozenMap({}),
         muscles=line_viscosity(muscles, lines),
         residual=0.0,

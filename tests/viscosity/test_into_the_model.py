@@ -136,7 +136,7 @@ def test_any_model_gets_a_joint_s_damping_and_its_muscles():
     bushing = dampers_of(model, "base", "limb", viscosity)
     assert not bushing.coordinates
     single = dampers_of(model, "base", "limb", viscosity, by_coordinate=True)
-    assert single.bushing is None
+    assert not single.bushings
     assert set(single.coordinates) == {"q0", "q1", "q2"}
     assert all(0.03 < value < 0.09 for value in single.coordinates.values())
     assert single.residual > bushing.residual
@@ -215,10 +215,10 @@ def test_a_bushing_says_what_coordinates_cannot():
     motion = swung(model, size=0.4)
     of_coordinates = coordinate_damping(model, "base", "limb", 0.05, motion)
     found = joint_bushing(model, "base", "limb", 0.05, motion)
-    assert found.bushing.name == "passive_base_limb"
+    assert found.bushings[0].name == "passive_base_limb"
     assert found.residual < 0.15
     assert found.residual < 0.3 * of_coordinates.residual
-    made = with_passive_dynamics(model, bushings=(found.bushing,))
+    made = with_passive_dynamics(model, bushings=found.bushings)
     omega = turning_against(model, motion, "base", "limb")
     power = (passive_generalized_forces(made, motion).values * motion.velocities).sum(axis=1)
     np.testing.assert_allclose(power, -0.05 * (omega**2).sum(axis=1), rtol=0.3)
@@ -290,7 +290,7 @@ def test_it_survives_a_file_twice(arm, tmp_path):
     made = with_passive_dynamics(model, {first: 0.05}, {second: 1.5}, {second: 0.3}, viscosity)
     bushing = joint_bushing(
         model, model.body_names[0], model.body_names[1], 0.1, swung(model)
-    ).bushing
+    ).bushings[0]
     made = with_passive_dynamics(made, bushings=(bushing,))
     motion = swung(made)
     for _ in range(2):
@@ -352,7 +352,7 @@ def test_opensim_computes_the_same_passive_forces(data, tmp_path):
         damping=coordinate_damping(model, "scapula", "humerus", 0.05, motion).values,
         stiffness={"shoulder_elv": 1.2},
         viscosity=dict.fromkeys(straight, 400.0),
-        bushings=(joint_bushing(model, "scapula", "humerus", 0.1, motion).bushing,),
+        bushings=joint_bushing(model, "scapula", "humerus", 0.1, motion).bushings,
     )
     write_osim(made, tmp_path / "made.osim")
     read = read_osim(tmp_path / "made.osim")
@@ -402,3 +402,14 @@ def test_opensim_computes_the_same_passive_forces(data, tmp_path):
         given[rows] = turn.T @ given[rows]
         ours = passive_generalized_forces(read, some).values[frame]
         np.testing.assert_allclose(ours, given, atol=1e-9 * max(1.0, np.abs(given).max()))
+
+
+def test_bushings_make_up_for_what_one_cannot_express(data):
+    """Over a wide motion one bushing misses an eighth of the torque, whatever its frames."""
+    values = ViscosityValues(joint=0.06)
+    dampers = dampers_of(read_osim(data(SHOULDER)), "scapula", "humerus", values)
+    assert 1 < len(dampers.bushings) <= 3
+    assert dampers.residual < 0.05
+    assert len({bushing.name for bushing in dampers.bushings}) == len(dampers.bushings)
+    whole = sum(bushing.rotational_damping.sum() for bushing in dampers.bushings)
+    assert whole == pytest.approx(3.0 * values.joint, rel=0.25)

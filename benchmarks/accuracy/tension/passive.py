@@ -92,11 +92,11 @@ def variants(lift: Lift) -> Iterator[tuple[str, mm.Model]]:
     d_M.
     """
     strands = fig1_muscles(lift.model)
-    bushing = joint_bushing(lift.model, *JOINT, MEAN.joint_viscosity, lift.motion).bushing
-    yield f"d_J {MEAN.joint_viscosity:g}", with_passive_dynamics(lift.model, bushings=(bushing,))
+    bushings = joint_bushing(lift.model, *JOINT, MEAN.joint_viscosity, lift.motion).bushings
+    yield f"d_J {MEAN.joint_viscosity:g}", with_passive_dynamics(lift.model, bushings=bushings)
     for value in (matching_viscosity(lift, strands), MEAN.muscle_viscosity):
         shared = line_viscosity(dict.fromkeys(strands, value), strands)
-        made = with_passive_dynamics(lift.model, viscosity=shared, bushings=(bushing,))
+        made = with_passive_dynamics(lift.model, viscosity=shared, bushings=bushings)
         yield f"d_J {MEAN.joint_viscosity:g}, d_M {value:.3g}", made
 
 

@@ -62,15 +62,14 @@ def write_identified(
         write_dampers(model, out, {ball: viscosity.joint}, dampers.muscles)
         return lines
     if dampers.residual > LOSSY:
-        what = "dampers of coordinates" if dampers.bushing is None else "the bushing"
+        what = "bushings" if dampers.bushings else "dampers of coordinates"
         missed = f"{100 * dampers.residual:.0f} % of the torque of the joint's damping"
         lines = (*lines, f"{what} miss {missed}")
     if mjcf:
         write_dampers(model, out, dampers.coordinates, dampers.muscles)
         return lines
-    bushings = () if dampers.bushing is None else (dampers.bushing,)
     made = with_passive_dynamics(
-        read, dampers.coordinates, viscosity=dampers.muscles, bushings=bushings
+        read, dampers.coordinates, viscosity=dampers.muscles, bushings=dampers.bushings
     )
     return (*lines, *write_osim(made, out))
 
