@@ -321,7 +321,6 @@ def _nearest(joint: DampedJoint, base: str, first: str) -> tuple[Bushing, ...]:
     begin = np.maximum(joint.viscosity, MIN_DAMPING * max(largest, 1e-12))
     frames = np.zeros((0, 3))
     damping = np.zeros((0, 3))
-    values = None
     for count in range(1, MAX_BUSHINGS + 1):
         solutions = []
         for start in range(STARTS if count == 1 else MORE_STARTS):
