@@ -119,3 +119,10 @@ def test_a_recording_of_which_the_model_has_few_markers_says_so():
         " 'z')" in warning
     )
     assert not fitted_to(model, trial("a", "b", "y", "z")).warnings
+
+
+def test_a_cell_without_end_is_named(tmp_path):
+    path = tmp_path / "labels.csv"
+    path.write_text("LASI,L.ASIS\n" + "a" * 200_000 + ",b\n", encoding="utf-8")
+    with pytest.raises(BadFile, match="is no table of labels"):
+        read_labels(path)

@@ -43,7 +43,10 @@ def read_labels(path: str | os.PathLike[str]) -> dict[str, str]:
     if ending not in (".csv", ".tsv", ".txt", ".toml"):
         raise BadFile(path, f"is no map of labels: its name ends in '{ending}'", HINT)
     text = file_text(path, HINT, "settings")
-    result = _from_toml(path, text) if ending == ".toml" else _from_csv(path, text)
+    try:
+        result = _from_toml(path, text) if ending == ".toml" else _from_csv(path, text)
+    except csv.Error as error:
+        raise BadFile(path, f"is no table of labels ({error})", HINT) from None
     if not result:
         raise BadFile(path, "holds no label", HINT)
     return result
