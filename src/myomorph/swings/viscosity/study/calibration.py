@@ -164,7 +164,7 @@ def read_picks(path: Path) -> dict[str, Array]:
     """
     try:
         rows = list(csv.reader(content_of(path, "settings").decode("utf-8-sig").splitlines()))
-    except UnicodeDecodeError:
+    except (UnicodeDecodeError, csv.Error):
         raise BadFile(path, "cannot be read (not text)") from None
     result: dict[str, Array] = {}
     for number, row in enumerate(rows, start=1):
