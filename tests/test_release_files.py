@@ -72,3 +72,33 @@ def test_every_extra_for_users_is_explained():
 
 def test_there_are_at_most_sixteen_dependencies():
     assert len(requirements()) == len(PROJECT["dependencies"]) <= 16
+
+
+def test_actions_are_pinned_by_commit():
+    """A tag can be moved, a commit cannot."""
+    for path in (ROOT / ".github" / "workflows").glob("*.yml"):
+        for used in re.findall(r"uses: (\S+)", path.read_text(encoding="utf-8")):
+            assert re.fullmatch(r"[\w.-]+/[\w.-]+@[0-9a-f]{40}", used), used
+
+
+def test_files_of_a_release_are_attested_and_dependencies_are_audited():
+    workflows = ROOT / ".github" / "workflows"
+    jobs = yaml.safe_load((workflows / "publish.yml").read_text(encoding="utf-8"))["jobs"]
+    assert jobs["publish"]["steps"][-1]["with"] == {"attestations": True}
+    checks = yaml.safe_load((workflows / "ci.yml").read_text(encoding="utf-8"))["jobs"]
+    assert "pip_audit" in checks["audit"]["steps"][-1]["run"]
+    assert (ROOT / "SECURITY.md").exists()
+
+
+def test_what_private_parts_are_taken_from_has_an_upper_bound():
+    """The cache of machine code subclasses classes that Numba does not promise to keep."""
+    private = re.compile(r"^from (\w+)\.(?:core|misc)\b", re.MULTILINE)
+    source = ROOT / "src" / "myomorph"
+    taken = {
+        package
+        for path in source.rglob("*.py")
+        for package in private.findall(path.read_text(encoding="utf-8"))
+        if package != "myomorph"
+    }
+    assert taken == {"numba"}
+    assert all("<" in rest for name, rest in requirements() if name in taken)
