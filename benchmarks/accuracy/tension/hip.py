@@ -17,6 +17,9 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.accuracy.tension.knee import command
+from myomorph.core.model.motion_errors import MotionErrors
+from myomorph.lab.store.quantities import get_value
+from myomorph.lab.store.results import read_result
 
 Row = dict[str, object]
 PUBLISHED = {
@@ -133,6 +136,8 @@ def _rows(
         moment = np.interp(loads.time, torques.time, torques[f"hip_flexion_{leg}_moment"]) / mass
         share = 100.0 * np.linalg.norm(force, axis=1) / (9.80665 * mass)
         share[~_measured(home, leg, loads.time)] = np.nan
+        for start, stop in _less_sure(home):
+            share[(loads.time >= start - 1e-6) & (loads.time <= stop + 1e-6)] = np.nan
         for way_bent, frames in {"extended": moment < 0.0, "flexed": moment > 0.0}.items():
             if activity == "rising" and way_bent == "flexed":
                 continue
@@ -162,6 +167,13 @@ def _rows(
                     and abs(angles[1] - forward) < SPREAD * forward_sd
                 ),
             }
+
+
+def _less_sure(home: Path) -> tuple[tuple[float, float], ...]:
+    """Times that a result file marks: ends of the recording, and beside long gaps [s]."""
+    files = list(home.glob("*.nc"))
+    errors = get_value(read_result(files[0]), MotionErrors) if files else None
+    return () if errors is None else errors.less_sure
 
 
 def _measured(home: Path, leg: str, time: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.findings import Span, spans_of
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.series_quantities import MOTION_ERRORS
@@ -40,6 +41,11 @@ class MotionErrors(Labelled):
     velocity_sd: Array
     acceleration_sd: Array
     uncertain: np.ndarray
+
+    @property
+    def less_sure(self) -> tuple[Span, ...]:
+        """First and last time of each stretch that is marked as uncertain [s]."""
+        return spans_of(self.time, self.uncertain > 0)
 
     def at(self, time: Array) -> MotionErrors:
         """Take the frames at some of the times.

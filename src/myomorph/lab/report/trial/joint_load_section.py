@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
@@ -293,7 +294,7 @@ def _greatest(values: Array) -> float:
 def _peak_rows(prepared: Prepared, found: JointLoads) -> Iterator[tuple[str, ...]]:
     """Greatest force of each joint, with its interval and range there."""
     for load in found.loads:
-        whole = load.whole
+        whole = np.where(_sure(prepared, found.time), load.whole, np.nan)
         steps = own_strides(load.name, prepared.strides)
         if steps:
             # Where strides end, filters and plates do as well.
@@ -309,6 +310,14 @@ def _peak_rows(prepared: Prepared, found: JointLoads) -> Iterator[tuple[str, ...
             _ends(load.statics, top),
             f"{number(float(found.time[top]), 0.001)} s",
         )
+
+
+def _sure(prepared: Prepared, time: Array) -> NDArray[np.bool_]:
+    """Flag the times (frames,) at which accelerations are as sure as anywhere."""
+    sure = np.ones(len(time), bool)
+    for start, stop in prepared.results.dynamics.less_sure:
+        sure &= (time < start - 1e-6) | (time > stop + 1e-6)
+    return sure
 
 
 def _ends(pair: tuple[Array, Array] | None, frame: int) -> str:

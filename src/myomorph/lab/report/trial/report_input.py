@@ -134,6 +134,8 @@ class Dynamics:
     # carries the trunk there); with it, no residual is judged
     root_note: str = ""
     motion: Motion | None = None  # coordinates that the torques are of, with velocities
+    # times at which accelerations are less sure: ends, and beside long gaps [s]
+    less_sure: tuple[tuple[float, float], ...] = ()
     measured: Series | None = None  # vertical force on bodies as measured (samples, bodies) [N]
     joint_force: Series | None = None  # size of the force in joints (frames, joints) [N]
 

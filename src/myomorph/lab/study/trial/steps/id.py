@@ -307,12 +307,14 @@ def _checked_wrenches(stored: Stored) -> Wrenches | None:
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     report_input = report_input.with_warnings(messages_of_findings(get_findings(stored, FINDINGS)))
+    errors = get_value(stored, MotionErrors)
     dynamics = Dynamics(
         torques=store.get_torques(stored),
         wrenches=_checked_wrenches(stored),
         root_note=stored.facts.get("root_note", ""),
         motion=store.get_derivatives(stored),
         measured=store.get_measured_force(stored),
+        less_sure=() if errors is None else errors.less_sure,
     )
     return replace(report_input, dynamics=dynamics)
 
