@@ -51,6 +51,7 @@ def test_an_origin_is_changed_only_from_far_to_near(monkeypatch, before, after, 
         feet=SimpleNamespace(unit=UNIT),
         samples=ForceSamples(forces=zero, points=zero, torques=zero, loaded=np.ones((2, 1), bool)),
         misfit=lambda number, samples=None: UNIT * (before if samples is None else after),
+        weights=lambda number: np.zeros(2),
         name=lambda number: "ForcePlate1",
     )
     repairs = [finding.repair.apply.keywords for finding in check_origins(inspection)]

@@ -15,16 +15,20 @@ belt does.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.core.contact.consistency.balance_test import BESIDE, NOT_ONE, balance_findings
+from myomorph.core.contact.consistency.plate_signals import PlateSignals, plate_signals
 from myomorph.core.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
 from myomorph.core.contact.force_inspection import (
+    GAIN,
     LOAD,
     MIRRORED_PLATE,
+    TURNED_PLATE,
     UNSURE,
     Inspection,
     belt_velocity,
@@ -37,14 +41,16 @@ from myomorph.core.contact.force_placement import (
     FITS,
     MARKED,
     NEAR,
+    NO_FOOT,
+    TWO_FEET,
     check_feet,
     check_origins,
     check_shared_plates,
 )
 from myomorph.core.contact.plate_directions import check_plate_directions
 from myomorph.core.contact.plate_gains import check_gains
-from myomorph.core.contact.rates import check_paces, check_rates
-from myomorph.core.contact.unloaded import without_zeros
+from myomorph.core.contact.rates import RATE, check_paces, check_rates
+from myomorph.core.contact.unloaded import without_zeros, zeros_of
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import PLATES, UNITS
 from myomorph.core.model.findings import Finding, repaired
@@ -68,6 +74,10 @@ third of a step [m].
 """
 
 
+OVERRULED = (GAIN, "mass", "clock", TWO_FEET, NO_FOOT)
+"""Kinds of findings that ask a part of the balance, so that the whole of it overrules them."""
+BEYOND = (LOAD, RATE, TURNED_PLATE)
+"""Kinds with which the balance would only say the same in other words, or cannot be drawn up."""
 PULLED = 0.3
 """Share of the weight that all plates together pull down where their sign is wrong."""
 LONGEST = 0.1
@@ -352,10 +362,12 @@ def checked_forces(
     feet = foot_poses(model, _smooth(motion, inside))
     if feet is None:
         return CheckedForces(wrenches, ())
-    inspection = Inspection(without_zeros(wrenches, np.asarray(model.up)), feet)
-    if not inspection.numbers:
-        return CheckedForces(wrenches, ())
-    for check in checks or CHECKS:
+    up = np.asarray(model.up)
+    signals = plate_signals(wrenches, model.weight, up)
+    if any(not finding.times for finding in motion.findings):
+        return CheckedForces(wrenches, (*signals.findings, _not_judged(wrenches, motion)))
+    inspection = Inspection(without_zeros(wrenches, up), feet, signals.findings)
+    for check in (checks or CHECKS) if inspection.numbers else ():
         # Each looks at forces in which what was found before is put right, whether the result has
         # it so or not.
         findings = tuple(check(inspection))
@@ -363,8 +375,63 @@ def checked_forces(
         inspection = (
             Inspection(right, feet, (*inspection.findings, *findings)) if findings else inspection
         )
-    corrected, findings = repaired(wrenches, inspection.findings, mend)
+    known = Motion(
+        motion.time[inside], motion.names, motion.values[inside], findings=motion.findings
+    )
+    found = judged_by_balance(inspection, known, signals)
+    # Frames that are repeated or missing make the motion another one than the forces'.
+    corrected, findings = repaired(wrenches, found, mend and not motion.findings)
     return CheckedForces(corrected, findings)
+
+
+def _not_judged(wrenches: Wrenches, motion: Motion) -> Finding:
+    """Say that a motion which may be that of another body judges no forces."""
+    kinds = ", ".join(
+        dict.fromkeys(finding.kind for finding in motion.findings if not finding.times)
+    )
+    text = PLATES.message(
+        f"the forces were neither judged nor put right by the motion, since the markers contradict"
+        f" a standing body ({kinds}): mend the markers first",
+        gravity="changes results",
+    )
+    return Finding("forces not judged", ", ".join(wrenches.names), text)
+
+
+def judged_by_balance(
+    inspection: Inspection, motion: Motion, signals: PlateSignals
+) -> tuple[Finding, ...]:
+    """Hold what was found against the balance of forces and moments of the whole body.
+
+    Parameters
+    ----------
+    inspection : forces with all findings, and with what they put right
+    motion : the frames that are looked at (frames, coordinates) [rad or m]
+    signals : of the plates
+
+    Returns
+    -------
+    the findings, those that the balance contradicts left out, and what it shows besides
+    """
+    model = inspection.feet.model
+    up = np.asarray(model.up)
+    said = {finding.kind for finding in inspection.findings}
+    signals = replace(
+        plate_signals(inspection.wrenches, model.weight, up), findings=signals.findings
+    )
+    if len(inspection.feet.feet) != 2 or not signals.usable.any() or said & set(BEYOND):
+        return inspection.findings
+    zeros = frozenset(
+        number for number, zero in enumerate(zeros_of(inspection.wrenches, up)) if zero is not None
+    )
+    new = tuple(balance_findings(model, motion, inspection.wrenches, signals, zeros))
+    new = tuple(finding for finding in new if not said & set(finding.kind.split(" or ")))
+    sure = any(not finding.kind.startswith((NOT_ONE, BESIDE)) for finding in new)
+    kept = (
+        finding
+        for finding in inspection.findings
+        if not (sure and finding.kind in OVERRULED and not finding.mended)
+    )
+    return (*kept, *new)
 
 
 def _common_frames(wrenches: Wrenches, motion: Motion) -> NDArray[np.bool_]:

@@ -10,6 +10,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.core.contact.consistency.plate_signals import BROKEN
 from myomorph.core.contact.site_motion import center_of
 from myomorph.core.contact.sites import Foot, feet_of
 from myomorph.core.model.arrays import Array, read_only, runs
@@ -302,9 +303,15 @@ class Inspection:
 
     @cached_property
     def numbers(self) -> list[int]:
-        """Numbers of the wrenches that act on a foot, or on a body that is not known yet."""
+        """Numbers of the wrenches that act on a foot, or on a body that is not known yet.
+
+        Those whose signal is broken show nothing.
+        """
+        broken = {finding.place for finding in self.findings if finding.kind in BROKEN}
         return [
-            i for i, body in enumerate(self.wrenches.bodies) if not body or body in self.feet.owners
+            number
+            for number, body in enumerate(self.wrenches.bodies)
+            if (not body or body in self.feet.owners) and self.name(number) not in broken
         ]
 
     @cached_property

@@ -38,14 +38,17 @@ SHARED = 0.1
 """Time from which a plate is called shared [s]."""
 MILLI = 2.0
 """Moment over force of a human foot beyond which the moment may be in N mm [m]."""
+LONGEST_ARM = 0.4
+"""Free torque over force of a human foot, some 0.05 m at most, beyond which it is no one's [m]."""
 LARGE = 0.5
-"""The same, for moments of a force whose points are in mm [m]."""
+"""Moment over force from which moments are in mm as well, where the points are [m]."""
 SWINGS = 0.4
 """A foot that stands in a smaller share of a step swings."""
 FIRM = 0.4
 """Share of the weight that two feet on one plate carry at least."""
 NO_FOOT = "under no foot"
-"""Kind of a finding: a force that acts under no foot that stands."""
+TWO_FEET = "two feet on one plate"
+"""Kinds of findings: a force that acts under no foot that stands, and one between two."""
 
 
 class Remedy(NamedTuple):
@@ -64,6 +67,7 @@ def check_origins(inspection: Inspection) -> Iterator[Finding]:
     for number in inspection.numbers:
         before = inspection.misfit(number)
         if before < NEAR * unit:
+            yield from _torques_in_n_mm(inspection, number)
             continue
         best = None
         left = np.inf
@@ -77,6 +81,30 @@ def check_origins(inspection: Inspection) -> Iterator[Finding]:
         if best is not None and left < min(FITS * unit, MARKED * before):
             repair = change_repair(number, best.change, best.done, best.advice)
             yield Finding(best.kind, inspection.name(number), best.text, repair=repair)
+
+
+def _torques_in_n_mm(inspection: Inspection, number: int) -> Iterator[Finding]:
+    """Find a free torque of which only its unit can be wrong, since the points lie under feet.
+
+    It turns about the vertical, so that it moves no center of pressure.
+    """
+    weights = inspection.weights(number)
+    loaded = weights > 0.0
+    if not loaded.any():
+        return
+    torque = np.linalg.norm(inspection.samples.torques[loaded, number], axis=1)
+    arm = float(np.median(torque / weights[loaded]))
+    if arm < LONGEST_ARM * inspection.feet.unit:
+        return
+    name = inspection.name(number)
+    text = PLATES.message(
+        f"the free torque of force '{name}' is up to {torque.max():.4g} N m, {arm:.2g} m times its"
+        " force"
+    )
+    repair = change_repair(
+        number, _scaled(1.0, 1e-3), "it was taken as N mm", "is it in N mm? Give it in N m"
+    )
+    yield Finding("N mm for N m", name, text, repair=repair)
 
 
 def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
@@ -415,4 +443,4 @@ def check_shared_plates(inspection: Inspection) -> Iterator[Finding]:
             f" its center of pressure lies between the soles, {near:.2f} m from the nearer: its"
             " force goes to one of them; `tension --contacts auto --measured shared` shares it"
         )
-        yield Finding(kind="two feet on one plate", place=name, text=text, times=times)
+        yield Finding(kind=TWO_FEET, place=name, text=text, times=times)

@@ -238,11 +238,14 @@ class Markers(Series):
 class Motion(Series):
     """Coordinates over time: values (frames, coordinates) [rad or m].
 
-    `velocities` and `accelerations`, where known, have the same shape [per s, per s^2].
+    `velocities` and `accelerations`, where known, have the same shape [per s, per s^2]; `findings`
+    say why it may be that of a mirrored or fallen body, so that no forces are to be judged by it,
+    and in which frames it is not (with times).
     """
 
     velocities: Array | None = None
     accelerations: Array | None = None
+    findings: tuple[Finding, ...] = field(default=(), kw_only=True)
     noun = "coordinate"
     usual_quantity = COORDINATE_VALUE
 

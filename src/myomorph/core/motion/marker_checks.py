@@ -34,6 +34,7 @@ from myomorph.core.motion.ik import (
 )
 from myomorph.core.motion.label_repair import SwapSearch, swap_findings
 from myomorph.core.motion.lengths import length_unit
+from myomorph.core.motion.lost_frames import FROZEN, LOST, lost_findings
 from myomorph.core.motion.marker_influence import hidden_findings, place_findings
 from myomorph.core.motion.model_size import size_findings
 from myomorph.core.motion.pose_checks import pose_findings
@@ -42,6 +43,8 @@ from myomorph.core.motion.tasks.coordinates import CoordinateTask
 from myomorph.core.rigid.loops import free_coordinates
 from myomorph.core.rigid.tree import compile_tree
 
+WHOLE = ("mirrored axis", "left and right", "vertical axis")
+"""Kinds of findings in view of which a motion judges no forces."""
 FEW = 0.5  # Share of the model's markers, and of those recorded, below which too few match
 NEAR = 0.8  # Likeness of two names, letters alone, from which one may be meant for the other
 
@@ -127,7 +130,28 @@ def checked_kinematics(
         findings += size_findings(model, fit.marker_names, used.values[:, columns])
         findings += place_findings(model, used, fit, problem, unit)
         findings += pose_findings(model, used, fit, problem, options)
-    return CheckedFit(fit, used, tuple(findings))
+    doubted = replace(fit.motion, findings=doubts_of(findings))
+    return CheckedFit(replace(fit, motion=doubted), used, tuple(findings))
+
+
+def doubts_of(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Choose what makes a motion that of a mirrored or fallen body, or ends its clock.
+
+    Parameters
+    ----------
+    findings : of the markers
+
+    Returns
+    -------
+    those that were not put right: of the whole recording, without times, and of frames that are
+    repeated or missing
+    """
+    return tuple(
+        finding
+        for finding in findings
+        if not finding.mended
+        and ((finding.kind in WHOLE and not finding.times) or finding.kind in (FROZEN, LOST))
+    )
 
 
 def _check_matched(model: Model, markers: Markers, options: InverseKinematicsOptions) -> None:
@@ -172,7 +196,12 @@ def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding,
     right, _ = repaired(markers, swapped)
     drawn = tuple(drawn_findings(model, right, names, unit))
     right, _ = repaired(right, drawn)
-    return (*swapped, *drawn, *_jump_findings(right, names, unit))
+    return (
+        *lost_findings(markers, names),
+        *swapped,
+        *drawn,
+        *_jump_findings(right, names, unit),
+    )
 
 
 def _exchange_findings(markers: Markers, names: Sequence[str], unit: float) -> Iterator[Finding]:

@@ -27,7 +27,12 @@ from myomorph.core.model.series_quantities import (
 )
 from myomorph.core.motion.crossings import CrossingOptions, best_crossings, within_crossings
 from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit
-from myomorph.core.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
+from myomorph.core.motion.marker_checks import (
+    CheckedFit,
+    MarkerCheckOptions,
+    checked_kinematics,
+    doubts_of,
+)
 from myomorph.core.motion.quantities import FIT, MARKER_ERROR, SENSOR_ERROR
 from myomorph.core.motion.sensors.dropouts import gaps_filled
 from myomorph.core.motion.sensors.mounting import SensorOptions, trunk_acceleration
@@ -204,6 +209,7 @@ def _read(stored: Stored, options: OptionSet) -> Poses | None:
     if fit is None:
         return Poses(store.get_motion(stored)) if COORDINATE_VALUE.name in stored.values else None
     findings = get_findings(stored, FINDINGS)
+    fit = replace(fit, motion=replace(fit.motion, findings=doubts_of(findings)))
     return Poses(
         recorded=fit.motion, fit=fit, notes=messages_of_findings(findings), findings=findings
     )

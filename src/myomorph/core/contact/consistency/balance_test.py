@@ -1,0 +1,293 @@
+"""The verdict: whether plates, motion and body belong to each other, and if not, what is wrong.
+
+A finding needs decisive evidence, a size that matters, and a correction that leaves little more
+than noise. Explanations that are nearly as likely are named beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.core.contact.consistency.body_needs import SHORTEST, body_needs
+from myomorph.core.contact.consistency.channels import channels
+from myomorph.core.contact.consistency.corrections import Plates, hypotheses
+from myomorph.core.contact.consistency.evidence import Comparison, Tried, compared, misfit
+from myomorph.core.contact.consistency.plate_signals import BROKEN, PlateSignals
+from myomorph.core.contact.consistency.plate_signals import LOST as LOST_SAMPLES
+from myomorph.core.contact.consistency.scene import Scene
+from myomorph.core.model.causes import CLOCKS, FEET_BESIDE, PLATES, WEIGHT
+from myomorph.core.model.errors import quoted
+from myomorph.core.model.findings import Finding, times_text
+from myomorph.core.model.messages import Cause
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.lost_frames import FROZEN
+
+DECISIVE = 6.0
+"""Log evidence over nothing wrong that names a fault."""
+APART = 3.0
+"""Log evidence within which others are named as well."""
+EXPLAINED = 2.2
+"""What a correction may leave, over the noise, and still explain."""
+MUCH_BESIDE = 0.25
+"""Share of the time that something else than the plates carries, from which signs and units are
+tried.
+"""
+LESS_BESIDE = 0.1
+"""By how much of the time that falls once they are put right."""
+SUDDEN = ("reversed", "exchanged axes", "unit", "turned plate", "points mirrored")
+"""Kinds that make plates seem to carry a part of the body only."""
+FEWEST = 8
+"""Frames that show something."""
+UNDER = 0.25
+"""Distance from the middle of a foot within which a force is that foot's [m]."""
+BESIDE = "foot beside the plates"
+NOT_ONE = "not one fault"
+"""Kinds of findings: a foot that stands where no plate measures it, and forces that do not belong
+to the motion though no single fault explains it.
+"""
+NEAR = 0.12
+"""Time around repeated or missing frames in which accelerations are wrong [s]."""
+IDLE = 0.02
+"""Share of the weight below which a plate carries nothing."""
+OF_CLOCKS = ("clock", "lost samples", "clock rate")
+"""Kinds that missing frames explain."""
+MOST_RIVALS = 4
+"""Explanations that are named."""
+CAUSES: dict[str, Cause] = {
+    "clock": CLOCKS,
+    "lost samples": CLOCKS,
+    "clock rate": CLOCKS,
+    "mass": WEIGHT,
+    "gain of all plates": WEIGHT,
+    "gain": WEIGHT,
+}
+"""Causes of findings by kind, `PLATES` of the others."""
+
+
+def scene_of(
+    model: Model, motion: Motion, wrenches: Wrenches, signals: PlateSignals, *, whole: bool = False
+) -> Scene | None:
+    """Bring a body and its plates onto one clock; None where nothing can be compared.
+
+    Parameters
+    ----------
+    model : of a person with two feet
+    motion : (frames, coordinates) [rad or m]
+    wrenches : of the plates, on their own clock
+    signals : of the same plates
+    whole : whether frames count in which something else than plates carries the body
+    """
+    known = np.isfinite(motion.values).all(axis=1)
+    if len(motion) < SHORTEST or not known.all() or len(wrenches) < SHORTEST:
+        return None
+    steps = np.diff(motion.time)
+    if steps.max() > 1.5 * steps.min():
+        return None
+    usable = _usable(model, motion, wrenches, signals)
+    # Times of files are rounded, which differentiating would take for accelerations.
+    even = np.linspace(motion.time[0], motion.time[-1], len(motion))
+    motion = replace(motion, time=even, velocities=None, accelerations=None)
+    up = int(np.argmax(np.abs(model.up)))
+    return Scene(
+        needs=body_needs(model, motion),
+        channels=channels(wrenches, signals.usable, up, model.weight),
+        usable=usable,
+        whole=whole,
+    )
+
+
+def _usable(
+    model: Model, motion: Motion, wrenches: Wrenches, signals: PlateSignals
+) -> NDArray[np.bool_]:
+    """Flag frames whose pose is the body's, and in which all plates that are stepped on work.
+
+    Where frames are missing, one clock holds on the longer side only.
+    """
+    time = motion.time
+    usable = np.ones(len(motion), bool)
+    for finding in motion.findings:
+        for start, stop in finding.times:
+            beside = (time < start - NEAR, time > stop + NEAR)
+            if finding.kind == FROZEN:
+                usable &= beside[0] | beside[1]
+            else:
+                usable &= max(beside, key=np.count_nonzero)
+    for plate in np.flatnonzero(signals.stepped_on & ~signals.usable):
+        force = np.linalg.norm(np.nan_to_num(wrenches.forces[:, plate]), axis=1)
+        usable &= np.interp(time, wrenches.time, force) < IDLE * model.weight
+    return usable
+
+
+def balance_findings(
+    model: Model,
+    motion: Motion,
+    wrenches: Wrenches,
+    signals: PlateSignals,
+    zeros: frozenset[int] = frozenset(),
+) -> Iterator[Finding]:
+    """Test whether plates, motion and body belong to each other.
+
+    Parameters
+    ----------
+    model : of a person with two feet
+    motion : (frames, coordinates) [rad or m]
+    wrenches : of the plates, on their own clock
+    signals : of the same plates
+    zeros : numbers of the plates that were seen without load
+
+    Yields
+    ------
+    one finding of what is wrong or none, and one for each foot beside the plates
+    """
+    scene = scene_of(model, motion, wrenches, signals)
+    if scene is None or not signals.usable.any():
+        return
+    found = None
+    if scene.beside > MUCH_BESIDE:
+        found = _brought_back(scene, wrenches, signals, zeros)
+    if found is None and len(scene.chosen) >= FEWEST:
+        found = _likeliest(_compared(scene, wrenches, signals, zeros), _late(motion, signals))
+    if found is not None:
+        yield found
+    elif all(wrenches.bodies) and not any(item.kind in BROKEN for item in signals.findings):
+        yield from _beside(scene)
+
+
+def _late(motion: Motion, signals: PlateSignals) -> bool:
+    """Whether missing frames or samples are known, which make what follows late."""
+    return bool(motion.findings) or any(item.kind == LOST_SAMPLES for item in signals.findings)
+
+
+def _likeliest(found: Comparison, late: bool) -> Finding | None:
+    """Name the likeliest fault, None where nothing is decisive.
+
+    Parameters
+    ----------
+    found : what may be wrong, the likeliest first
+    late : whether missing frames explain clocks that differ
+    """
+    tried = [item for item in found.tried if not (late and item.hypothesis.kinds[0] in OF_CLOCKS)]
+    best = next((item for item in tried if item.matters), None)
+    if best is None or best.gain < DECISIVE:
+        return None
+    rivals = [item for item in tried if item.gain > best.gain - APART]
+    # Something too small to matter explains as much.
+    trifle = any(not item.matters for item in rivals)
+    return None if trifle else _finding(best, rivals, found.left)
+
+
+def _beside(scene: Scene) -> Iterator[Finding]:
+    """Find the times at which a foot stands where no plate measures it."""
+    for foot, side in enumerate(scene.needs.feet.sides):
+        spans = tuple(
+            (bare.start, bare.stop)
+            for bare in scene.bare
+            if int(np.argmin(bare.gaps)) == foot and bare.gaps[foot] < UNDER
+        )
+        if not spans:
+            continue
+        name = {"r": "right", "l": "left"}[side]
+        share = (
+            100.0
+            * sum(stop - start for start, stop in spans)
+            / float(scene.needs.time[-1] - scene.needs.time[0])
+        )
+        text = FEET_BESIDE.message(
+            f"no plate measures the {name} foot in {share:.0f} % of the time"
+            f" ({times_text(spans)}), though it carries the body: torques of its leg are wrong"
+            " there",
+            size=share,
+        )
+        yield Finding(kind=BESIDE, place=f"{name} foot", text=text, times=spans)
+
+
+def _compared(
+    scene: Scene, wrenches: Wrenches, signals: PlateSignals, zeros: frozenset[int]
+) -> Comparison:
+    """Compare all that may be wrong with these plates."""
+    live = tuple(int(number) for number in np.flatnonzero(signals.usable))
+    plates = Plates(
+        names=wrenches.names,
+        live=live,
+        zeros=zeros,
+        up=scene.up,
+        weight=scene.weight,
+        times=scene.frames.time,
+    )
+    return compared(scene, list(hypotheses(plates)), live)
+
+
+def _brought_back(
+    scene: Scene, wrenches: Wrenches, signals: PlateSignals, zeros: frozenset[int]
+) -> Finding | None:
+    """Find the sign, axis or unit without which plates seem to carry a part of the body only."""
+    whole = replace(scene, whole=True)
+    if len(whole.chosen) < FEWEST:
+        return None
+    found = _compared(whole, wrenches, signals, zeros)
+    for item in found.tried[:3]:
+        if item.gain > 2.0 * DECISIVE and item.hypothesis.kinds[0].startswith(SUDDEN):
+            right = _put_right(scene, wrenches, signals, item)
+            if right is not None:
+                rivals = [other for other in found.tried if other.gain > item.gain - APART]
+                return _finding(item._replace(left=right), rivals, found.left)
+    return None
+
+
+def _put_right(
+    scene: Scene, wrenches: Wrenches, signals: PlateSignals, item: Tried
+) -> float | None:
+    """Make a correction of signs, axes or units, and return what is left then.
+
+    Returns
+    -------
+    over its noise; None where the plates then carry no more of the body, or do not carry it
+    """
+    correction = item.correction
+    changed = replace(
+        wrenches,
+        forces=np.einsum("pij,npj->npi", correction.force, np.nan_to_num(wrenches.forces)),
+        points=np.einsum("pij,npj->npi", correction.point, np.nan_to_num(wrenches.points)),
+    )
+    again = replace(
+        scene, channels=channels(changed, signals.usable, scene.up, scene.weight), whole=False
+    )
+    if len(again.chosen) < FEWEST or again.beside > scene.beside - LESS_BESIDE:
+        return None
+    left = misfit(again, np.flatnonzero(signals.usable).tolist())
+    return left if left < 0.6 * EXPLAINED else None
+
+
+def _forces(place: str) -> str:
+    """Write the names of plates as those of forces."""
+    names = place.split(", ")
+    return ("force " if len(names) == 1 else "forces ") + quoted(names)
+
+
+def _finding(best: Tried, rivals: list[Tried], left: float) -> Finding:
+    """Name what is wrong, and what may be meant as well."""
+    kinds = dict.fromkeys(kind for item in rivals for kind in item.hypothesis.kinds)
+    texts = dict.fromkeys(
+        f"{_forces(item.hypothesis.place)}: {item.hypothesis.text(item.values)}" for item in rivals
+    )
+    first, *others = list(texts)[:MOST_RIVALS]
+    sure = best.left < EXPLAINED
+    start = "the forces do not belong to the motion: " if not sure else ""
+    beside = "".join(f"; or {text}" for text in others)
+    told = (
+        f"{start}{first}{beside} (what is left of the balance of forces and moments falls from"
+        f" {left:.1f} to {best.left:.1f} times its noise)"
+    )
+    if not sure:
+        told += "; no single fault explains it"
+    cause = CAUSES.get(best.hypothesis.kinds[0], PLATES)
+    return Finding(
+        kind=" or ".join(kinds if sure else (NOT_ONE, *kinds)),
+        place=best.hypothesis.place,
+        text=cause.message(told, gravity="changes results"),
+    )
