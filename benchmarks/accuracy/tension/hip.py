@@ -170,7 +170,7 @@ def _rows(
 
 
 def _less_sure(home: Path) -> tuple[tuple[float, float], ...]:
-    """Times that a result file marks: ends of the recording, and beside long gaps [s]."""
+    """List times that a result file marks: ends of the recording, and beside long gaps [s]."""
     files = list(home.glob("*.nc"))
     errors = get_value(read_result(files[0]), MotionErrors) if files else None
     return () if errors is None else errors.less_sure
