@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from myomorph.core.model.errors import BadData
 from myomorph.core.model.motion_errors import MotionErrors
+from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.sync import resample_wrenches
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.quantities import get_value, put_value
 from myomorph.lab.store.results import new_result, read_result
@@ -16,6 +20,7 @@ from myomorph.lab.study.trial.default_filter import (
     chosen_filter,
     cutoff_of,
     filter_key,
+    slow_messages,
     with_bridges,
 )
 from myomorph.lab.study.trial.steps import id as inverse_dynamics_step
@@ -88,3 +93,27 @@ def test_results_store_the_errors_that_the_filter_leaves(arm, tmp_path):
     assert not errors.uncertain[len(recorded) // 2]
     stated = inverse_dynamics_step.solve_dynamics(opened(arm, cutoff=6.0), recorded)
     assert stated.errors is None
+
+
+def test_a_motion_in_milliseconds_is_asked_for_its_unit(arm):
+    """Frames that are seconds apart are poses: nothing is filtered, and nothing fails."""
+    trial = opened(arm)
+    recorded = recorded_poses(trial).recorded
+    slow = replace(recorded, time=1000.0 * recorded.time)
+    assert chosen_filter(trial, slow).cutoff is None
+    (said,) = [str(note) for note in slow_messages(slow)]
+    assert "milliseconds" in said
+    assert slow_messages(recorded) == ()
+
+
+def test_poses_a_second_apart_are_no_motion_in_milliseconds():
+    sweep = Motion(np.arange(20.0), ("knee",), np.zeros((20, 1)))
+    assert slow_messages(sweep) == ()
+
+
+def test_forces_beside_a_motion_in_milliseconds_name_the_unit():
+    time = np.linspace(0.0, 1.0, 101)
+    zero = np.zeros((101, 1, 3))
+    wrenches = Wrenches(time, ("plate",), ("foot",), zero, zero, zero)
+    with pytest.raises(BadData, match="times of the motion in milliseconds"):
+        resample_wrenches(wrenches, 1000.0 * time)

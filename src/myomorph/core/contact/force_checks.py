@@ -78,6 +78,8 @@ OVERRULED = (GAIN, "mass", "clock", TWO_FEET, NO_FOOT)
 """Kinds of findings that ask a part of the balance, so that the whole of it overrules them."""
 BEYOND = (LOAD, RATE, TURNED_PLATE)
 """Kinds with which the balance would only say the same in other words, or cannot be drawn up."""
+FEWEST = 3
+"""Frames with forces in which a motion has velocities."""
 PULLED = 0.3
 """Share of the weight that all plates together pull down where their sign is wrong."""
 LONGEST = 0.1
@@ -357,7 +359,7 @@ def checked_forces(
     the wrenches, as they were where nothing was corrected, and the findings
     """
     inside = _common_frames(wrenches, motion)
-    if not np.any(inside) or not model.mass > 0.0 or not wrenches.names:
+    if np.count_nonzero(inside) < FEWEST or not model.mass > 0.0 or not wrenches.names:
         return CheckedForces(wrenches, ())
     feet = foot_poses(model, _smooth(motion, inside))
     if feet is None:

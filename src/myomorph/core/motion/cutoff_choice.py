@@ -114,6 +114,10 @@ class CutoffChoice:
         }[self.origin]
 
 
+SLOWEST = 5.0
+"""Rate below which frames are poses for themselves, which no filter is for [Hz]."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Asked:
     """What a choice was made of."""
@@ -226,6 +230,8 @@ def _choice(
     if len(part) < MIN_FRAMES:
         cutoff = MOVEMENT_CUTOFFS.get(movement, USUAL) if movement else USUAL
         return CutoffChoice(cutoff=cutoff, origin="usual", spectra=None)
+    if part.rate < SLOWEST:
+        return CutoffChoice(cutoff=None, origin="smooth", spectra=None)
     rows = None if model is None else inertia_rows(model, motion)
     found = told_apart(part, model, rows, evidence)
     whole = found.spectra

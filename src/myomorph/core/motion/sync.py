@@ -130,6 +130,10 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
     return replace(wrenches, time=time, forces=forces, points=points, torques=torques)
 
 
+OF_A_THOUSAND = 0.2
+"""Part by which a ratio of lengths may differ from a thousand, where a unit explains it."""
+
+
 def _other_rate(times: Array, time: Array) -> str:
     """Ask for rates where forces begin with the motion and last a usual ratio of its time.
 
@@ -141,6 +145,9 @@ def _other_rate(times: Array, time: Array) -> str:
     lasts = float(time[-1] - time[0])
     starts_with_it = abs(times[0] - time[0]) < RATE_ERROR * lasts
     share = float(times[-1] - times[0]) / lasts if lasts > 0.0 else 1.0
+    for word, thousand in (("motion", 1e-3), ("forces", 1e3)):
+        if abs(share / thousand - 1.0) < OF_A_THOUSAND:
+            return f"are the times of the {word} in milliseconds? Give them in s; else "
     usual = any(abs(share / ratio - 1.0) < RATE_ERROR for ratio in USUAL_RATIOS)
     if not (starts_with_it and usual):
         return ""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.core.model.arrays import Array, runs
-from myomorph.core.model.causes import HIDDEN
+from myomorph.core.model.causes import HIDDEN, RATES
 from myomorph.core.model.errors import counted
 from myomorph.core.model.messages import Message
 from myomorph.core.model.motion_errors import MotionErrors
@@ -27,6 +27,9 @@ from myomorph.lab.study.inputs.refined import RefinedMotion
 from myomorph.lab.study.inputs.session import RecordedSession
 from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.trial.trial_inputs import TrialInputs
+
+SLOWEST_STEP = 3.0
+"""Time from frame to frame from which a motion may be in another unit: 333 Hz in ms [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,8 +131,20 @@ def differentiated(trial: TrialInputs, recorded: Motion) -> Differentiated:
         motion=chart.back(smoothed.motion),
         # Of other angles of a floating body, errors are those of these.
         errors=None if chart.pairs else smoothed.errors,
-        notes=gap_messages(smoothed),
+        notes=(*gap_messages(smoothed), *slow_messages(recorded)),
     )
+
+
+def slow_messages(recorded: Motion) -> tuple[Message, ...]:
+    """Ask for the unit of times that make a motion one of seconds from frame to frame."""
+    step = float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
+    if step < SLOWEST_STEP:
+        return ()
+    text = (
+        f"the frames of the motion are {step:.3g} s apart: are its times in milliseconds? Times are"
+        " in seconds; velocities and accelerations follow them"
+    )
+    return (RATES.message(text, gravity="may change results"),)
 
 
 def gap_messages(smoothed: SmoothedMotion) -> tuple[Message, ...]:
