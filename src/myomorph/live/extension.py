@@ -16,6 +16,7 @@ EXTENSION = Extension(
             ),
             panel="The movement and its forces",
             first_options=(
+                "model",
                 "markers",
                 "loads",
                 "labels",
@@ -29,7 +30,7 @@ EXTENSION = Extension(
                 "recruitment",
                 "draws",
             ),
-            option_panels={"Inputs and outputs": ("lsl-out",), "Running": ("max-age",)},
+            option_panels={"Inputs and outputs": ("lsl-out", "recover"), "Running": ("max-age",)},
         )
     },
     motion_sources={

@@ -18,7 +18,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.live.session_clock import SessionClock, Stamp
 from myomorph.live.sources import Arrived, Source
@@ -261,6 +261,7 @@ def uncollected_past() -> Iterator[None]:
         gc.unfreeze()
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class _Waiting:
     """A frame that is to be computed. `taken`: how long after it was there it was taken [s]."""

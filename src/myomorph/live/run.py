@@ -124,14 +124,6 @@ def run_live_chain(
     direct: list[Output] = []
     late: list[Output] = []
     with ExitStack() as stack:
-        log = None
-        if outputs.folder is not None:
-            settings = plain_settings(chain.options) | plain_settings(tension or TensionOptions())
-            made = provenance_of(STEP, (file_source("model", model), *read), settings)
-            outputs.folder.mkdir(parents=True, exist_ok=True)
-            log = SessionLog(outputs.folder / LOG, head_of(chain, model, made), delays)
-            stack.enter_context(log)
-            late.append(log)
         if outputs.stream:
             outlet = LabOutlet(outputs.stream, chain, source)
             direct.append(outlet)
@@ -148,6 +140,15 @@ def run_live_chain(
             stack.callback(page.close)
             late.append(page)
             said(f"the body is at {page.address}")
+        log = None
+        # After whatever may refuse what was asked for, so that no folder is left behind.
+        if outputs.folder is not None:
+            settings = plain_settings(chain.options) | plain_settings(tension or TensionOptions())
+            made = provenance_of(STEP, (file_source("model", model), *read), settings)
+            outputs.folder.mkdir(parents=True, exist_ok=True)
+            log = SessionLog(outputs.folder / LOG, head_of(chain, model, made), delays)
+            stack.enter_context(log)
+            late.insert(0, log)
         stack.enter_context(ended_by_signals())
         try:
             session = follow(chain, source, direct, late, delays)

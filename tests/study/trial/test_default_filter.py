@@ -114,6 +114,8 @@ def test_poses_a_second_apart_are_no_motion_in_milliseconds():
 def test_forces_beside_a_motion_in_milliseconds_name_the_unit():
     time = np.linspace(0.0, 1.0, 101)
     zero = np.zeros((101, 1, 3))
-    wrenches = Wrenches(time, ("plate",), ("foot",), zero, zero, zero)
+    wrenches = Wrenches(
+        time=time, names=("plate",), bodies=("foot",), forces=zero, points=zero, torques=zero
+    )
     with pytest.raises(BadData, match="times of the motion in milliseconds"):
         resample_wrenches(wrenches, 1000.0 * time)

@@ -179,7 +179,7 @@ def test_the_command_says_where_and_ends_with_ctrl_c(write: Write) -> None:
     try:
         assert process.stdout is not None
         line = process.stdout.readline()
-        assert re.match(r"http://127\.0\.0\.1:\d+ ", line), line
+        assert re.match(r"http://127\.0\.0\.1:\d+/\?token=[\w-]+ ", line), line
         process.send_signal(signal.SIGINT)
         rest, errors = process.communicate(timeout=20)
         assert process.returncode == 0, errors
