@@ -273,6 +273,7 @@ PAGES: dict[str, dict[str, str]] = {
         "limbs_relaxed_child": "accuracy.viscosity.relaxed:measure_child",
         "scans_of_other_bones": "accuracy.viscosity.scans:measure",
         "virtual_joints": "accuracy.viscosity.virtual:measure_joints",
+        "bench_joints": "accuracy.viscosity.bench:measure",
         "virtual_cohort": "accuracy.viscosity.virtual:measure_cohort",
         "virtual_muscles": "accuracy.viscosity.virtual:measure_muscles",
     },
