@@ -1,6 +1,7 @@
 """Faults that markers, plates and body together have to show.
 
-Seventy in each of ten recordings of six laboratories, and the same recordings without any.
+There are 64, as far as a recording can have them, in each of ten recordings of six laboratories.
+The same recordings are looked at without any.
 
 Each goes the way of `ik` and `id` with a model that is given: checked inverse kinematics, forces
 held against the motion and put on feet, torques. A finding names a fault where its kind is one of

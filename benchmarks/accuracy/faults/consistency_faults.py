@@ -1,7 +1,7 @@
 """Faults of markers, plates and models, of sizes that are drawn.
 
 Each knows what it does to a recording, and how a finding has to name it.
-They are put into values and not into files, so a hundred of them take a minute a recording.
+They are put into values and not into files, so that all of them take about a minute a recording.
 """
 
 from __future__ import annotations
@@ -418,7 +418,9 @@ def _feet_exchanged(case: Case) -> Case | None:
     others = [plate for plate in case.plates if bodies[plate] != bodies[first]]
     if not others or not all(bodies):
         return None
-    bodies[first], bodies[others[0]] = bodies[others[0]], bodies[first]
+    own = bodies[first]
+    bodies[first] = bodies[others[0]]
+    bodies[others[0]] = own
     return case.with_wrenches(bodies=tuple(bodies))
 
 

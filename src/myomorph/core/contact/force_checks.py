@@ -393,7 +393,7 @@ def _not_judged(wrenches: Wrenches, motion: Motion) -> Finding:
     )
     text = PLATES.message(
         f"the forces were neither judged nor put right by the motion, since the markers contradict"
-        f" a standing body ({kinds}): mend the markers first",
+        f" a standing body ({kinds}): correct the markers first",
         gravity="changes results",
     )
     return Finding("forces not judged", ", ".join(wrenches.names), text)
