@@ -67,6 +67,7 @@ def test_waivers_are_few_and_give_their_reason(files):
     [
         ("tuple", "a, b = x, y", "a, b = b, a"),
         ("tuple", "self.a, self.b = 1, 2", "a, b = f()"),
+        ("rebound", "A = 1\nB = A\nA = 2", "A = 1\nB = A\nC = 2"),
         ("generator", "a, b = (f(x) for x in y)", "a, b = map(f, y)"),
         ("positional", "Point(1, 2, 3, 4)", "Point(1, 2, 3)"),
         ("positional", "Point(1, 2, 3, 4, name='P')", "point(1, 2, 3, 4)"),

@@ -68,10 +68,29 @@ def places(source: Source) -> Iterator[tuple[int, str, str]]:
         for rule, wrong in RULES_OF_NODES.get(type(node), ()):
             if text := wrong(node):
                 yield node.lineno, rule, text
+    for line, name in bound_again(tree):
+        yield line, "rebound", f"{name} has a value already, which its readers above still ask for"
     for function, public in functions(tree):
         for rule, wrong_function in RULES_OF_FUNCTIONS:
             if text := wrong_function(function, public):
                 yield function.lineno, rule, f"{function.name}: {text}"
+
+
+def bound_again(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Yield names of a module that one statement after another gives a value."""
+    known = set()
+    for statement in tree.body:
+        if isinstance(statement, ast.Assign):
+            targets = statement.targets
+        elif isinstance(statement, ast.AnnAssign) and statement.value is not None:
+            targets = [statement.target]
+        else:
+            targets = []
+        for target in targets:
+            if isinstance(target, ast.Name) and target.id in known:
+                yield statement.lineno, target.id
+            elif isinstance(target, ast.Name):
+                known.add(target.id)
 
 
 def unrelated_tuple(node: ast.Assign) -> str:
@@ -238,6 +257,15 @@ RULES_OF_FUNCTIONS: list[tuple[str, Callable[[Function, bool], str]]] = [
     ("sections", missing_sections),
     ("parameters", undescribed_arguments),
 ]
-MECHANICAL = ("unformatted", "tuple", "generator", "positional", "splat", "conditional", "f-string")
+MECHANICAL = (
+    "unformatted",
+    "tuple",
+    "generator",
+    "positional",
+    "splat",
+    "conditional",
+    "f-string",
+    "rebound",
+)
 """Rules that need no judgement."""
 JUDGED = ("arguments", "dense", "sections", "parameters")

@@ -350,8 +350,8 @@ def _thickness(hull: scipy.spatial.ConvexHull, wanted: float) -> float:
 
 
 _CUBE = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-_DIRECTIONS = _CUBE[np.any(_CUBE != 0.0, axis=1)]
-_DIRECTIONS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
+_OUTWARD = _CUBE[np.any(_CUBE != 0.0, axis=1)]
+_DIRECTIONS = _OUTWARD / np.linalg.norm(_OUTWARD, axis=1, keepdims=True)
 
 
 def _along_bones(body: Body, i: int, links: Links) -> Solid:

@@ -114,7 +114,7 @@ class CutoffChoice:
         }[self.origin]
 
 
-SLOWEST = 5.0
+FEWEST_A_SECOND = 5.0
 """Rate below which frames are poses for themselves, which no filter is for [Hz]."""
 
 
@@ -230,7 +230,7 @@ def _choice(
     if len(part) < MIN_FRAMES:
         cutoff = MOVEMENT_CUTOFFS.get(movement, USUAL) if movement else USUAL
         return CutoffChoice(cutoff=cutoff, origin="usual", spectra=None)
-    if part.rate < SLOWEST:
+    if part.rate < FEWEST_A_SECOND:
         return CutoffChoice(cutoff=None, origin="smooth", spectra=None)
     rows = None if model is None else inertia_rows(model, motion)
     found = told_apart(part, model, rows, evidence)

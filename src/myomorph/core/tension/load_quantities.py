@@ -123,7 +123,7 @@ JOINT_REACTION = Quantity(
     label="Joint loads",
     drawn=True,
 )
-JOINT_FORCE = Quantity(
+JOINT_FORCE_NORM = Quantity(
     name="joint_force",
     dims=("time", "loaded_joint"),
     unit="N",
@@ -255,7 +255,7 @@ QUANTITIES = (
     JOINT_CONTACT_JOINT,
     JOINT_CONTACT_LOAD,
     JOINT_REACTION,
-    JOINT_FORCE,
+    JOINT_FORCE_NORM,
     *STATIC_LOADS,
     CONTACT_LOAD,
     CONTACT_GROUP_FORCE,

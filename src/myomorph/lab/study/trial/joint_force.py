@@ -13,7 +13,7 @@ from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.segments import joint_labels
 from myomorph.core.model.series import Series
-from myomorph.core.tension.load_quantities import JOINT_FORCE, JOINT_REACTION
+from myomorph.core.tension.load_quantities import JOINT_FORCE_NORM, JOINT_REACTION
 from myomorph.core.tension.reaction import JointReactions
 from myomorph.core.tension.tension import MAX_UNEXPLAINED, Tension, unexplained_frames
 from myomorph.lab.store.quantities import put_value
@@ -68,4 +68,4 @@ def joint_forces(reactions: JointReactions, model: Model) -> Series:
     columns = [place for place, name in enumerate(reactions.joints) if name not in on_ground]
     names = tuple(labels[reactions.joints[place]] for place in columns)
     sizes = np.linalg.norm(reactions.forces[:, columns], axis=2)
-    return Series(reactions.time, names, sizes, quantity=JOINT_FORCE)
+    return Series(reactions.time, names, sizes, quantity=JOINT_FORCE_NORM)

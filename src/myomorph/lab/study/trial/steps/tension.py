@@ -42,7 +42,7 @@ from myomorph.core.tension.load_quantities import (
     CONTACT_GROUP_FORCE,
     CONTACT_LOAD,
     INTERVAL_LOW,
-    JOINT_FORCE,
+    JOINT_FORCE_NORM,
     STATIC_LOAD_HIGH,
     STATIC_LOAD_LOW,
     STATIC_LOADS,
@@ -471,7 +471,7 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     dynamics = replace(
         report_input.dynamics,
         torques=report_input.dynamics.torques if carried is None else carried,
-        joint_force=store.get_series(stored, JOINT_FORCE),
+        joint_force=store.get_series(stored, JOINT_FORCE_NORM),
     )
     report_input = replace(report_input, dynamics=dynamics)
     contacts = EstimatedContacts(
@@ -513,7 +513,7 @@ def _residuals(tension: Tension | None) -> Series | None:
 
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
-    columns = (ACTIVATION, MUSCLE_FORCE, JOINT_FORCE, *STATIC_LOADS)
+    columns = (ACTIVATION, MUSCLE_FORCE, JOINT_FORCE_NORM, *STATIC_LOADS)
     found = [store.get_series(stored, quantity) for quantity in columns]
     loads = tuple(tidy_signals("tension", series, model) for series in found if series is not None)
     return *loads, *fiber_signals(stored, model), *joint_contact_signals(stored, model)
