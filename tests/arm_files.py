@@ -19,7 +19,10 @@ def arm(tmp_path: Path) -> ExampleFiles:
 
 @pytest.fixture
 def command(capfd: pytest.CaptureFixture[str]) -> Callable[..., SimpleNamespace]:
-    """Runs the command line in this process: its exit status and what it printed."""
+    """Return a function that runs the command line in this process.
+
+    It gives the exit status and what was printed.
+    """
     from myomorph.lab.cli import main
 
     def run(*arguments: object) -> SimpleNamespace:
@@ -33,8 +36,9 @@ def command(capfd: pytest.CaptureFixture[str]) -> Callable[..., SimpleNamespace]
 
 @pytest.fixture
 def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Studies of the command line do their jobs in this process, where the processes are not what
-    is tested.
+    """Run the jobs of studies in this process.
+
+    For tests of the command line that do not test the processes.
     """
     from myomorph.lab.study.workers import local_workers
 

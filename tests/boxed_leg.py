@@ -1,5 +1,6 @@
-"""A leg of two boxes with a hinge, and what a morph of it looks like: every depth and moment arm is
-known by hand.
+"""A leg of two boxes with a hinge, and what a morph of it looks like.
+
+Every depth and moment arm is known by hand.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ STILL = Transform.identity()
 
 
 def box(center_y: float, half: float = HALF, length: float = LENGTH) -> Surface:
-    """An upright box around (0, center_y, 0)."""
+    """Make an upright box around (0, center_y, 0)."""
     made = trimesh.creation.box((2 * half, length, 2 * half)).subdivide().subdivide()
     return Surface(np.array(made.vertices) + [0.0, center_y, 0.0], np.array(made.faces))
 
@@ -40,7 +41,7 @@ BONES = {"thigh": box(-0.2), "shank": box(-0.22)}
 def muscle(
     name: str, points: list[tuple[str, tuple[float, float, float]]], **more: object
 ) -> Muscle:
-    """A muscle through points of bodies."""
+    """Make a muscle through points of bodies."""
     path = Path(
         tuple(
             PathPoint(f"{name}-P{i + 1}", body, np.array(at)) for i, (body, at) in enumerate(points)
@@ -58,8 +59,9 @@ def muscle(
 
 
 def leg(**muscles: Muscle) -> Model:
-    """Thigh and shank, hinged at the end of the thigh about z, with an extensor in front and a
-    flexor behind.
+    """Make a thigh and a shank, hinged at the end of the thigh about z.
+
+    An extensor is in front and a flexor behind.
     """
     front = muscle("extensor", FRONT)
     behind = muscle("flexor", [(body, (-x, y, z)) for body, (x, y, z) in FRONT])
@@ -117,7 +119,7 @@ def leg(**muscles: Muscle) -> Model:
 
 
 def morph_of(source: Model, target: Model, size: float = 1.0) -> Morph:
-    """The morph that made the target: bones grown by a size, nothing else said of it."""
+    """Return the morph that made the target: bones grown by a size, no other information."""
     grown = AffineMap(size * np.eye(3), np.zeros(3))
     whole = Similarity(np.eye(3), np.zeros(3), size)
     bones = {
@@ -178,12 +180,12 @@ def morph_of(source: Model, target: Model, size: float = 1.0) -> Morph:
 
 
 def grown(model: Model, size: float) -> Model:
-    """The model, uniformly larger."""
+    """Return the model, uniformly larger."""
     return scale(model, {name: np.full(3, size) for name in model.body_names})
 
 
 def with_muscle(model: Model, one: Muscle) -> Model:
-    """The model with a muscle in the place of its namesake."""
+    """Return the model with a muscle in the place of its namesake."""
     return replace(
         model, muscles=tuple(one if old.name == one.name else old for old in model.muscles)
     )

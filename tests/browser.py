@@ -1,5 +1,6 @@
-"""A real browser without a window, driven through its DevTools: opens a page, types, clicks, and
-takes pictures.
+"""A real browser without a window, driven through its DevTools.
+
+It opens a page, types, clicks, and takes pictures.
 """
 
 from __future__ import annotations
@@ -126,7 +127,7 @@ class Browser:
         self.call("Page.navigate", url=address)
 
     def run(self, script: str) -> Any:
-        """The value of an expression of JavaScript in the page."""
+        """Return the value of a JavaScript expression in the page."""
         told = self.call(
             "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
         )
@@ -176,7 +177,7 @@ class Browser:
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
     def picture(self, path: Path | None = None) -> np.ndarray:
-        """What is seen, (height, width, 3), also written as a PNG file where `path` is given."""
+        """Return a picture of the window, also written as a PNG file where `path` is given."""
         image = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
         if path is not None:
             path.write_bytes(image)
@@ -196,7 +197,7 @@ def wait(told: Callable[[], Any], seconds: float, what: str) -> Any:
 
 
 def _told(details: dict[str, Any]) -> str:
-    """What an exception says and where it was thrown, the message first."""
+    """Return the message of an exception and where it was thrown, the message first."""
     said = details.get("exception", {})
     message = said.get("description") or said.get("value") or details.get("text")
     return f"{message} {json.dumps(details)}"[:2000]

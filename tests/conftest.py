@@ -1,5 +1,6 @@
-"""Where the recordings are: `MYOMORPH_DATA`, or the folder that lies beside the checkout; which
-tests run first.
+"""Where the recordings are, and which tests run first.
+
+Recordings are in `MYOMORPH_DATA`, or in the folder next to the checkout.
 """
 
 from __future__ import annotations
@@ -48,8 +49,9 @@ ones.
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let pytest-xdist take files in their order; by itself it would begin with those that have
-    most tests.
+    """Let pytest-xdist take files in their order.
+
+    By itself it would begin with those that have most tests.
     """
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False
@@ -77,10 +79,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(autouse=True, scope="session")
 def told_of_no_wait() -> None:
-    """Say nothing of kernels that compile, nor of how long work took: both depend on the machine
-    and on what ran before, and are no warning.
+    """Print nothing on kernels that compile, nor on how long work took.
 
-    Tests of what is said run a process of their own, or set the patience themselves.
+    Both depend on the machine and on what ran before, and are no warning. Tests of what is printed
+    run a process of their own, or set the patience themselves.
     """
     # Here, because shapes are checked only in what is imported after `check_shapes`.
     from myomorph.core.rigid import kernels

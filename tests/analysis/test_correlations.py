@@ -62,8 +62,9 @@ def test_chance_is_that_of_students_t() -> None:
 
 
 def test_plain_correlation_would_call_them_significant() -> None:
-    """Why degrees of freedom matter: as if all frames were independent, most slow pairs would stand
-    out.
+    """Without the correction for degrees of freedom, most slow pairs would appear significant.
+
+    That is the result when all frames are taken as independent.
     """
     result = correlate(
         series(noise(np.random.default_rng(0), 20, 0.3)),

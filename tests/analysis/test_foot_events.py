@@ -1,5 +1,6 @@
-"""The direction of a body in place on a belt: where its feet swing fastest, whatever units lengths
-are in.
+"""The direction of a body in place on a belt.
+
+It is where the feet swing fastest, whatever the unit of length.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ TIME = np.arange(0.0, 4.0, 0.01)
 
 
 def directed(unevenness: float, size: float) -> tuple[np.ndarray, str]:
-    """Direction of feet whose speed is cos + b cos 2, of skewness (3/4) b / ((1 + b^2) / 2)^1.5,
-    and its note.
+    """Return the direction of feet whose speed is cos + b cos 2, and its note.
+
+    The speed has a skewness of (3/4) b / ((1 + b^2) / 2)^1.5.
     """
     phases = (2.0 * np.pi * TIME, 2.0 * np.pi * TIME + np.pi)
     feet = [

@@ -1,5 +1,6 @@
-"""Curves of clinical gait analysis: what they must be whichever way a body walks, and beside
-another program's.
+"""Curves of clinical gait analysis.
+
+Invariance under the direction of walking, and comparison with another program's curves.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def walk(data):
 
 
 def turned(model, degrees):
-    """The model's ground turned about its vertical."""
+    """Rotate the model's ground about its vertical."""
     a = np.radians(degrees)
     turn = np.array([[np.cos(a), 0.0, np.sin(a)], [0.0, 1.0, 0.0], [-np.sin(a), 0.0, np.cos(a)]])
     root = model.joints[0]

@@ -1,5 +1,6 @@
-"""Two groups: false calls as often as said, differences that are there found, small groups only
-described.
+"""Comparison of two groups.
+
+False positives at the stated rate, true differences found, small groups only described.
 """
 
 from __future__ import annotations

@@ -16,8 +16,9 @@ def slow_noise(random: np.random.Generator, cutoff: float) -> np.ndarray:
 
 @pytest.mark.parametrize("period", [0.5, 1.13, 5.0, 12.0])
 def test_a_period_in_noise_is_found(period: float) -> None:
-    """Figure 5.3 of [D]: about 5 s, 8 times in 40 s; here others too, with a drift and measurement
-    noise.
+    """Figure 5.3 of [D]: a period of about 5 s, 8 times in 40 s.
+
+    Here other periods too, with a drift and measurement noise.
     """
     random = np.random.default_rng(3)
     wave = np.sin(2 * np.pi * TIME / period) + 0.4 * np.cos(4 * np.pi * TIME / period + 1.0)
@@ -43,8 +44,9 @@ def test_size_place_and_clock_do_not_matter(scale: float) -> None:
 
 @pytest.mark.parametrize("cutoff", [0.1, 0.3, 1.0, 5.0])
 def test_what_does_not_repeat_is_told_so(cutoff: float) -> None:
-    """Of noise that wanders at any pace, fewer get a period than one minus the confidence asked for
-    allows.
+    """Noise that wanders at any pace rarely gets a period.
+
+    The share that does is below one minus the requested confidence.
     """
     random = np.random.default_rng(int(100 * cutoff))
     found = [find_period(TIME, slow_noise(random, cutoff)) for _ in range(120)]

@@ -14,8 +14,9 @@ G = 9.80665
 def jump(
     rate: float = 1000.0, mass: float = 75.0, noise: float = 3.0
 ) -> tuple[Wrenches, Series, dict[str, float]]:
-    """A jump whose center of mass is known: stand 1 s, dip, push, fly ballistically, land and
-    stand.
+    """Simulate a jump whose center of mass is known.
+
+    The phases are: stand 1 s, dip, push, ballistic flight, land and stand.
     """
     time = np.arange(0.0, 4.0, 1.0 / rate)
     acceleration = np.zeros_like(time)

@@ -1,5 +1,6 @@
-"""Contacts of a run from the force that the center of mass shows, and events of several sources in
-one stride.
+"""Contacts of a run from the force on the center of mass.
+
+Also events of several sources in one stride.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ FLIGHT = 0.12
 
 
 def bouncing(contact: float, flight: float) -> Motion:
-    """The made walker falls and is thrown up again by half-sine forces, each leg's turn with its
-    foot below.
+    """Make the made walker fall and be thrown up again by half-sine forces.
+
+    The legs alternate; the foot of the leg in contact is below.
     """
     model = walker()
     period = contact + flight

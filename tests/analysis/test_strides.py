@@ -1,5 +1,6 @@
-"""Strides: those of made gaits come back, plates agree with markers on a real walk, a mouse's with
-gaps.
+"""Strides: those of made gaits are recovered.
+
+Plates agree with markers on a real walk; a mouse's strides have gaps.
 """
 
 from __future__ import annotations
@@ -34,8 +35,9 @@ def gait(
     cycles=12,
     turn=0.0,
 ):
-    """Two paws that stand still on the ground (or go with it) and swing evenly; strikes are at
-    whole cycles.
+    """Make two paws that stand still on the ground (or move with the belt) and swing evenly.
+
+    Foot strikes are at whole cycles.
     """
     time = np.arange(0.0, cycles * period, 1.0 / rate)
     speed = length / period

@@ -1,5 +1,6 @@
-"""Bad input ends with exit status 2 and one line that helps, within seconds, and leaves nothing
-behind.
+"""Bad input ends with exit status 2 and one line that helps.
+
+It does so within seconds, and leaves nothing behind.
 """
 
 from __future__ import annotations
@@ -57,8 +58,9 @@ def refused(told, *words):
 
 @pytest.fixture
 def spoilt(arm, command):
-    """Runs all commands that read a file of one role and expects each to refuse; nothing may be
-    left.
+    """Return a check that all commands that read a file of one role refuse it.
+
+    No command may leave a file behind.
     """
 
     def check(role, *words):

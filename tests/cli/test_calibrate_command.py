@@ -17,7 +17,7 @@ from stick_figure import person
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """A generic model and a recording of a person of other lengths."""
+    """Return a generic model and a recording of a person of other lengths."""
     folder = tmp_path_factory.mktemp("person")
     one = person(frames=60)
     write_osim(one.generic, folder / "generic.osim")

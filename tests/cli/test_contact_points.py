@@ -1,5 +1,6 @@
-"""`tension --contact-points`: files, notes, store, report and tables; what is wrong with a file is
-said.
+"""`tension --contact-points`: files, notes, store, report and tables.
+
+What is wrong with a file is reported.
 """
 
 from __future__ import annotations
@@ -144,8 +145,9 @@ def test_notes_tell_of_lift_off_and_of_nothing_else():
 
 
 def test_coordinates_that_couplers_drive_follow_them(data):
-    """A patella's angle in degrees, as OpenSim 3 wrote it, is put right and told; where it is right
-    nothing is said.
+    """A patella's angle in degrees, as OpenSim 3 wrote it, is corrected and reported.
+
+    Where it is right, nothing is reported.
     """
     model = open_model(data("knee-implant-walk/nominal.osim"))
     names = ("knee_angle_l", "knee_angle_l_beta")

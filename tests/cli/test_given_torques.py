@@ -13,7 +13,7 @@ from myomorph.core.model.frozen_map import FrozenMap
 
 @pytest.fixture
 def torques(arm, command, tmp_path):
-    """The arm's torques as `id` writes them."""
+    """Write the arm's torques as `id` writes them."""
     path = tmp_path / "torques.sto"
     told = command("id", "--model", arm.model, "--motion", arm.motion, "--out", path)
     assert told.status == 0, told.err

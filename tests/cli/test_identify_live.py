@@ -10,8 +10,9 @@ from myomorph.lab.cli import main
 def test_a_recording_is_shown_and_identified(
     data: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Played as fast as it goes, with no terminal to draw on: one line on what was seen, then the
-    model.
+    """Played as fast as possible, with no terminal to draw on.
+
+    The output is one line on what is identifiable, then the model.
     """
     folder = data("opensim-gait-subject01") / "ref_id"
     out = tmp_path / "identified.osim"

@@ -24,7 +24,7 @@ SHRUG = "shoulder-thoracoscapular/ik/SHRUG01.mot"
 
 @pytest.fixture
 def thick(arm, tmp_path):
-    """The arm with a spring, a damper and viscous muscles, its file and its motion."""
+    """Return the arm with a spring, a damper and viscous muscles, its file and its motion."""
     model = read_osim(arm.model)
     first, second = model.coordinate_names[:2]
     made = with_passive_dynamics(
@@ -189,8 +189,9 @@ RESERVE = """<CoordinateActuator name="r_{name}"><coordinate>{name}</coordinate>
 def test_static_optimization_takes_springs_and_viscosity_into_account_as_opensim(
     thick, arm, tmp_path
 ):
-    """OpenSim's muscle forces leave its dampers out, for those are forces of their own; so do ours
-    in this tool.
+    """OpenSim's muscle forces leave its dampers out, and so do ours in this tool.
+
+    Dampers are forces of their own.
     """
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")

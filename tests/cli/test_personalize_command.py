@@ -1,5 +1,6 @@
-"""`myomorph personalize`: the model it writes, its tables, what it says of bad input, and the step
-of a study.
+"""`myomorph personalize`: the model it writes and its tables.
+
+Also its messages on bad input, and the step of a study.
 """
 
 from __future__ import annotations

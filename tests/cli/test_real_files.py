@@ -1,5 +1,6 @@
-"""Real files, odd and damaged ones: `info` and the steps end with 0 or 2, quickly, and never with a
-traceback.
+"""Real files, odd and damaged ones.
+
+`info` and the steps end with 0 or 2, quickly, and never with a traceback.
 """
 
 from __future__ import annotations

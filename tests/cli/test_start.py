@@ -24,8 +24,9 @@ sys.exit(status)
 
 
 def loaded(tmp_path, *words):
-    """Heavy packages that a command imports, in a process with an empty folder of kernels, which
-    must stay empty.
+    """Return the heavy packages that a command imports.
+
+    The process has an empty folder of kernels, which must stay empty.
     """
     kernels = tmp_path / "kernels"
     places = {"NUMBA_CACHE_DIR": str(kernels), "PYTHONPATH": str(SOURCES)}

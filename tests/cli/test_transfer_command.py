@@ -14,7 +14,7 @@ from myomorph.core.model.spatial import Transform
 
 
 def leg(thigh, mass):
-    """A pelvis with two thighs and a right leg, of bodies that all have the same mass."""
+    """Make a pelvis with two thighs and a right leg, of bodies that all have the same mass."""
     parts = {
         "pelvis": ("ground", 1.0, 0.0),
         "femur_r": ("pelvis", -0.1, 0.1),

@@ -15,8 +15,9 @@ SITES = tuple(Site(f"tip_{name}", name, [TIP]) for name in "ab")
 
 
 def rods(*names: str, mass: float = 0.06, length: float = 0.4) -> Model:
-    """Sticks that turn about their ends, hanging down beside each other; body and coordinate have
-    one name.
+    """Make sticks that turn about their ends and hang down next to each other.
+
+    Body and coordinate have one name.
     """
     across = mass * length**2 / 12.0
     center = np.array([0.0, -0.5 * length, 0.0])

@@ -1,5 +1,6 @@
-"""A handle's sensor on a carried object: made recordings come back; a lifted box with one
-instrumented handle.
+"""A handle's sensor on a carried object.
+
+Made recordings are recovered; a lifted box has one instrumented handle.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ CORNERS = np.array([[0.1, 0.2, 0], [-0.1, 0.2, 0.05], [0.1, -0.2, 0.1], [-0.1, -
 
 
 def carried(squeeze: bool, offset: float = 0.012, noise: float = 0.0, seconds: float = 4.0):
-    """An object that is lifted, tilted and swung about by hands; markers at 100 Hz, sensor at 2000
-    Hz.
+    """Simulate an object that hands lift, tilt and swing.
+
+    Markers are at 100 Hz, the sensor at 2000 Hz.
     """
     random = np.random.default_rng(0)
 
@@ -125,11 +127,10 @@ def test_a_point_of_action_is_found_from_force_and_torque():
 
 
 def test_the_handle_of_a_lifted_box(data):
-    """Six voltages through the 6x6 matrix, tared at rest, against the motion of the box's eight
-    markers.
+    """Six voltages through the 6x6 matrix, tared at rest, against the motion of the box's markers.
 
-    The lift takes both hands, so one hand's force is explained only across the line between the
-    handles.
+    The box has eight markers. The lift takes both hands, so one hand's force is explained only
+    across the line between the handles.
     """
     folder = data("c3d-shoulder-emg-handle/markers_analogs.c3d").parent
     trial = read_c3d(folder / "markers_analogs.c3d")

@@ -1,5 +1,6 @@
-"""Sites under feet: on the sole of every model, where plates feel the foot, and on the floor after
-a fit.
+"""Sites under feet.
+
+They are on the sole of every model, where plates measure the foot, and on the floor after a fit.
 """
 
 from __future__ import annotations
@@ -45,8 +46,9 @@ OSIM = (
 
 
 def checked_soles(model: Model) -> None:
-    """Each foot has six sites in convex order, under the ankle, ahead of the heel, and mirrored on
-    the other foot.
+    """Check the six sites of each foot.
+
+    They are in convex order, under the ankle, ahead of the heel, and mirrored on the other foot.
     """
     sites = foot_sites(model)
     poses = standing_poses(model)
@@ -90,8 +92,9 @@ def test_soles_of_mujoco_models(name):
 
 
 def test_a_foot_turned_with_its_model_keeps_its_sites(data):
-    """Sites are fixed to the body: turning the model's ground about the vertical changes none of
-    them.
+    """Sites are fixed to the body.
+
+    Turning the model's ground about the vertical changes none of them.
     """
     model = read_model(data(OSIM[0]))
     turn = Transform.from_euler_xyz((0.0, 0.7, 0.0), (0.3, 0.0, -0.2))
@@ -162,7 +165,7 @@ def test_a_cluster_is_where_most_values_lie():
 
 @pytest.fixture(scope="module")
 def walk(data):
-    """The walk of Rajagopal's example, and what plates measured of it at the motion's times."""
+    """Return the walk of Rajagopal's example, and its plates at the motion's times."""
     model = read_model(data(OSIM[0]))
     whole = motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model)
     thin = type(whole)(whole.time[::10], whole.names, whole.values[::10])
@@ -189,8 +192,9 @@ def test_soles_rest_on_the_floor_of_the_plates(walk):
 
 
 def test_centers_of_pressure_lie_inside_the_soles(walk):
-    """Measured centers of pressure of a loaded foot are inside the polygon of its sites, or a
-    finger beside it.
+    """Measured centers of pressure of a loaded foot are inside the polygon of its sites.
+
+    Outside it they are no farther than a finger's breadth.
     """
     model, motion, wrenches = walk
     sites, _ = rest_on_floor(model, motion, foot_sites(model), 0.0)
@@ -214,8 +218,9 @@ def _outside(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def test_a_foot_that_swings_throughout_has_the_sole_of_the_other(data):
-    """In the swing of one leg alone its lowest frames are no stance: they once put its sole far
-    under the floor.
+    """In the swing of one leg alone its lowest frames are no stance.
+
+    They once put its sole far under the floor.
     """
     walk = measured_walk(data)
     rows = (walk.motion.time > 0.6) & (walk.motion.time < 0.8)

@@ -1,5 +1,6 @@
-"""When sites touch: against plates that were not shown, in flight, on a belt, for a mouse, and from
-several sources.
+"""When sites are in contact.
+
+Against plates that were withheld, in flight, on a belt, for a mouse, and from several sources.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ def walk(data):
 
 
 def test_contacts_of_a_walk_agree_with_plates(walk):
-    """Touchdown and lift-off within 30 ms of the plates, which were not shown, and one foot always
-    down.
+    """Foot strike and foot off are within 30 ms of the plates, which were withheld.
+
+    One foot is always down.
     """
     model, motion, sites, wrenches, _ = walk
     found = find_contacts(model, motion, sites)
@@ -103,8 +105,9 @@ def test_plates_tell_the_foot_and_come_first(walk):
 
 
 def test_a_body_that_weighs_a_thousandth_is_judged_alike(walk):
-    """Thresholds of plates are shares of the weight: what is too light to feel for a man is a
-    mouse's whole weight.
+    """Thresholds of plates are shares of the weight.
+
+    A force that is too small to detect for a human is a mouse's whole weight.
     """
     model, motion, sites, wrenches, _ = walk
     light = replace(model, bodies=tuple(replace(one, mass=1e-3 * one.mass) for one in model.bodies))
@@ -115,8 +118,9 @@ def test_a_body_that_weighs_a_thousandth_is_judged_alike(walk):
 
 
 def swinging(scale: float, speed: float = 0.0, frames: int = 400) -> SiteMotion:
-    """Two feet of one site each that step in turn, each lifted half of the time; a belt may carry
-    what stands.
+    """Make two feet of one site each that step in turn, each lifted half of the time.
+
+    A belt may carry the foot that stands.
     """
     time = np.linspace(0.0, 4.0 * np.sqrt(scale), frames)
     phase = (time / np.sqrt(scale)) % 1.0
@@ -149,9 +153,7 @@ TWO = tuple(
 @pytest.mark.parametrize("scale", [1.0, 0.025], ids=["adult", "mouse"])
 @pytest.mark.parametrize("speed", [0.0, -5.0], ids=["ground", "belt"])
 def test_size_and_belt_do_not_matter(scale, speed):
-    """The same steps of a mouse, and of a runner on a belt, are the same touches at the same
-    phases.
-    """
+    """The steps of a mouse, or of a runner on a belt, have contacts at the same phases."""
     reference = swinging(1.0)
     moving = swinging(scale, speed * np.sqrt(scale))
     floor = floor_under(moving)

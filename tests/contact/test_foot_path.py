@@ -17,7 +17,7 @@ HOME = "rajagopal-walk-emg"
 
 @pytest.fixture(scope="module")
 def walk(data):
-    """A recorded walk of two steps, and its model."""
+    """Return a recorded walk of two steps, and its model."""
     model = mm.read_model(data(f"{HOME}/subject_walk_scaled.osim"))
     motion = mm.read_motion(data(f"{HOME}/coordinates.sto"), model)
     values = compile_tree(model).coordinates_of(motion)
@@ -25,7 +25,7 @@ def walk(data):
 
 
 def hidden(model, motion, place=(0.0, 0.0, 0.0)):
-    """The motion with its root at one place."""
+    """Return the motion with its root at one position."""
     values = np.array(motion.values)
     values[:, [motion.names.index(name) for name in root_places(model)]] = place
     return replace(motion, values=values)

@@ -1,5 +1,6 @@
-"""Faults put into clean forces are found and named, mended ones give the clean forces again, and
-clean ones pass.
+"""Faults put into clean forces are found and named.
+
+Corrected forces equal the clean ones again, and clean forces pass.
 """
 
 from __future__ import annotations
@@ -173,8 +174,9 @@ def on_body(wrenches: Wrenches, body: str, motion: Motion):
 
 
 def test_opencaps_plates_that_are_all_on_one_foot(data):
-    """The data set's own file puts both plates on the right talus; the left one is found without
-    any injection.
+    """The data set's own file puts both plates on the right talus.
+
+    The left one is found without any injected fault.
     """
     folder = "opencap-subject4-multitask"
     model = open_model(data(f"{folder}/models/manually_scaled.osim"))
@@ -219,8 +221,9 @@ def test_empty_forces_other_times_and_gaps_pass(clean):
 
 
 def test_a_body_out_of_view_before_and_after_does_not_hide_a_fault(data):
-    """The same fault in the frames with a pose, as where a walker enters the cameras' view and
-    leaves it.
+    """The same fault in the frames with a pose.
+
+    Such frames occur where a walker enters the cameras' view and leaves it.
     """
     walk = BY_NAME["treadmill walk"]
     for path in (walk.model, walk.motion, walk.loads):

@@ -1,5 +1,6 @@
-"""Lags between forces and motion: the least of values by a parabola, against parabolas whose least
-is known.
+"""Lags between forces and motion.
+
+The minimum of values by a parabola, against parabolas whose minimum is known.
 """
 
 from __future__ import annotations

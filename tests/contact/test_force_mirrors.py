@@ -1,5 +1,6 @@
-"""The reflection of a plate is found from the frames in which it bears load, whatever it reads in
-the others.
+"""The reflection of a plate is found from the frames in which it bears load.
+
+What it reads in the other frames does not matter.
 """
 
 from __future__ import annotations

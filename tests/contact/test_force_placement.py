@@ -34,8 +34,9 @@ UNIT = 0.8
     ],
 )
 def test_an_origin_is_changed_only_from_far_to_near(monkeypatch, before, after, mended):
-    """Distances are shares of the foot's; a change must leave less than `FITS`, and than `MARKED`
-    of those before.
+    """Distances are shares of the foot's length.
+
+    A change must leave less than `FITS`, and less than `MARKED` of the distances before.
     """
     remedy = Remedy(
         kind="units",

@@ -22,7 +22,7 @@ STEP = 0.01
 
 
 def sliding(name, height, frames=200):
-    """A free object that only moves up and down, and its motion with exact rates."""
+    """Make a free object that only moves up and down, and its motion with exact rates."""
     model = free_object(name, 2.0, (0.2, 0.2, 0.2))
     time = STEP * np.arange(frames)
     values = np.zeros((3, frames, 6))
@@ -47,8 +47,9 @@ def test_a_box_that_is_lifted_needs_its_weight_and_its_acceleration():
 
 
 def test_what_is_known_is_taken_off():
-    """A floor that carries the weight leaves nothing for the hands; one that carries it off the
-    middle, a moment.
+    """A floor that carries the weight leaves nothing for the hands.
+
+    One that carries it off the middle leaves a moment.
     """
     model, motion = sliding("box", lambda t: 0.0 * t)
     force = np.zeros((200, 1, 3))
@@ -70,8 +71,9 @@ def test_what_is_known_is_taken_off():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_whole_needs_what_its_momentum_does(seed):
-    """The root's wrench is the mass times the center's acceleration less gravity: second
-    differences tell the same.
+    """The root's wrench is the mass times the center's acceleration less gravity.
+
+    Second differences give the same.
     """
     model = floating_tree(seed)
     motion = swinging(model, 400, 0.001, seed)
@@ -98,8 +100,9 @@ def test_its_part_along_a_joint_is_the_joints_torque():
 
 
 def reaching(arrive=0.5, leave=1.5):
-    """A hand that comes to a box from above, lifts it between `arrive` + 0.2 and `leave` - 0.2 s,
-    and goes away.
+    """Simulate a hand that comes to a box from above, lifts it, and goes away.
+
+    The box is lifted between `arrive` + 0.2 and `leave` - 0.2 s.
     """
 
     def lifted(t):
@@ -125,8 +128,9 @@ def test_a_hold_lasts_from_arriving_to_leaving():
 
 
 def test_a_glitch_neither_ends_nor_begins_a_hold(monkeypatch):
-    """Two frames in which the hand seems away while it holds, and two in which it seems there while
-    it does not.
+    """Two frames of error, in each direction.
+
+    The hand seems away while it holds, and seems there while it does not.
     """
     model, motion = reaching()
     site = Site("palm", "arm_palm", np.zeros((1, 3)), against="thing_box")
@@ -153,8 +157,9 @@ def test_an_object_that_rests_tells_no_hold(monkeypatch):
 
 
 def test_an_object_is_judged_by_its_own_height():
-    """A box of 0.2 m that a tall body stands beside has left the floor a centimetre up, not a tenth
-    of the body.
+    """A box of 0.2 m next to a tall body has left the floor at a height of one centimeter.
+
+    The threshold is not a tenth of the body.
     """
     box, box_motion = sliding("box", lambda t: 0.1 + np.where(t > 1.0, 0.05 * (t - 1.0), 0.0))
     tall, tall_motion = sliding("body", lambda t: 1.0 + 0.0 * t)

@@ -1,5 +1,6 @@
-"""Impacts as forces: pulses keep their impulse on any clock, and masses are what Newton says they
-are.
+"""Impacts as forces.
+
+Pulses keep their impulse on any clock, and masses agree with Newton's law.
 """
 
 from __future__ import annotations

@@ -46,9 +46,7 @@ def followed(
 def test_the_foot_on_each_plate_is_found(
     walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
 ) -> None:
-    """The forces of the file, told without their bodies, come out on the bodies that the file
-    names.
-    """
+    """The forces of the file, given without their bodies, come out on the bodies it names."""
     model, coordinates, each, bodies = walk
     feet = OnlineFeet(model, ("one", "two"), ("", ""))
     found = followed(feet, coordinates, each)

@@ -1,5 +1,6 @@
-"""A force plate's pose from placements: known poses come back, deviations are honest, bad
-placements are named.
+"""A force plate's pose from placements.
+
+Known poses are recovered, deviations are truthful, bad placements are named.
 """
 
 from __future__ import annotations
@@ -28,7 +29,10 @@ USUAL = {"force": 0.3, "moment": 0.05, "point": 0.0005}
 
 
 def weights(places=GRID, seed=0, mass=20.0, noise=EXACT, axes=AXES, center=CENTER):
-    """A weight at rest at places (x, y) of the plate, its mass center 0.1 m above it."""
+    """Simulate a weight at rest at positions (x, y) of the plate.
+
+    Its center of mass is 0.1 m above the plate.
+    """
     random = np.random.default_rng(seed)
     found = []
     for number, place in enumerate(places):
@@ -101,8 +105,9 @@ def test_oblique_pushes_show_the_whole_pose():
 
 
 def test_weights_at_rest_never_show_the_height():
-    """Everything but the height comes back; the height stays where the file has it, and that is
-    said.
+    """Everything but the height is recovered.
+
+    The height stays where the file has it, and that is reported.
     """
     nominal = plate(axis_rotation((0, 0, 1), 0.05) @ AXES, CENTER + [0.01, -0.02, 0.004])
     found = calibrate_plate(weights(), nominal)
@@ -225,8 +230,9 @@ def test_chance_is_uniform_where_the_calibration_is_right():
 
 
 def test_a_calibrated_plate_gives_forces_in_the_laboratory():
-    """The center of pressure of the recording then lies under the mass center, and the force is
-    vertical.
+    """The center of pressure of the recording then lies under the center of mass.
+
+    The force is vertical.
     """
     given = weights()
     wrong = plate(axis_rotation((0, 0, 1), 0.05) @ AXES, CENTER + [0.01, -0.02, 0.0])
@@ -292,8 +298,9 @@ def test_the_force_on_the_plate_instead_of_the_weight_is_named():
 
 
 def a_recording(seed=0, noise=0.3, pauses=GRID[:4], swinging=False):
-    """60 s of a disc that is lifted from place to place, with drifted zero: markers at 200 Hz,
-    plate at 2000 Hz.
+    """Simulate 60 s of a disc that is lifted from position to position, with drifted zero.
+
+    Markers are at 200 Hz, the plate at 2000 Hz.
     """
     random = np.random.default_rng(seed)
     time = np.arange(0, 6.0 * len(pauses), 0.005)
@@ -344,8 +351,9 @@ def test_a_weight_that_swings_becomes_a_placement_that_says_so():
 
 
 def test_gravity_is_told_by_the_plate_and_the_markers():
-    """The same recording in a laboratory whose y points up gives the same calibration, seen from
-    there.
+    """The same recording in a laboratory whose y points up.
+
+    It gives the same calibration, expressed there.
     """
     from myomorph.core.model.series import Z_UP_TO_Y_UP as TURN
 

@@ -1,5 +1,6 @@
-"""A plate whose corners are counted from the wrong one is turned back under what stands on it;
-others stay.
+"""A plate whose corners are counted from the wrong one.
+
+It is rotated back under what stands on it; other plates stay.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ TIME = np.arange(1500) / 1000.0
 
 
 def crossing(shift=0, scale=1.0, off=0.0):
-    """A mouse of 0.2 N that walks along y over a plate, whose file counts the corners `shift` from
-    the wrong one.
+    """Simulate a mouse of 0.2 N that walks along y over a plate.
+
+    The plate's file counts the corners `shift` from the wrong one.
     """
     load = np.where((TIME > 0.4) & (TIME < 1.1), 0.2, 0.0) * scale
     place = np.stack([np.full_like(TIME, 0.03), -0.08 + 0.1 * TIME, np.zeros_like(TIME)], axis=1)
@@ -99,8 +101,9 @@ def test_what_is_not_clear_is_left_alone():
     "name", ["1L_05_01_26_trial_1", "1R_12_01_26_trial_2", "none_12_01_26_trial_3"]
 )
 def test_mice_on_a_small_plate(data, name):
-    """A quarter of a newton is a load: contact is where the animal is, and the forces are those of
-    a mouse.
+    """A quarter of a newton is a load.
+
+    Contact is where the animal is, and the forces are those of a mouse.
     """
     trial = read_recording(data(f"mouse-gait-c3d-force/Cage6_{name}.c3d"))
     plate = trial.plates[0]
@@ -127,15 +130,16 @@ RATE = 64.0
 
 
 def seen_at(times, values):
-    """Two markers on either side of a path (frames, 3), seen at these times; NaN where they are
-    not.
+    """Sample two markers on either side of a path (frames, 3) at these times.
+
+    They are NaN where they are not visible.
     """
     beside = np.array([[0.1, 0.0, 0.02], [-0.1, 0.0, -0.02]])
     return Markers(np.asarray(times), ("a", "b"), np.asarray(values)[:, None] + beside)
 
 
 def straight(time):
-    """A point (samples, 3) that moves along a line."""
+    """Return a point (samples, 3) that moves along a line."""
     return np.array([0.2, -0.1, 1.0]) + np.multiply.outer(time, [1.3, -0.4, 0.05])
 
 
@@ -193,8 +197,9 @@ def test_one_frame_of_markers_tells_nothing():
 
 
 def test_distances_are_those_of_a_center_turned_by_quarters_about_the_plate_s_middle():
-    """A square plate, standing askew in the laboratory, with the body 3 cm above the true center of
-    pressure.
+    """A square plate, standing obliquely in the laboratory.
+
+    The body is 3 cm above the true center of pressure.
     """
     rotation = axis_rotation(np.array([0.36, 0.48, 0.8]), 0.7)
     center = np.array([0.4, -0.3, 0.2])
@@ -253,8 +258,9 @@ def test_another_corner_is_clear_only_where_much_nearer_than_the_file_s_and_the_
 
 
 def test_samples_count_from_a_share_of_the_largest_force_and_from_a_least_number():
-    """Light samples, whose center of pressure is wrong, do not count from 30 % of the load
-    downwards.
+    """Light samples, whose center of pressure is wrong, do not count.
+
+    They are light from 30 % of the load downwards.
     """
     time = np.arange(128) / RATE
     corners = 0.3 * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0.0]])

@@ -1,5 +1,6 @@
-"""Force plates: known wrenches through every type, ezc3d, OpenSim and Plug-in Gait as oracles,
-laws.
+"""Force plates: known wrenches through every type, and laws.
+
+Oracles are ezc3d, OpenSim and Plug-in Gait.
 """
 
 from __future__ import annotations
@@ -34,8 +35,9 @@ ORIGINS = {
 def a_plate(
     kind: int, rotation: np.ndarray | None = None
 ) -> tuple[PlateRecording, dict[str, np.ndarray]]:
-    """A plate of any type, tilted and turned, with the wrenches (in the laboratory) its channels
-    stand for.
+    """Make a plate of any type, tilted and turned.
+
+    With it are the wrenches (in the laboratory) that its channels represent.
     """
     random = np.random.default_rng(kind)
     axes = rotation_from_euler_xyz((np.pi + 0.1, 0.05, 0.7)) if rotation is None else rotation

@@ -1,5 +1,6 @@
-"""On recordings: what plates leave over for a seat, and the hands that lift a box at the times they
-do.
+"""On recordings: the force that plates leave for a seat, and hands that lift a box.
+
+The hands lift at the times at which the box is lifted.
 """
 
 from dataclasses import replace
@@ -26,8 +27,9 @@ CHAIR = "opencap-subject4-multitask"
 
 @pytest.fixture(scope="module")
 def standing_up(data):
-    """The expert's model with the mass that the plates weigh, its motion and the plates of sitting
-    and standing.
+    """Return the expert's model, its motion and the plates of sitting and standing.
+
+    The model has the mass that the plates weigh.
     """
     expert = read_model(data(f"{CHAIR}/models/manually_scaled.osim"))
     still = (
@@ -43,8 +45,9 @@ def standing_up(data):
 
 
 def test_seat_and_feet_carry_the_body(standing_up):
-    """With feet off the floor the seat takes all the weight; standing, next to nothing is left: 5 %
-    of it.
+    """With feet off the floor the seat takes all the weight.
+
+    In standing, at most 5 % of it is left.
     """
     model, motion, plates = standing_up
     left = needed_wrench(model, motion, "pelvis", plates).forces[:, 0]
@@ -59,8 +62,9 @@ def test_seat_and_feet_carry_the_body(standing_up):
 
 
 def test_the_seat_is_where_the_force_passes(standing_up):
-    """Its middle is no farther from the line of the force than a hand's breadth, and in the middle
-    of the body.
+    """Its middle is within a hand's breadth of the line of the force.
+
+    It is also in the middle of the body.
     """
     model, motion, plates = standing_up
     left = needed_wrench(model, motion, "pelvis", plates)

@@ -1,5 +1,6 @@
-"""What plates tell of several sites: two feet on one, one foot on several, walks with a plate for
-every foot.
+"""What plates show of several sites.
+
+Two feet on one, one foot on several, and walks with a plate for every foot.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def walk(data):
 
 
 def plate_of(wrenches, columns, corners, name="plate"):
-    """A plate with an outline that measured some wrenches together, on the clock of these."""
+    """Make a plate with an outline that measured some wrenches together, on their clock."""
     force = wrenches.forces[:, columns].sum(axis=1)
     moment = (wrenches.torques + np.cross(wrenches.points, wrenches.forces))[:, columns].sum(axis=1)
     firm = force[:, 1] > 20.0
@@ -59,14 +60,17 @@ def plate_of(wrenches, columns, corners, name="plate"):
 
 
 def within(plate, start, stop):
-    """The plate with centers of pressure between two places along x, as over its own outline."""
+    """Clip the plate's centers of pressure between two positions along x.
+
+    They are then as over its own outline.
+    """
     points = np.array(plate.points)
     points[:, 0] = np.clip(points[:, 0], start + 1e-6, stop - 1e-6)
     return replace(plate, points=points)
 
 
 def outlined(time, *plates, body=""):
-    """Forces of plates with outlines."""
+    """Return the forces of plates with outlines."""
     return PlateForces(
         replace(wrenches_from_plates(plates, time), bodies=(body,) * len(plates)),
         FrozenMap({plate.name: plate.corners for plate in plates}),
@@ -78,8 +82,9 @@ def box(x0, x1, z0, z1):
 
 
 def test_two_feet_on_one_plate_share_it(walk):
-    """In double support both feet's sites are on the wrench; in single support only those of one
-    foot.
+    """In double support both feet's sites are on the wrench.
+
+    In single support only those of one foot are.
     """
     model, motion, sites, wrenches, contacts = walk
     plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
@@ -220,8 +225,9 @@ def test_wrenches_that_name_bodies_belong_to_their_foot(walk):
 
 
 def test_a_foot_on_two_plates_belongs_to_their_sum_where_it_straddles(walk):
-    """The right foot's force is split over two plates whose border it stands on: the parts are
-    joined again.
+    """The right foot's force is split over two plates whose border it stands on.
+
+    The parts are joined again.
     """
     model, motion, sites, wrenches, contacts = walk
     places = site_motion(model, motion, sites).places
@@ -266,8 +272,9 @@ def test_unloaded_plates_tell_nothing(walk):
 
 
 def test_a_measured_foot_is_not_estimated_too(walk):
-    """Neither while its plate carries it, whichever bone of the foot the file names; beside the
-    plate it is.
+    """It is not, while its plate carries it, whichever bone of the foot the file names.
+
+    Next to the plate it is estimated.
     """
     model, motion, sites, wrenches, contacts = walk
     ready = contact_activations(model, motion, sites, contacts)

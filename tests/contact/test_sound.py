@@ -1,5 +1,7 @@
-"""Impacts heard: made ones come back at their time, on their drum and as loud; silence, noise and
-faults are named.
+"""Impacts heard.
+
+Made ones are recovered at their time, on their drum and as loud; silence, noise and faults are
+named.
 """
 
 from __future__ import annotations
