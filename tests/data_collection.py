@@ -7,6 +7,6 @@ from pathlib import Path
 
 
 def data_folder() -> Path:
-    """The folder of the data collection; it need not exist."""
+    """Return the folder of the data collection; it need not exist."""
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     return Path(os.environ.get("MYOMORPH_DATA", beside))

@@ -14,8 +14,9 @@ PINOCCHIO_ORDER = np.array([0, 1, 2, 3, 4, 9, 5, 8, 7, 6])
 
 
 def root_rates(model, motion):
-    """Rotation, origin, angular velocity and acceleration, velocity and acceleration of the first
-    body, in ground.
+    """Return the pose and rates of the first body, in ground.
+
+    They are its rotation and origin, angular velocity and acceleration, velocity and acceleration.
     """
     c, cdot, cddot = motion_arrays(compile_tree(model), motion)
     poses = forward_kinematics(compile_tree(model), c)

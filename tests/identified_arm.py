@@ -25,8 +25,9 @@ UPPER = 2.4
 
 
 def put_on_plate(arm: SimpleNamespace) -> None:
-    """Write forces and loads in the place of the arm's own: what a plate measures under the true
-    arm.
+    """Write forces and loads in place of the arm's own.
+
+    They are what a plate measures under the true arm.
     """
     model = read_osim(arm.model)
     motion = differentiate(motion_from_table(read_sto(arm.motion), model))

@@ -25,7 +25,10 @@ SHOULDERS = (
 
 
 def looped_tree(seed, kinds=("PointConstraint", "WeldConstraint"), functional=False, bodies=30):
-    """A random tree with a loop of each kind, closed at random coordinates, with these."""
+    """Make a random tree with a loop of each kind, closed at random coordinates.
+
+    The coordinates are returned too.
+    """
     rng = np.random.default_rng(500 + seed)
     model = functional_tree(seed, bodies) if functional else random_tree(seed, bodies)
     closed = rng.normal(scale=0.4, size=(1, len(model.coordinates)))
@@ -56,11 +59,10 @@ def _pose(poses, body):
 
 
 def four_bar(crank=0.3, coupler=0.7, rocker=0.6, ground=0.8, kind="PointConstraint"):
-    """A planar linkage: the crank and the rocker turn on the ground, the coupler's end is tied to
-    the rocker's.
+    """Make a planar linkage: the crank and the rocker turn on the ground.
 
-    Turns about z; coordinates crank, coupler (relative to the crank) and rocker; four markers a
-    body.
+    The coupler's end is tied to the rocker's. Rotations are about z; coordinates are crank, coupler
+    (relative to the crank) and rocker; each body has four markers.
     """
     still = Transform.identity()
     z = np.eye(3)[2]
@@ -122,8 +124,9 @@ def four_bar(crank=0.3, coupler=0.7, rocker=0.6, ground=0.8, kind="PointConstrai
 
 
 def four_bar_angles(turn, crank=0.3, coupler=0.7, rocker=0.6, ground=0.8):
-    """(frames, 3) coordinates of `four_bar` by the law of cosines, for crank angles (frames,);
-    elbow up.
+    """Return (frames, 3) coordinates of `four_bar` by the law of cosines, elbow up.
+
+    The crank angles are (frames,).
     """
     end = crank * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     away = np.array([ground, 0.0]) - end
@@ -136,8 +139,9 @@ def four_bar_angles(turn, crank=0.3, coupler=0.7, rocker=0.6, ground=0.8):
 
 
 def mujoco_constraints(model, coordinates):
-    """MuJoCo's errors (rows,) of connects and welds at coordinates (n,), and their derivatives
-    (rows, n).
+    """Return MuJoCo's errors (rows,) of connects and welds at coordinates (n,).
+
+    Their derivatives (rows, n) are returned too.
     """
     import mujoco
 
@@ -169,8 +173,9 @@ def mujoco_constraints(model, coordinates):
 
 
 def pinocchio_rates(model, coordinates, velocities, accelerations):
-    """What a point or a weld ties, by Pinocchio: pairs of velocities, then of accelerations, of
-    both ends.
+    """Return what a point or a weld ties, by Pinocchio.
+
+    It is pairs of velocities, then of accelerations, of both ends.
     """
     import pinocchio as pin
 
@@ -202,8 +207,9 @@ def pinocchio_rates(model, coordinates, velocities, accelerations):
 
 
 def markers_of(model, values, noise=0.0, seed=0):
-    """What cameras see of a model's markers at coordinates (frames, coordinates), 100 frames a
-    second.
+    """Return what cameras see of a model's markers at coordinates (frames, coordinates).
+
+    The rate is 100 frames a second.
     """
     tree = compile_tree(model)
     bodies = np.array([tree.body_index[one.body] for one in model.markers])

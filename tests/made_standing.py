@@ -30,8 +30,9 @@ LABELS = (
 
 
 def standing(shift: float = 0.0) -> Markers:
-    """Markers (20, 15, 3) of the model as it stands [m], y up and x forward; they go `shift`
-    forward.
+    """Make markers (20, 15, 3) of the model as it stands [m], y up and x forward.
+
+    They move `shift` forward.
     """
     pytest.importorskip("myo_sim")
     sites = {label: protocols().protocols["plug_in_gait"].labels[label] for label in LABELS}

@@ -1,5 +1,6 @@
-"""A made walker for tests of studies: a pelvis that slides in the plane, two legs with a hip and a
-knee.
+"""A made walker for tests of studies.
+
+It is a pelvis that slides in the plane, with two legs that have a hip and a knee.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def at(x, y, z):
 
 
 def walker():
-    """A pelvis that slides in the plane, and two legs with a hip and a knee."""
+    """Make a pelvis that slides in the plane, and two legs with a hip and a knee."""
     slides = ("pelvis_tx", "pelvis_ty")
     root = tuple(
         Axis(kind="translation", vector=np.eye(3)[i], function=linear(1.0), coordinates=(name,))

@@ -1,5 +1,6 @@
-"""A walk whose ground forces plates measured: `rajagopal-walk-emg` at 100 Hz, filtered at 6 Hz,
-feet on the floor.
+"""A walk whose ground forces plates measured.
+
+It is `rajagopal-walk-emg` at 100 Hz, filtered at 6 Hz, feet on the floor.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ MIXED = """
 
 @lru_cache(maxsize=4)
 def compiled(name: str) -> object:
-    """The compiled MuJoCo model of that name; files come from `load`."""
+    """Return the compiled MuJoCo model of that name; files come from `load`."""
     if name == "mixed":
         return mujoco.MjModel.from_xml_string(MIXED)
     if name == "MyoFullBody":
@@ -121,8 +121,9 @@ def random_motion(model: Model, frames: int, seed: int = 0, spread: float = 1.0)
 
 
 def qpos_from_coordinates(model: Model, coordinates) -> np.ndarray:
-    """MuJoCo's `qpos` (..., nq) for values of all coordinates (..., coordinates), w of quaternions
-    not negative.
+    """Return MuJoCo's `qpos` (..., nq) for values of all coordinates (..., coordinates).
+
+    The w of quaternions is not negative.
     """
     c = np.asarray(coordinates, dtype=np.float64)
     rows = []

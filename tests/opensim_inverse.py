@@ -7,8 +7,9 @@ import pytest
 
 
 def opensim_torques(path, model, c, cdot, cddot):
-    """(frames, coordinates) [N m or N] in the model's order, for states (frames, coordinates) in
-    that order.
+    """Return OpenSim's torques (frames, coordinates) [N m or N] in the model's order.
+
+    States are (frames, coordinates) in that order.
     """
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")

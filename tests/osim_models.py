@@ -73,7 +73,7 @@ def body_poses(model: Model, values: Mapping[str, float]) -> dict[str, Transform
 
 
 def point_place(point: PathPoint | MovingPathPoint, values: Mapping[str, float]) -> Array:
-    """A path point in its body's frame."""
+    """Return a path point in its body's frame."""
     if isinstance(point, PathPoint):
         return point.location
     pairs = zip(point.functions, point.coordinates, strict=True)

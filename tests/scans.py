@@ -1,5 +1,6 @@
-"""A made CT of a bone: turned, shifted, resized, refined or coarsened, cut off, with noise; and
-balls as markers.
+"""A made CT of a bone, and balls as markers.
+
+It is rotated, shifted, resized, refined or coarsened, cut off, with noise.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ def made_scan(
     cut: float = 0.0,
     refine: int = 2,
 ) -> tuple[Surface, Similarity]:
-    """A scan of a bone that is `scale` times smaller than the model's, and the similarity from scan
-    to bone.
+    """Make a scan of a bone, and the similarity from scan to bone.
+
+    The scan is `scale` times smaller than the model's bone.
     """
     random = np.random.default_rng(seed)
     mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=True)
@@ -45,7 +47,7 @@ def made_scan(
 
 
 def sharper(bone: Surface) -> Surface:
-    """A bone without a plane of symmetry: cones on an ellipsoid, for tests without data."""
+    """Make a bone without a plane of symmetry: cones on an ellipsoid, for tests without data."""
     mesh = trimesh.creation.icosphere(subdivisions=3)
     points = np.array(mesh.vertices)
     size = np.ones(len(points))
@@ -62,7 +64,7 @@ def sharper(bone: Surface) -> Surface:
 def ball(
     center: np.ndarray, diameter: float, random: np.random.Generator, noise: float, keep=None
 ) -> Surface:
-    """A noisy sphere, of which `keep(points)` chooses what is seen."""
+    """Make a noisy sphere, of which `keep(points)` chooses what is visible."""
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.5 * diameter)
     points = np.array(mesh.vertices)
     faces = np.array(mesh.faces)

@@ -8,7 +8,7 @@ from myomorph.core.model.inertial_sensors import InertialSensors
 
 
 def write_orientations(path: Path, sensors: InertialSensors) -> None:
-    """A table of quaternions as OpenSim's readers write it."""
+    """Write a table of quaternions for OpenSim's readers."""
     lines = [
         "DataRate=100.000000",
         "DataType=Quaternion",

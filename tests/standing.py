@@ -56,7 +56,7 @@ def block() -> Model:
 
 
 def standing_still(frames: int) -> Motion:
-    """The block upright."""
+    """Return the block upright."""
     still = np.zeros((frames, 6))
     return Motion(
         time=0.01 * np.arange(frames),

@@ -1,5 +1,6 @@
-"""A small body with two legs and a trunk, persons of other lengths and markers, and what cameras
-see of them.
+"""A small body with two legs and a trunk.
+
+Also persons of other lengths and markers, and what cameras see of them.
 """
 
 from __future__ import annotations

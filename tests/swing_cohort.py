@@ -1,5 +1,6 @@
-"""Specimens made from a virtual ball joint, with made intervals: enough to draw every part of the
-page.
+"""Specimens made from a virtual ball joint, with made intervals.
+
+They are enough to draw every part of the page.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ AXES = ("x", "y", "z")
 
 
 def published_row(specimen: PublishedSpecimen) -> dict[str, Interval]:
-    """The quantities of a printed row; their intervals are unknown."""
+    """Return the quantities of a printed row; their intervals are unknown."""
     return {name: Interval(value, np.nan, np.nan) for name, value in specimen.values.items()}
 
 
@@ -48,12 +49,12 @@ def recording(name: str = "swing1", frames: int = 900, seed: int = 0) -> SwingRe
 
 
 def near(value: float, share: float = 0.05) -> Interval:
-    """A value with an interval of so much to both sides."""
+    """Return a value with an interval of this share to both sides."""
     return Interval(value, value * (1.0 - share), value * (1.0 + share))
 
 
 def condition(mass: float, com: float, viscosity: float) -> Condition:
-    """A condition with these values."""
+    """Make a condition with these values."""
     parameters = np.array([mass, 0.0, -mass * com, 0.0, 0.5, 0.01, 0.5, 0.0, 0.0, 0.0])
     axes = tuple(near(factor * viscosity, 0.1) for factor in (1.0, 1.1, 0.9))
     return Condition(
@@ -71,7 +72,7 @@ def condition(mass: float, com: float, viscosity: float) -> Condition:
 
 
 def specimen(printed: PublishedSpecimen) -> SpecimenViscosity:
-    """A specimen that was found to be just as printed."""
+    """Make a specimen that was found to be just as printed."""
     muscles = MuscleViscosity(
         muscles=MUSCLES,
         common=near(printed.muscle_viscosity),
@@ -95,5 +96,5 @@ def specimen(printed: PublishedSpecimen) -> SpecimenViscosity:
 
 
 def specimens() -> tuple[SpecimenViscosity, ...]:
-    """The paper's six."""
+    """Return the paper's six specimens."""
     return tuple(specimen(one) for one in SPECIMENS)

@@ -1,5 +1,6 @@
-"""Stairs that measure force: what was put on them comes back, on the foot that stood there (known
-forces).
+"""Stairs that measure force.
+
+Known forces on them are recovered, on the foot that stood there.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ UP = axis_rotation((1.0, 0.0, 0.0), -np.pi / 2.0)
 
 
 def loadings(loads):
-    """Every loading: step, start and stop [s], greatest force along the normal [N]; in order of
-    time.
+    """Return every loading in order of time.
+
+    Each has its step, start and stop [s], and its greatest force along the normal [N].
     """
     result = [
         (
@@ -47,7 +49,10 @@ def loadings(loads):
 
 
 def mouse():
-    """A free sliding trunk and two paws that slide on it: their coordinates are positions."""
+    """Make a free sliding trunk and two paws that slide on it.
+
+    Their coordinates are positions.
+    """
     names = ("trunk", *PAWS)
     axes = {name: tuple(f"{name}_{axis}" for axis in "xyz") for name in names}
     return Model(
@@ -108,8 +113,9 @@ def steps(measures=COMPONENTS, turn=0.0, matrix=None, origin=(0.0, 0.0, -0.004))
 
 
 def walk(noise=0.0, seed=0, made=None, matrix=None):
-    """Right paw on steps 0 and 2, left on 1 and 3, each for 0.25 s; forces and where they act are
-    known.
+    """Simulate a walk: right paw on steps 0 and 2, left on 1 and 3, each for 0.25 s.
+
+    Forces and their points of application are known.
     """
     made = made or steps()
     rng = np.random.default_rng(seed)

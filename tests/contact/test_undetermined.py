@@ -1,5 +1,6 @@
-"""Feet whose load is not known: they stand beside the plates, or share one. Healthy steps are left
-alone.
+"""Feet whose load is not known: they stand next to the plates, or share one.
+
+Healthy steps are left alone.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ TIME = np.arange(0.0, 2.4, 0.005)
 
 
 def walk(size=1.0):
-    """Time, heel and ball of two feet that stand in turn with some double support, 0.6 s a step;
-    lengths by `size`.
+    """Make time, heel and ball of two feet that stand in turn with some double support.
+
+    A step takes 0.6 s; lengths are scaled by `size`.
     """
     places = {}
     for foot, side, begins in (("calcn_r", 0.1, 0.0), ("calcn_l", -0.1, 0.6)):
@@ -34,12 +36,12 @@ def walk(size=1.0):
 
 
 def stance(places, foot):
-    """Samples in which a foot does not move."""
+    """Return the samples in which a foot does not move."""
     return np.linalg.norm(np.gradient(places[foot][:, 0], axis=0), axis=1) < 1e-12
 
 
 def loads(time, places, size=1.0, feet=("calcn_r", "calcn_l")):
-    """A plate for each foot that carries half the weight in its stance, under its middle."""
+    """Make a plate for each foot that carries half the weight in its stance, under its middle."""
     if not feet:
         none = np.zeros((len(time), 0, 3))
         return Wrenches(time=time, names=(), bodies=(), forces=none, points=none, torques=none)

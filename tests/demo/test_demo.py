@@ -54,8 +54,9 @@ def test_nothing_is_left_at_the_root(body, squat):
 
 
 def test_force_of_the_feet_is_newtons_law(body, squat):
-    """Total force = mass (acceleration of the center of mass - gravity), the acceleration by
-    differences.
+    """Total force is mass times (acceleration of the center of mass - gravity).
+
+    The acceleration is by differences.
     """
     tree = compile_tree(body)
     fine = squat_splines(body, OPTIONS).at(1000.0, OPTIONS.duration)

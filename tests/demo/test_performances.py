@@ -1,5 +1,7 @@
-"""Chapter 5 as demos: files and a study file are written, its run lays forces beside the truth, the
-page says that everything is simulated.
+"""Chapter 5 as demos.
+
+Files and a study file are written, its run compares forces with the truth, and the page states that
+everything is simulated.
 """
 
 from __future__ import annotations

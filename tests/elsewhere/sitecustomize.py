@@ -1,11 +1,12 @@
-"""Makes a Python on Linux behave as one elsewhere: a child process with this folder on its path
-imports it first.
+"""Make a Python on Linux behave as on another system.
+
+A child process with this folder on its path imports it first.
 
 - Processes are spawned, as on Windows and macOS, never forked.
 - A file that is opened without an encoding is cp1252, as on Windows; PYTHONIOENCODING does the same
-    for the terminal.
+  for the terminal.
 - A file that is open cannot be replaced, renamed or deleted, as on Windows: neither by the process
-    that has it open
+  that has it open
   nor while the process HOLDER has.
 - fcntl (Windows) is not there.
 """
@@ -55,7 +56,7 @@ def is_open(path: Any) -> bool:
 
 
 def refusing(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, which first looks whether its paths are open."""
+    """Return the function, which first checks whether its paths are open."""
 
     def looked(*paths: Any, **options: Any) -> Any:
         if any(map(is_open, paths)):

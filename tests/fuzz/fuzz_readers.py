@@ -1,5 +1,6 @@
-"""Every reader of files that somebody else wrote: how it is called, and the whole files that
-fuzzing begins with.
+"""Every reader of files from other programs: how it is called.
+
+Also the whole files that fuzzing begins with.
 """
 
 from __future__ import annotations
@@ -88,18 +89,18 @@ class Reader:
 
 @cache
 def arm() -> Model:
-    """The model that the seeds speak of."""
+    """Return the model that the seeds refer to."""
     return read_osim(SEEDS / "arm.osim")
 
 
 def _written_again(path: Path) -> Any:
-    """A model that is read, told of, and written."""
+    """Read a model, describe it, and write it."""
     inspect(path)
     return write_osim(read_osim(path), path.with_name("written again.osim"))
 
 
 def _measures(path: Path) -> Any:
-    """A table of measures; its problems as a study names them."""
+    """Read a table of measures; its problems have the names of a study."""
     problems: list[str] = []
     read = read_measures(path, problems, [])
     refuse(path, problems)
@@ -328,11 +329,11 @@ READERS = (
 
 
 def reader(name: str) -> Reader:
-    """The reader of a kind of file."""
+    """Return the reader of a kind of file."""
     return next(one for one in READERS if one.name == name)
 
 
 def recordings() -> Path | None:
-    """The folder of real files that `MYOMORPH_DATA` names, where there is one."""
+    """Return the folder of real files that `MYOMORPH_DATA` names, where there is one."""
     told = os.environ.get("MYOMORPH_DATA")
     return Path(told) if told and Path(told).is_dir() else None

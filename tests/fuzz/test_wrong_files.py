@@ -1,7 +1,7 @@
-"""Every reader of files, given wrong ones: it reads them or says what is wrong, without crash or
-hang.
+"""Every reader of files, given wrong ones.
 
-A small part of `python -m benchmarks fuzz`.
+It reads them or reports what is wrong, without crash or hang. A small part of `python -m benchmarks
+fuzz`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Whole files made wrong, as a Hypothesis strategy: parts taken out, doubled, moved, or replaced by
-what is odd.
+"""Whole files made wrong, as a Hypothesis strategy.
 
-A part is some bytes, a number, a word, a line, an element of XML or all that follows; Hypothesis
-chooses the file, the parts and what happens to each.
+Parts are taken out, doubled, moved, or replaced by something odd. A part is some bytes, a number, a
+word, a line, an element of XML or all that follows; Hypothesis chooses the file, the parts and what
+happens to each.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def _odd(draw: st.DrawFn, *_: Any) -> bytes:
 
 
 def _size(draw: st.DrawFn, *_: Any) -> bytes:
-    """A number of some size in either order of bytes: binary headers count with them."""
+    """Draw a number of some size in either byte order: binary headers count with them."""
     form = draw(st.sampled_from(("<B", "<H", ">H", "<I", ">I", "<Q", ">Q")))
     size = draw(st.sampled_from(SIZES))
     return struct.pack(form, size % 256 ** struct.calcsize(form))
@@ -166,7 +166,7 @@ def _again(draw: st.DrawFn, data: bytes, start: int, stop: int, _: Any) -> bytes
 
 
 def _before_another(draw: st.DrawFn, data: bytes, start: int, stop: int, _: Any) -> bytes:
-    """The part, and before it another of the same file."""
+    """Return the part, and before it another of the same file."""
     other, end = draw(_part(data))
     return data[other:end] + data[start:stop]
 
@@ -174,7 +174,7 @@ def _before_another(draw: st.DrawFn, data: bytes, start: int, stop: int, _: Any)
 def _of_other(
     draw: st.DrawFn, _data: bytes, _start: int, _stop: int, files: Sequence[bytes]
 ) -> bytes:
-    """A part of any of the files."""
+    """Return a part of any of the files."""
     other = draw(st.sampled_from(files))
     start, stop = draw(_part(other))
     return other[start:stop]

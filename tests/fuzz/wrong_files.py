@@ -1,5 +1,6 @@
-"""Give readers wrong files, in a process of its own: `python wrong_files.py FOLDER (--examples N |
---seconds S)`.
+"""Give readers wrong files, in a process of its own.
+
+    python wrong_files.py FOLDER (--examples N | --seconds S)
 
 With `--examples` every reader that needs no process for each file gets so many, the same ones every
 time; with `--seconds` one `--reader` gets files for so long, guided by the code that they reach
@@ -120,7 +121,7 @@ def _print(facts: dict[str, object]) -> None:
 
 
 def some(attempts: Attempts, examples: int) -> None:
-    """The first files of a reader, the same every time."""
+    """Read the first files of a reader, the same every time."""
     settings(max_examples=examples, derandomize=True, **QUIET)(
         given(wrong_files(attempts.reader.seeds()))(attempts.__call__)
     )()

@@ -11,8 +11,9 @@ from trees import to_pinocchio
 
 
 def figaroh_combination(model, motion):
-    """(n, 10 bodies) the matrix M with phi_B = M phi that FIGAROH finds on a motion, in our order
-    of parameters.
+    """Return the (n, 10 bodies) matrix M with phi_B = M phi that FIGAROH finds on a motion.
+
+    Parameters are in our order.
     """
     from figaroh.tools.qrdecomposition import QRDecomposer
     from figaroh.tools.regressor import (

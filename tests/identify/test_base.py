@@ -51,7 +51,7 @@ def annihilation(model, vectors, held):
 
 
 def chain(*kinds):
-    """A floating body with one body a joint after another, each of the kind named."""
+    """Make a floating body with one body per joint after another, each of the named kind."""
     model = floating_tree(5, 1 + len(kinds))
     joints = [model.joints[0]]
     coordinates = list(model.coordinates[:6])
@@ -113,8 +113,9 @@ def test_a_base_that_moves_less_hides_more(data, name):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_couplers_across_joints(seed):
-    """Splines and couplers that join branches: bodies that share a coordinate are looked at
-    together.
+    """Splines and couplers that join branches.
+
+    Bodies that share a coordinate are analyzed together.
     """
     model = functional_tree(seed)
     floating = floating_tree(seed)
@@ -227,7 +228,7 @@ def test_a_model_that_nothing_shows_is_refused():
 
 
 def simulated(model, frames, seed=0, hold=None):
-    """A smooth motion of a synthetic model, fast enough to show everything."""
+    """Simulate a smooth motion of a synthetic model, fast enough to excite everything."""
     motion = swinging(model, frames, 0.01, seed)
     values = np.array(motion.values)
     velocities = np.array(motion.velocities)
@@ -247,8 +248,9 @@ def simulated(model, frames, seed=0, hold=None):
 
 
 def recorded(model, motion, truth=None, noise=0.0, offset=None, seed=0):
-    """The wrench that the truth needs, on the first body, with noise [N, N m] and a constant in
-    ground.
+    """Simulate the wrench that the truth needs, on the first body.
+
+    It has noise [N, N m] and a constant in ground.
     """
     truth = inertial_parameters(model) if truth is None else truth
     wrench = base_regressor(model, motion, np.zeros(3)) @ truth.ravel()
@@ -330,8 +332,9 @@ def test_noise_of_the_motion_is_in_standard_deviations(arm):
 
 
 def test_frames_that_repeat_each_other_count_once(arm):
-    """Noise held for ten frames: a tenth of the samples, and standard deviations still tell the
-    truth.
+    """Noise held for ten frames: a tenth of the samples are independent.
+
+    Standard deviations still cover the truth.
     """
     truth = other_body(arm)
     motion = simulated(arm, 3000)
@@ -468,8 +471,9 @@ def test_a_weight_that_a_tare_took_away_is_missing(arm):
 
 
 def test_memory_does_not_grow_with_the_frames(arm):
-    """A frame's rows of the regressor are 3.8 kB here; what stays of it is a tenth, its six
-    residuals and the like.
+    """A frame's rows of the regressor are 3.8 kB here.
+
+    A tenth of that is stored: its six residuals and the like.
     """
     most = {}
     for frames in (1000, 4000):
@@ -482,8 +486,9 @@ def test_memory_does_not_grow_with_the_frames(arm):
 
 
 def test_a_motion_that_excites_nothing_leaves_the_model(arm):
-    """At rest only the weight and its moment show; all else stays where the model has it, and is
-    marked.
+    """At rest only the weight and its moment are identifiable.
+
+    All else stays where the model has it, and is marked.
     """
     hold = dict.fromkeys(arm.coordinate_names, 0.3)
     fit = fit_base(arm, [recorded(arm, simulated(arm, 200, hold=hold), other_body(arm), noise=0.5)])
@@ -517,8 +522,9 @@ def test_bad_options_are_named():
 
 
 def test_larger_terms_of_a_base_parameter_come_first():
-    """By what a body of usual size has of them: a tenth of a mass is more than a whole moment of
-    inertia.
+    """Terms are sorted by what a body of usual size has of them.
+
+    A tenth of a mass is more than a whole moment of inertia.
     """
     combination = np.zeros((1, 20))
     combination[0, [0, 10, 14, 11]] = 1.0, 0.1, 1.0, 0.5

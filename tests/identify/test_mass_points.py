@@ -17,12 +17,15 @@ from myomorph.core.model.inertia import pseudo_inertias
 
 
 def full_matrix(body, A):
-    """A W, which the solver never forms: its columns are what one kilogram at each point adds."""
+    """Return A W, which the solver never forms.
+
+    Its columns are what one kilogram at each point adds.
+    """
     return np.stack([A @ body.parameters(one).ravel() for one in np.eye(len(body.points))], axis=1)
 
 
 def general_solution(body, A, b, mass, options):
-    """The same problem by general solvers, in masses over their prior standard deviation.
+    """Solve the same problem by general solvers, in masses over their prior standard deviation.
 
     Non-negative least squares by Lawson and Hanson is exact; it has no equality, for which PIQP
     stands in.
@@ -74,7 +77,7 @@ def test_same_solution_as_a_general_solver(case, weights):
 
 
 def optimality(body, A, b, fit, mass, options):
-    """The Karush-Kuhn-Tucker conditions from matrices that the solver never forms, in kg."""
+    """Return the Karush-Kuhn-Tucker residuals from matrices the solver never forms, in kg."""
     v = prior_variances(body, options)
     B = full_matrix(body, A)
     pull = fit.masses - body.reference - v * (B.T @ (b - B @ fit.masses)) * options.W_phi
@@ -104,8 +107,9 @@ def test_conditions_of_the_optimum_hold(mass, noise):
 
 @pytest.mark.parametrize("size", [0.01, 30.0])
 def test_balance_is_the_greatest_imbalance_over_the_greatest_miss(size):
-    """Of multipliers far from the optimum, by a matrix that the solver never forms; misses below 1
-    count as 1.
+    """Multipliers far from the optimum, by a matrix that the solver never forms.
+
+    Misses below 1 count as 1.
     """
     body = made_body(0.1)
     options = MassPointOptions(W_phi=0.25)
@@ -147,8 +151,9 @@ def test_impossible_targets_still_give_bodies():
 
 
 def test_a_wish_that_the_plain_iteration_does_not_settle():
-    """Rows of very different scale and a wrench that no body has: exact, by rows that soften and
-    harden again.
+    """Rows of very different scale and a wrench that no body has.
+
+    The solution is exact, by rows that soften and harden again.
     """
     random = np.random.default_rng(72)
     body = made_body(0.1, 6, seed=72)
@@ -208,8 +213,9 @@ def test_prior_of_a_mass_center_is_its_radius_of_gyration_times_the_standard_dev
 
 
 def test_result_does_not_depend_on_the_grid():
-    """A weak wish for a tenth more mass, with cells of 20 and 10 mm; the paper's prior wanes with
-    the cells' volume.
+    """A weak target of a tenth more mass, with cells of 20 and 10 mm.
+
+    The paper's prior decreases with the cells' volume.
     """
     changes = {"relative": [], "paper": []}
     for spacing in (0.02, 0.01):

@@ -1,5 +1,6 @@
-"""Noise of the motion in the regressor: its misfit is foretold, and estimates without it are not
-shrunk by it.
+"""Noise of the motion in the regressor.
+
+Its misfit is predicted, and estimates corrected for it are not shrunk by it.
 """
 
 from __future__ import annotations
@@ -38,8 +39,9 @@ def squares_of(table):
 
 
 def test_noise_in_the_rows_shrinks_least_squares_and_not_the_corrected_ones():
-    """Rows with as much variance of noise as a third of their own: plain estimates shrink to three
-    quarters.
+    """Rows whose noise has a third of their own variance.
+
+    Plain estimates shrink to three quarters.
     """
     rng = np.random.default_rng(1)
     n = 4
@@ -57,8 +59,9 @@ def test_noise_in_the_rows_shrinks_least_squares_and_not_the_corrected_ones():
 
 
 def test_what_is_noise_alone_leaves_the_data_a_hold_and_the_expected_value():
-    """A column of noise alone: its parameter stays near what was expected, its hold at or above the
-    share kept.
+    """A column of noise alone: its parameter stays near the expected value.
+
+    Its hold is at or above the stored share.
     """
     rng = np.random.default_rng(2)
     count = 4000
@@ -77,8 +80,9 @@ def test_what_is_noise_alone_leaves_the_data_a_hold_and_the_expected_value():
 
 @pytest.fixture(scope="module")
 def noisy_walk(data):
-    """A walk whose forces are exactly the model's, seen with noise: model, recording, parts and
-    what noise does.
+    """Make a walk whose forces are exactly the model's, measured with noise.
+
+    Returned are model, recording, parts and the effect of noise.
     """
     folder = "opensim-gait-subject01/ref_id"
     model = read_model(data(f"{folder}/subject01.osim"))

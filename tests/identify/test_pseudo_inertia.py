@@ -53,8 +53,9 @@ def test_same_as_least_squares_where_no_inequality_is_active(body, reference, ma
 
 
 def by_scs(A, b, reference, mass, options):
-    """The same problem written out anew: pseudo-inertias as they are, another solver, the prior as
-    rows.
+    """Solve the same problem in a new formulation, with another solver.
+
+    Pseudo-inertias are as they are, the prior is written as rows.
     """
     links = len(reference)
     P = pseudo_inertias(reference)
@@ -116,8 +117,9 @@ def test_every_link_is_a_body_whatever_was_measured(body, reference):
 
 
 def test_known_truth_is_found_better_than_by_least_squares(body, reference):
-    """Twenty noisy rows of sixty parameters: least squares of minimum norm, and the truth near the
-    reference.
+    """Twenty noisy rows of sixty parameters, and the truth near the reference.
+
+    The comparison is least squares of minimum norm.
     """
     truth = other_mass_points(body, 3)
     A, b = measured(body, 20, truth, noise=5.0)

@@ -47,8 +47,9 @@ def used(found):
 
 
 def test_frames_on_the_chair_and_on_the_box_are_left_out(opencap):
-    """Sit-to-stand on a chair without a plate, and a jump from a box without one (README of the
-    data).
+    """Sit-to-stand on a chair without a plate, and a jump from a box without one.
+
+    The source is the README of the data.
     """
     model, trial = opencap
     rising = usable(model, *trial("STS1"), name="STS1", options=OPTIONS)

@@ -1,5 +1,6 @@
-"""Refinement: its derivatives, its splines and masses, its sparse steps, and a simulated person
-found again.
+"""Refinement: its derivatives, its splines and masses, and its sparse steps.
+
+A simulated person is recovered.
 """
 
 from __future__ import annotations
@@ -55,8 +56,9 @@ NARROW = RefineOptions(length_sd=0.02, marker_sd=0.005, mass_sd=0.2)
 
 @pytest.fixture(scope="module")
 def recorded():
-    """A person whose masses differ by up to a tenth, on a plate, with white noise and skin that
-    moves by 3 mm.
+    """Simulate a person whose masses differ by up to a tenth, on a plate.
+
+    The noise is white, and the skin moves by 3 mm.
     """
     compiled = person()
     model = model_from_mujoco(compiled, name="person")
@@ -112,7 +114,7 @@ def linearize(problem: Problem, point: Point) -> Equations:
 
 
 def moved(problem: Problem, point: Point, motions, shared) -> Point:
-    """A point after steps of motions and of the shared unknowns."""
+    """Return a point after steps of motions and of the shared unknowns."""
     layout = Layout(problem=problem, in_units=False, at=point)
     start = layout.unknowns.start
     step = np.zeros(len(start))
@@ -158,8 +160,9 @@ def test_every_change_of_masses_is_a_body(recorded):
 
 @pytest.mark.parametrize("soft", [False, True])
 def test_gradient_is_that_of_the_cost(problem, soft):
-    """Every kind of unknown: motion, lengths, marker positions and masses; also of markers on soft
-    tissue.
+    """Every kind of unknown: motion, lengths, marker positions and masses.
+
+    Also of markers on soft tissue.
     """
     problem = replace(problem, tissue=usual_tissue(problem.model) if soft else None)
     random = np.random.default_rng(2)
@@ -241,8 +244,9 @@ def test_a_mass_hard_to_believe_is_named_with_the_motion_that_would_show_it(prob
 
 
 def predicted(name, forces, markers, alone=None):
-    """A prediction whose forces and markers are some times the given model's, which are 20 N, 10 N
-    m and 6 mm.
+    """Make a prediction whose forces and markers are multiples of the given model's.
+
+    The given model's are 20 N, 10 N m and 6 mm.
     """
     given = Errors(0.006, 20.0, 10.0)
     refined = Errors(0.006 * markers, 20.0 * forces, 10.0 * forces)

@@ -1,5 +1,6 @@
-"""Refinement of markers that move more than the mass: alphas and the motion of the mass; none where
-there is none.
+"""Refinement of markers that move more than the mass.
+
+Alphas and the motion of the mass are found; none is found where there is none.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ CUTOFF = 8.0
 
 @pytest.fixture(scope="module")
 def truth():
-    """A person whose model has other masses than its own, its motion, and the plate's wrench."""
+    """Make a person whose model has other masses than its own, its motion and plate's wrench."""
     model = model_from_mujoco(person(), name="person")
     markers = [
         Marker(f"{body.name}_{i}", body.name, body.mass_center + 0.06 * offset)

@@ -33,7 +33,7 @@ def run(fit, model, given):
 
 
 def walk(data):
-    """Some joints of this model do not move at all."""
+    """Read a walk; some joints of its model do not move at all."""
     folder = data("opensim-gait-subject01/ref_id/subject01.osim").parent
     return (
         folder / "subject01.osim",
@@ -50,8 +50,9 @@ def jump(data):
 
 @pytest.mark.parametrize("files", [walk, jump])
 def test_equals_the_batch_on_real_data(data, files):
-    """Estimate, standard deviations, rank, condition number and information after a walk, and after
-    a jump.
+    """Estimate, standard deviations, rank, condition number and information agree.
+
+    They are compared after a walk, and after a jump.
     """
     model_file, motion_file, loads = files(data)
     model = read_model(model_file)
@@ -153,8 +154,9 @@ def test_forgetting_weighs_frames_by_their_age(arm):
 
 
 def test_a_movement_that_is_proposed_shows_more_than_the_others(arm):
-    """All but one joint have moved: that one is proposed, its body is known worst, and moving it
-    helps most.
+    """All but one joint have moved, and that one is proposed.
+
+    Its body has the largest uncertainty, and moving it helps most.
     """
     still = arm.joints[-1].coordinates[0]
     fit = SequentialFit(arm, sigma=0.5)

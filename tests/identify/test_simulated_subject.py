@@ -1,5 +1,6 @@
-"""Lengths, marker positions and inertial parameters of a simulated person, found again; MuJoCo is
-the engine.
+"""Lengths, marker positions and inertial parameters of a simulated person, recovered.
+
+MuJoCo is the engine.
 """
 
 from __future__ import annotations

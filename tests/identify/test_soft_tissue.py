@@ -1,5 +1,6 @@
-"""Markers that move more than the mass: the law undone, alphas found again, and none found where
-there is none.
+"""Markers that move more than the mass.
+
+The law is inverted, alphas are recovered, and none is found where there is none.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ ALPHA = 4e-4
 
 
 def test_the_law_of_a_sine():
-    """1 / (1 + alpha w^2) of values and both derivatives, away from the ends; a steady movement
-    stays.
+    """1 / (1 + alpha w^2) of values and both derivatives, away from the ends.
+
+    A steady movement stays.
     """
     time = np.arange(0.0, 4.0, 0.005)
     w = 2.0 * np.pi * 3.0
@@ -77,7 +79,10 @@ def test_what_cannot_be():
 
 @pytest.fixture(scope="module")
 def runner(arm_and_legs):
-    """A moving body, the plates' wrench of masses other than its model's, and mass points."""
+    """Make a moving body, the plates' wrench, and mass points.
+
+    The wrench is that of masses other than its model's.
+    """
     model, motion = arm_and_legs
     truth = inertial_parameters(model)
     names = list(model.body_names)
@@ -168,8 +173,9 @@ def test_rows_in_blocks_are_those_of_the_whole(runner):
 
 
 def test_filtered_products_explain_filtered_forces(runner):
-    """True masses leave less where rows are filtered after they are made than where angles are
-    filtered before.
+    """True masses leave less where rows are filtered after they are made.
+
+    The comparison filters angles before.
     """
     model, motion, wrenches, truth, _ = runner
     recording = usable(model, motion, wrenches, options=RecordingOptions(cutoff=4.0)).recording
@@ -179,8 +185,9 @@ def test_filtered_products_explain_filtered_forces(runner):
 
 
 def test_the_table_is_read_again_and_changes_forces(runner, tmp_path):
-    """What `identify` writes, `id` takes from the motion; another table is refused with what to
-    try.
+    """`id` takes from the motion what `identify` writes.
+
+    Another table is refused with what to try.
     """
     found = identified(runner, ALPHA)
     path = tmp_path / "soft_tissue.csv"

@@ -1,5 +1,6 @@
-"""The whole identification: truth found again, real forces explained better, and what the data did
-not say marked.
+"""The whole identification.
+
+The truth is recovered, real forces are explained better, and unidentifiable parameters are marked.
 """
 
 from __future__ import annotations
@@ -64,7 +65,10 @@ def halves(found):
 
 
 def forces_of(model, recording):
-    """What plates would measure if the body were this model: one wrench at the base's origin."""
+    """Return what plates would measure if the body were this model.
+
+    It is one wrench at the base's origin.
+    """
     wrench = base_regressor(model, recording.motion) @ inertial_parameters(model).ravel()
     return Wrenches(
         time=recording.motion.time,
@@ -186,8 +190,9 @@ def test_a_sum_of_two_masses_is_not_two_masses(walk):
 
 
 def test_intervals_hold_masses_of_many_bodies(walk):
-    """Bodies drawn from the points' prior, their real walk, noise that repeats over some frames: 90
-    % intervals.
+    """Intervals of 90 % for bodies drawn from the points' prior.
+
+    Their walk is real, and noise repeats over some frames.
     """
     model, points, found = walk
     few = thinned(points["own"])
@@ -217,8 +222,9 @@ def test_intervals_hold_masses_of_many_bodies(walk):
 
 
 def test_truth_is_found_again_from_clean_forces(walk):
-    """Forces of a body with more trunk and less thigh: after 1.2 s of walking its model predicts
-    the other 1.2 s.
+    """Forces of a body with more trunk and less thigh.
+
+    After 1.2 s of walking its model predicts the other 1.2 s.
     """
     model, points, found = walk
     parameters = inertial_parameters(model)
@@ -377,8 +383,9 @@ def test_the_weights_of_the_paper_can_be_asked_for(walk):
 
 
 def test_weights_of_the_paper_predict_the_other_half(walk):
-    """What half a walk does not show is no noise of a hundred times its size, which eq. 3.10 would
-    meet with masses.
+    """What half a walk does not excite is no noise of a hundred times its size.
+
+    Eq. 3.10 would fit such noise with masses.
     """
     model, points, found = walk
     first, second = halves(found)
@@ -394,8 +401,9 @@ def test_weights_of_the_paper_predict_the_other_half(walk):
 
 
 def test_weights_of_the_paper_decide_how_far_points_leave_the_shape(walk):
-    """A heavy W_rho keeps the shape; a free total is another mass than the subject's; both only
-    with prior "paper".
+    """A large W_rho preserves the shape; a free total is another mass than the subject's.
+
+    Both exist only with prior "paper".
     """
     model, points, found = walk
     paper = IdentificationOptions(

@@ -76,8 +76,9 @@ def test_how_far_mass_centers_move_is_told(lower):
 
 
 def test_the_nearest_bone_is_nearest_along_all_of_its_length():
-    """A short bone 13 cm beside the middle of a long one, another behind its end, and one without
-    length.
+    """Three bones near a long one, 0.4 m.
+
+    A short one is 13 cm from its middle, another behind its end, and one has no length.
     """
     bones = np.array(
         [
@@ -109,8 +110,9 @@ def test_the_nearest_bone_is_nearest_along_all_of_its_length():
 
 @pytest.mark.parametrize("size", [0.2, 1.0, 3.0])
 def test_spread_masses_sum_to_the_target_and_stay_possible(size):
-    """Targets smaller, alike and larger than the sum, in other directions: some must shrink, some
-    grow.
+    """Targets smaller than, like and larger than the sum, in other directions.
+
+    Some masses must shrink, some grow.
     """
     random = np.random.default_rng(5)
     bodies = np.stack([random_body(random, (0.0, 0.3 * i, 0.0)) for i in range(5)])
@@ -245,8 +247,9 @@ def test_what_has_no_counterpart_is_named(transferred):
 
 
 def test_a_motion_is_carried_and_what_it_leaves_open_is_held(transferred, lower, data):
-    """Segments follow within millimeters; the trunk's bend is spread, ribs stay; the rotation of a
-    limb is its own.
+    """Segments follow within millimeters; the rotation of a limb is its own.
+
+    The trunk's bend is distributed, and ribs stay.
     """
     walk = read_motion(data("rajagopal-walk-emg/coordinates.sto"), lower)
     motion = Motion(walk.time[::400], walk.names, walk.values[::400].copy())
@@ -277,8 +280,9 @@ def test_a_motion_stays_in_its_laboratory(transferred, lower):
 
 
 def test_a_stretched_model_gives_its_size_back(lower):
-    """From a model stretched by known factors back to its own kind: the factors and masses are
-    found.
+    """From a model stretched by known factors back to its own kind.
+
+    The factors and masses are found.
     """
     known = {
         "femur_r": (1.1,) * 3,

@@ -1,5 +1,6 @@
-"""The format that docs/adding.md adds as its example is added here, word by word, and every command
-takes it.
+"""The format that docs/adding.md adds as its example is added here, word by word.
+
+Every command takes it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "adding.md"
 
 @pytest.fixture
 def lin(tmp_path, monkeypatch):
-    """A module with the page's reader, and the page's line in the list of formats."""
+    """Load a module with the page's reader, and the page's line in the list of formats."""
     section = PAGE.read_text(encoding="utf-8").split("## A file format")[1].split("\n## ")[0]
     reader, line = re.findall(r"^```python\n(.*?)^```", section, re.MULTILINE | re.DOTALL)
     (tmp_path / "modules").mkdir()

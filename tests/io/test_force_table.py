@@ -1,5 +1,6 @@
-"""Tables of forces of any heading or none give back the forces that were written; what is open is
-refused by name.
+"""Tables of forces with any heading or none give the forces that were written.
+
+What is ambiguous is refused by name.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ NAMES = {"F": "F?", "COP": "COP?", "M": "M?"}
 
 
 def steps() -> dict[str, np.ndarray]:
-    """Two plates (frames, 2, 3), z up: forces [N], centers of pressure [m], free moments, moments
-    about the origin.
+    """Make two plates (frames, 2, 3), z up.
+
+    Their values are forces [N], centers of pressure [m], free moments and moments about the origin.
     """
     phase = np.pi * np.clip(np.stack([TIME - 3.0, TIME - 3.4], axis=1) / 0.7, 0.0, 1.0)
     size = 800.0 * np.sin(phase)

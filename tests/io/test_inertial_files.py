@@ -1,5 +1,6 @@
-"""Files of inertial sensors as each maker writes them, made here from sensors whose motion is
-known.
+"""Files of inertial sensors as each maker writes them.
+
+They are made here from sensors whose motion is known.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def sensors():
 
 
 def same(read, sensors, *signals):
-    """The same orientations, whichever sign, and signals."""
+    """Check that orientations are the same, whichever sign, and signals too."""
     np.testing.assert_allclose(read.time, sensors.time, atol=1e-9)
     for name in signals:
         ours = read.signals[name]

@@ -98,8 +98,9 @@ def test_a_time_beyond_the_recording_says_that_it_is_cut():
     ],
 )
 def test_a_recorded_label_is_the_marker_that_a_file_writes_for_it(recorded, fitted):
-    """OpenSim refuses blanks in names, so a model made of a recording has other names than the
-    recording.
+    """OpenSim refuses blanks in names.
+
+    A model made from a recording therefore has other names than the recording.
     """
     markers = tuple(Marker(name, "ground", np.zeros(3)) for name in ("r_asis", "sacrum", "r_met"))
     model = Model(

@@ -1,5 +1,6 @@
-"""Landmarks from tables, 3D Slicer, JSON and OpenSim's files; what is wrong with them is named by
-its line.
+"""Landmarks from tables, 3D Slicer, JSON and OpenSim's files.
+
+What is wrong with them is named by its line.
 """
 
 from __future__ import annotations

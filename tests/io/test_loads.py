@@ -27,7 +27,7 @@ ROWS = np.array([[0.0, *range(1, 10)], [0.1, *range(2, 11)]])
 
 @pytest.fixture
 def loads(tmp_path):
-    """An external loads file of one force with the given properties, and its table beside it."""
+    """Write an external loads file of one force with the given properties, and its table."""
     names = "\t".join(["time", *(f"g_{one}" for one in COLUMNS.split())])
     rows = "\n".join("\t".join(str(one) for one in row) for row in ROWS)
     table = f"forces\nnRows=2\nnColumns=10\nendheader\n{names}\n{rows}\n"
@@ -53,7 +53,7 @@ WHOLE = (
 
 
 def poses(body, time):
-    """A quarter turn about z, one metre up."""
+    """Return a quarter turn about z, one meter up."""
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     return np.broadcast_to(turn, (len(time), 3, 3)), np.tile([0.0, 1.0, 0.0], (len(time), 1))
 

@@ -88,8 +88,9 @@ def test_a_load_without_a_body_is_refused():
 
 
 def test_sites_of_a_body_become_one_load():
-    """Four corners of a sole on a floor: force, center of pressure and the free vertical torque
-    that is left.
+    """Four corners of a sole on a floor.
+
+    Compared are force, center of pressure and the free vertical torque that remains.
     """
     draw = np.random.default_rng(5)
     corners = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.0, 0.1], [0.2, 0.0, 0.1]])

@@ -43,7 +43,7 @@ def _binary(values: np.ndarray, compressed: bool) -> tuple[bytes, bytes]:
 
 
 def vtp(form: str, compressed: bool = False, encoding: str = "base64") -> bytes:
-    """The pyramid as a VTP file in one of its forms."""
+    """Return the pyramid as a VTP file in one of its forms."""
     appended = b""
     told = []
     for name, kind, values in (

@@ -16,7 +16,7 @@ FRAMES = 40
 
 
 def made(path, labels=("hip", "knee"), fragments=3, rate=250.0, compressed=True, **changes):
-    """A recording as QTM writes it, and its positions [mm]."""
+    """Write a recording as QTM writes it, and return its positions [mm]."""
     rng = np.random.default_rng(3)
     own = rng.uniform(-500, 500, (len(labels), 4, FRAMES))
     loose = rng.uniform(-500, 500, (fragments, 4, FRAMES))

@@ -42,7 +42,7 @@ def walk(data: Callable[[str], Path]) -> tuple[Model, LiveRecording]:
 
 @pytest.fixture(scope="module")
 def marked(walk: tuple[Model, LiveRecording]) -> tuple[Model, Markers, Wrenches]:
-    """The walk as markers would show it: the places of the model's own markers."""
+    """Return the walk as markers would show it: the positions of the model's own markers."""
     from myomorph.core.model.model import Marker
 
     model, recording = walk
@@ -82,8 +82,9 @@ class Seen:
 
 
 def test_the_end_is_the_batch(walk: tuple[Model, LiveRecording]) -> None:
-    """What a live session ends with is what the batch finds from all of it through the same filter,
-    to 1e-8.
+    """A live session ends with what the batch finds from all of it, to 1e-8.
+
+    Both use the same filter.
     """
     model, recording = walk
     result = identify_frames(
@@ -143,8 +144,9 @@ def test_what_came_is_kept(walk: tuple[Model, LiveRecording]) -> None:
 def test_matrices_of_one_frame_wake_no_threads(
     walk: tuple[Model, LiveRecording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before, in and after the loop: warming up with more threads took several times as long as all
-    frames.
+    """The number of threads is checked before, in and after the loop.
+
+    Warming up with more threads took several times as long as all frames.
     """
     threads: list[int] = []
     propose = SequentialFit.propose
@@ -192,8 +194,9 @@ def test_a_recording_plays_in_its_own_time(walk: tuple[Model, LiveRecording]) ->
 
 
 def test_displays_see_the_body_take_color(walk: tuple[Model, LiveRecording]) -> None:
-    """At ten times the recording's speed the display is shown what is known, and never less than
-    before.
+    """At ten times the recording's speed the display shows what is identifiable.
+
+    It never shows less than before.
     """
     model, recording = walk
     seen = Seen()
@@ -231,8 +234,9 @@ def test_the_terminal_tells_segments_and_what_to_move(walk: tuple[Model, LiveRec
 
 
 def test_the_picture_shows_levels(walk: tuple[Model, LiveRecording]) -> None:
-    """Blue where everything is known, red where nothing is, and it follows the body through the
-    room.
+    """Blue where everything is identifiable, red where nothing is.
+
+    The picture follows the body through the room.
     """
     model, _ = walk
     view = BodyView(model)
@@ -312,8 +316,9 @@ def test_channels_of_markers() -> None:
 
 
 def test_channels_of_forces_mean_the_same_wrench() -> None:
-    """A plate told by force, point and free torque, and by force and moment about the origin, is
-    one wrench.
+    """One wrench in two forms of channels.
+
+    The forms are force, point and free torque, and force and moment about the origin.
     """
     rng = np.random.default_rng(0)
     forces, points, torques = rng.standard_normal((3, 5, 1, 3)) * [

@@ -71,8 +71,9 @@ def test_it_is_the_offline_chain_with_the_same_filter(
 
 
 def test_results_are_of_the_time_less_the_delay(walk: tuple[Model, Markers, Wrenches]) -> None:
-    """Shifted by the filter's delay, angles are those of the markers: within a degree and a half in
-    a walk.
+    """Shifted by the filter's delay, angles are those of the markers.
+
+    In a walk they agree within a degree and a half.
     """
     model, markers, wrenches = walk
     kept = played(model, markers, wrenches)
@@ -146,8 +147,9 @@ def test_plates_of_a_table_find_their_feet(
 def test_plates_of_the_recording_itself_find_their_feet(
     walk: tuple[Model, Markers, Wrenches], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A file that holds markers and plates, as C3D does, needs no other; centers of pressure may be
-    unknown.
+    """A file that holds markers and plates, as C3D does, needs no other.
+
+    Centers of pressure may be unknown.
     """
     model, markers, wrenches = walk
     corners = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [-1.0, 0.0, -1.0], [1.0, 0.0, -1.0]])
@@ -179,8 +181,9 @@ def test_plates_of_the_recording_itself_find_their_feet(
 def test_a_runner_on_two_belts_keeps_the_feet_apart(
     data: Callable[[str], Path], speed: str
 ) -> None:
-    """Touchdowns at full speed, centers of pressure that wander: the plates named right and left
-    stay what they are.
+    """Foot strikes at full speed, and centers of pressure that wander.
+
+    The plates named right and left stay what they are.
     """
     folder = data("hamner-run-subject04")
     model = open_model(folder / "unscaled_generic.osim")
@@ -233,8 +236,9 @@ def test_without_forces_a_floating_body_is_told(walk: tuple[Model, Markers, Wren
 
 
 def test_nothing_is_compiled_while_frames_come(walk: tuple[Model, Markers, Wrenches]) -> None:
-    """After the rehearsal no kernel gets another form, not even where markers and forces are lost
-    and found.
+    """After the warm-up no kernel gets another form.
+
+    This holds even where markers and forces are lost and found.
     """
     model, markers, wrenches = walk
     values = np.array(markers.values)

@@ -1,5 +1,6 @@
-"""Limits while frames arrive: what they are made of by itself, and against the same draws on the
-whole recording.
+"""Interval bounds while frames arrive.
+
+Their parts by themselves, and against the same draws on the whole recording.
 """
 
 from __future__ import annotations

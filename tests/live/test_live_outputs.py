@@ -1,5 +1,6 @@
-"""What takes the results of a live session: a folder, a page, a stream; and how late they are told
-to be.
+"""What takes the results of a live session: a folder, a page, a stream.
+
+Also the latency that is reported.
 """
 
 import json
@@ -140,8 +141,9 @@ def test_what_cannot_be_is_told_before_anything_is_written(
 
 @pytest.mark.long
 def test_the_page_shows_the_newest_frame(walk: tuple[Model, Markers, Wrenches]) -> None:
-    """A process of its own answers on the port, takes frames and ends with the session; a taken
-    port is told.
+    """A process of its own answers on the port, takes frames and ends with the session.
+
+    A port in use is reported.
     """
     pytest.importorskip("viser")
     from myomorph.live.page import LivePage
@@ -231,8 +233,9 @@ def test_a_stream_that_is_announced_but_silent_is_told() -> None:
 
 
 def test_a_stream_has_limits_behind_its_results(walk: tuple[Model, Markers, Wrenches]) -> None:
-    """All channels once more for lower, once more for upper limits, of the same units and in the
-    same order.
+    """All channels are repeated for lower, and again for upper bounds.
+
+    Their units are the same and in the same order.
     """
     from myomorph.live.streams import LabOutlet
 
@@ -265,8 +268,9 @@ def test_a_stream_has_limits_behind_its_results(walk: tuple[Model, Markers, Wren
 
 @pytest.mark.long
 def test_streams_in_and_out_through_the_real_library(walk: tuple[Model, Markers, Wrenches]) -> None:
-    """Markers and plates sent over the loopback, results received from it: every frame, in order,
-    on the right time.
+    """Markers and plates sent over the loopback, results received from it.
+
+    Every frame arrives, in order, at the right time.
     """
     pylsl = pytest.importorskip("pylsl")
     from myomorph.live.streams import LabOutlet

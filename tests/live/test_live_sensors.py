@@ -40,7 +40,7 @@ class Kept:
 
 @pytest.fixture(scope="module")
 def walk(data):
-    """A recorded walk, its model, and sensors without errors on it."""
+    """Return a recorded walk, its model, and sensors without errors on it."""
     model = mm.read_model(data(f"{HOME}/subject_walk_scaled.osim"))
     motion = mm.read_motion(data(f"{HOME}/coordinates.sto"), model)
     motion = mm.Motion(

@@ -1,5 +1,6 @@
-"""Frozen values really are: their arrays cannot be written, and no class of the package is
-forgotten.
+"""Values that are declared frozen are frozen.
+
+Their arrays cannot be written, and no class of the package is missed.
 """
 
 from __future__ import annotations
@@ -203,8 +204,9 @@ def test_a_frozen_map_cannot_be_written_and_travels(way):
 
 
 def test_every_read_only_mapping_can_be_pickled():
-    """`types.MappingProxyType` cannot, unless something is done for it when the package is
-    imported.
+    """`types.MappingProxyType` cannot be pickled by itself.
+
+    The package registers how when it is imported.
     """
     source = Path(myomorph.__file__).parent
     used = [

@@ -58,7 +58,7 @@ def moving(model, frames=9, seed=0):
 
 
 def pulls(motion, model, bodies, seed=3):
-    """Forces on bodies anywhere near their origins, with free torques."""
+    """Make forces on bodies anywhere near their origins, with free torques."""
     random = np.random.default_rng(seed)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))

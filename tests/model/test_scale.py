@@ -41,8 +41,9 @@ def scaled_by_opensim(path, factors, keep, mass, folder):
 
 
 def opensim_lengths(path):
-    """Path lengths in the default pose, from OpenSim: what wraps does not matter to the rule of
-    scaling.
+    """Return path lengths in the default pose, from OpenSim.
+
+    Wrapping does not matter to the rule of scaling.
     """
     osim = pytest.importorskip("opensim")
     model = osim.Model(str(path))
@@ -113,8 +114,9 @@ def test_scaling_equals_opensim(data, tmp_path, name, keep):
 
 
 def test_one_factor_for_all_makes_a_larger_twin():
-    """Every body's place and the center of mass grow by the factor, couplers of translations
-    included.
+    """Every body's position and the center of mass grow by the factor.
+
+    Couplers of translations are included.
     """
     model = model_from_mujoco(compiled("myolegs"))
     twin = scale(model, dict.fromkeys(model.body_names, (1.2, 1.2, 1.2)))

@@ -18,7 +18,7 @@ from myomorph.core.surfaces.linear_maps import AffineMap, Similarity
 
 
 def given(body: str, matrix: Array, offset: Array, **surfaces: object) -> BoneMap:
-    """The affine map of a body."""
+    """Return the affine map of a body."""
     size = float(np.cbrt(abs(np.linalg.det(matrix))))
     sign = np.sign(np.linalg.det(matrix))
     whole = Similarity(sign * nearest_rotation(sign * matrix), offset, size)
@@ -45,8 +45,9 @@ def similar(model: Model, size: float, seed: int | None = None) -> dict[str, Bon
 
 
 def sheared(model: Model, matrix: Array) -> dict[str, BoneMap]:
-    """The whole body stretched by one matrix as it stands in its default pose, in frames that turn
-    with it.
+    """Return the whole body stretched by one matrix as it stands in its default pose.
+
+    The frames rotate with it.
     """
     found = {}
     for body, pose in standing_poses(model).items():
@@ -67,7 +68,7 @@ def poses_of(model: Model, count: int, seed: int = 0, sliding: bool = False) -> 
 
 
 def grown(model: Model, motion: Motion, size: float) -> Motion:
-    """A motion of a model in that of its twin, larger by a factor: what slides goes further."""
+    """Return the motion of a model in its twin, larger by a factor: translations are larger."""
     sliding = {
         axis.coordinates[0]
         for joint in model.joints

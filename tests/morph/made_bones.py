@@ -1,5 +1,6 @@
-"""Real bones that come with a package, and the same bones smoothly deformed: what became of every
-point is known.
+"""Real bones that come with a package, and the same bones smoothly deformed.
+
+The deformed position of every point is known.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from myomorph.core.surfaces.surface_points import Shape
 
 
 def real_bone(name: str, edge: float = 0.006) -> Surface:
-    """A bone of `myo-sim` with triangles no longer than an edge [m]."""
+    """Return a bone of `myo-sim` with triangles no longer than an edge [m]."""
     package = pytest.importorskip("myo_sim")
     bone = read_mesh(Path(package.MODELS_DIR) / "meshes" / f"{name}.stl")
     mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=True)
@@ -26,8 +27,9 @@ def real_bone(name: str, edge: float = 0.006) -> Surface:
 
 
 def deformed(points: np.ndarray, bone: Surface, size: float = 1.0) -> np.ndarray:
-    """Points (n, 3) of a bone after it grew thicker at one end, was bent, twisted and swollen on
-    one side.
+    """Deform points (n, 3) of a bone.
+
+    It grows thicker at one end, and is bent, twisted and swollen on one side.
     """
     middle = bone.vertices.mean(axis=0)
     axes = np.linalg.svd(bone.vertices - middle, full_matrices=False)[2]
@@ -48,7 +50,7 @@ def deformed(points: np.ndarray, bone: Surface, size: float = 1.0) -> np.ndarray
 
 
 def made_target(bone: Surface, size: float = 1.0) -> Surface:
-    """The deformed bone, its triangles others than the source's."""
+    """Return the deformed bone, its triangles others than the source's."""
     mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False).subdivide()
     return Surface(deformed(np.array(mesh.vertices), bone, size), mesh.faces)
 

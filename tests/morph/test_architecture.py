@@ -58,8 +58,9 @@ def rows(factor: float, only: tuple[str, ...] = NAMES, noise: float = 0.0) -> tu
 
 
 def test_without_a_table_the_law_of_scaling_gives_all():
-    """Fibers with the length, forces with its square, both by the law's factors and within its
-    intervals.
+    """Fibers scale with the length, forces with its square.
+
+    Both are by the law's factors and within its intervals.
     """
     law = ScalingLaw(
         citation="legs",
@@ -95,8 +96,9 @@ def test_bones_and_body_give_fibers_and_strength():
 
 
 def test_a_relative_fills_in_at_the_level_of_the_target():
-    """A relative 3 times as large tells what the target's table lacks, whatever its own size is
-    taken for.
+    """A relative 3 times as large supplies what the target's table is missing.
+
+    The size that is assumed for it does not matter.
     """
     table = ArchitectureTable("mouse", "x", rows(1.0, NAMES[:7]))
     relative = ArchitectureTable("rat", "y", rows(3.0))
@@ -137,8 +139,9 @@ def test_parts_and_shares_keep_the_strength():
 
 
 def test_rats_tell_the_order_of_a_mouse(data):
-    """Nothing of the mouse's own table: its order of forces and fibers comes out of the rats'
-    tables.
+    """Nothing of the mouse's own table is used.
+
+    Its order of forces and fibers comes out of the rats' tables.
     """
     man = open_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     species = read_species("human-mouse")

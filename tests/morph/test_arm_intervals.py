@@ -20,7 +20,10 @@ SIZE = 1.1
 
 
 def unsure(radius: float, model=None) -> Morph:
-    """A leg that grew, with points known within a radius [m] and a joint that the maps carried."""
+    """Return a leg that grew, with points known within a radius [m].
+
+    One joint is mapped by the maps.
+    """
     source = leg() if model is None else model
     morph = morph_of(source, grown(source, SIZE), SIZE)
     bones = {}

@@ -1,5 +1,6 @@
-"""Spheres and cylinders: laws, made surfaces with noise and little cover, heads and sockets of real
-bones.
+"""Spheres and cylinders: laws, made surfaces with noise and little cover.
+
+Also heads and sockets of real bones.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def around_axis(turn: float, count: int = 600, seed: int = 0) -> tuple[np.ndarra
 
 
 def ball(radius: float, center: np.ndarray, rings: int = 24) -> Surface:
-    """A closed sphere."""
+    """Make a closed sphere."""
     heights = np.linspace(0, np.pi, rings)
     angles = np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)
     grid = np.stack(
@@ -94,8 +95,9 @@ def test_spheres_do_not_depend_on_frame_or_size():
 
 @pytest.mark.parametrize(("share", "within"), [(0.6, 1.0e-4), (0.3, 2.5e-4), (0.15, 6e-4)])
 def test_a_sphere_with_noise_and_wrong_points(share, within):
-    """A third of a millimeter of noise, a seventh of the points elsewhere, normals off by 8
-    degrees.
+    """A third of a millimeter of noise, a seventh of the points elsewhere.
+
+    Normals are off by 8 degrees.
     """
     for seed in range(10):
         random = np.random.default_rng(seed)
@@ -115,8 +117,9 @@ def test_a_sphere_with_noise_and_wrong_points(share, within):
     ("radii", "bent"), [((1.0, 1.0, 1.0), 1.0), ((1.0, 2.0, 4.0), 0.25), ((1.0, -1.0, 2.0), 0.0)]
 )
 def test_how_bent_normals_say_a_surface_is_does_not_depend_on_where_it_is(radii, bent):
-    """Normals that are a linear map of places, of one over the radii: the least bent way, or none
-    of a saddle.
+    """Normals that are a linear map of positions, of one over the radii.
+
+    The result is the direction of least curvature, or none for a saddle.
     """
     places = on_sphere(0.6)
     for shift in (np.zeros(3), np.array([4.0, -7.0, 2.0])):
@@ -262,8 +265,9 @@ def meters(path) -> Surface:
 
 @pytest.mark.long
 def test_head_and_socket_of_a_hip_share_their_center(data):
-    """Of the man in MRI, where both bones lie in one frame: cartilage and the segmentation are all
-    that is between.
+    """Of the man in MRI, where both bones are in one frame.
+
+    Only cartilage and the segmentation are between them.
     """
     head = spherical_patches(meters(data("bones-mri-two-adults/ICL_MRI/femur_r.ply")))[0]
     pelvis = meters(data("bones-mri-two-adults/ICL_MRI/pelvis_no_sacrum.ply"))

@@ -1,5 +1,6 @@
-"""Attachments of a relative: through its landmarks to the bone, and never so that a path doubles
-back.
+"""Attachments of a relative, through its landmarks to the bone.
+
+A path never doubles back.
 """
 
 from __future__ import annotations
@@ -24,7 +25,10 @@ from myomorph.lab.study.inputs.reading import open_model
 
 @pytest.fixture(scope="module")
 def femora(data):
-    """A man's model and a mouse's with their bones, and the species table with the femur alone."""
+    """Read a man's model and a mouse's with their bones.
+
+    The species table has the femur alone.
+    """
     man = open_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     mouse = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
     table = read_species("human-mouse")
@@ -49,7 +53,10 @@ def femora(data):
 
 
 def relative(femora, *attachments: Attachment) -> RelativeBone:
-    """The mouse's own femur, three times as large and rotated: known attachment positions."""
+    """Make a relative of the mouse: its own femur, three times as large and rotated.
+
+    The attachment positions are known.
+    """
     marks = femora[0]().bones["femur_r"].features
     named = {
         name: tuple(3.0 * at[[2, 0, 1]]) for name, at in zip(marks.names, marks.target, strict=True)

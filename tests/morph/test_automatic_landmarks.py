@@ -1,5 +1,6 @@
-"""Landmarks found by rules: the same place on a bone that was turned, moved, resized and smoothly
-deformed.
+"""Landmarks found by rules.
+
+The same position on a bone that was rotated, moved, resized and smoothly deformed.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from scans import made_scan
 
 
 def thorny() -> Surface:
-    """A made bone: an ellipsoid with thorns, of which none is another's mirror image."""
+    """Make a bone: an ellipsoid with thorns, of which none is another's mirror image."""
     mesh = trimesh.creation.icosphere(subdivisions=3)
     size = np.ones(len(mesh.vertices))
     for direction, height in (

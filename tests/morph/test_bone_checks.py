@@ -1,5 +1,6 @@
-"""Bones that cannot be what they are said to be are refused by name; what can be repaired is, and
-said.
+"""Bones that cannot be what their names say are refused by name.
+
+What can be repaired is repaired and reported.
 """
 
 from __future__ import annotations
@@ -180,8 +181,9 @@ def test_length_does_not_depend_on_the_frame():
 
 
 def test_meshes_with_inverted_faces(data):
-    """The left tibia has 47 of its triangles turned; its twin tells which, but for the few where
-    three meet an edge.
+    """The left tibia has 47 of its triangles inverted.
+
+    Its twin shows which, but for the few where three meet an edge.
     """
     inverted = read_mesh(data("bones-opensim-rajagopal/Geometry/l_tibia_SOMEINVERTEDFACES.vtp"))
     sound = read_mesh(data("bones-opensim-rajagopal/Geometry/l_tibia.vtp"))

@@ -1,5 +1,6 @@
-"""Branching points: balance against MuJoCo and scipy, virtual work, and how they follow a model
-into other bones.
+"""Branching points: balance against MuJoCo and scipy, and virtual work.
+
+Also how they follow a model into other bones.
 """
 
 from __future__ import annotations
@@ -38,8 +39,9 @@ AT = np.array([0.0, 0.06, 0.0])
 
 
 def branched(places: dict[str, tuple[float, float, float]] | None = None) -> Model:
-    """A lower body, an upper one that turns on it, and between them a point at which four strands
-    meet.
+    """Make a lower body and an upper one that rotates on it.
+
+    Between them is a point at which four lines of action meet.
     """
     still = Transform.identity()
     turn = Axis(
@@ -107,8 +109,9 @@ def branched(places: dict[str, tuple[float, float, float]] | None = None) -> Mod
 
 
 def in_mujoco(load: BranchLoad) -> np.ndarray:
-    """Where MuJoCo's massless slider comes to rest between tendons of constant tension, the upper
-    body straight.
+    """Return where MuJoCo's massless slider comes to rest between tendons of constant tension.
+
+    The upper body is straight.
     """
     worlds = []
     sites = []
@@ -246,8 +249,9 @@ def test_a_twin_has_it_where_the_bones_put_it():
 
 @pytest.mark.parametrize("grafted", [False, True])
 def test_in_stretched_bones_the_same_tensions_balance(grafted):
-    """The map alone leaves a force over; moved there is none but the source's, and the points tell
-    how far.
+    """The map alone leaves an unbalanced force.
+
+    After the points are moved none remains but the source's, and they report the distance.
     """
     model = branched()
     wide = np.diag([1.5, 1.0, 0.8])

@@ -1,5 +1,6 @@
-"""What is carried with a bone, part by part: functions of coordinates, wrap objects, points of
-surfaces, centers.
+"""What is transferred with a bone, part by part.
+
+Functions of coordinates, wrap objects, points of surfaces, and centers.
 """
 
 from __future__ import annotations
@@ -56,8 +57,9 @@ STILL = Transform.identity()
 
 
 def test_what_slides_goes_further_and_what_turns_does_not():
-    """A slider that also turns, on bones half as large again: 1.5 of the slide and equal turns put
-    all 1.5 as far.
+    """A slider that also rotates, on bones half as large again.
+
+    1.5 of the slide and equal rotations put all 1.5 as far.
     """
     axes = (
         Axis(
@@ -277,8 +279,9 @@ def ball(radius: float, center=(0.0, 0.0, 0.0), subdivisions: int = 4) -> Surfac
 
 
 def test_points_come_back_onto_the_surface_at_their_height():
-    """A map that misses the target's surface by up to 3 mm: points at 0 and 1 mm come to lie at 0
-    and 1.1 mm.
+    """A map that misses the target's surface by up to 3 mm.
+
+    Points at 0 and 1 mm come to lie at 0 and 1.1 mm.
     """
     source = ball(0.1)
     target = ball(0.11)
@@ -346,7 +349,7 @@ def test_what_the_target_lacks_is_not_looked_for():
 
 
 def hip(head: Surface, other: Surface, offset: np.ndarray) -> tuple[Model, dict[str, BoneMap]]:
-    """A ball joint at a femur's head, and a map that misses the target's head by an offset."""
+    """Make a ball joint at a femur's head, and a map that misses the target's head by an offset."""
     axes = tuple(
         Axis(kind="rotation", vector=np.eye(3)[i], function=linear(1.0), coordinates=(f"q{i}",))
         for i in range(3)
@@ -388,7 +391,7 @@ def hip(head: Surface, other: Surface, offset: np.ndarray) -> tuple[Model, dict[
 
 
 def femur(size: float, center: np.ndarray) -> Surface:
-    """A head 24 mm in radius beside a shaft."""
+    """Make a head 24 mm in radius next to a shaft."""
     head = trimesh.creation.icosphere(subdivisions=4, radius=0.024)
     shaft = trimesh.creation.cylinder(
         radius=0.012, segment=([0.03, -0.04, 0.0], [0.06, -0.3, 0.0]), sections=24
@@ -491,8 +494,9 @@ def test_a_joint_away_from_the_sources_head_is_mapped():
 
 
 def test_declared_virtual_links_of_a_real_model(data):
-    """The abdominal wall of the 520-muscle model is on bodies without bones: declared, they grow
-    with those around.
+    """The abdominal wall of the 520-muscle model is on bodies without bones.
+
+    Declared as virtual links, they grow with those around.
     """
     model = read_osim(data("fullbody-many-muscles/cyclistFullBodyMuscle.osim"))
     links = [body.name for body in model.bodies if body.name.startswith("Abd")]
@@ -513,8 +517,9 @@ def test_declared_virtual_links_of_a_real_model(data):
 
 
 def test_a_virtual_link_follows_the_bones_around_it():
-    """Two bones that grow apart take the points of the massless link between them along, wherever
-    its own frame is.
+    """Two bones that grow apart move the points of the massless link between them.
+
+    The position of its own frame does not matter.
     """
     slide = Axis(
         kind="translation",

@@ -1,5 +1,6 @@
-"""Paths brought out of bones: made bones of known thickness, muscles with and without something
-that can be moved.
+"""Paths moved out of bones.
+
+Made bones of known thickness, muscles with and without something that can be moved.
 """
 
 from dataclasses import replace
@@ -35,7 +36,7 @@ STILL = Transform.identity()
 
 
 def shaft(radius, size=1.0):
-    """A closed tube along z, from end to end `LENGTH` long, times a size."""
+    """Make a closed tube along z, from end to end `LENGTH` long, times a size."""
     made = trimesh.creation.cylinder(radius, LENGTH * size, sections=48).subdivide_loop(0)
     return Surface(made.vertices, made.faces)
 
@@ -228,8 +229,9 @@ def test_a_deep_place_beside_a_via_point_moves_it_by_its_lever():
 
 
 def arm(second):
-    """A muscle from the ground over a via point of a body to a second body, which hinges turn, the
-    first along z.
+    """Make a muscle from the ground over a via point of a body to a second body.
+
+    Hinges rotate the bodies, the first along z.
     """
     bodies = tuple(
         Body(name=name, mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3) * 0.01)
@@ -361,8 +363,9 @@ def test_where_the_body_stands_does_not_matter():
 
 
 def deeper_by(change):
-    """What is left of a model whose wrap object grew and whose via point moved, where the path got
-    deeper so much.
+    """Return what is left of a model whose path got deeper by this change.
+
+    Its wrap object grew and its via point moved.
     """
     around = WrapObject(name="shaft", body="femur", kind="cylinder", pose=STILL, size=(0.02, 1.0))
     before = model(muscle(*ALONG, wraps=(PathWrap("shaft"),)), (around,))

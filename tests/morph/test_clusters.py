@@ -1,5 +1,6 @@
-"""Balls of marker clusters in a scan: apart, grown together, noisy, half seen; and which marker
-each of them is.
+"""Balls of marker clusters in a scan: apart, grown together, noisy, half visible.
+
+Also which marker each of them is.
 """
 
 from __future__ import annotations

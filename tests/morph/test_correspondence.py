@@ -1,5 +1,6 @@
-"""Bones that find each other without landmarks: exact affine copies, a smooth deformation, and how
-surely.
+"""Bones that are matched without landmarks.
+
+Exact affine copies, a smooth deformation, and how certain the match is.
 """
 
 from __future__ import annotations

@@ -27,8 +27,9 @@ read = cache(read_osim)
 
 @pytest.mark.parametrize("name", [GAIT, KNEE])
 def test_onto_a_morphed_skeleton_is_what_morphing_gives(data, name):
-    """Same bones, same coordinates: putting muscles on the larger twin's skeleton or morphing into
-    it is one thing.
+    """Same bones, same coordinates: both ways give one result.
+
+    The ways are muscles on the larger twin's skeleton, and morphing into it.
     """
     model = read(data(name))
     bones = similar(model, 1.2, seed=4)
@@ -118,8 +119,9 @@ def hinge(
 
 
 def test_the_targets_own_coordinate_moves_points_and_fibers():
-    """A knee that bends by 2 rad from -2 to 0 in one model, from 0.1 to 2.1 the other way round in
-    the other.
+    """A knee that bends by 2 rad, with other conventions in each model.
+
+    It goes from -2 to 0 in one, from 0.1 to 2.1 the other way round in the other.
     """
     points = (
         PathPoint("p1", "femur", np.array([0.03, -0.1, 0.0])),

@@ -1,5 +1,6 @@
-"""The map of a bone: through landmarks and matched surfaces, and what cannot be a bone's
-counterpart named.
+"""The map of a bone, through landmarks and matched surfaces.
+
+What cannot be a bone's counterpart is named.
 """
 
 from __future__ import annotations
@@ -149,8 +150,9 @@ def test_what_is_no_counterpart_is_named(bone):
 
 
 def test_a_small_bone_of_another_person_is_not_taken_for_one_of_the_other_side(data):
-    """Both ways leave about the same distance; how unlikely either deformation is differs a
-    thousandfold.
+    """Both ways leave about the same distance.
+
+    The likelihoods of the two deformations differ a thousandfold.
     """
     ours = read_mesh(data("bones-opensim-rajagopal/Geometry/r_talus.vtp"))
     scan = read_mesh(data("bones-mri-two-adults/ICL_MRI/talus_r.ply"))

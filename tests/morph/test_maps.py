@@ -47,7 +47,7 @@ def around(count: int = 200) -> Array:
 
 
 def bent(points: Array) -> Array:
-    """A known smooth deformation."""
+    """Apply a known smooth deformation."""
     x, y, z = (np.asarray(points) - 0.4).T
     return (
         np.column_stack(
@@ -326,8 +326,9 @@ def test_three_points_move_as_a_similarity_across_their_plane(kind: str) -> None
 
 @pytest.mark.parametrize("kernel", ["r", "r3"])
 def test_what_no_affine_part_is_given_for_is_found_by_the_radial_map(kernel):
-    """Shifts that are linear in place are reproduced everywhere, whatever affine map the fit begins
-    with.
+    """Shifts that are linear in position are reproduced everywhere.
+
+    The affine map that the fit begins with does not matter.
     """
     random = np.random.default_rng(4)
     source = random.normal(size=(12, 3)) * 0.1

@@ -1,5 +1,6 @@
-"""Checks of a morph find what was made wrong, with its number, and nothing in a model that only
-grew.
+"""Checks of a morph find what was made wrong, with its number.
+
+They find nothing in a model that only grew.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from myomorph.lab.analyze.leg_model import leg_model
 
 
 def through(depth: float):
-    """An extensor that runs along the thigh under its front."""
+    """Return an extensor that runs along the thigh under its front."""
     x = HALF - depth
     return muscle("extensor", [("thigh", (x, -0.05, 0.0)), ("thigh", (x, -0.3, 0.0)), *FRONT[1:]])
 

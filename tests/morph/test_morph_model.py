@@ -81,8 +81,9 @@ def test_identity_leaves_everything(model):
 
 
 def test_a_larger_twin_in_other_frames(model):
-    """Lengths and moment arms are those of the twin that scaling makes, however its bodies' frames
-    lie.
+    """Lengths and moment arms are those of the twin that scaling makes.
+
+    The orientation of its bodies' frames does not matter.
     """
     bones = similar(model, SIZE, seed=3) | {
         "ground": given("ground", SIZE * np.eye(3), np.zeros(3))
@@ -127,8 +128,9 @@ def test_points_surfaces_and_masses_of_a_larger_twin_are_those_of_scaling(model)
 
 
 def test_an_affine_map_of_the_whole_body(model):
-    """In the default pose every point is where the matrix puts it, joints included, and polygons
-    are as long.
+    """In the default pose every point is where the matrix puts it, joints included.
+
+    Polygons are as long.
     """
     rng = np.random.default_rng(5)
     matrix = rotation_from_euler_xyz((0.3, -0.4, 0.2)) @ (
@@ -169,9 +171,7 @@ def test_points_that_move_go_where_the_map_sends_them(data):
 
 
 def test_a_symmetric_model_stays_so(data):
-    """Left bones that are the mirrored right ones give left muscles that are the mirrored right
-    ones.
-    """
+    """Left bones that are the mirrored right ones give mirrored left muscles."""
     model = read(data(MODELS[0]))
     flip = np.diag([1.0, 1.0, -1.0])
     rng = np.random.default_rng(1)
@@ -238,8 +238,9 @@ def test_bodies_without_a_bone_take_their_neighbors_size(data):
 
 
 def test_one_transform_for_all_at_the_scanner(data):
-    """Bones that share a frame give joints one center, and the gap says how far their maps
-    disagreed.
+    """Bones that share a frame give joints one center.
+
+    The gap is the distance by which their maps disagreed.
     """
     model = read(data(MODELS[0]))
     poses = standing_poses(model)
@@ -288,8 +289,9 @@ def test_parameters_of_a_larger_twin(model, fibers):
 
 
 def test_fibers_keep_their_range_in_other_proportions(data):
-    """A longer thigh, a shorter shank: normalized fiber lengths over the range of motion hardly
-    change.
+    """A longer thigh, a shorter shank.
+
+    Normalized fiber lengths over the range of motion hardly change.
     """
     model = read(data("rajagopal-walk-emg/raw/Rajagopal2016.osim"))
     bones = similar(model, 1.0)

@@ -1,5 +1,6 @@
-"""Dense correspondence: known deformations of real bones, laws, thin bones, parts, persons of a
-shape model.
+"""Dense correspondence: known deformations of real bones, and laws.
+
+Also thin bones, parts, and persons of a shape model.
 """
 
 from __future__ import annotations

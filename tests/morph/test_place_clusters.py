@@ -1,5 +1,6 @@
-"""Markers of a scan on a model's bones: an arm of two bones, scanned, comes back with its markers
-where they were.
+"""Markers of a scan on a model's bones.
+
+A scanned arm of two bones is recovered with its markers where they were.
 """
 
 from __future__ import annotations

@@ -51,8 +51,9 @@ def test_a_muscle_cannot_extend_and_flex():
 
 
 def test_tendons_of_a_mouse_stay_on_their_ray(data):
-    """Every tendon of man's toes on one toe of the mouse, behind and in front of its joint, above
-    or below it.
+    """Every tendon of a man's toes on one toe of the mouse.
+
+    They pass behind and in front of its joint, above or below it.
     """
     geometry = Path(data("bones-opensim-rajagopal/Geometry"))
     man = open_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
@@ -99,8 +100,10 @@ def test_tendons_of_a_mouse_stay_on_their_ray(data):
     ],
 )
 def test_bones_of_a_ray_keep_their_side_and_the_size_of_its_toe(source, data):
-    """However many of a bone's points the joint holds back, which flattens the nearest affine map
-    until its determinant is noise: a generic man was refused as the other side's.
+    """However many of a bone's points the joint holds back, its side is found.
+
+    They flatten the nearest affine map until its determinant is noise: a generic man was refused as
+    the other side's.
     """
     man = open_model(data(source))
     mouse = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))

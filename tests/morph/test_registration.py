@@ -1,5 +1,6 @@
-"""Bones laid on bones: laws, scans made of the real bones of the models, wrong picks and mirrored
-bones named.
+"""Bones registered to bones: laws, and scans made of the real bones of the models.
+
+Wrong picks and mirrored bones are named.
 """
 
 from __future__ import annotations

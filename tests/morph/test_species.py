@@ -1,5 +1,6 @@
-"""Landmarks by rule and maps between species: they turn with the bone, and a bone enlarged is found
-enlarged.
+"""Landmarks by rule and maps between species.
+
+They rotate with the bone, and a bone enlarged is found enlarged.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ RULES = (
 
 
 def bone(length: float = 0.4) -> Surface:
-    """A club with a foot in front: nothing on it is twice the same."""
+    """Make a club with a foot in front: it has no symmetry."""
     rings = 24
     around = 16
     height = np.linspace(-length, 0.0, rings)[:, None]
@@ -146,7 +147,7 @@ def table(match: str = "landmarks") -> SpeciesTable:
 
 
 def both() -> tuple[Model, dict[str, Surface], Model, dict[str, Surface]]:
-    """The same limb twice: standing and large, on all fours and small."""
+    """Make the same limb twice: standing and large, on all fours and small."""
     shape = bone()
     small = Surface(SMALL * shape.vertices @ TURN.T, shape.faces)
     return (

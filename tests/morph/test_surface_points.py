@@ -13,7 +13,7 @@ SLOPE = np.tan(np.radians(8.0))
 
 
 def wedge() -> Surface:
-    """A wedge with an edge of 16 degrees along z, in small triangles."""
+    """Make a wedge with an edge of 16 degrees along z, in small triangles."""
     ends = [(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (-1.0, SLOPE), (-1.0, -SLOPE))]
     mesh = trimesh.convex.convex_hull(np.array(ends)).subdivide().subdivide()
     return Surface(np.array(mesh.vertices), np.array(mesh.faces))

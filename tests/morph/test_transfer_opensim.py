@@ -1,5 +1,6 @@
-"""Morphed models as OpenSim 4.6 reads them: the same places of bodies, markers and points, the same
-lengths.
+"""Morphed models as OpenSim 4.6 reads them.
+
+Positions of bodies, markers and points are the same, and so are lengths.
 """
 
 from __future__ import annotations

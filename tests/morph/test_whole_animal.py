@@ -31,7 +31,7 @@ TURNED = axis_rotation(np.array([0.0, 0.6, 0.8]), 0.9)
 
 
 def animal() -> Model:
-    """A pelvis, x to the right, with two thighs that flex about x."""
+    """Make a pelvis, x to the right, with two thighs that flex about x."""
     bodies = tuple(
         Body(name=name, mass=mass, mass_center=np.zeros(3), inertia=mass * np.eye(3))
         for name, mass in (("pelvis", 2.0), ("thigh_r", 0.5), ("thigh_l", 0.3))

@@ -1,5 +1,6 @@
-"""A task of inverse kinematics from outside the package: points of bodies at measured heights. See
-docs/adding.md.
+"""A task of inverse kinematics from outside the package.
+
+Points of bodies are at measured heights. See docs/adding.md.
 """
 
 from __future__ import annotations
@@ -18,8 +19,10 @@ from myomorph.core.rigid.vectors import matrix, plus, turned, vector
 
 
 class HeightArrays(NamedTuple):
-    """Bodies of the points, places on them, heights (frames, points), weights, the vertical, and
-    what remains.
+    """Points of bodies at measured heights.
+
+    Fields are the bodies of the points, positions on them, heights (frames, points), weights, the
+    vertical, and the residuals.
     """
 
     body: NDArray[np.int64]

@@ -28,8 +28,10 @@ def equations_at(T, P, independent):
 
 
 def held_against_differences(tree, tasks, fitting, away):
-    """Tasks that fit at a pose, where the Gauss-Newton curvature is all of it; away from it cost
-    and gradient.
+    """Compare tasks with differences of their cost.
+
+    At a pose that they fit, the Gauss-Newton curvature is complete; away from it cost and gradient
+    are compared.
     """
     options = InverseKinematicsOptions(tasks=tasks)
     P = pose_problem(tree, (), np.empty(0), options, Markers(np.zeros(1), (), np.empty((1, 0, 3))))

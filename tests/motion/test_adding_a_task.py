@@ -1,5 +1,6 @@
-"""A kind of task is one file (`height_task.py`) and one line: measured heights count beside
-markers.
+"""A kind of task is one file (`height_task.py`) and one line.
+
+Measured heights count together with markers.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def test_gradient_and_curvature_are_derivatives_of_the_cost(seed):
 
 
 def moving():
-    """A figure that moves, with its poses and markers."""
+    """Make a figure that moves, with its poses and markers."""
     model = stick_figure()
     tree = compile_tree(model)
     t = np.linspace(0.0, 1.0, FRAMES)[:, None]
@@ -79,8 +80,9 @@ def test_interpreted_kernels_give_the_same_coordinates():
 
 
 def test_one_line_makes_it_a_kind_of_the_package(monkeypatch):
-    """With the line, problems without a measured height have empty arrays of it, and the same
-    results.
+    """With the line, problems without a measured height have empty arrays of it.
+
+    The results are the same.
     """
     model, _, markers = moving()
     before = inverse_kinematics(model, markers)

@@ -1,5 +1,6 @@
-"""A body and its recording, both made a twentieth as large, move alike: nothing assumes the size of
-a human.
+"""A body and its recording, both made a twentieth as large, move alike.
+
+Nothing assumes the size of a human.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ SMALL = 0.05
 
 
 def resized(model, factor=SMALL):
-    """The model so many times as large, and as near to the laboratory's origin; its masses as they
-    were.
+    """Return the model so many times as large, with its masses unchanged.
+
+    Its distance to the laboratory's origin is scaled too.
     """
     joints = tuple(
         (

@@ -1,5 +1,6 @@
-"""On recordings: a calibrated model tracks motions that it was not made from better than an
-expert's.
+"""On recordings: a calibrated model tracks motions better than an expert's model.
+
+The model was not made from these motions.
 """
 
 import numpy as np

@@ -28,8 +28,9 @@ def test_what_it_passes_comes_late_by_the_delay_alone(frequency: float) -> None:
 
 
 def test_value_velocity_and_acceleration_of_a_sine() -> None:
-    """What comes out is the filter's answer to a sine and its derivatives, up to the lines between
-    samples.
+    """The output is the filter's answer to a sine and its derivatives.
+
+    It is exact up to the lines between samples.
     """
     filter = CausalFilter(6.0)
     frequency = 1.5
@@ -59,8 +60,9 @@ def test_a_line_lags_by_the_delay_and_keeps_its_slope() -> None:
 
 
 def test_more_samples_on_the_same_lines_change_nothing() -> None:
-    """The filter's equation is solved exactly along each line: also at uneven times, and over a
-    gap.
+    """The filter's equation is solved exactly along each line.
+
+    This holds at uneven times too, and over a gap.
     """
     rng = np.random.default_rng(0)
     time = np.cumsum(rng.uniform(0.002, 0.05, 60))

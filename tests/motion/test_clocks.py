@@ -1,5 +1,6 @@
-"""Clocks of two recordings: known offsets and drifts come back, round trips, and what cannot be
-told is named.
+"""Clocks of two recordings: known offsets and drifts are recovered.
+
+Also round trips, and what cannot be determined is named.
 """
 
 from __future__ import annotations
@@ -13,15 +14,16 @@ from myomorph.core.motion.clocks import Clock, ClockOptions, fit_clock, resample
 
 
 def estimate_clock(time, signal, other_time, other_signal, options=None):
-    """Clock of one recording against another that holds the same signal, up to a factor and a
-    constant.
+    """Estimate the clock of one recording against another that holds the same signal.
+
+    The signals agree up to a factor and a constant.
     """
     rows = np.stack([signal, np.ones(len(time))], axis=1)[:, None]
     return fit_clock(time, rows, other_time, np.reshape(other_signal, (-1, 1)), options)
 
 
 def wandering(seed: int = 0, cutoff: float = 3.0, seconds: float = 40.0):
-    """A smooth random function of time that never repeats itself."""
+    """Return a smooth random function of time that never repeats itself."""
     random = np.random.default_rng(seed)
     frequencies = random.uniform(0.1, cutoff, 60)
     phases = random.uniform(0, 2 * np.pi, 60)

@@ -1,5 +1,6 @@
-"""Frames of a four-bar linkage in inverse kinematics: bounds and locks of one coordinate hold back
-the whole loop.
+"""Frames of a four-bar linkage in inverse kinematics.
+
+Bounds and locks of one coordinate constrain the whole loop.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Inverse kinematics and calibration of models that close loops: recovered motion, bounds, laws,
-real bones.
+"""Inverse kinematics and calibration of models that close loops.
+
+Recovered motion, bounds, laws, and real bones.
 """
 
 from __future__ import annotations
@@ -37,8 +38,9 @@ BONES = "shoulder-bonepin/"
 
 
 def marked(seed, functional, kinds=("PointConstraint", "WeldConstraint")):
-    """A looped random tree with three markers a body, starting near where it is closed, and a
-    closed motion.
+    """Make a looped random tree with three markers per body, and a closed motion.
+
+    It starts near where it is closed.
     """
     model, closed = looped_tree(seed, kinds, functional)
     rng = np.random.default_rng(seed)
@@ -130,8 +132,9 @@ def test_frames_that_arrive_are_closed_too():
 
 
 def test_bone_pins_cost_less_than_the_stored_result(data):
-    """Real: every frame of OpenSim's stored result costs at least as much, and its loop stands open
-    further.
+    """Real: every frame of OpenSim's stored result costs at least as much.
+
+    Its loop-closure error is larger.
     """
     model = read_model(data(BONES + "subject1_abdbonepin.osim"))
     markers = read_trc(data(BONES + "abdbonepin.trc")).markers
@@ -157,8 +160,9 @@ def test_bone_pins_cost_less_than_the_stored_result(data):
 
 
 def test_reduced_gradient_is_that_of_the_settled_cost():
-    """How the cost of all frames, angles settled and loops closed, changes with the lengths and
-    marker places.
+    """The cost of all frames, with angles solved and loops closed.
+
+    Its derivatives are with respect to the lengths and marker positions.
     """
     model = four_bar()
     markers = markers_of(

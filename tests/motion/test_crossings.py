@@ -1,5 +1,6 @@
-"""Parts of a recording in which enough is seen: by the markers alone, and by what they tell of a
-model.
+"""Parts of a recording in which enough is visible.
+
+By the markers alone, and by what they show of a model.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ def subject():
 
 
 def hidden(markers, *spans, names=None):
-    """The same with some markers hidden in spans of frames."""
+    """Return the same with some markers hidden in spans of frames."""
     values = markers.values.copy()
     columns = [k for k, name in enumerate(markers.names) if names is None or name.startswith(names)]
     for start, stop in spans:

@@ -1,5 +1,6 @@
-"""A body is found however it stands: inverse kinematics tries headings of the whole body, knowing
-none.
+"""A body is found however it stands.
+
+Inverse kinematics tries headings of the whole body, knowing none.
 """
 
 from __future__ import annotations

@@ -19,8 +19,9 @@ from myomorph.core.rigid.tree import compile_tree
 
 
 def walker():
-    """A floating trunk with two legs of hip (3) and knee (1), the knee caps coupled, four markers a
-    body.
+    """Make a floating trunk with two legs of hip (3) and knee (1), the knee caps coupled.
+
+    Each body has four markers.
     """
     rng = np.random.default_rng(0)
     still = Transform.identity()

@@ -1,5 +1,6 @@
-"""Lengths and marker positions of persons whose truth is known; laws; and recordings that tell
-little.
+"""Lengths and marker positions of persons whose truth is known.
+
+Also laws, and recordings with little information.
 """
 
 from dataclasses import replace
@@ -132,8 +133,9 @@ def test_a_calibration_certifies_itself(subject, found):
 
 
 def test_in_turn_as_the_dissertation_reaches_the_same_place(subject):
-    """[D] (a), (b), (c) against all at once: the same cost to 2 %, the same lengths to 2 mm, in
-    many more steps.
+    """[D] (a), (b), (c) in turn against all at once.
+
+    The same cost to 2 %, the same lengths to 2 mm, in many more steps.
     """
     options = CalibrationOptions(noise=0.02, frames=12, posture_sd=1e6)
     joint = calibrate(subject.generic, [subject.markers], options)
@@ -201,8 +203,9 @@ def test_locked_coordinates_stay(subject):
 
 
 def test_a_static_pose_that_is_known_pulls(subject):
-    """One frame of standing whose foot is known to be flat: the gauge between foot markers and
-    angle is told.
+    """One frame of standing whose foot is known to be flat.
+
+    It fixes the gauge between foot markers and angle.
     """
     still = Markers(subject.markers.time[:1], subject.markers.names, subject.markers.values[:1])
     pose = {"foot_r_r0": 0.3, "foot_r_r1": -0.2}

@@ -1,5 +1,6 @@
-"""Gradient and Hessian of the tasks are derivatives of their cost, on joints of every kind of
-function.
+"""Gradient and Hessian of the tasks are derivatives of their cost.
+
+They are checked on joints of every kind of function.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ STEP = 1e-5
 
 @kernel
 def equations_at(T, P, independent):
-    """Cost of poses alone, cost with derivatives, gradient, Hessian, its Gauss-Newton diagonal;
-    distances are kept.
+    """Return the cost of poses alone, and the cost with derivatives.
+
+    The derivatives are gradient, Hessian and its Gauss-Newton diagonal; distances are stored.
     """
     c = independent.copy()
     work = new_work(T, c.shape[0])
@@ -40,8 +42,9 @@ def equations_at(T, P, independent):
 
 
 def problem(model, seed):
-    """Kernel arguments for three markers a body, their places there, one of them unseen, and a
-    pose.
+    """Return kernel arguments for three markers per body, and a pose.
+
+    They hold the markers' positions there, one of them unseen.
     """
     rng = np.random.default_rng(seed)
     markers = tuple(

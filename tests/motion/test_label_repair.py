@@ -1,5 +1,6 @@
-"""Labels exchanged throughout are put back on a model of any size, before lengths and marker places
-are known.
+"""Labels exchanged throughout are corrected on a model of any size.
+
+This comes before lengths and marker positions are known.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ RECORDINGS = (
 
 @pytest.fixture(scope="module", params=RECORDINGS)
 def recording(request, data):
-    """A generic model that is not the body's, and a recording in its ground."""
+    """Return a generic model that is not the body's, and a recording in its ground."""
     one = look_at(data(request.param))
     turned = one.laboratory.trial(one.trial).markers
     model, _ = generic_model(sites_of([one]))

@@ -1,5 +1,6 @@
-"""Which bodies stretch together, and derivatives of marker places against differences of scaled
-models.
+"""Which bodies are scaled together.
+
+Also derivatives of marker positions against differences of scaled models.
 """
 
 import numpy as np
@@ -25,8 +26,9 @@ LARGE = "fullbody-many-muscles/cyclistFullBodyMuscle.osim"
 
 
 def placing(model, lengths, values):
-    """A model stretched: its tree, and a function of coordinates that gives its markers' places and
-    them consistent.
+    """Return the tree of a scaled model, and a function that gives its markers' positions.
+
+    The function makes coordinates consistent and returns them too.
     """
     stretched = scale(model, factors_of(lengths, values))
     tree = compile_tree(stretched)

@@ -1,5 +1,6 @@
-"""Multipliers of closed loops: which variables count as at a bound, which are held there, and what
-the ties add.
+"""Multipliers of closed loops: which variables count as at a bound.
+
+Also which are held there, and what the ties add.
 """
 
 from __future__ import annotations
@@ -26,8 +27,10 @@ PROBLEM = pose_problem(TREE, NAMES, np.ones(len(NAMES)), InverseKinematicsOption
 
 @kernel
 def at_closed(T, K, c, gradient):
-    """Held variables, given ones, multipliers, derivatives of the gaps and what is added to the
-    Hessian at c.
+    """Return the values of closed loops at c.
+
+    They are held variables, given ones, multipliers, derivatives of the gaps and what is added to
+    the Hessian.
     """
     n = c.shape[0]
     work = new_work(T, n)
@@ -47,7 +50,7 @@ def at_closed(T, K, c, gradient):
 
 @kernel
 def slopes_at(T, K, c):
-    """Derivatives of the gaps at c."""
+    """Return derivatives of the gaps at c."""
     work = new_work(T, c.shape[0])
     closing = new_closing(K.ties, c.shape[0], c.shape[0])
     ties_at(T, K, c, work, closing)

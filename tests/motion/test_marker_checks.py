@@ -1,5 +1,6 @@
-"""Faults put into recordings are found, named with their frames and mended; clean recordings are
-not called faulty.
+"""Faults put into recordings are found, named with their frames and corrected.
+
+Clean recordings are not called faulty.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ RECORDINGS = {
 
 @pytest.fixture(params=RECORDINGS)
 def walk(request, data):
-    """A scaled model and a clean walk of 90 frames."""
+    """Return a scaled model and a clean walk of 90 frames."""
     model, recording = map(data, RECORDINGS[request.param])
     body = open_model(model)
     markers = fitted_to(body, read_recording(recording)).markers
@@ -216,8 +217,9 @@ def test_a_coordinate_that_no_marker_shows_is_told():
 
 
 def test_frames_that_do_not_show_where_the_body_is_are_left_empty():
-    """A walker who enters the view: two of its markers tell no pose, and the frames with all are as
-    they were.
+    """A walker who enters the view: two of its markers determine no pose.
+
+    The frames with all markers are as they were.
     """
     model = bounded_walker()
     markers, _ = recorded(model, 0.2, 0.0)

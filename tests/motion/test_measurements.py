@@ -31,7 +31,7 @@ def walker(data):
 
 
 def recorded(model, frames=1, motion=None):
-    """The model's own markers as a recording."""
+    """Return the model's own markers as a recording."""
     names = model.marker_names
     if motion is None:
         values = np.repeat(default_markers(model, names)[None], frames, axis=0)

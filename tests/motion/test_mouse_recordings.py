@@ -1,5 +1,6 @@
-"""A real mouse through calibration, inverse kinematics and inverse dynamics: millimetres, strides,
-a paw on a plate.
+"""A real mouse through calibration, inverse kinematics and inverse dynamics.
+
+Millimeters, strides, and a paw on a plate.
 """
 
 from __future__ import annotations
@@ -120,8 +121,9 @@ def test_a_paw_that_is_alone_on_the_plate(folder):
 
 @pytest.mark.parametrize("side", ["Left", "Right"])
 def test_hidden_markers_are_nearer_with_gaps_bridged(folder, side):
-    """Knee and ankle are hidden for 50 ms again and again: where their markers were is nearer to
-    the bridged pose than to the one of each frame by itself.
+    """Knee and ankle are hidden for 50 ms again and again.
+
+    Where their markers were is nearer to the bridged pose than to the one of each frame by itself.
     """
     one = mouse(folder, NAME)
     columns = [one.used.names.index(f"{side}_{joint}") for joint in ("Knee", "Ankle")]

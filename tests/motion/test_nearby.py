@@ -1,5 +1,6 @@
-"""Inverse kinematics near a known motion, on a recorded drop jump whose arms come near a singular
-pose.
+"""Inverse kinematics near a known motion.
+
+On a recorded drop jump whose arms come near a singular pose.
 """
 
 from __future__ import annotations
@@ -51,8 +52,9 @@ def free(model: Model) -> list[int]:
 
 
 def test_it_is_the_solution_of_inverse_kinematics(jump: tuple[Model, Motion, Markers]) -> None:
-    """From the solution of the same markers nothing moves; from one nearby the same solution is
-    found.
+    """From the solution of the same markers nothing moves.
+
+    From one nearby the same solution is found.
     """
     model, _, markers = jump
     found = inverse_kinematics(model, markers).motion

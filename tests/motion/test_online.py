@@ -28,8 +28,9 @@ def test_parabolas_are_differentiated_exactly() -> None:
 
 @pytest.mark.parametrize(("rate", "cutoff"), [(100.0, 6.0), (250.0, 10.0), (60.0, 7.5)])
 def test_power_is_halved_at_the_cutoff(rate: float, cutoff: float) -> None:
-    """A sine at the cutoff comes out with 1/sqrt(2) of its amplitude and no shift; far above it,
-    with nothing.
+    """A sine at the cutoff comes out with 1/sqrt(2) of its amplitude and no shift.
+
+    Far above the cutoff it comes out as zero.
     """
     filter = OnlineFilter(rate, cutoff)
     time = np.arange(0.0, 4.0, 1.0 / rate)
@@ -43,8 +44,9 @@ def test_power_is_halved_at_the_cutoff(rate: float, cutoff: float) -> None:
 
 
 def test_derivatives_are_those_of_the_filtered_motion() -> None:
-    """Velocity and acceleration keep to the sine that comes out, to a thousandth at walking's
-    frequencies.
+    """Velocity and acceleration agree with the sine that comes out.
+
+    At walking's frequencies they agree to a thousandth.
     """
     filter = OnlineFilter(100.0, 6.0)
     time = np.arange(400) / 100.0
@@ -103,8 +105,9 @@ def test_uneven_frames_are_refused() -> None:
 
 
 def test_single_frames_agree_with_the_batch(data: Callable[[str], Path]) -> None:
-    """Inverse kinematics frame by frame finds the poses that the batch finds, and comes back after
-    a gap.
+    """Inverse kinematics frame by frame finds the poses that the batch finds.
+
+    It recovers after a gap.
     """
     folder = data("opensim-gait-subject01")
     model = read_model(folder / "ref_ik/subject01_simbody.osim")
@@ -129,8 +132,9 @@ def test_single_frames_agree_with_the_batch(data: Callable[[str], Path]) -> None
 def test_a_stream_begins_no_whole_turn_away(
     data: Callable[[str], Path], kinematics: type[OnlineKinematics] | type[SteadyKinematics]
 ) -> None:
-    """A shoulder without bounds begins at the angle that the batch finds: of the poses from several
-    headings the best has it a turn away at 0.3 s of this walk.
+    """A shoulder without bounds begins at the angle that the batch finds.
+
+    Of the poses from several headings the best has it a full rotation away at 0.3 s of this walk.
     """
     folder = data("rajagopal-walk-emg")
     model = read_model(folder / "subject_walk_scaled.osim")

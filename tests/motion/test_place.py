@@ -16,7 +16,7 @@ BODIES = {"hip": "trunk", "hand": "tip", "elbow": "fore"}
 
 @pytest.fixture(scope="module")
 def recorded():
-    """A model, a motion of it, markers fixed to its bodies, and where they are fixed."""
+    """Make a model, a motion of it, markers fixed to its bodies, and where they are fixed."""
     model = model_from_mujoco(compiled("mixed"))
     motion = random_motion(model, 6)
     tree = compile_tree(model)

@@ -1,5 +1,6 @@
-"""Postures by which frames are chosen: places of markers seen from the first body, whatever that
-does.
+"""Postures by which frames are chosen.
+
+They are positions of markers in the first body's frame, whatever that body does.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ def recorded(recordings, static=False):
 
 
 def test_a_posture_is_the_same_wherever_the_first_body_stands():
-    """Against places in ground turned and moved back; the pelvis's own markers stay where the model
-    has them.
+    """Against positions in ground rotated and moved back.
+
+    The pelvis's own markers stay where the model has them.
     """
     model = stick_figure()
     rng = np.random.default_rng(0)
@@ -45,8 +47,9 @@ def test_a_posture_is_the_same_wherever_the_first_body_stands():
 
 
 def test_a_small_body_shows_the_postures_that_a_larger_one_does():
-    """Below the size of a man, of whom a length unit is a metre, the same frames are chosen at
-    every scale.
+    """Below the size of a human, whose length unit is a meter.
+
+    The same frames are chosen at every scale.
     """
     model = stick_figure()
     values = np.zeros((30, len(model.coordinates)))

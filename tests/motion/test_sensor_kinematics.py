@@ -1,5 +1,6 @@
-"""Joint angles by inertial sensors that are simulated: mounting, heading, clock and drift are
-found.
+"""Joint angles by inertial sensors that are simulated.
+
+Mounting, heading, clock and drift are found.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ BY_POSE = SensorOptions(imu_mounting="pose")
 
 
 def walk(seconds=20.0):
-    """A figure that walks in place, more or less: all joints swing, knees and hips most."""
+    """Make a figure that walks in place: all joints swing, knees and hips most."""
     model = stick_figure()
     time = np.arange(0.0, seconds, 1.0 / RATE)
     rng = np.random.default_rng(5)
@@ -213,8 +214,9 @@ def test_a_heading_that_differs_is_found_and_reported(walking):
 
 
 def test_the_recording_does_not_spoil_what_the_pose_gives(walking):
-    """Large errors, and two minutes of sitting between walks, whose mean angles no heading makes up
-    for.
+    """Large errors, and two minutes of sitting between walks.
+
+    No heading compensates for the mean angles of sitting.
     """
     model, motion = walking
     seated = np.array(motion.values[0])

@@ -1,5 +1,6 @@
-"""Curvature that ties add: the squares of the slopes of gaps, in lengths, in coordinates, and
-between them.
+"""Curvature that ties add: the squares of the slopes of gaps.
+
+They are in lengths, in coordinates, and between them.
 """
 
 from __future__ import annotations

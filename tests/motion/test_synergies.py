@@ -1,5 +1,6 @@
-"""Synergies: mixtures of few courses come back, and a channel that is missing for a while does no
-harm.
+"""Synergies: mixtures of few time courses are recovered.
+
+A channel that is missing for a while does no harm.
 """
 
 from __future__ import annotations
@@ -42,8 +43,9 @@ def test_as_many_as_were_mixed(mixed):
 
 
 def test_what_factors_leave_is_orthogonal_to_what_they_explain(mixed):
-    """As of any least-squares fit of which a multiple fits no better: of the data, <D - H V, H V> =
-    0.
+    """As of any least-squares fit of which a multiple fits no better.
+
+    Of the data, <D - H V, H V> = 0.
     """
     rng = np.random.default_rng(0)
     for data in (mixed[2], rng.random((60, 5))):

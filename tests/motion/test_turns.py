@@ -1,5 +1,6 @@
-"""Angles that give the same pose: a floating root has no bounds, and a ball joint keeps to one of
-two triples.
+"""Angles that give the same pose.
+
+A floating root has no bounds, and a ball joint keeps to one of two triples.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ ROOT = ("root_tx", "root_ty", "root_tz", "root_rz", "root_rx", "root_ry")
 
 
 def bounded_walker():
-    """The walker with a root that may turn by 90 degrees and stand within 5 m."""
+    """Return the walker with a root that may rotate by 90 degrees and stand within 5 m."""
     model = walker()
     coordinates = [
         (
@@ -163,7 +164,7 @@ NAMES = ("flexion", "adduction", "rotation")
 
 
 def arm(reach: float = np.pi) -> Model:
-    """An arm on a shoulder of three hinges, each free within a reach to either side."""
+    """Make an arm on a shoulder of three hinges, each free within a range to either side."""
     axes = tuple(
         Axis(kind="rotation", vector=np.eye(3)[k], function=linear(1.0), coordinates=(name,))
         for k, name in zip((2, 0, 1), NAMES, strict=True)
@@ -205,7 +206,7 @@ def through_the_side() -> np.ndarray:
 
 
 def problem_of(model: Model, frames: int):
-    """What inverse kinematics solves for frames of a model, whatever the markers are."""
+    """Return what inverse kinematics solves for frames of a model, whatever the markers are."""
     markers = Markers(
         np.arange(frames) * 0.01, model.marker_names, np.zeros((frames, len(model.markers), 3))
     )
@@ -215,7 +216,7 @@ def problem_of(model: Model, frames: int):
 
 
 def branched(model: Model, values: np.ndarray) -> np.ndarray:
-    """The motion with stretches on the other branch, put back."""
+    """Return the motion with intervals on the other branch, put back."""
     return of_one_branch(*problem_of(model, len(values)), values)
 
 
@@ -303,7 +304,7 @@ def test_stretches_on_the_other_branch_come_back_where_axes_are_not_perpendicula
 
 
 def free(model: Model) -> Model:
-    """The model without bounds of angles."""
+    """Return the model without bounds of angles."""
     turning = [
         replace(one, clamped=one.clamped and one.motion != "rotational")
         for one in model.coordinates

@@ -1,5 +1,6 @@
-"""What fixes the zero of angles: laws of the gauge, the symmetry of the mean posture, static
-trials, unequal legs.
+"""What fixes the zero of angles.
+
+Laws of the gauge, the symmetry of the mean posture, static trials, and unequal legs.
 """
 
 from dataclasses import replace
@@ -59,7 +60,7 @@ def walk(model: Model, frames: int = 40, noise: float = 2e-3) -> Markers:
 
 
 def with_turned_foot(model: Model, angle: float, axis: int = 2) -> Model:
-    """The right foot's markers turned about its flexion axis, or another one."""
+    """Rotate the right foot's markers about its flexion axis, or another one."""
     turn = axis_rotation(np.eye(3)[axis], angle)
     return model.with_markers(
         tuple(
@@ -92,8 +93,9 @@ def test_turned_markers_turn_the_angle_and_leave_the_error():
 
 
 def test_symmetry_of_the_mean_posture_picks_among_them():
-    """A person whose right foot's markers are turned against the model: symmetry sees it where
-    marker places do not.
+    """A person whose right foot's markers are rotated against the model.
+
+    Symmetry shows it where marker positions do not.
     """
     generic = stick_figure()
     markers = walk(with_turned_foot(generic, TURN))
@@ -126,7 +128,7 @@ def test_uneven_recordings_have_no_row():
 
 
 def shared(model: Model, markers: Markers) -> tuple[SharedProblem, np.ndarray, np.ndarray]:
-    """The problem of these frames, its unknowns on the model as it is, and the frames' angles."""
+    """Return the problem of these frames, its unknowns on the model, and the frames' angles."""
     lengths = lengths_of(model)
     names = model.marker_names
     tree = compile_tree(model)
@@ -169,8 +171,9 @@ def test_slopes_of_mean_angles_are_differences():
 
 
 def test_sliding_skin_adds_the_spread_of_its_gradients():
-    """One frame: each slide of each segment, put into the markers, moves gradient and angles by
-    what is stated.
+    """One frame: each slide of each segment is put into the markers.
+
+    It moves gradient and angles by the stated amount.
     """
     model = stick_figure()
     markers = walk(model, frames=1, noise=0.0)
@@ -242,8 +245,9 @@ def test_a_static_trial_comes_first():
 
 @pytest.mark.parametrize(("longer", "differs"), [(0.0, False), (0.09, True)])
 def test_unequal_legs_are_found_and_named(longer, differs):
-    """Right thigh and shank 9 % longer, skin noise of 5 mm: lengths within 6 mm, and one line says
-    so.
+    """Right thigh and shank 9 % longer, skin noise of 5 mm.
+
+    Lengths are within 6 mm, and one line names the difference.
     """
     model = stick_figure()
     person = with_unequal_legs(model, longer)

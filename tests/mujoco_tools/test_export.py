@@ -1,5 +1,6 @@
-"""A model in MuJoCo: joints, masses, lengths, moment arms and torques are the model's, and the file
-gives it back.
+"""A model in MuJoCo.
+
+Joints, masses, lengths, moment arms and torques are the model's, and the file gives it back.
 """
 
 from __future__ import annotations
@@ -85,8 +86,9 @@ def test_masses_and_torques_are_the_models(gait):
 
 
 def test_torques_of_the_copy_are_those_of_the_model(gait):
-    """The generalized force of a coordinate is that of its axis and of those that follow it, by
-    virtual work.
+    """The generalized force of a coordinate is that of its axis and its dependent ones.
+
+    They are joined by virtual work.
     """
     model, path, _ = gait
     copied = mujoco_model(model)[0]

@@ -40,7 +40,7 @@ class Way:
 
 
 def opensim_model(opensim, ways: tuple[Way, ...], folder: Path):
-    """An OpenSim model with a muscle for each way, its state and its file."""
+    """Make an OpenSim model with a muscle for each path, its state and its file."""
     opensim.Logger.setLevelString("Error")
     model = opensim.Model()
     bodies = []

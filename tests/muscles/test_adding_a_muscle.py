@@ -1,5 +1,6 @@
-"""A new muscle model is one file (`winters_muscle.py`) and one line in the table of classes; all
-else follows.
+"""A new muscle model is one file (`winters_muscle.py`) and one line in the table of classes.
+
+All else follows.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ KIND = "Winters1995Muscle"
 
 @pytest.fixture
 def arm(data, monkeypatch):
-    """OpenSim's arm with muscles of the new class, its motion and torques; the first line registers
-    the class.
+    """Return OpenSim's arm with muscles of the new class, its motion and torques.
+
+    The first line registers the class.
     """
     monkeypatch.setitem(MODELS, KIND, "tests.muscles.winters_muscle:Winters1995")
     model = read_osim(data("opensim-reference-small/arm26_bounds.osim"))

@@ -30,7 +30,7 @@ SHOULDERS = (
 
 
 def strung(model, ends):
-    """The model with straight muscles between bodies, at points off their origins."""
+    """Return the model with straight muscles between bodies, at points off their origins."""
     rng = np.random.default_rng(8)
     muscles = tuple(
         Muscle(
@@ -168,9 +168,10 @@ def test_files_and_values_agree(data):
 
 
 def trusted(model, theirs, state, name):
-    """Whether OpenSim's forces of a muscle fit its length: neither a moving point beside one of its
-    own body, nor two surfaces at once, whose points it places in ground as they were before the
-    last round.
+    """Return whether OpenSim's forces of a muscle fit its length.
+
+    They do not with a moving point next to one of its own body, nor with two surfaces at once,
+    whose points it places in ground as they were before the last round.
     """
     points = model.muscle(name).path.points
     if any(isinstance(point, MovingPathPoint) for point in points):
@@ -214,8 +215,9 @@ def test_opensim_has_the_same_arms(name, data):
 
 
 def test_a_locked_coordinate_stays_but_for_its_own_arm(data):
-    """As OpenSim where it is asked first; asked for a locked coordinate once, it leaves that one
-    free ever after.
+    """As OpenSim where its first request is this one.
+
+    After one request for a locked coordinate, OpenSim leaves that one free ever after.
     """
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")

@@ -1,5 +1,6 @@
-"""Fibers on elastic tendons with derivatives: against finite differences, and against the curves
-used elsewhere.
+"""Fibers on elastic tendons with derivatives.
+
+Against finite differences, and against the curves used elsewhere.
 """
 
 from __future__ import annotations
@@ -64,8 +65,9 @@ def arrays(kind: str, count: int = 1, passive: bool = True):
 
 @pytest.mark.parametrize("kind", CLASSES)
 def test_derivatives_of_pulls_and_stretches_are_those_of_finite_differences(kind):
-    """Slopes of the pull over length, speed and activation, their slopes, and both slopes of a
-    tendon's stretch.
+    """Slopes of the pull over length, speed and activation, and their slopes.
+
+    Also both slopes of a tendon's strain.
     """
     E = arrays(kind)
     rng = np.random.default_rng(0)

@@ -1,5 +1,6 @@
-"""Fibers and elastic tendons: balance of forces and powers, equilibrium, and the rigid tendon as a
-limit.
+"""Fibers and elastic tendons: balance of forces and powers, and equilibrium.
+
+The rigid tendon is the limit.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ SPEEDS = np.linspace(-0.2, 0.2, 11)[:, None]
 
 
 def one_muscle(kind, pennation=0.2, **parameters):
-    """A model of one muscle from the ground to a block that slides."""
+    """Make a model of one muscle from the ground to a block that slides."""
     path = Path((PathPoint("a", "ground", np.zeros(3)), PathPoint("b", "block", np.zeros(3))))
     muscle = Muscle(
         name="m",
@@ -107,8 +108,9 @@ def test_equilibrium_stands_still_where_the_path_does(kind):
 
 
 def test_thelens_fibers_move_at_the_speed_of_his_formula():
-    """Thelen 2003, eq. 3 (passive force), 4 (active force and length), 6 and 7 (speed), of the
-    tendon's force.
+    """Thelen 2003, eq. 3, 4, 6 and 7, of the tendon's force.
+
+    Passive force (3), active force and length (4), and speed (6 and 7).
     """
     a = 0.4
     af = 0.25
@@ -143,8 +145,9 @@ def test_a_rigid_tendon_gives_the_rigid_tendons_forces():
 
 
 def test_stiff_tendons_come_near_rigid_ones():
-    """A tendon of 1 % of the usual strain: forces of the equilibrium at rest within 1 % of the
-    rigid tendon's.
+    """A tendon of 1 % of the usual strain.
+
+    Forces of the equilibrium at rest are within 1 % of the rigid tendon's.
     """
     stiff = one_muscle(
         "Millard2012EquilibriumMuscle",

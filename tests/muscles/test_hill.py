@@ -21,7 +21,7 @@ SPEEDS = np.concatenate([np.linspace(-1.1, 1.1, 43), rng.uniform(-0.5, 0.5, 20)]
 
 
 def sliding_model(*muscles: Muscle) -> Model:
-    """A body on a slider and muscles from the ground to it."""
+    """Make a body on a slider and muscles from the ground to it."""
     axis = Axis(
         kind="translation", vector=np.array([1.0, 0, 0]), function=linear(1.0), coordinates=("x",)
     )
@@ -61,7 +61,7 @@ CLASS_DEFAULTS = {
 
 
 def muscle(kind: str, pennation: float = 0.0, **parameters: float) -> Muscle:
-    """A muscle of the class at its default parameters but for those given."""
+    """Make a muscle of the class at its default parameters but for those given."""
     path = Path((PathPoint("a", "ground", np.zeros(3)), PathPoint("b", "block", np.zeros(3))))
     return Muscle(
         name=f"{kind}{pennation}",

@@ -1,5 +1,6 @@
-"""Curves: Millard's against OpenSim's; derivatives of all classes' against finite differences;
-inverses, corners.
+"""Curves: Millard's against OpenSim's, inverses, and corners.
+
+Derivatives of all classes' curves are against finite differences.
 """
 
 from __future__ import annotations
@@ -91,8 +92,9 @@ def test_curves_are_continuous_with_their_slopes():
 
 
 def slopes_agree(curve: Curve, x: np.ndarray, h: float = 1e-5) -> None:
-    """Values, slopes and curvatures against central differences, where no piece or line begins
-    nearby.
+    """Compare values, slopes and curvatures with central differences.
+
+    Only where no piece or line begins nearby.
     """
     breaks = [piece.start for piece in curve.pieces] + [curve.end]
     x = x[np.all([np.abs(x - at) > 2.0 * h for at in breaks], axis=0)]

@@ -16,7 +16,7 @@ from trees import functional_tree, swinging
 
 
 def strung():
-    """A tree with couplers, and straight muscles between its bodies."""
+    """Make a tree with couplers, and straight muscles between its bodies."""
     model = functional_tree(2, 10)
     rng = np.random.default_rng(1)
     names = model.body_names
@@ -40,8 +40,9 @@ def strung():
 
 
 def test_viscosity_takes_the_power_of_lengthening():
-    """Every coordinate's own share times its own rate, dependent ones too, is the power of the
-    dampers.
+    """The power of the dampers is the sum of every coordinate's share times its rate.
+
+    Dependent coordinates count too.
     """
     model, motion = strung()
     assert model.couplers

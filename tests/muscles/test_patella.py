@@ -18,7 +18,7 @@ ANGLES = np.radians(np.arange(0.0, 121.0, 10.0))
 
 @pytest.fixture(scope="module")
 def bent():
-    """The generic model with its right knee bent, its paths and what they do."""
+    """Return the generic model with its right knee bent, its paths and their forces."""
     pytest.importorskip("myo_sim")
     model, _ = generic_model({})
     motion = Motion(0.01 * np.arange(len(ANGLES)), ("knee_angle_r",), ANGLES[:, None])
@@ -52,8 +52,9 @@ def test_the_arm_of_the_whole_path_is_minus_its_slope(bent) -> None:
 
 
 def test_the_tendons_arm_is_the_slope_of_its_own_part_with_a_patella_that_stays(bent) -> None:
-    """Length of the last part by finite differences of the knee, patella and thigh held: nothing of
-    the path's code.
+    """Length of the last part by finite differences of the knee, patella and thigh held.
+
+    Nothing of the path's code is used.
     """
     model, motion, paths, coordinates, pulls, work = bent
     tree = paths.tree
@@ -95,8 +96,9 @@ def test_the_lever_keeps_forces_balanced_and_work_at_the_knee(bent) -> None:
 
 
 def test_ratios_and_arms_of_the_generic_model_are_as_published(bent) -> None:
-    """Buff et al. 1988: 1.16 at 10 and 0.645 at 70 degrees; Krevolin et al. 2004: tendon arms of 4
-    to 6 cm at most.
+    """Buff et al. 1988: 1.16 at 10 and 0.645 at 70 degrees.
+
+    Krevolin et al. 2004: tendon moment arms of 4 to 6 cm at most.
     """
     _, _, paths, coordinates, pulls, work = bent
     arms = tendon_arms(paths, right(paths), coordinates, pulls, work)

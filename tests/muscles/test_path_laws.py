@@ -1,5 +1,6 @@
-"""Laws that hold whatever the model: slopes, rigid motion, reversal, virtual work, and what
-geometry gives.
+"""Laws that hold whatever the model.
+
+Slopes, rigid motion, reversal, virtual work, and what geometry gives.
 """
 
 from __future__ import annotations
@@ -47,8 +48,9 @@ def muscle(name, points, wraps=(), divisors=()):
 
 
 def leg(muscles=None):
-    """A free trunk, a thigh on a hinge and a shank that turns and glides, as a knee with a coupler
-    does.
+    """Make a free trunk, a thigh on a hinge and a shank.
+
+    The shank rotates and glides, as a knee with a coupler does.
     """
     axes = tuple(
         Axis(
@@ -327,8 +329,9 @@ def test_unit_tension_does_the_work_that_shortening_takes():
 @pytest.mark.parametrize("kind", ["shaft", "ball"])
 @pytest.mark.parametrize("rule", ["OpenSim", "MuJoCo"])
 def test_length_around_a_circle(kind, rule):
-    """Two tangents and an arc: l = 2 sqrt(d^2 - R^2) + R (angle between the points - 2 acos(R /
-    d)).
+    """Two tangents and an arc around a circle.
+
+    l = 2 sqrt(d^2 - R^2) + R (angle between the points - 2 acos(R / d)).
     """
     radius = 0.04
     distance = 0.1

@@ -55,8 +55,9 @@ def model(request: pytest.FixtureRequest, data: Callable[[str], Path]) -> Model:
 
 @pytest.mark.parametrize("model", WRAPPED, indirect=True)
 def test_drawn_lengths_are_the_paths_lengths(model: Model) -> None:
-    """Chords are shorter than arcs, and OpenSim measures to where it first saw a point: 3 % at
-    most.
+    """Chords are shorter than arcs.
+
+    OpenSim measures to where it first placed a point: 3 % at most.
     """
     paths = compile_paths(model)
     coordinates = poses(model)
@@ -77,8 +78,9 @@ def test_drawn_lengths_are_the_paths_lengths(model: Model) -> None:
 
 
 def path_points(model: Model, muscle: Muscle, poses: Poses, coordinates: Array) -> Array:
-    """(frames, points, 3) points of a muscle's path in ground [m], NaN where a conditional one is
-    unused.
+    """Return points (frames, points, 3) of a muscle's path in ground [m].
+
+    They are NaN where a conditional one is unused.
     """
     numbers = poses.tree.body_index
     index = {name: i for i, name in enumerate(model.coordinate_names)}

@@ -16,7 +16,7 @@ TRANSLATIONS = ("ax", "ay", "az", "bx", "by", "bz")
 
 
 def single_ways():
-    """A path for each kind of surface, quadrant and method."""
+    """Return a path for each kind of surface, quadrant and method."""
     for kind in ("cylinder", "sphere", "torus"):
         for q, quadrant in enumerate(QUADRANTS):
             yield Way(f"{kind}_{q}", (Surface(kind, quadrant),))
@@ -92,8 +92,9 @@ def compared(ways, folder, seed, reach):
 def test_a_first_surface_that_is_not_touched_gives_way_to_a_second_that_a_point_is_inside_of(
     tmp_path,
 ):
-    """OpenSim then changes their order: 12 and 69 mm in the length of these two frames, as the
-    third is touched.
+    """OpenSim then changes their order, as the third is touched.
+
+    The differences are 12 and 69 mm in the length of these two frames.
     """
     surfaces = (
         Surface("sphere", "+y", place=(-0.001, -0.232, 0.167), turn=(-0.9, 0.66, 0.63)),

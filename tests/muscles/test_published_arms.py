@@ -50,8 +50,9 @@ def test_a_knee_whose_tibia_slides_away_is_named_with_angle_and_size(data) -> No
 
 
 def test_quadriceps_without_a_patellas_lever_are_named_in_deep_flexion(data) -> None:
-    """Its quadriceps pull on the tibia itself: at 120 degrees by 4.7 cm, within the band when the
-    knee bends less.
+    """Its quadriceps pull on the tibia itself.
+
+    At 120 degrees their arm is 4.7 cm, within the band when the knee bends less.
     """
     model = read_osim(data("ceinms-emg-walk/model/gait2392.osim"))
     (line,) = arm_warnings(model)

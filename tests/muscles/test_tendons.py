@@ -35,8 +35,9 @@ PULLEYS = """
 
 
 def tendon_jacobian(m, d):
-    """(tendons, nv), from MuJoCo's rows: dense in small models before 3.6, where the pattern moved
-    to the model.
+    """Return the Jacobian (tendons, nv), from MuJoCo's rows.
+
+    It is dense in small models before 3.6, where the pattern moved to the model.
     """
     if not hasattr(m, "ten_J_rownnz") and not mujoco.mj_isSparse(m):
         return np.reshape(d.ten_J, (m.ntendon, m.nv))

@@ -1,5 +1,6 @@
-"""One segment around a cylinder of finite length, unrolled to a plane: where the straight line
-leaves the cylinder.
+"""One segment around a cylinder of finite length, unrolled to a plane.
+
+Tested is where the straight line leaves the cylinder.
 """
 
 from __future__ import annotations

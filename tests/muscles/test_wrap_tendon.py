@@ -1,5 +1,6 @@
-"""MuJoCo's tendon wrapping: the path of one surface against MuJoCo and against the laws of a taut
-string.
+"""MuJoCo's tendon wrapping.
+
+The path of one surface against MuJoCo and against the laws of a taut string.
 """
 
 import numpy as np
@@ -190,8 +191,9 @@ def test_a_rigid_motion_moves_the_path_along(code):
 
 @pytest.mark.parametrize("code", [SPHERE, CYLINDER])
 def test_a_side_point_sends_the_path_the_other_way_where_the_center_is_in_their_triangle(code):
-    """Angles between a and b, and from each to where its line touches: the arc is what they leave
-    of either way.
+    """Angles between a and b, and from each to where its line touches.
+
+    The arc is the remainder in either direction.
     """
     rng = np.random.default_rng(7)
     radius = 0.3

@@ -21,8 +21,10 @@ class Winters1995(MuscleModel):
     elastic = True
 
     def curves(self, muscle: Muscle) -> FiberCurves:
-        """exp(-((l - 1) / width)^2), (1 + v) / (1 - v / hill), (exp(4 (l - 1) / strain) - 1) /
-        (exp(4) - 1).
+        """Return the active, velocity and passive curves.
+
+        They are exp(-((l - 1) / width)^2), (1 + v) / (1 - v / hill) and (exp(4 (l - 1) / strain) -
+        1) / (exp(4) - 1).
         """
         width, hill, strain = numbers(muscle, width=0.45, hill=0.3, passive_strain=0.6)
         active = Curve(
@@ -49,7 +51,7 @@ class Winters1995(MuscleModel):
         return FiberCurves(active, velocity, Curve((rise,)))
 
     def smooth_curves(self, muscle: Muscle) -> FiberCurves:
-        """The passive force begins with a slope: that corner is rounded."""
+        """Return the curves with a rounded corner where the passive force begins with a slope."""
         curves = self.curves(muscle)
         return curves._replace(passive=curves.passive.rounded(1.0, 0.02))
 

@@ -1,5 +1,6 @@
-"""run-tool with AnalyzeTool setups: every analysis that is built, beside OpenSim's own run of the
-same setup.
+"""run-tool with AnalyzeTool setups.
+
+Every analysis that is implemented, against OpenSim's own run of the same setup.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ sys.exit(0 if tool.run() else 1)
 
 @pytest.fixture
 def arm(data, tmp_path):
-    """A folder with an arm of six muscles, and a way to write a setup."""
+    """Return a folder with an arm of six muscles, and a function that writes a setup."""
     for name in ("arm26_bounds.osim", "arm26_InverseKinematics.mot"):
         shutil.copyfile(data(SMALL + name), tmp_path / name)
 
@@ -71,7 +72,7 @@ def arm(data, tmp_path):
 
 
 def opensim_on(path):
-    """What OpenSim writes for a setup, in a process of its own."""
+    """Return what OpenSim writes for a setup, in a process of its own."""
     pytest.importorskip("opensim")
     subprocess.run(
         [sys.executable, "-c", OPENSIM, path.name], check=True, capture_output=True, cwd=path.parent
@@ -81,8 +82,9 @@ def opensim_on(path):
 
 @pytest.mark.parametrize("balanced", ["false", "true"])
 def test_every_table_is_opensims(arm, tmp_path, balanced):
-    """Names, order and rows; values to 2e-5 of a column's range, where the filter's even times
-    leave 1e-5.
+    """Names, order and rows; values to 2e-5 of a column's range.
+
+    The filter's even times leave 1e-5.
     """
     run_tool(arm(EVERY, "ours", balanced))
     theirs = opensim_on(arm(EVERY, "theirs", balanced))
@@ -102,8 +104,9 @@ def test_every_table_is_opensims(arm, tmp_path, balanced):
 
 
 def test_states_of_a_file_are_taken(arm, tmp_path):
-    """Written states, read back with activations of one's own, give other forces and the same
-    motion.
+    """Written states, read back with other activations.
+
+    They give other forces and the same motion.
     """
     first = run_tool(arm('<StatesReporter name="SR"/>', "first", "true"))
     table = read_sto(first.written[0])

@@ -68,7 +68,7 @@ def test_loads_of_pendulums_are_those_that_come_with_opensim(
 
 
 def study(data, folder, on="child", frame="child"):
-    """A setup on the study's own states and forces, the model's own actuators at rest."""
+    """Write a setup on the study's own states and forces, the model's own actuators at rest."""
     model = data(STUDY + "Rajagopal_scaled_Sub1_gasAvoid.osim")
     states = data(STUDY + "results_SO/results_states.sto")
     forces = read_sto(data(STUDY + "results_SO/results_forces.sto"))

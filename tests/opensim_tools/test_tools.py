@@ -28,7 +28,7 @@ ANALYZE = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm">\
 
 @pytest.fixture
 def arm(data, tmp_path):
-    """A folder with a small arm, and a way to write its setup."""
+    """Return a folder with a small arm, and a function that writes its setup."""
     for name in ("arm26.osim", "arm26_InverseKinematics.mot"):
         shutil.copy(data(f"opensim-reference-small/{name}"), tmp_path)
 
@@ -53,8 +53,9 @@ def scale_folder(data, tmp_path):
 
 
 def test_scale_tool_makes_the_expected_model(data, scale_folder):
-    """OpenSim's own expected result: sizes and masses to its printed digits, markers as far as its
-    pose is off.
+    """OpenSim's own expected result.
+
+    Sizes and masses agree to its printed digits, markers as far as its pose is off.
     """
     result = run_tool(scale_folder / "subject01_Setup_Scale.xml")
     assert {path.name for path in result.written} == {
@@ -129,8 +130,9 @@ def test_a_failure_while_writing_leaves_nothing(tmp_path):
 
 
 def test_inverse_kinematics_of_a_closed_loop(data, tmp_path):
-    """OpenSim's setup of the bone pins. The stored result, solved to 1e-6, lies up to 0.9 degrees
-    off the minimum.
+    """OpenSim's setup of the bone pins.
+
+    The stored result, solved to 1e-6, is up to 0.9 degrees off the minimum.
     """
     folder = tmp_path / "ik"
     shutil.copytree(data("shoulder-bonepin"), folder)

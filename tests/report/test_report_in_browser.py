@@ -1,5 +1,6 @@
-"""The report in a real browser: it opens without complaint, its rows are read at one time and saved
-as one drawing.
+"""The report in a real browser: it opens without errors.
+
+Its rows are read at one time and saved as one drawing.
 """
 
 from __future__ import annotations

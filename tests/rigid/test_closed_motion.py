@@ -25,7 +25,10 @@ from myomorph.core.rigid.tree import compile_tree
 
 
 def cranked(model, frames=7):
-    """A turning crank, with rates by differences that are far finer than what is asked of them."""
+    """Return a rotating crank.
+
+    Its rates are by differences that are far finer than the tolerance.
+    """
     turn = np.linspace(0.4, 1.6, frames)
     angles = four_bar_angles(turn)
     step = 1e-4
@@ -43,7 +46,7 @@ def cranked(model, frames=7):
 
 
 def closed(seed, functional, frames=4):
-    """A motion of a random looped tree that keeps its loops closed, and the tree."""
+    """Return a motion of a random looped tree that keeps its loops closed, and the tree."""
     model, start = looped_tree(seed, functional=functional)
     tree = compile_tree(model)
     rng = np.random.default_rng(seed)

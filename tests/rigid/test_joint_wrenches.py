@@ -1,5 +1,6 @@
-"""What joints transmit: Newton's and Euler's laws, Pinocchio's joint forces, and accelerations back
-from forces.
+"""What joints transmit: Newton's and Euler's laws, and Pinocchio's joint forces.
+
+Also accelerations back from forces.
 """
 
 from __future__ import annotations
@@ -40,8 +41,9 @@ def pushed(tree, frames, seed):
 
 
 def test_each_body_keeps_its_laws_of_momentum():
-    """Joint of the body less those of its children, gravity and what is applied: the rate of
-    momentum.
+    """Joint of the body less those of its children, gravity and what is applied.
+
+    The sum is the rate of momentum.
     """
     model = functional_tree(3)
     step = 3e-4

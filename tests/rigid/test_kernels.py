@@ -1,5 +1,6 @@
-"""Kernels lie in a place of their own, one for each version; processes save theirs in turns; Numba
-stays as it was.
+"""Kernels have a folder of their own, one for each version.
+
+Processes save theirs in turns; Numba stays as it was.
 """
 
 from __future__ import annotations
@@ -52,14 +53,15 @@ assert not os.path.exists(os.environ["NUMBA_CACHE_DIR"])
 
 @pytest.fixture
 def cached(tmp_path):
-    """A module with a kernel, and an empty cache."""
+    """Make a module with a kernel, and an empty cache."""
     (tmp_path / "doubled.py").write_text(DOUBLE)
     return os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
 
 
 def test_kernels_that_are_saved_at_the_same_time_get_files_of_their_own(tmp_path):
-    """As processes do, each file object reads the index anew; nothing may be lost or stand under
-    another's name.
+    """As processes do, each file object reads the index anew.
+
+    Nothing may be lost or stored under another's name.
     """
     together = threading.Barrier(8)
 

@@ -1,5 +1,6 @@
-"""Laws of the tree: finite differences, power balance, couplers, folded axes, functions of two
-coordinates.
+"""Laws of the tree.
+
+Finite differences, power balance, couplers, inverted axes, functions of two coordinates.
 """
 
 from __future__ import annotations

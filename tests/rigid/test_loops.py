@@ -1,5 +1,6 @@
-"""Closed loops: derivatives against differences, projections against their laws, and three other
-programs.
+"""Closed loops: derivatives against differences, and projections against their laws.
+
+Also against three other programs.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def near(tree, closed, frames=4, spread=0.1, seed=0):
 
 
 def holding(tree, held):
-    """The tree of the same model with some coordinates locked where they are."""
+    """Return the tree of the same model with some coordinates locked where they are."""
     coordinates = [replace(each, locked=j in held) for j, each in enumerate(tree.model.coordinates)]
     return compile_tree(replace(tree.model, coordinates=tuple(coordinates)))
 
@@ -230,8 +231,9 @@ def test_four_bars_close_from_anywhere(held):
 
 
 def test_random_poses_tried_fill_what_a_hinge_may_take(monkeypatch):
-    """Its range, and at most half a turn from its default: limits (-1, 2), (-9, 9), and (1, 9) with
-    the default 2.
+    """Its range, and at most half a rotation from its default.
+
+    Limits are (-1, 2), (-9, 9), and (1, 9) with the default 2.
     """
     model = four_bar()
     tried = []

@@ -20,7 +20,10 @@ from trees import swinging
 
 
 def middling(model, frames, step, seed):
-    """A smooth motion around each coordinate's default, small enough for every joint function."""
+    """Return a smooth motion around each coordinate's default.
+
+    It is small enough for every joint function.
+    """
     motion = swinging(model, frames, step, seed)
     shift = np.array([c.default for c in model.coordinates])
     return Motion(

@@ -45,8 +45,9 @@ def needed(model, motion, reference=None):
 
 
 def root_forces(model, motion, wrench):
-    """Generalized forces of the coordinates to the ground that a wrench about the base's origin
-    makes, by its power.
+    """Return the generalized forces of the root coordinates from a wrench, by its power.
+
+    The wrench is about the base's origin; the coordinates are those to the ground.
     """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, motion_arrays(tree, motion)[0])
@@ -60,7 +61,7 @@ def root_forces(model, motion, wrench):
 
 
 def on_the_base(model, motion, wrench, reference=None):
-    """The wrench (frames, 6) as an external force on the base."""
+    """Return the wrench (frames, 6) as an external force on the base."""
     points = reference_points(model, motion, reference)
     return Wrenches(
         time=motion.time,
@@ -89,8 +90,9 @@ def test_a_base_that_gets_the_wrench_needs_no_force_of_its_own(data, name, refer
 
 @pytest.mark.parametrize("seed", range(3))
 def test_wrench_is_the_rate_of_momentum_less_gravity(seed):
-    """About a fixed point, with curved joints and couplers; momentum from Jacobians, its rate by
-    differences.
+    """About a fixed point, with curved joints and couplers.
+
+    Momentum is from Jacobians, its rate by differences.
     """
     model = functional_tree(seed)
     tree = compile_tree(model)

@@ -1,5 +1,6 @@
-"""The embedded jump: what is real must come out of the recording, what is assumed must hold
-together.
+"""The embedded jump.
+
+Real values must come out of the recording, and assumed values must be consistent.
 """
 
 import importlib.util
@@ -92,8 +93,9 @@ def test_markers_are_followed(study, fit):
 
 
 def test_quiet_standing_is_in_balance(study, fit):
-    """Gravity, plate and motion leave nearly nothing for the pelvis; the mass stands over the
-    plate's center.
+    """Gravity, plate and motion leave nearly nothing for the pelvis.
+
+    The center of mass is over the plate's center.
     """
     motion = cut(differentiate(fit.motion, study.cutoff), 2.0, 3.0)
     wrenches = resample_wrenches(study.wrenches, motion.time, study.cutoff)

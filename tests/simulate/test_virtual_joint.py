@@ -1,5 +1,6 @@
-"""The virtual mechanical joint obeys the laws of mechanics, and its recordings are as bad as
-stated.
+"""The virtual mechanical joint obeys the laws of mechanics.
+
+Its recordings have the stated errors.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""What the virtual laboratory hands over raw leads back to the truth: plate, clock of a C3D file,
-bones, clusters.
+"""The raw files of the virtual laboratory lead back to the truth.
+
+Plate, clock of a C3D file, bones, and clusters.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""The simulated fighters obey the laws of mechanics, recordings are as bad as stated, and forces
-are found again.
+"""The simulated fighters obey the laws of mechanics.
+
+Recordings have the stated errors, and forces are recovered.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Virtual specimens hold the tables, their muscles move as ours, and their files say the same as
-they do.
+"""Virtual specimens agree with the tables, and their muscles move as ours.
+
+Their files hold the same values as they do.
 """
 
 from __future__ import annotations

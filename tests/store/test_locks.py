@@ -1,5 +1,6 @@
-"""One run at a time in a folder, one process at a time in a trial's, and none of a version that
-knows less.
+"""One run at a time in a folder, one process at a time in a trial's.
+
+None of a version that knows less.
 """
 
 from __future__ import annotations

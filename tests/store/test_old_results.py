@@ -1,8 +1,8 @@
-"""Results that version 0.1 wrote are read by this one, and a run reuses them while nothing has
-changed, defaults included.
+"""Results that version 0.1 wrote are read by this one.
 
-`old_results/reach.nc` was written by commit 34e3048 from the files of the example arm: steps ik,
-id, muscles and tension, `cutoff = 6`.
+A run reuses them while nothing has changed, defaults included. `old_results/reach.nc` was written
+by commit 34e3048 from the files of the example arm: steps ik, id, muscles and tension, `cutoff =
+6`.
 """
 
 from __future__ import annotations

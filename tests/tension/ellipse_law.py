@@ -1,5 +1,6 @@
-"""A contact law written outside the package: friction that differs along an axis and across it, as
-of a skate.
+"""A contact law written outside the package.
+
+Friction differs along an axis and across it, as of a skate.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from myomorph.core.model.contacts import Cone, Generators, tangents
 @read_only
 @dataclass(frozen=True, eq=False)
 class FrictionEllipse(Cone):
-    """An elliptic pyramid: friction along the first tangent of the direction, `across` times that
-    along the second.
+    """An elliptic pyramid.
+
+    Friction acts along the first tangent of the direction, `across` times that along the second.
     """
 
     across: float = 1.0

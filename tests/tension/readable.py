@@ -1,7 +1,8 @@
-"""One frame of the tension problem as a quadratic program with full matrices, for solvers that know
-nothing of ours.
+"""One frame of the tension problem as a quadratic program with full matrices.
 
-    minimise  1/2 x^T H x + c^T x   subject to  A x = b,  G x <= h,  lower <= x <= upper
+It is for solvers that share nothing with ours.
+
+    minimize  1/2 x^T H x + c^T x   subject to  A x = b,  G x <= h,  lower <= x <= upper
 
 Where the package adds unknowns to stay separable (`terms.contacts`, `terms.emg`), this form has
 full cost matrices and inequalities; both have one solution. Smoothness between frames has no place
@@ -70,13 +71,20 @@ def emg_target(emg: ArrayLike, weight: float, variables: int) -> Cost:
 
 
 def emg_equality(emg: ArrayLike, slack: float, first: int, variables: int) -> Constraint:
-    """|a_m - excess_m - emg_m| <= slack: (G, h) with variables of excess that a cost of their own
-    keeps small.
+    """Return (G, h) of |a_m - excess_m - emg_m| <= slack.
+
+    Variables of excess have a cost of their own that keeps them small.
 
     Parameters
     ----------
     emg : (muscles,) measured activations, NaN where unknown
+    slack : of each equality
     first : number of the first variable of excess, one for every muscle that is known
+    variables : number of all variables
+
+    Returns
+    -------
+    rows of the known muscles' upper bounds, then of their lower ones
     """
     emg = np.asarray(emg, dtype=np.float64)
     known = np.flatnonzero(np.isfinite(emg))
@@ -89,15 +97,17 @@ def emg_equality(emg: ArrayLike, slack: float, first: int, variables: int) -> Co
 
 
 def contact_regularisation(compliance: float, cost: ArrayLike) -> Cost:
-    """Add compliance sum_g cost_g z_g^2: of forces that physics leaves open, the ones spread most
-    evenly.
+    """Add compliance sum_g cost_g z_g^2.
+
+    Of forces that physics leaves indeterminate, the most evenly distributed ones are chosen.
     """
     return effort(compliance * np.asarray(cost, dtype=np.float64))
 
 
 def shared_wrench(sums: ArrayLike, measured: ArrayLike, sd: ArrayLike, weight: float = 1.0) -> Cost:
-    """Soft target weight |(S x - measured) / sd|^2: what several contacts carry together was
-    measured.
+    """Return the soft target weight |(S x - measured) / sd|^2.
+
+    It is for what several contacts carry together and a device measured.
 
     Parameters
     ----------
@@ -113,7 +123,7 @@ def shared_wrench(sums: ArrayLike, measured: ArrayLike, sd: ArrayLike, weight: f
 
 
 def direction_limit(direction: ArrayLike, forces: ArrayLike) -> Constraint:
-    """A push or a pull to one side only: -direction . f <= 0 with f = forces x (3, n)."""
+    """Limit a push or a pull to one side: -direction . f <= 0 with f = forces x (3, n)."""
     return -(np.asarray(direction, dtype=np.float64) @ np.asarray(forces))[None], np.zeros(1)
 
 
@@ -199,8 +209,9 @@ def program(
 
 
 def solve_program(problem: Program) -> Array:
-    """The x of least cost within the constraints, by piqp (Schwan, Jiang, Kuhn and Jones 2023), an
-    interior point.
+    """Return the x of minimum cost within the constraints, by piqp.
+
+    It is an interior-point method (Schwan, Jiang, Kuhn and Jones 2023).
     """
     solver = piqp.DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = 1e-10
@@ -216,14 +227,13 @@ def solve_program(problem: Program) -> Array:
 
 
 def frame_program(problem: TensionProblem, frame: int) -> Program:
-    """The quadratic program of one frame.
+    """Return the quadratic program of one frame.
 
     Returns
     -------
     Program whose variables are the activations, the controls of reserves and residuals, the
-    amplitudes of contacts' edges [weights of the body], and the excess of each activation that an
-    EMG equality tells of; its rows are the equations of motion [N m or N].
-
+    amplitudes of contacts' cone generators [weights of the body], and the excess of each activation
+    that an EMG equality names; its rows are the equations of motion [N m or N]
     """
     assert problem.options.exponent == 2.0, "no quadratic program"
     muscles = problem.assembly.tree.model.muscle_names
@@ -281,8 +291,9 @@ def frame_program(problem: TensionProblem, frame: int) -> Program:
 
 
 def _matrices(problem: TensionProblem, frame: int) -> tuple[Array, Array, Array, Array]:
-    """A and b of the equations of motion, and S and what it should add up to of the rows that
-    contacts add.
+    """Return A and b of the equations of motion, and S and the sum of the shared rows.
+
+    S is of the rows that contacts add.
     """
     given = problem.balance(frame, frame + 1)
     pattern = problem.assembly.pattern

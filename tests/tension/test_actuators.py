@@ -30,7 +30,7 @@ def tree(data):
 
 
 def pose(tree, seed: int = 0) -> np.ndarray:
-    """A random pose, couplers ignored: every coordinate moves by itself here."""
+    """Return a random pose, couplers ignored: every coordinate moves by itself here."""
     return tree.defaults + np.random.default_rng(seed).uniform(-0.4, 0.4, len(tree.defaults))
 
 
@@ -200,8 +200,9 @@ def test_limits_of_coordinates_pull_as_in_opensim(data):
 
 
 def test_what_is_weak_on_a_human_is_weak_on_an_animal_too():
-    """By default forces go with the cube and torques with the fourth power of a small body's
-    length.
+    """By default forces scale with the cube of a small body's length.
+
+    Torques scale with its fourth power.
     """
     human = person().generic
     tiny = scale(human, {body: np.full(3, 0.05) for body in human.body_names})

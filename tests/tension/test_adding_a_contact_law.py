@@ -1,5 +1,6 @@
-"""A new contact law is one file (`ellipse_law.py`) and one line in the table of laws; all else
-follows.
+"""A new contact law is one file (`ellipse_law.py`) and one line in the table of laws.
+
+All else follows.
 """
 
 from __future__ import annotations
@@ -34,14 +35,15 @@ law_options = {{ {option} = 0.1 }}
 
 @pytest.fixture
 def ellipse(monkeypatch):
-    """The one line, forgotten after the test."""
+    """Register the law by the one line, forgotten after the test."""
     monkeypatch.setattr(model_contacts, "CONTACT_LAWS", dict(model_contacts.CONTACT_LAWS))
     register_law("flat_ellipse", FrictionEllipse)
 
 
 def test_forces_of_a_walk_stay_inside_the_ellipse_and_do_not_inside_another(data, ellipse):
-    """Sagittal friction as before, sideways a hundredth: less force to the side than with the round
-    pyramid.
+    """Sagittal friction as before, sideways a hundredth.
+
+    The force to the side is smaller than with the round pyramid.
     """
     model, motion, _ = walk(data, slice(200, 1000, 160))
     torques = inverse_dynamics(model, motion)

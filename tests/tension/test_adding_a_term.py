@@ -1,5 +1,6 @@
-"""Terms written outside the package, solved by the public call: beside an independent solver of
-quadratic programs.
+"""Terms written outside the package, solved by the public call.
+
+They are compared with an independent solver of quadratic programs.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ class PreferredActivation(Term):
     weight: float = 10.0
 
     def penalties(self, unknowns: Unknowns) -> Penalties:
-        """An interval without width, in all frames."""
+        """Return an interval without width, in all frames."""
         column = index_of("muscle", self.muscle, unknowns.muscles)
         value = np.full((1, 1), self.activation)
         return Penalties(
@@ -125,7 +126,7 @@ class Exosuit(Term):
     torque: float
 
     def variables(self) -> Variables:
-        """The motor's command, from 0."""
+        """Return the motor's command, from 0."""
         return Variables(
             names=("exosuit",),
             weight=np.ones(1),
@@ -139,7 +140,7 @@ class Exosuit(Term):
         return [(0, self.coordinate)]
 
     def columns(self, frames: Frames) -> Columns:
-        """A torque that does not depend on the pose."""
+        """Return a torque that does not depend on the pose."""
         return Columns(-np.ones((len(frames), 1)), np.full((len(frames), 1), self.torque))
 
 
@@ -151,13 +152,13 @@ def walker(data):
 
 
 def with_cost(program: Program, L: np.ndarray, m: float, weight: float) -> Program:
-    """The program with weight (L x - m)^2 besides, as a full H."""
+    """Return the program with weight (L x - m)^2 added, as a full H."""
     H = np.diag(program.H) if program.H.ndim == 1 else program.H
     return replace(program, H=H + 2.0 * weight * np.outer(L, L), c=program.c - 2.0 * weight * m * L)
 
 
 def unit(program: Program, **factors: float) -> np.ndarray:
-    """A row of factors by the names of the program's variables."""
+    """Return a row of factors by the names of the program's variables."""
     found = np.zeros(len(program.c))
     for name, factor in factors.items():
         found[program.variables.index(name)] = factor

@@ -1,5 +1,6 @@
-"""What the data leave open of contact forces: bodies on legs whose intervals are known, HiGHS on a
-walk, optimality.
+"""What the data leave indeterminate of contact forces.
+
+Bodies on legs whose intervals are known, HiGHS on a walk, and optimality.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ EXACT = CertificateOptions(residual=0.0, reserve=0.0)
 
 
 def solved(model, motion, task, actuators=(), **more):
-    """The problem of a motion with contacts, solved, and what was found."""
+    """Return the problem of a motion with contacts, solved, and its solution."""
     inputs = TensionInputs(
         model=model,
         motion=motion,

@@ -1,5 +1,6 @@
-"""A model laid on itself: points on hinges' axes, which turn a limb about its length, and by what
-its limbs turn.
+"""A model laid on itself: points on hinges' axes, which rotate a limb about its length.
+
+Also the angle by which its limbs rotate.
 """
 
 from __future__ import annotations

@@ -40,8 +40,10 @@ def subject():
 
 
 def test_joint_centers_are_where_bones_begin():
-    """Of a made rig; the pelvis lies between the hips, the toes in the middle of five, the head's
-    top is a vertex.
+    """Joint centers of a made rig.
+
+    The pelvis lies between the hips, the toes in the middle of five, and the head's top is a
+    vertex.
     """
     rng = np.random.default_rng(0)
     paired = (

@@ -43,8 +43,9 @@ def test_round_trip(recording, tmp_path):
 
 
 def test_moments_in_newton_millimeters_are_told_by_where_they_put_the_force(recording, tmp_path):
-    """As Vicon 370 wrote them, in N m by its own word; a force near the plate's middle or edge is
-    left as it is.
+    """As Vicon 370 wrote them, although its own unit says N m.
+
+    A force near the plate's middle or edge is left as it is.
     """
     markers, plate = recording
     channels = np.zeros((200, 6))
@@ -88,8 +89,9 @@ FILES = (
 
 @pytest.mark.parametrize("name", FILES)
 def test_recordings_of_laboratories_are_written_and_read_again(name, data, tmp_path):
-    """Markers, hidden ones too, plates, other channels and events of real files, to the digits of a
-    32-bit real.
+    """Markers, hidden ones too, plates, other channels and events of real files.
+
+    They agree to the precision of a 32-bit real.
     """
     trial = read_c3d(data(name))
     write_trial(tmp_path / "again.c3d", trial)
@@ -111,8 +113,9 @@ def test_recordings_of_laboratories_are_written_and_read_again(name, data, tmp_p
 
 
 def test_many_labels_long_recordings_and_late_starts(tmp_path):
-    """More labels than one parameter holds, frames beyond 16 bits, and a first frame that is not
-    the first.
+    """More labels than one parameter holds, and frames beyond 16 bits.
+
+    The first frame is not number 1.
     """
     random = np.random.default_rng(1)
     names = tuple(f"marker_{k}" for k in range(300))

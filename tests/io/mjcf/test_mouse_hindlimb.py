@@ -1,5 +1,6 @@
-"""The anatomist's mouse leg, written as .osim: OpenSim finds the joints and muscle lengths that we
-do.
+"""The anatomist's mouse leg, written as .osim.
+
+OpenSim finds the joints and muscle lengths that we do.
 """
 
 from __future__ import annotations

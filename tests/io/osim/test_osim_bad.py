@@ -50,7 +50,7 @@ ROD = """<?xml version="1.0" encoding="UTF-8"?>
 
 @pytest.fixture
 def rod(tmp_path):
-    """Reads the document with some text replaced."""
+    """Return a function that reads the document with some text replaced."""
 
     def read(*replaced):
         text = ROD

@@ -101,7 +101,7 @@ def _joint(kind: str, name: str, parent: str, child: str, random, inside: str = 
 
 
 def all_joints(path: Path) -> None:
-    """A chain of all joint classes, ending between nested offset frames, with a muscle."""
+    """Write a chain of all joint classes, ending between nested offset frames, with a muscle."""
     random = np.random.default_rng(3)
     settings = {
         "Ellipsoid": "<radii_x_y_z>0.1 0.2 0.3</radii_x_y_z>",
@@ -175,7 +175,7 @@ def all_joints(path: Path) -> None:
 
 
 def all_functions(path: Path) -> None:
-    """Custom joints that turn by one coordinate and slide by each class of function of it."""
+    """Write custom joints that rotate by a coordinate and slide by each kind of function of it."""
     random = np.random.default_rng(4)
     bodies = ""
     joints = ""
@@ -234,7 +234,10 @@ def backwards(path: Path) -> None:
 
 
 def floating(path: Path) -> None:
-    """A body without a joint; beside bodies with joints OpenSim 4.6 cannot open one."""
+    """Write a body without a joint.
+
+    OpenSim 4.6 cannot open one where other bodies have joints.
+    """
     path.write_text(_document(_set("BodySet", _body("loose", np.random.default_rng(6)))))
 
 
@@ -292,7 +295,7 @@ def reversed_old(path: Path) -> None:
 
 
 def old_sockets(path: Path) -> None:
-    """The chain of joints with sockets spelt as shortly before 4.0."""
+    """Write the chain of joints with sockets spelt as shortly before 4.0."""
     all_joints(path)
     root = etree.parse(path).getroot()
     root.set("Version", "30516")
@@ -303,7 +306,7 @@ def old_sockets(path: Path) -> None:
 
 
 def old_connectors(path: Path) -> None:
-    """The chain of joints with connectors, as between 3.3 and 4.0."""
+    """Write the chain of joints with connectors, as between 3.3 and 4.0."""
     all_joints(path)
     root = etree.parse(path).getroot()
     root.set("Version", "30507")

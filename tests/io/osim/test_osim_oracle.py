@@ -40,9 +40,9 @@ def answers(tmp_path_factory):
 
 
 def _loadable(path: Path, copy: Path) -> Path:
-    """The file itself, or a copy of it that OpenSim 4.6 does not refuse.
+    """Return the file itself, or a copy of it that OpenSim 4.6 does not refuse.
 
-    lenhart2015 has contacts of a class that OpenSim does not have; arm26 has muscles with a least
+    lenhart2015 has contacts of a class that OpenSim does not have; arm26 has muscles with a minimum
     activation and control that OpenSim 4 no longer allows.
     """
     if path.stem not in ("lenhart2015", "arm26"):
@@ -59,7 +59,7 @@ def _loadable(path: Path, copy: Path) -> Path:
 
 @pytest.fixture(params=FILES)
 def pair(request, answers):
-    """A model as we read it, and what OpenSim says of the same file."""
+    """Read a model with our reader, and OpenSim's answers on the same file."""
     files, facts = answers
     if request.param not in files:
         pytest.skip(f"needs the data set '{request.param.split('/')[0]}'")
@@ -75,8 +75,9 @@ def _as_opensim_reads_it(path: Path) -> Model:
 
 
 def _rounded(model: Model) -> Model:
-    """What OpenSim makes of documents before 4.0: it converts inertias and joint frames as text of
-    six digits.
+    """Round the model as OpenSim does with documents before 4.0.
+
+    It converts inertias and joint frames as text of six digits.
     """
 
     def six(values):

@@ -26,8 +26,9 @@ def place(time: float, span: tuple[float, float]) -> float:
 
 
 def test_a_line_for_every_touch_with_its_dots() -> None:
-    """Figure 5.5 of [D]: lines from touch to leave; rows in the order given, right before left,
-    unused sites too.
+    """Figure 5.5 of [D]: lines from touch to leave.
+
+    Rows are in the given order, right before left, unused sites too.
     """
     rows = graph_rows(TAP)
     assert [row.label for row in rows] == ["Right heel", "Right toe", "Left toe"]
@@ -54,8 +55,9 @@ def test_touches_that_go_on_have_no_dots_at_the_border() -> None:
 
 
 def test_strokes_have_the_symbols_of_the_drum_score() -> None:
-    """Figure 5.8 of [D]: a star for the right hand, a plus for the left, a ring for the right foot;
-    rows are drums.
+    """Figure 5.8 of [D]: rows are drums.
+
+    A star is the right hand, a plus the left, a ring the right foot.
     """
     given = Contacts(
         ("stick_r", "stick_l", "pedal_r"),

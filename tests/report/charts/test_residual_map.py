@@ -16,7 +16,7 @@ from myomorph.lab.report.charts.pictures import residual_map
 
 
 def pictures(drawn):
-    """The pictures (height, width, 4) in 0..1; the last is the scale."""
+    """Return the pictures (height, width, 4) in 0..1; the last is the scale."""
     return [
         imread(io.BytesIO(base64.b64decode(one))) for one in re.findall(r"base64,([^\"]+)", drawn)
     ]

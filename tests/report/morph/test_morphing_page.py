@@ -1,5 +1,6 @@
-"""The page on a morph says its numbers, warnings first, and its tables have a column for every
-cell.
+"""The page on a morph prints its numbers, warnings first.
+
+Its tables have a column for every cell.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ TABLE_3_3 = {
 
 
 def spine() -> Model:
-    """A chain of the 24 vertebrae of [D]."""
+    """Make a chain of the 24 vertebrae of [D]."""
     names = [f"lumbar{i}" for i in range(5, 0, -1)] + [f"thoracic{i}" for i in range(12, 0, -1)]
     names += [f"C{i}" for i in range(7, 0, -1)]
     still = Transform.identity()
@@ -240,7 +240,7 @@ def tenth_of(names: tuple[str, ...], parameters: Array) -> Posterior:
 
 
 def walker_identification() -> Identification:
-    """A walker whose identified masses are its own, and a generic model a tenth heavier."""
+    """Make a walker whose identified masses are its own, and a generic model a tenth heavier."""
     body = walker()
     true = inertial_parameters(body)
     share = np.repeat(np.array([0.9, 0.5, 0.25, np.nan, 0.0])[:, None], 10, axis=1)
@@ -296,7 +296,7 @@ def walker_check() -> CrossValidation:
 
 
 def calibration() -> Calibration:
-    """A thigh of 0.40 m that is 5 % longer, and a marker that moved by 12 mm."""
+    """Make a thigh of 0.40 m that is 5 % longer, and a marker that moved by 12 mm."""
     model = walker()
     thigh = LengthEstimate(
         length=Length(
@@ -359,11 +359,10 @@ def rows(text: str) -> list[dict[str, str]]:
 
 
 def test_spread_of_spine_masses_as_printed() -> None:
-    """[D] table 3.3 follows from table 3.1 with the population's standard deviation, to its printed
-    digits.
+    """[D] table 3.3 follows from table 3.1 with the population's standard deviation.
 
-    All but the neck by the shape: the masses that are printed have 0.67 where the table prints
-    0.63.
+    It agrees to the printed digits, all but the neck by the shape: the masses that are printed have
+    0.67 where the table prints 0.63.
     """
     sheet = spine_sheet(
         spine().body_names, {name: np.array(masses) for name, masses in TABLE_3_1.items()}

@@ -420,8 +420,9 @@ def test_what_acts_is_what_was_estimated_and_what_was_measured_elsewhere() -> No
 
 
 def test_a_measured_force_acts_while_nothing_is_estimated_in_its_place() -> None:
-    """A foot on a plate for a second and beside it for another: one force of a body weight all the
-    time.
+    """A foot on a plate for a second and next to it for another.
+
+    The force is one body weight all the time.
     """
     time = np.arange(0.0, 2.0, 0.01)
     loaded = time < 1.0
@@ -467,8 +468,9 @@ def _elsewhere(time: np.ndarray) -> tuple[Site, ...]:
 
 
 def test_residuals_are_held_against_the_limits() -> None:
-    """5 % of the peak external force and 1 % of it times the height (Hicks et al. 2015); frames not
-    carried count.
+    """5 % of the peak external force and 1 % of it times the height (Hicks et al. 2015).
+
+    Frames with infeasible contacts count.
     """
     time = np.arange(0.0, 1.0, 0.01)
     force = contact_forces(time)

@@ -29,8 +29,9 @@ def keys(page: html.HtmlElement) -> set[str]:
 
 
 def test_it_needs_nothing_else(page: html.HtmlElement) -> None:
-    """Nothing is loaded: pictures are inside, there is no style, script, font or frame from
-    elsewhere.
+    """Nothing is loaded: pictures are inside.
+
+    There is no style, script, font or frame from elsewhere.
     """
     for element in page.iter(etree.Element):
         for name in ("src", "srcset", "href", "data", "poster"):

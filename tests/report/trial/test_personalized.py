@@ -1,5 +1,6 @@
-"""Lines of `personalize`: what was held out; a score that disagrees with the torque is not called
-better in silence.
+"""Lines of `personalize` on held-out recordings.
+
+A score that disagrees with the torque is not called better without a note.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Knees, paths and muscles of the generic model against Rajagopal's, which anatomists' tables stand
-behind.
+"""Knees, paths and muscles of the generic model against Rajagopal's.
+
+Anatomists' tables are the basis of that model.
 """
 
 from __future__ import annotations
@@ -39,8 +40,9 @@ def arms(model, coordinate, angles):
     ],
 )
 def test_moment_arms_are_those_of_rajagopals_model(data, coordinate, low, high, model) -> None:
-    """Within 5 mm, abductors as Uhlrich et al. moved them, but for quadriceps beyond 60 degrees,
-    where its patella leaves the measured ratio.
+    """Within 5 mm, but for quadriceps beyond 60 degrees.
+
+    There its patella leaves the measured ratio. Abductors are as Uhlrich et al. moved them.
     """
     angles = np.linspace(low, high, 12)
     ours = arms(generic_model({})[0], coordinate, angles)

@@ -47,8 +47,9 @@ def test_every_landmark_of_an_arm_has_a_place_mirrored_on_the_other_side() -> No
 
 
 def test_a_raised_arm_takes_the_torque_of_its_weight() -> None:
-    """Virtual work: the torque of elevation is the slope of the potential energy, which the whole
-    mass center shows.
+    """Virtual work: the torque of elevation is the slope of the potential energy.
+
+    The center of mass of the whole body gives that energy.
     """
     model, _ = generic_model({}, arms=True)
     tree = compile_tree(model)
@@ -89,8 +90,9 @@ def test_a_raised_arm_takes_the_torque_of_its_weight() -> None:
 
 
 def test_no_body_turns_harder_than_its_mass_allows() -> None:
-    """myo-sim gives bodies of a gram, which only carry axes, 1 kg m^2: shoulders took 90 N m in a
-    slow run.
+    """myo-sim gives bodies of a gram, which only carry axes, 1 kg m^2.
+
+    Shoulders took 90 N m in a slow run.
     """
     plain = generic_model({}, arms=False)[0]
     whole = generic_model({}, arms=True)[0]
@@ -131,8 +133,9 @@ def test_arms_need_markers_on_two_segments_of_one(tmp_path) -> None:
 
 
 def test_markers_of_an_arm_alone_move_that_arm_on_a_free_trunk(tmp_path) -> None:
-    """A pushing arm, as a laboratory of shoulders labels it: no leg has a marker, a muscle or a
-    contact.
+    """A pushing arm, as a laboratory of shoulders labels it.
+
+    No leg has a marker, a muscle or a contact.
     """
     sites = {
         label: site

@@ -55,8 +55,9 @@ def test_every_protocol_shows_pelvis_and_legs_or_an_arm_and_the_trunk(name: str)
 
 
 def test_no_joint_of_the_leg_turns_over() -> None:
-    """Ankle and subtalar joint, both free, went once around together in a walk: 125 N m at the hip
-    for 30.
+    """Ankle and subtalar joint, both free, went once around together in a walk.
+
+    The torque at the hip was 125 N m for 30.
     """
     model, _ = generic_model(protocols().protocols["plug_in_gait"].labels)
     floating = floating_coordinates(model)
@@ -97,8 +98,9 @@ def test_a_joint_that_turned_over_is_named() -> None:
 
 
 def test_paths_in_opensims_form_have_mujocos_lengths() -> None:
-    """Lengths within 0.3 mm over postures of walking, although surfaces choose their side
-    otherwise.
+    """Lengths agree within 0.3 mm over postures of walking.
+
+    Surfaces choose their side otherwise.
     """
     model = legs_and_trunk()
     ours = compile_paths(in_opensim_form(model))
@@ -136,8 +138,9 @@ def test_joints_and_the_trunk_have_the_names_of_the_field() -> None:
     ("coordinate", "axis"), [("lumbar_extension", 2), ("lumbar_bending", 0), ("lumbar_rotation", 1)]
 )
 def test_the_trunk_turns_as_in_rajagopals_model(coordinate: str, axis: int) -> None:
-    """About z backwards, about x to the right and about y to the left, each positive: OpenSim's
-    lumbar coordinates.
+    """OpenSim's lumbar coordinates.
+
+    About z backwards, about x to the right and about y to the left, each positive.
     """
     model = legs_and_trunk()
     tree = compile_tree(model)

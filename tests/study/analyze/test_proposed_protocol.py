@@ -1,5 +1,6 @@
-"""What unknown markers may lie on, by geometry: the truth where it is known, a table that the user
-gives back.
+"""The bodies that unknown markers may be on, by geometry.
+
+The truth where it is known, and a table that the user returns.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ pytest.importorskip("myo_sim")
 
 
 def numbered(markers: Markers, size: float, turn: float, shift: float = 0.0) -> Markers:
-    """The same body, of another height, turned, z up, its markers numbered."""
+    """Return the same body, of another height, rotated, z up, its markers numbered."""
     upright = axis_rotation([1.0, 0.0, 0.0], np.pi / 2) @ axis_rotation([0.0, 1.0, 0.0], turn)
     places = size * markers.values @ upright.T + [0.7, -0.3, 0.0]
     places = places + np.linspace(0.0, shift, len(markers))[:, None, None] * [1.0, 0.0, 0.0]

@@ -20,7 +20,7 @@ MASS = 85.0
 
 @pytest.fixture(scope="module")
 def walk(data):
-    """A recorded walk on the generic model, its sensors, and those of the calibration pose."""
+    """Return a recorded walk on the generic model, its sensors and those of calibration."""
     pytest.importorskip("myo_sim")
     from myomorph.lab.analyze.generic_model import generic_model
 

@@ -1,5 +1,6 @@
-"""Recordings that the generic model cannot use end with one line: what their markers are, and which
-option helps.
+"""Recordings that the generic model cannot use end with one line.
+
+It names what their markers are, and which option helps.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ CLUSTERS = tuple(
 
 
 def refusal(labels: tuple[str, ...], folder) -> str:
-    """What `analyze` says of a recording of such labels."""
+    """Return what `analyze` prints on a recording of such labels."""
     places = np.random.default_rng(0).random((20, len(labels), 3))
     write_trc(Markers(np.arange(20) / 100.0, labels, places), folder / "x.trc")
     with pytest.raises(BadData) as error:

@@ -14,8 +14,9 @@ pytest.importorskip("myo_sim")
 
 @pytest.mark.long
 def test_plug_in_gait_to_a_report(data, tmp_path, capsys) -> None:
-    """Ankle moments agree with those that Plug-in Gait left in the file, over the stance on a
-    plate.
+    """Ankle moments agree with those that Plug-in Gait left in the file.
+
+    They are compared over the stance on a plate.
     """
     path = data("c3d-gait-plugingait/HC030A/Straight/HC030A05.c3d")
     out = tmp_path / "walk"

@@ -103,8 +103,9 @@ def test_a_study_file_that_was_changed_is_not_lost(tmp_path: Path) -> None:
 
 
 def forces_of(force: np.ndarray, path: Path, under: float = 0.5) -> Path:
-    """A table of one plate's forces under the standing body; so far on the way from the left heel
-    to the right one.
+    """Write a table of one plate's forces under the standing body.
+
+    `under` is the share of the way from the left heel to the right one.
     """
     names = [f"ground_force_{part}" for part in ("vx", "vy", "vz", "px", "py", "pz")]
     values = np.zeros((len(force), 6))
@@ -116,8 +117,9 @@ def forces_of(force: np.ndarray, path: Path, under: float = 0.5) -> Path:
 
 
 def test_the_plan_is_read_as_it_was_written(tmp_path: Path) -> None:
-    """What is said of all trials and of one, settings of steps, and files with signs that TOML
-    knows.
+    """Values of all trials and of one, and settings of steps.
+
+    Also files with characters that TOML knows.
     """
     for name in ('a "b" #1', "c"):
         write_trc(standing(0.3), tmp_path / f"{name}.trc")

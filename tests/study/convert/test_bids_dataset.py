@@ -57,8 +57,9 @@ EVENTS = (Event(0.1, "Reach", "Right"), Event(0.3, "Touch"))
 
 
 def validated(folder):
-    """Errors that the validator of BIDS finds in a dataset and its derivatives, and how many files
-    it looked at.
+    """Return the errors that the validator of BIDS finds, and how many files it checked.
+
+    It reads a dataset and its derivatives.
     """
     program = [sys.executable, "-c", "import bids_validator_deno; bids_validator_deno.cli()"]
     options = ["--format", "json", "--recursive", "--max-rows", "-1"]

@@ -30,7 +30,7 @@ def about_origin(wrenches):
 
 @pytest.fixture(scope="module", params=WALKS)
 def walk(request, data, tmp_path_factory):
-    """A C3D file, what it holds with y up, and the folder it was converted to."""
+    """Return a C3D file, what it holds with y up, and the folder it was converted to."""
     path = data(request.param)
     out = tmp_path_factory.mktemp("converted") / "walk"
     made = convert([path], out)
@@ -59,8 +59,9 @@ def test_emg_keeps_its_values_and_clock(walk):
 
 
 def test_back_to_c3d(walk, tmp_path):
-    """TRC, MOT and STO to one C3D file: markers and EMG as they were, the same wrenches of each
-    plate.
+    """TRC, MOT and STO to one C3D file.
+
+    Markers and EMG are as they were, and the wrenches of each plate are the same.
     """
     path, trial, out, _ = walk
     parts = [out / f"{path.stem}{one}" for one in (".trc", "_grf.mot", "_emg.sto")]

@@ -1,5 +1,6 @@
-"""Misspelt options and keys are answered by what is meant, keys in a wrong table by where they
-belong.
+"""Misspelt options and keys are answered by the nearest name.
+
+Keys in a wrong table are answered by where they belong.
 """
 
 from __future__ import annotations

@@ -197,8 +197,9 @@ INPUT_KEYS = {"contact_points", "measured"}
 
 
 def test_options_are_those_of_the_steps():
-    """Written once: every setting of a step's dataclass is a key, with its default and a line of
-    help.
+    """Written once: every setting of a step's dataclass is a key.
+
+    It has its default and a line of help.
     """
     from dataclasses import fields
 

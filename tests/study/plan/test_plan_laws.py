@@ -1,5 +1,6 @@
-"""Laws of study files: names that pass are folders everywhere, tables of measures never fail but by
-a problem.
+"""Laws of study files.
+
+Names that pass are folders everywhere, tables of measures never fail but by a problem.
 """
 
 from __future__ import annotations

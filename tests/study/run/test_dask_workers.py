@@ -1,5 +1,6 @@
-"""Jobs on a Dask cluster: done once each, with their models, and told of where their process is
-lost.
+"""Jobs on a Dask cluster: done once each, with their models.
+
+A lost process is reported.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ HERE = {
 
 
 def named(name: str) -> Model:
-    """A model of nothing."""
+    """Make an empty model."""
     return Model(name=name, bodies=(), joints=(), coordinates=(), gravity=np.zeros(3))
 
 

@@ -1,5 +1,6 @@
-"""The program killed, its disk full, its folder read-only, its cluster cut off: what is left is
-whole, and goes on.
+"""The program killed, its disk full, its folder read-only, its cluster cut off.
+
+What is left is whole, and goes on.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ TRIALS = 6
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A study file beside its recordings; nothing writes there."""
+    """Write a study file next to its recordings; nothing writes there."""
     arm = example_files(tmp_path_factory.mktemp("study"))
     for number in range(TRIALS):
         (arm.folder / f"reach_{number}.trc").write_bytes(arm.markers.read_bytes())
@@ -70,7 +71,7 @@ def run_here(
     in_process: None,
     monkeypatch: pytest.MonkeyPatch,
 ) -> Callable[[Path], tuple[int, str]]:
-    """Runs the study in this process: exit status and what was said."""
+    """Return a function that runs the study in this process: exit status and printed text."""
     for name, value in SETTINGS.items():
         monkeypatch.setenv(name, value)
 
@@ -83,7 +84,7 @@ def run_here(
 
 @pytest.fixture
 def mount(tmp_path: Path) -> Iterator[Callable[[str], Path]]:
-    """Makes a small file system of its own; the test is skipped where that cannot be done."""
+    """Make a small file system of its own; the test is skipped where that cannot be done."""
     import subprocess
 
     made: list[Path] = []

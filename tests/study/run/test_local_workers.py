@@ -1,5 +1,6 @@
-"""Processes beside this one do jobs as it would; those that are lost are replaced, and none
-outlives its parent.
+"""Worker processes do jobs as this process would.
+
+Those that are lost are replaced, and none outlives its parent.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Folders and files may be called what people call them: blanks, accents, signs that shells and
-patterns know.
+"""Folders and files may have names that people give them.
+
+Blanks, accents, and characters that shells and patterns know.
 """
 
 from __future__ import annotations

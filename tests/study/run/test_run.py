@@ -1,5 +1,6 @@
-"""A study runs trial by trial: what fails is named, the rest is whole, and what has not changed is
-reused.
+"""A study runs trial by trial.
+
+What fails is named, the rest is whole, and what has not changed is reused.
 """
 
 from __future__ import annotations

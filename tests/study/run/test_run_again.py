@@ -1,5 +1,6 @@
-"""A study again: what has changed is named and computed, the rest is taken over, and the bytes are
-the same.
+"""A study runs again.
+
+What has changed is named and computed, the rest is reused, and the bytes are the same.
 """
 
 from __future__ import annotations
@@ -94,8 +95,9 @@ def test_workers_write_what_this_process_writes(arm, dated, tmp_path):
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    """The example's files and the results of two trials, and the contents of these; nothing writes
-    there.
+    """Make the example's files and the results of two trials, and the contents of these.
+
+    Nothing writes there.
     """
     arm = example_files(tmp_path_factory.mktemp("finished"))
     with pytest.MonkeyPatch.context() as patch:
@@ -106,7 +108,7 @@ def finished(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """The example's files, and contents of the results of one trial that nothing interrupted."""
+    """Make the example's files, and the contents of the results of one uninterrupted trial."""
     arm = example_files(tmp_path_factory.mktemp("whole"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", DATE)

@@ -1,5 +1,6 @@
-"""Expected times are what steps took on this machine, by their settings, without what was compiled
-once.
+"""Expected times are what steps took on this machine, by their settings.
+
+The time of compilation, which happens once, is left out.
 """
 
 from __future__ import annotations
@@ -82,8 +83,9 @@ def test_times_grow_with_frames(kept):
 
 
 def test_only_what_ran_is_known(kept):
-    """Elastic tendons take many times as long, and so do more muscles: what other ones took tells
-    nothing.
+    """Elastic tendons take many times as long, and so do more muscles.
+
+    The times of other settings give no information.
     """
     elastic = {"tendons": "elastic"}
     keep_samples(kept, [*[tension(1.0)] * 5, *[tension(60.0, settings=settings_key(elastic))] * 2])

@@ -40,7 +40,7 @@ steps = [{steps}]
 
 @pytest.fixture
 def add(monkeypatch):
-    """Adds a file with a step, and its line in the table."""
+    """Return a function that adds a file with a step, and its line in the table."""
 
     def added(step: Step) -> None:
         module = ModuleType(f"added_{step.scope}_{step.name}")

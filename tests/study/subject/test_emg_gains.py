@@ -1,5 +1,6 @@
-"""EMG gains over all trials of a subject: the step of a study, its file, and `tension
---emg-gains-file`.
+"""EMG gains over all trials of a subject.
+
+The step of a study, its file, and `tension --emg-gains-file`.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Masses of a morphed model: nothing is lost, every body is possible, and a model that only grew
-keeps its own.
+"""Masses of a morphed model: nothing is lost, and every body is possible.
+
+A model that only grew keeps its own.
 """
 
 from __future__ import annotations

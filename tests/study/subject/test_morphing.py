@@ -1,5 +1,6 @@
-"""A morph from files: a thigh and a shank as made bones, from folder to model, bones, tables and
-report.
+"""A morph from files: a thigh and a shank as made bones.
+
+From folder to model, bones, tables and report.
 """
 
 import csv
@@ -29,7 +30,10 @@ QUICK = {"match_points": 300, "feature_count": 150}
 
 
 def bone(seed):
-    """A bone that fits another only one way: a shaft with three knobs of different sizes [m]."""
+    """Make a bone that fits another only one way [m].
+
+    It is a shaft with three knobs of different sizes.
+    """
     rng = np.random.default_rng(seed)
     made = trimesh.creation.icosphere(subdivisions=4)
     direction = made.vertices / np.linalg.norm(made.vertices, axis=1)[:, None]

@@ -83,8 +83,9 @@ def one_body(folder):
 
 
 def test_markers_lie_where_soft_tissue_has_them(tmp_path):
-    """A refined motion is that of the mass; its marker errors are of q - alpha q'', here q (1 +
-    alpha w^2).
+    """A refined motion is that of the mass.
+
+    Its marker errors are of q - alpha q'', here q (1 + alpha w^2).
     """
     model = read_model(one_body(tmp_path))
     time = np.arange(0.0, 2.0, 0.005)

@@ -1,5 +1,6 @@
-"""Species tables out of files, and a man's leg muscles on a mouse's skeleton as files of both have
-them.
+"""Species tables out of files.
+
+Also a man's leg muscles on a mouse's skeleton as files of both have them.
 """
 
 from __future__ import annotations
@@ -79,8 +80,9 @@ def test_tables_name_what_the_models_have(data, name):
 
 
 def test_the_forearms_lie_alike_in_man_and_mouse(data):
-    """Right of the radius is the thumb's side: there it lies of the ulna's end, in the postures
-    that the table has.
+    """The radius lies on the thumb's side of the ulna's end.
+
+    That side is its right, in the postures of the table.
     """
     pytest.importorskip("myo_sim")
     source = read_model("myo-sim:myoarm")
@@ -172,8 +174,9 @@ def table_bodies() -> list[str]:
 
 @pytest.mark.long
 def test_a_mouse_gets_a_mans_arms(data):
-    """Both arms' muscles, with forces by the leg's scaling; those of bones that the skeleton lacks
-    are named.
+    """Both arms' muscles, with forces by the leg's scaling.
+
+    Those of bones that the skeleton is missing are named.
     """
     pytest.importorskip("myo_sim")
     given = SpeciesFiles(

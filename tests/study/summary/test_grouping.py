@@ -1,5 +1,6 @@
-"""Groups of a study file: their strides are found in the trials' coordinates and compared (made
-walkers).
+"""Groups of a study file, with made walkers.
+
+Their strides are found in the trials' coordinates and compared.
 """
 
 from __future__ import annotations

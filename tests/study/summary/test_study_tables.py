@@ -1,5 +1,6 @@
-"""The tables of a study and its page: all trials, in the order of the study file, whatever became
-of them.
+"""The tables of a study and its page.
+
+All trials, in the order of the study file, whatever became of them.
 """
 
 from __future__ import annotations
@@ -52,8 +53,9 @@ def table(path):
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """Four subjects twice slow and twice fast; one recording is broken, one is left out, in one the
-    knee bends far.
+    """Make four subjects twice slow and twice fast.
+
+    One recording is broken, one is left out, in one the knee bends far.
     """
     home = tmp_path_factory.mktemp("study")
     write_osim(walker(), home / "walker.osim")

@@ -50,8 +50,9 @@ def test_errors_that_trials_of_a_subject_share_cancel_between_its_conditions():
 
 
 def test_errors_of_subjects_are_independent_though_their_draws_have_the_same_numbers():
-    """Of n subjects with errors of one size the mean's falls with the root of n, whatever the draws
-    share.
+    """Of n subjects with errors of one size, the mean's error falls with the root of n.
+
+    What the draws share does not matter.
     """
     same = np.random.default_rng(2).normal(0.0, 3.0, DRAWS)
     trials = [
@@ -84,8 +85,9 @@ def test_intervals_by_the_spread_are_those_of_student_and_welch(paired):
 
 
 def test_trials_of_an_only_subject_do_not_show_what_they_share():
-    """Their spread holds what differs between them; what they share is added, and nothing is
-    counted twice.
+    """Their spread holds what differs between them.
+
+    What they share is added, and nothing is counted twice.
     """
     rng = np.random.default_rng(4)
     tilt = rng.normal(0.0, 2.0, DRAWS)
@@ -114,8 +116,9 @@ def test_widened_errors_keep_their_middle():
 
 
 def test_a_condition_of_one_trial_without_strides_has_no_curves_to_be_far_from():
-    """Beside another condition its curves are dropped; the search for outliers asks nothing of
-    them.
+    """Compared with another condition its curves are dropped.
+
+    The search for outliers needs nothing of them.
     """
     curves = {
         "joint angle [deg]": Series(np.linspace(0.0, 100.0, 101), ("knee",), np.zeros((101, 1)))

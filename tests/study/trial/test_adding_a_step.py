@@ -32,7 +32,7 @@ steps = ["ik", "id", "power", "report"]
 
 @pytest.fixture
 def power(monkeypatch):
-    """The one line."""
+    """Register the step by the one line."""
     monkeypatch.setitem(STEPS["trial"], "power", "tests.study.trial.power_step")
 
 

@@ -30,7 +30,7 @@ steps = ["ik", "id"]
 
 @pytest.fixture
 def heart(arm, monkeypatch):
-    """The one line, and a file of heartbeats."""
+    """Register the input by the one line, and write a file of heartbeats."""
     monkeypatch.setitem(INPUTS, "heart", "tests.study.trial.heart_input")
     path = arm.folder / "beats.txt"
     path.write_text("0.0\n0.5\n1.0\n")

@@ -1,5 +1,6 @@
-"""What a user says of contacts: one word, a table, or a file of sites; what is wrong is told at
-once.
+"""What a user specifies of contacts: one word, a table, or a file of sites.
+
+What is wrong is reported at once.
 """
 
 from __future__ import annotations

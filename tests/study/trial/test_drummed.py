@@ -1,5 +1,6 @@
-"""Impacts from a recording of their sound to forces on the body that strikes: made sounds, known
-impulses.
+"""Impacts from a recording of their sound to forces on the body that strikes.
+
+Sounds are made, impulses are known.
 """
 
 from __future__ import annotations
@@ -35,7 +36,10 @@ intervals = "file"
 
 
 def drum(path):
-    """A drum heard 2 ms late, its pressure in proportion to the impulse, with some noise."""
+    """Write the sound of a drum heard 2 ms late, with some noise.
+
+    Its pressure is in proportion to the impulse.
+    """
     random = np.random.default_rng(8)
     sound = 1e-4 * random.normal(size=int(0.6 * RATE))
     for time, impulse in STROKES:

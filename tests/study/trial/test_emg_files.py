@@ -28,7 +28,7 @@ def walker(data):
 
 @pytest.fixture
 def raw(tmp_path):
-    """A minute of noise of 1 kHz whose amplitude rises and falls, in a file."""
+    """Write a file with a minute of noise of 1 kHz whose amplitude rises and falls."""
     time = np.arange(4000) / 1000.0
     noise = (
         np.random.default_rng(4).normal(size=(len(time), 2)) * (1.2 + np.sin(3.0 * time))[:, None]
@@ -130,8 +130,9 @@ def test_what_does_not_exist_is_named(raw, walker, tmp_path):
 
 
 def test_noise_of_a_real_recording_takes_no_part(data, walker):
-    """The right gastrocnemius of the child of Plug-in Gait; the electrodes of tibialis posterior
-    are on nobody.
+    """The right gastrocnemius of the child of Plug-in Gait.
+
+    The electrodes of tibialis posterior are on nobody.
     """
     path = data("c3d-gait-plugingait/HC030A/Straight/HC030A05.c3d")
     opened = open_emg(path, walker, {})

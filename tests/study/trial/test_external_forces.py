@@ -98,8 +98,9 @@ def test_feet_that_step_on_one_plate_in_turn_each_get_their_part(walk, tmp_path)
 def test_forces_that_count_from_another_zero_are_moved_or_the_option_is_named(
     walk, tmp_path
 ) -> None:
-    """A table that lasts as long as the motion and begins elsewhere is the same table later; any
-    other is refused.
+    """A table that lasts as long as the motion and begins at another time is shifted.
+
+    Any other is refused.
     """
     model, motion, named = walk
     inside = (named.time >= motion.time[0] - 1e-9) & (named.time <= motion.time[-1] + 1e-9)
@@ -168,8 +169,9 @@ def test_times_that_do_not_meet_are_refused(walk, tmp_path) -> None:
 
 
 def test_a_csv_of_forces_and_moments_about_the_origin(walk, tmp_path) -> None:
-    """The same wrench, whatever its form: the sum about the ground's origin is that of the file
-    with points.
+    """The same wrench, whatever its form.
+
+    The sum about the ground's origin is that of the file with points.
     """
     model, motion, named = walk
     moments = named.torques + np.cross(named.points, named.forces)
@@ -201,14 +203,15 @@ def test_a_csv_of_forces_and_moments_about_the_origin(walk, tmp_path) -> None:
 
 
 def read_motion_at(motion, time):
-    """The motion at some times."""
+    """Return the motion at some times."""
     values = np.column_stack([np.interp(time, motion.time, column) for column in motion.values.T])
     return replace(motion, time=time, values=values)
 
 
 def test_an_idle_plate_of_a_recording_does_not_end_inverse_dynamics(walk) -> None:
-    """As a C3D file with a plate that nobody steps on: its force acts on nobody, and torques come
-    out.
+    """As a C3D file with a plate that nobody steps on.
+
+    Its force acts on nobody, and torques come out.
     """
     model, motion, named = walk
     plates = [plate_of(named, k) for k in range(2)]
@@ -241,7 +244,7 @@ def test_identification_takes_tables_too(walk, data) -> None:
 
 
 def plate_of(wrenches, number):
-    """A force as that of a plate."""
+    """Return a force as that of a plate."""
     loaded = (wrenches.forces[:, number, 1] > 30.0)[:, None]
     point = np.where(loaded, wrenches.points[:, number], np.nan)
     torque = np.where(loaded, wrenches.torques[:, number], np.nan)

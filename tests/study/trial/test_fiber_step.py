@@ -52,14 +52,15 @@ def arm(data) -> tuple[Model, Motion, Series]:
 
 
 def changed(model: Model, **muscle: float) -> Model:
-    """The model with another first muscle."""
+    """Return the model with another first muscle."""
     return replace(model, muscles=(replace(model.muscles[0], **muscle), *model.muscles[1:]))
 
 
 @pytest.fixture(scope="module")
 def solved(data) -> tuple[Model, Motion, Tension]:
-    """The arm with two missing frames and a first muscle whose path is shorter than its slack
-    tendon.
+    """Solve the arm with two missing frames.
+
+    The path of its first muscle is shorter than its slack tendon.
     """
     model, motion, torques = arm(data)
     model = changed(model, tendon_slack_length=model.muscles[0].tendon_slack_length + 0.2)
@@ -74,7 +75,7 @@ def solved(data) -> tuple[Model, Motion, Tension]:
 
 @pytest.fixture(scope="module")
 def stored(solved, tmp_path_factory):
-    """What the step writes of it: the folder, its notes, and the result as it is read again."""
+    """Return what the step writes: the folder, its notes, and the result as it is read again."""
     model, _, tension = solved
     folder = tmp_path_factory.mktemp("fibers")
     with new_result(folder / "tension.nc") as writer:

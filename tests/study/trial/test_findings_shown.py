@@ -1,5 +1,6 @@
-"""What checks of forces and markers found is printed by a study, counted in outcomes, and stands in
-the report.
+"""What checks of forces and markers found.
+
+A study prints it, it is counted in outcomes, and the report shows it.
 """
 
 from __future__ import annotations

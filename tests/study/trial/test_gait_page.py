@@ -1,5 +1,6 @@
-"""The page for the clinic: written beside the report of a walk, held against the norm that was
-asked for.
+"""The page for the clinic.
+
+It is written next to the report of a walk, compared with the requested norm.
 """
 
 from __future__ import annotations

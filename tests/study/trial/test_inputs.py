@@ -1,5 +1,6 @@
-"""Input files are fitted to the model: which way is up, what unit, which foot stands on which
-plate.
+"""Input files are fitted to the model.
+
+Which way is up, what unit, which foot stands on which plate.
 """
 
 from __future__ import annotations
@@ -61,8 +62,9 @@ def test_wrong_units_are_suspected(walker, data, factor, word):
 
 
 def test_plates_go_to_the_feet_that_stand_on_them(walker, data):
-    """Forces whose feet are known, as if two plates had measured them: nearness finds the feet
-    again.
+    """Forces whose feet are known, as if two plates had measured them.
+
+    Nearness finds the feet again.
     """
     motion = read_motion(data("rajagopal-walk-emg/coordinates.sto"), walker)
     known = read_loads(data("rajagopal-walk-emg/grf_walk.xml"), walker, motion)

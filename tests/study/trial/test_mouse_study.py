@@ -1,5 +1,6 @@
-"""A study of a mouse: labels of its own, parts worth using, muscle lengths of every stride in page
-and tables.
+"""A study of a mouse: labels of its own, parts worth using.
+
+Muscle lengths of every stride are in page and tables.
 """
 
 from __future__ import annotations
@@ -61,8 +62,9 @@ def test_strides_of_a_mouse_end_in_the_page(tmp_path, data):
 
 
 def test_a_leg_has_tensions_only_where_its_load_is_known(tmp_path, data):
-    """Two hind paws and two forepaws on one plate: what is left is solved, and its reserves are
-    small.
+    """Two hind paws and two forepaws on one plate.
+
+    What is left is solved, and its reserves are small.
     """
     plan = study(tmp_path, data, ["ik", "id", "tension"], "[options.ik]\npasses_only = true")
     outcome = run_study(plan, tmp_path / "out")[0]

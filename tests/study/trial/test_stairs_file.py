@@ -1,5 +1,6 @@
-"""Stairs as a file: steps, cells and recordings into forces on bodies and into tensions (made,
-forces known).
+"""Stairs as a file, made with known forces.
+
+Steps, cells and recordings into forces on bodies and into tensions.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ body = "paw"
 
 
 def animal():
-    """A trunk over one paw that slides with it: its weight must come through the paw."""
+    """Make a trunk over one paw that slides with it: its weight must come through the paw."""
     axes = tuple(
         Axis(
             kind="translation" if i < 3 else "rotation",
@@ -128,8 +129,9 @@ def animal():
 
 
 def recording(folder, measures=("fx", "fy", "fz")):
-    """The paw on the low step for the first half and on the high one for the second; the trunk
-    stands over it.
+    """Write a recording of the paw on the low step, then on the high one, half of the time each.
+
+    The trunk stands over the paw.
     """
     time = np.arange(FRAMES) / RATE
     low = time < 0.5

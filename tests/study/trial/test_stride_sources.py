@@ -1,5 +1,6 @@
-"""All tables of strides take them from the same place: plates and events first, the motion else (a
-made walker).
+"""All tables of strides take them from the same source.
+
+Plates and events come first, the motion else (a made walker).
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ SHIFT = 0.03
 
 @pytest.fixture(scope="module")
 def walk():
-    """The model, its motion, and events of the right foot that differ from those of the motion."""
+    """Return the model, its motion, and events of the right foot that differ from the motion's."""
     model = walker()
     motion = inverse_kinematics(model, recording(model, np.random.default_rng(0), 0.1)).motion
     alone = walking_strides(model, motion)
@@ -92,8 +93,9 @@ def test_events_of_a_side_are_not_those_of_two_feet_on_it():
 
 
 def test_plates_tell_the_only_stride_of_a_recording(walk):
-    """A foot that is not seen to turn at its strikes has those that its plate shows, and none
-    outside of the motion.
+    """A foot that is not seen to rotate at its strikes has those that its plate shows.
+
+    It has none outside of the motion.
     """
     model, motion, alone, _ = walk
     start, stop = alone.strikes["foot_r"][1:3]

@@ -1,5 +1,6 @@
-"""Several subjects and objects solved as one: what they pass to each other obeys Newton, and files
-tell it.
+"""Several subjects and objects solved as one.
+
+The forces that they exchange obey Newton's law, and files report them.
 """
 
 from __future__ import annotations
@@ -63,8 +64,9 @@ intervals = "always"
 
 @pytest.fixture
 def held(arm):
-    """A ball that goes where the hand goes, without turning; its true acceleration, cut-off and
-    all.
+    """Return a ball that goes where the hand goes, without rotating.
+
+    Its acceleration is true, filtered at the cutoff.
     """
     model = read_osim(arm.model)
     tree = compile_tree(model)

@@ -92,8 +92,9 @@ def test_strides_are_measured_once_and_their_extremes_are_means(walk):
 
 
 def test_each_side_is_cut_at_its_own_strikes(walk):
-    """The walker is its own mirror image half a cycle later: both sides' curves are alike, torques
-    too.
+    """The walker is its own mirror image half a cycle later.
+
+    Both sides' curves are alike, torques too.
     """
     cycle, curves = read_curves(walk / CURVES)
     assert cycle == OF_STRIDE
@@ -183,8 +184,9 @@ def test_values_are_made_again_when_the_subject_weighs_more(arm):
 
 
 def test_strides_and_the_report_are_worked_out_once(walk, tmp_path, monkeypatch):
-    """Tables of values and the page come of one preparation; a page that is made again later is the
-    same.
+    """Tables of values and the page come from one preparation.
+
+    A page that is made again later is the same.
     """
     calls = []
 
@@ -222,8 +224,9 @@ def test_strides_and_the_report_are_worked_out_once(walk, tmp_path, monkeypatch)
 
 
 def test_what_every_step_found_doubtful_is_kept(tmp_path):
-    """A step after the first adds its own, and takes them away again when it finds nothing any
-    more.
+    """A step after the first adds its own warnings.
+
+    It takes them away again when it finds nothing any more.
     """
     body = walker()
     write_osim(body, tmp_path / "walker.osim")

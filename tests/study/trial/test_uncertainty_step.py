@@ -76,8 +76,9 @@ def test_without_errors_what_is_drawn_is_the_result(arm, thin):
 
 
 def test_an_error_of_the_force_comes_out_as_its_moment(arm):
-    """Torques are linear in the force: their standard deviation is the gain's share of the moment
-    of the force.
+    """Torques are linear in the force.
+
+    Their standard deviation is the gain's share of the moment of the force.
     """
     chain, torques, sources = opened(arm, False, plate_gain=0.02)
     values = np.stack(
@@ -91,8 +92,9 @@ def test_an_error_of_the_force_comes_out_as_its_moment(arm):
 
 
 def test_misplaced_markers_turn_angles_by_what_they_subtend(arm):
-    """Angles of a chain whose markers are misplaced: least squares on its own Jacobian gives their
-    deviation.
+    """Angles of a chain whose markers are misplaced.
+
+    Least squares on its own Jacobian gives their deviation.
     """
     chain, _, sources = opened(arm, False, placement=0.002)
     values = np.stack(

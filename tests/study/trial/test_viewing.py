@@ -35,7 +35,7 @@ Write = Callable[..., Path]
 
 @pytest.fixture
 def write(arm: SimpleNamespace) -> Write:
-    """Writes a small result of the arm: a second of a bend."""
+    """Return a function that writes a small result of the arm: a second of a bend."""
     model = read_osim(arm.model)
 
     def written(name: str, trial: str, first: float = 0.0, gap: bool = False) -> Path:

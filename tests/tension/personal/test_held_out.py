@@ -1,5 +1,6 @@
-"""Groups that keep generic values: those whose values explain held-out frames clearly better, and
-no others.
+"""Groups that keep generic values.
+
+They are those whose values explain held-out frames clearly better, and no others.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ PARTS = Parts(
 
 @pytest.mark.parametrize("score", [0.2, 10.0, -10.0])
 def test_generic_values_of_a_group_must_be_better_by_half_a_percent(monkeypatch, score):
-    """The first group would gain a little too little, the second a little more than enough; at
-    least 0.005.
+    """The first group would gain a little too little, the second a little more than enough.
+
+    The threshold is at least 0.005.
     """
     least = BETTER * max(abs(score), 1.0)
     gains = {"first": 0.9 * least, "second": 1.1 * least}

@@ -1,5 +1,6 @@
-"""Fibers followed from known activations: slopes by finite differences, forces against an
-independent integrator.
+"""Fibers integrated from known activations.
+
+Slopes by finite differences, forces against an independent integrator.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ RANGES = {"r_shoulder_elev": (-0.15, 0.4), "r_elbow_flex": (0.3, 2.0)}
 
 @pytest.fixture(scope="module", params=["Thelen2003Muscle", "DeGrooteFregly2016Muscle"])
 def case(request, data):
-    """A swinging arm with six muscles of a class, paths and activations."""
+    """Return a swinging arm with six muscles of a class, paths and activations."""
     model = read_model(data("opensim-reference-small/arm26_bounds.osim"))
     if request.param == "DeGrooteFregly2016Muscle":
         model = as_degroote(model)

@@ -1,5 +1,6 @@
-"""Muscles fitted to simulated people: parameters come back within their intervals, and what is not
-known is said.
+"""Muscles fitted to simulated people.
+
+Parameters are recovered within their intervals, and what is not identifiable is reported.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def arm26(data):
 
 @pytest.fixture(scope="module")
 def someone(arm26):
-    """A person, and three recordings of 4 s with good EMG, and passive torques."""
+    """Make a person, and three recordings of 4 s with good EMG, and passive torques."""
     rng = np.random.default_rng(5)
     time = np.arange(0.0, 4.0, 0.01)
     motions = [swings(arm26, ARM, time, rng) for _ in range(3)]
@@ -128,8 +129,9 @@ def test_a_muscle_without_information_keeps_its_prior(arm26, someone):
 
 
 def test_generic_values_are_kept_where_they_explain_more(arm26, someone):
-    """Fitted parameters of one group are replaced by wrong ones: held out, its generic values are
-    better and stay.
+    """Fitted parameters of one group are replaced by wrong ones.
+
+    On held-out recordings its generic values are better and stay.
     """
     problem = problem_of(arm26, someone[1][:2])
     prior = problem.prior
@@ -150,8 +152,9 @@ def test_generic_values_are_kept_where_they_explain_more(arm26, someone):
 
 
 def test_a_generic_model_alone_maps_its_operating_ranges(arm26):
-    """A model whose muscles were all lengthened by a wrong scaling comes back to those of the
-    generic model.
+    """A model whose muscles were all lengthened by a wrong scaling.
+
+    It comes back to those of the generic model.
     """
     spoiled = replace(
         arm26,
@@ -248,8 +251,9 @@ def test_nothing_to_fit_to_is_refused(arm26):
 
 
 def test_passive_torques_of_one_joint_at_a_time_are_enough(arm26, someone):
-    """Each pose has the torque of one joint only; those left out tell the same as if they were of
-    another recording.
+    """Each pose has the torque of one joint only.
+
+    Those left out give the same as if they were of another recording.
     """
     own, (*_, passive) = someone
     values = np.array(passive.torques.values)
@@ -294,8 +298,9 @@ def test_muscles_that_cannot_reach_are_named(arm26, someone):
 
 
 def test_written_models_have_the_person_s_muscles(data, tmp_path):
-    """Of Millard's and Thelen's class too: lengths, strength, and the passive curve stretched by
-    its factor.
+    """Of Millard's and Thelen's class too.
+
+    Compared are lengths, strength, and the passive curve stretched by its factor.
     """
     for name in (
         "rajagopal-walk-emg/subject_walk_scaled.osim",
