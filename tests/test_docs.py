@@ -77,8 +77,9 @@ def test_extras_and_program_exist():
 
 
 def test_study_files_in_the_docs_are_valid(tmp_path):
-    """Every study file that is printed would be accepted, given its files; those that examples
-    write run with them.
+    """Every study file that is printed would be accepted, given its files.
+
+    Those that examples write run with them.
     """
     from docs_build.examples import parts_of
 

@@ -1,7 +1,7 @@
-"""The main chain as on another system: spawned processes, cp1252, open files that stay, an odd
-path.
+"""The main chain as on another system.
 
-All of it on Linux at once, in child processes that `tests/elsewhere/sitecustomize.py` changes.
+Spawned processes, cp1252, open files that stay, and an odd path. All of it on Linux at once, in
+child processes that `tests/elsewhere/sitecustomize.py` changes.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def there(tmp_path: Path) -> SimpleNamespace:
 
 @pytest.fixture
 def elsewhere(there: SimpleNamespace) -> Callable[..., subprocess.CompletedProcess[bytes]]:
-    """Runs command lines one after the other in one child process."""
+    """Return a function that runs command lines one after the other in one child process."""
 
     def run(*lines: list[object]) -> subprocess.CompletedProcess[bytes]:
         environment = {

@@ -75,8 +75,9 @@ def test_a_command_that_fails_is_told(tmp_path):
 
 @functools.cache
 def package_names():
-    """Public functions and classes of the package by name: the names of their arguments, None where
-    it takes any.
+    """Return the argument names of public functions and classes of the package, by name.
+
+    They are None where it takes any.
     """
     found: dict[str, list[set[str] | None]] = {}
     for file in (DOCS.parent / "src" / "myomorph").rglob("*.py"):
@@ -117,10 +118,10 @@ def python_blocks():
 
 @pytest.mark.parametrize(("text", "above"), list(python_blocks()))
 def test_python_calls_what_exists(text, above):
-    """Also blocks that are parts of a program: what they import is there, what they call takes
-    those arguments.
+    """Also blocks that are parts of a program.
 
-    Functions, classes and imports of blocks above on the same page (`above`) are there, too.
+    What they import exists, and what they call takes those arguments. Functions, classes and
+    imports of blocks above on the same page (`above`) exist, too.
     """
     known = package_names()
     tree = ast.parse(text)

@@ -1,5 +1,6 @@
-"""The public names: each is there, says what it takes and gives, and its example runs as it is
-printed.
+"""The public names: each exists and documents what it takes and gives.
+
+Its example runs as it is printed.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ and its result; `mm.model` has a class for each kind of part that a file of Open
 
 
 def sections(text: str) -> dict[str, str]:
-    """The parts of a docstring by their headings."""
+    """Return the parts of a docstring by their headings."""
     parts = re.split(r"^(\w+)\n-{3,}\n", inspect.cleandoc(text), flags=re.MULTILINE)
     return {"Summary": parts[0], **dict(zip(parts[1::2], parts[2::2], strict=True))}
 
@@ -153,7 +154,7 @@ def test_classes_describe_their_fields(name):
 
 @pytest.fixture(scope="session")
 def worked_example(tmp_path_factory):
-    """A folder with the files of the example and, in `results`, what the steps made of them."""
+    """Make a folder with the files of the example and, in `results`, the results of its steps."""
     folder = tmp_path_factory.mktemp("example")
     files = mm.example_files(folder)
     (folder / "study.toml").write_text(

@@ -1,5 +1,6 @@
-"""Tutorials are notebooks too: made of the pages, complete, and run in a kernel. `.ci/run` runs the
-quick ones.
+"""Tutorials are notebooks too.
+
+They are made of the pages, complete, and run in a kernel. `.ci/run` runs the quick ones.
 """
 
 from __future__ import annotations

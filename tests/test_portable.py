@@ -1,5 +1,6 @@
-"""The package runs on every system: nothing that only POSIX has, no encoding of the machine's, no
-fork.
+"""The package runs on every system.
+
+Nothing that only POSIX has, no encoding of the machine's, no fork.
 """
 
 from __future__ import annotations
@@ -275,8 +276,9 @@ def test_the_search_lets_the_rest_pass(text: str) -> None:
 
 
 def test_the_runners_do_what_the_readme_says():
-    """Three systems, the Pythons that the package names, and the commands that users are told,
-    letter by letter.
+    """Three systems, the Pythons that the package names, and the commands for users.
+
+    The commands are the same to the letter.
     """
     jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))[
         "jobs"

@@ -1,5 +1,6 @@
-"""Pages of results hold no number that nobody measures anew, and the documentation stays readable
-in an afternoon.
+"""Pages of results hold no number that no command measures.
+
+The documentation stays readable in an afternoon.
 """
 
 from __future__ import annotations

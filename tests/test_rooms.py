@@ -35,8 +35,9 @@ def test_no_drawers():
 
 
 def test_import_is_light():
-    """`import myomorph` loads nothing that takes time, and neither does the root of the command
-    line.
+    """`import myomorph` loads nothing that takes time.
+
+    The same holds for the root of the command line.
     """
     program = "import sys, myomorph, myomorph.lab.cli; print(*sorted(sys.modules))"
     done = subprocess.run(
@@ -47,8 +48,9 @@ def test_import_is_light():
 
 
 def test_commands_begin_without_what_few_of_them_need():
-    """SciPy's filters and statistics take half a second each; steps that use them import them
-    there.
+    """SciPy's filters and statistics take half a second each.
+
+    Steps that use them import them there.
     """
     program = (
         "import sys, myomorph.lab.cli.step_command, myomorph.lab.study.run.run,"

@@ -20,8 +20,9 @@ LARGEST_MOVIE = 1_000_000
 
 @pytest.fixture(scope="session")
 def site(tmp_path_factory):
-    """The built site: that which MYOMORPH_SITE names, as where it was built just before, or a new
-    one.
+    """Return the built site.
+
+    It is the one that MYOMORPH_SITE names, as where it was built just before, or a new one.
     """
     if "MYOMORPH_SITE" in os.environ:
         return Path(os.environ["MYOMORPH_SITE"])

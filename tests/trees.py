@@ -73,8 +73,9 @@ def random_tree(seed, bodies=12):
 
 
 def floating_tree(seed, bodies=12):
-    """A random tree whose first body moves freely: three slides, then body-fixed turns about x, y,
-    z.
+    """Make a random tree whose first body moves freely.
+
+    It has three slides, then body-fixed rotations about x, y, z.
     """
     model = random_tree(seed, bodies)
     names = tuple(f"root_{motion}{axis}" for motion in "tr" for axis in "xyz")
@@ -103,7 +104,7 @@ def floating_tree(seed, bodies=12):
 
 
 def functional_tree(seed, bodies=12):
-    """A random tree whose joints are splines, polynomials and sine products of coordinates."""
+    """Make a random tree whose joints are splines, polynomials and sine products of coordinates."""
     rng = np.random.default_rng(seed)
     model = random_tree(seed, bodies)
     joints = list(model.joints)
@@ -152,7 +153,7 @@ def functional_tree(seed, bodies=12):
 
 
 def swinging(model, frames, step, seed=0):
-    """A smooth motion with exact derivatives of the independent coordinates."""
+    """Make a smooth motion with exact derivatives of the independent coordinates."""
     rng = np.random.default_rng(seed)
     n = len(model.coordinates)
     amplitude = rng.uniform(0.2, 0.8, n)
@@ -169,7 +170,10 @@ def swinging(model, frames, step, seed=0):
 
 
 def to_mujoco(model, compiled=True):
-    """The tree as a MuJoCo model (or its specification), without contacts or passive forces."""
+    """Return the tree as a MuJoCo model (or its specification).
+
+    It is without contacts or passive forces.
+    """
     import mujoco
 
     spec = mujoco.MjSpec()
@@ -208,7 +212,7 @@ def to_mujoco(model, compiled=True):
 
 
 def to_pinocchio(model):
-    """The tree as a Pinocchio model, and for each body the id of its joint there."""
+    """Return the tree as a Pinocchio model, and for each body the id of its joint there."""
     import pinocchio as pin
 
     made = pin.Model()

@@ -1,5 +1,6 @@
-"""A small body that walks: pelvis with three translations and a turn, two legs, a muscle or two on
-each.
+"""A small body that walks.
+
+Pelvis with three translations and a rotation, two legs, a muscle or two on each.
 """
 
 from __future__ import annotations
@@ -157,8 +158,9 @@ def motion(body: Model, frames: int = 200, size: float = 1.0) -> Motion:
 
 
 def steps(time: np.ndarray, weight: float) -> Wrenches:
-    """Right stance from 0.2 s to 0.9 s, left from 0.7 s to 1.4 s, half sine waves of one body
-    weight.
+    """Make right stance from 0.2 s to 0.9 s, left from 0.7 s to 1.4 s.
+
+    They are half sine waves of one body weight.
     """
     forces = np.zeros((len(time), 2, 3))
     for k, start in enumerate((0.2, 0.7)):
@@ -196,7 +198,10 @@ class Tension:
 
 
 def fitted(movement: Motion, size: float = 0.01) -> KinematicsFit:
-    """A fit with known marker errors: the second marker is three times as far off as the first."""
+    """Return a fit with known marker errors.
+
+    The second marker is three times as far off as the first.
+    """
     frames = len(movement)
     errors = np.tile([size, 3 * size], (frames, 1))
     flags = np.ones(frames, dtype=bool)
@@ -228,12 +233,12 @@ def having(given: ReportInput, **values: Any) -> ReportInput:
 
 
 def shown(title: str, **values: Any) -> ReportInput:
-    """What a report shows, given by the names of its values."""
+    """Return what a report shows, given by the names of its values."""
     return having(ReportInput(PageHead(title)), **values)
 
 
 def everything(frames: int = 200) -> ReportInput:
-    """A report with all of its parts."""
+    """Return a report with all of its parts."""
     body = model()
     movement = motion(body, frames)
     time = movement.time

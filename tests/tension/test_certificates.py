@@ -97,8 +97,9 @@ def test_friction_lets_two_legs_press_against_each_other():
 
 
 def test_a_table_on_four_legs_rocks():
-    """Legs at the corners of a square: F = W / 4 +- t, t up to W / 4; at a share s more cost up to
-    W / 4 sqrt(s).
+    """Legs at the corners of a square: F = W / 4 +- t, t up to W / 4.
+
+    At a share s more cost t is up to W / 4 sqrt(s).
     """
     found = intervals(legs([(-0.2, -0.3), (0.2, -0.3), (0.2, 0.3), (-0.2, 0.3)], friction=0.0))
     np.testing.assert_allclose(found.forces[0, :, 1], 0.25 * WEIGHT, rtol=1e-7)
@@ -115,8 +116,9 @@ def test_a_table_on_four_legs_rocks():
 
 
 def test_patches_let_weight_wander_as_far_as_their_edges_reach():
-    """Two feet 2a apart of half width h: one carries up to (a + h) / 2a of the weight, as its
-    pressure goes inwards.
+    """Two feet 2a apart of half width h.
+
+    One carries up to (a + h) / 2a of the weight, as its pressure goes inwards.
     """
     a = 0.2
     h = 0.05
@@ -154,8 +156,9 @@ def test_what_is_measured_and_what_is_bounded_narrows_the_interval():
 
 
 def test_what_residuals_may_give_widens_the_interval():
-    """1 % of the weight in force, and as much times 1 m in moment: levers of 0.2 m make 2.5 % of it
-    at each leg.
+    """1 % of the weight in force, and as much times 1 m in moment.
+
+    Lever arms of 0.2 m make 2.5 % of it at each leg.
     """
     sites = legs([(-0.2, 0.0), (0.2, 0.0)], friction=0.0)
     found = intervals(sites, CertificateOptions(residual=0.01), actuators=None)
@@ -238,8 +241,9 @@ def test_intervals_of_a_walk_are_those_of_highs(walk):
 
 
 def test_known_activations_narrow_what_is_left_open(walk):
-    """EMG of all muscles as an equality leaves less open than physics alone, and what was found
-    stays inside.
+    """EMG of all muscles as an equality leaves less open than physics alone.
+
+    The solution stays inside.
     """
     model, motion, task = walk
     problem, tension = solved(model, motion, task, None)
@@ -293,14 +297,15 @@ def test_smoothness_takes_part_in_optimality(walk, data):
 
 
 def tension_of(rough, problem, tension):
-    """A solution as if the other problem had found it."""
+    """Return a solution as if the other problem had found it."""
     rough.amplitudes[:] = problem.amplitudes
     return tension
 
 
 def test_reactions_take_contact_forces_along(walk):
-    """As loads beside the tensions, or with them: the same; what holds the pelvis in space is what
-    residuals gave.
+    """Contact forces as loads, or together with the tensions, give the same reactions.
+
+    What holds the pelvis in space is what residuals gave.
     """
     model, motion, task = walk
     _, tension = solved(model, motion, task, None)

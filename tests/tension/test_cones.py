@@ -1,5 +1,6 @@
-"""Cones and their columns: geometry of the edges, cost of a force, and virtual work against inverse
-dynamics.
+"""Cones and their columns: geometry of the generators, and cost of a force.
+
+Also virtual work against inverse dynamics.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Contact forces and tensions in one problem: Newton, other solvers on full matrices, measured
-wrenches.
+"""Contact forces and tensions in one problem.
+
+Newton's law, other solvers on full matrices, and measured wrenches.
 """
 
 from __future__ import annotations
@@ -35,14 +36,14 @@ FRAMES = slice(150, 1150, 90)
 
 @pytest.fixture(scope="module")
 def walker(data):
-    """A walk with hidden plates: model, motion, what the plates measured, torques without them."""
+    """Return a walk with hidden plates: model, motion, the plates' data, torques without them."""
     model, motion, loads = walk(data, FRAMES)
     return model, motion, loads, inverse_dynamics(model, motion)
 
 
 @pytest.fixture(scope="module")
 def hidden(walker):
-    """The walk's tensions and contact forces, found together."""
+    """Return the walk's tensions and contact forces, found together."""
     model, motion, _, tau = walker
     return solve_tension(model, motion, tau, contacts=task(model, motion))
 
@@ -105,8 +106,9 @@ def test_a_frame_held_from_nowhere_shows_no_loads_of_joints(walker, hidden):
 
 @pytest.mark.parametrize("formulation", ["simultaneous", "sequential"])
 def test_the_forces_given_back_as_known_loads_bring_the_same_tensions(walker, formulation):
-    """Forces, centers of pressure and free torques are complete: with them as external loads
-    nothing changes.
+    """Forces, centers of pressure and free torques are complete.
+
+    With them as external loads nothing changes.
     """
     model, motion, _, _ = walker
     sites = [replace(one, cone=Cone(torsion=0.01)) for one in soles()]
@@ -223,7 +225,7 @@ def test_forces_of_hands_and_thorax_pass_a_closed_loop(data):
 
 
 def clarabel_solution(problem: Program) -> np.ndarray:
-    """The program by an interior-point method for cones."""
+    """Solve the program by an interior-point method for cones."""
     clarabel = pytest.importorskip("clarabel")
     n = len(problem.c)
     H = np.diag(problem.H) if problem.H.ndim == 1 else problem.H
@@ -252,7 +254,7 @@ def cost(problem: Program, x: np.ndarray) -> float:
 
 
 def all_kinds_of_sites() -> tuple[Site, ...]:
-    """The soles with a cone of every kind."""
+    """Return the soles with a cone of every kind."""
     sites = list(soles())
     sites[2] = replace(sites[2], cone=Cone(most=100.0, torsion=0.01))
     sites[3] = replace(sites[3], cone=Cone(direction=None, most=80.0, grip=0.1))
@@ -264,7 +266,10 @@ def all_kinds_of_sites() -> tuple[Site, ...]:
 
 
 def shared(loads, sites) -> SharedWrench:
-    """The right plate's wrench about the origin, its vertical force unknown in every third."""
+    """Return the right plate's wrench about the origin.
+
+    Its vertical force is unknown in every third frame.
+    """
     right = [k for k, body in enumerate(loads.bodies) if body.endswith("_r")]
     forces = loads.forces[:, right]
     torques = loads.torques[:, right]
@@ -447,8 +452,9 @@ def test_contacts_first_solves_the_equations_of_the_floating_body_alone(walker):
 
 
 def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
-    """Two walkers in one tree: each obeys Newton's law with the hold's force on it, and the
-    ground's.
+    """Two walkers in one tree.
+
+    Each obeys Newton's law with the hold's force on it, and the ground's.
     """
     model, motion, _, _ = walker
     part = Motion(

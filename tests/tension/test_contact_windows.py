@@ -19,7 +19,10 @@ from myomorph.core.tension.solve import solve_tension
 
 @pytest.fixture(scope="module")
 def walker(data):
-    """A tenth of a second of double support at 200 Hz: model, motion, torques without plates."""
+    """Return a tenth of a second of double support at 200 Hz.
+
+    The values are model, motion, and torques without plates.
+    """
     model, motion, _ = walk(data, slice(560, 660, 5))
     return model, motion, inverse_dynamics(model, motion)
 
@@ -31,8 +34,9 @@ def noisy(tau: Series, size: float = 5.0) -> Series:
 
 
 def all_at_once(problem, stiffness) -> np.ndarray:
-    """Amplitudes (frames, generators) of the one program of all frames, by an interior-point
-    method.
+    """Return amplitudes (frames, generators) of the one program of all frames.
+
+    They are by an interior-point method.
     """
     clarabel = pytest.importorskip("clarabel")
     frames, generators = problem.amplitudes.shape

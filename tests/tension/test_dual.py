@@ -16,8 +16,9 @@ from myomorph.core.tension.separable import Separable, SeparableFrame, pattern
 
 
 def muscles(seed: int, rows: int = 12, count: int = 40, reserve: float = 1.0, lower: float = 0.01):
-    """Directions, bounds and balanced torques: a third of the muscles work, reserves have no
-    bounds.
+    """Make directions, bounds and balanced torques.
+
+    A third of the muscles work, reserves have no bounds.
     """
     rng = np.random.default_rng(seed)
     directions = 60.0 * rng.normal(size=(rows, count)) * (rng.random((rows, count)) < 0.3)
@@ -43,8 +44,9 @@ def solve(
     capped=0,
     peak=0.0,
 ):
-    """Frames (torques (frames, rows)) through the kernel: x, status, residual, multipliers,
-    iterations.
+    """Solve frames (torques (frames, rows)) through the kernel.
+
+    Returned are x, status, residual, multipliers and iterations.
     """
     torques = np.atleast_2d(torques)
     rows, columns = np.nonzero(directions)
@@ -154,8 +156,9 @@ def test_torques_beyond_all_strength_are_called_infeasible_and_missed_least():
 
 
 def test_torques_at_the_border_of_strength_are_reached():
-    """All muscles work at a bound, and multipliers are huge: few frames are left open, and by less
-    than 5 mN m.
+    """All muscles work at a bound, and multipliers are huge.
+
+    Few frames are unresolved, and by less than 5 mN m.
     """
     tried = []
     for seed in (
@@ -202,8 +205,9 @@ def test_torques_at_the_border_of_strength_are_reached():
 
 
 def _bisected_on(wide):
-    """Slope of a dual that falls by 1 within `wide` about a third of a step, and the step that
-    `_step` takes.
+    """Return the slope of a dual about a third of a step, and the step that `_step` takes.
+
+    The dual falls by 1 within `wide`.
     """
     shape = pattern(np.zeros(1, np.int64), np.zeros(1, np.int64), (1, 1))
     fixed = Separable(
@@ -235,8 +239,9 @@ def _stepped(shared, frame, line):
 
 @pytest.mark.parametrize("wide", [1e-2, 1e-6, 1e-10])
 def test_a_step_ends_where_the_dual_is_level_however_sharp_its_bend(wide):
-    """A muscle wakes between s = 0 and s = `wide`; half awake it holds the torque: at 1/3 + `wide`
-    / 2 of the step.
+    """A muscle becomes active between s = 0 and s = `wide`.
+
+    Half active it holds the torque: at 1/3 + `wide` / 2 of the step.
     """
     assert _bisected_on(wide) == pytest.approx(1.0 / 3.0 + 0.5 * wide, abs=0.06 * wide)
 

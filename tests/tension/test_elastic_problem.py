@@ -1,5 +1,6 @@
-"""A run of frames between gaps, solved in a window that begins later: whose frames it smooths,
-fills and marks.
+"""A run of frames between gaps, solved in a window that begins later.
+
+Whose frames it smooths, fills and marks.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from myomorph.core.tension.elastic import problem
 
 @pytest.mark.parametrize(("solved", "status"), [(True, OPTIMAL), (False, STALLED)])
 def test_a_run_takes_the_links_of_its_own_frames_and_fills_them_only(monkeypatch, solved, status):
-    """Frames 3 to 7 of a window that begins at frame 10, one of them bridged: links and marks are
-    of 13 to 17.
+    """Frames 3 to 7 of a window that begins at frame 10, one of them bridged.
+
+    Links and marks are of 13 to 17.
     """
     frames = SimpleNamespace(
         time=np.arange(5.0), penalties="own", x=np.ones((5, 2)), forces=2.0 * np.ones((5, 1))

@@ -1,5 +1,6 @@
-"""Tensions on elastic tendons: conditions of the optimum, limits, and what happens to bad frames
-and muscles.
+"""Tensions on elastic tendons: conditions of the optimum, and limits.
+
+Also what happens to bad frames and muscles.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ ACTIVE = replace(ELASTIC, passive=False)
 
 
 def as_class(model: Model, kind: str, **parameters: float) -> Model:
-    """The model with all muscles of one class."""
+    """Return the model with all muscles of one class."""
     muscles = tuple(replace(one, kind=kind, parameters=parameters) for one in model.muscles)
     return replace(model, muscles=muscles)
 
@@ -245,8 +246,9 @@ def test_emg_draws_activations(data):
 
 
 def test_joint_loads_take_part_by_tendon_forces(data):
-    """What the rows leave is the force of each joint, as the reactions of the same tensions say,
-    and it falls.
+    """The remainder of the rows is the force of each joint, and it falls.
+
+    It agrees with the reactions of the same tensions.
     """
     model, motion, torques = arm(data)
     term = joint_load_term(model, motion, None, 1e-3)

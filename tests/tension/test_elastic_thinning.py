@@ -1,5 +1,6 @@
-"""Elastic tendons of fast recordings: some frames are solved, those between follow and balance
-their torques.
+"""Elastic tendons of fast recordings.
+
+Some frames are solved, those between follow and balance their torques.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""A window solved again from another start: how far apart the solutions are, and which of them is
-taken.
+"""A window solved again from another start.
+
+How far apart the solutions are, and which of them is used.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ OTHER = Point(
     [((True, True), 0), ((False, False), 0), ((True, False), 0), ((False, True), 1)],
 )
 def test_two_starts_give_their_distance_and_the_one_that_is_solved(monkeypatch, solved, taken):
-    """Root mean squares of differences: 0.2 in one of four activations, 3 and 4 in two of six
-    forces.
+    """Root mean squares of differences.
+
+    0.2 in one of four activations, 3 and 4 in two of six forces.
     """
     outcomes = [
         (one, Outcome(residual=0.0, equilibrium=0.0, steps=0, solved=yes))

@@ -1,5 +1,6 @@
-"""Equilibrium of fibers and elastic tendons between frames: its derivatives, and the forces that
-fulfil it.
+"""Equilibrium of fibers and elastic tendons between frames.
+
+Its derivatives, and the forces that fulfill it.
 """
 
 from __future__ import annotations

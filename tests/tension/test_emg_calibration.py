@@ -1,5 +1,6 @@
-"""EMG gains, delays and shapes from joint torques: made ones come back, with co-contraction, or it
-is said why not.
+"""EMG gains, delays and shapes from joint torques.
+
+Made ones are recovered, with co-contraction, or the reason is reported.
 """
 
 from __future__ import annotations
@@ -38,8 +39,9 @@ PAIR = {"flexor": ("BRA",), "extensor": ("TRIlat",)}
 
 
 def swinging(data, muscles: tuple[str, ...]):
-    """OpenSim's arm with some of its muscles, its elbow swinging for four seconds, and its inverse
-    dynamics.
+    """Return OpenSim's arm with some of its muscles, and its inverse dynamics.
+
+    Its elbow swings for four seconds.
     """
     model = read_osim(data(ARM + "arm26_bounds.osim"))
     model = replace(model, muscles=tuple(one for one in model.muscles if one.name in muscles))
@@ -55,8 +57,10 @@ def swinging(data, muscles: tuple[str, ...]):
 
 @pytest.fixture(scope="module")
 def pair(data):
-    """An antagonist pair that co-contracts by 0.3: model, motion, torques that its activations
-    make, these, forces.
+    """Return an antagonist pair that co-contracts by 0.3.
+
+    The values are model, motion, the torques that its activations make, the activations, and
+    forces.
     """
     model, motion, torques = swinging(data, ("BRA", "TRIlat"))
     problem = tension_problem(
@@ -147,8 +151,9 @@ def test_noise_widens_the_intervals_and_moves_the_gains_little(pair):
 
 
 def test_noise_does_not_make_gains_small(pair, monkeypatch):
-    """Noise of a fifth of the activations: without the correction the gains are too small, with it
-    nearer to 1.
+    """Noise of a fifth of the activations.
+
+    Without the correction the gains are too small, with it nearer to 1.
     """
     model, motion, torques, _, _ = pair
     emg = recorded(pair)

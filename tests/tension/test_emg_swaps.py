@@ -1,5 +1,6 @@
-"""EMG channels whose names are exchanged are found by what joint torques ask of muscles; clean ones
-are left alone.
+"""EMG channels whose names are exchanged are found by what joint torques need of muscles.
+
+Clean ones are left alone.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from myomorph.core.tension.solve import solve_tension
 
 @pytest.fixture(scope="module")
 def walk(data):
-    """Names, envelopes and activations by least effort of nine channels over five seconds of a
-    walk.
+    """Return names, envelopes and activations by minimum effort of nine channels.
+
+    They are over five seconds of a walk.
     """
     model = read_osim(data("ceinms-emg-walk/model/gait2392.osim"))
     folder = "ceinms-emg-walk/walk36/"

@@ -1,5 +1,6 @@
-"""EMG in the tension problem: soft targets, driven muscles with slack, any exponent, and channels
-that do not fit.
+"""EMG in the tension problem.
+
+Soft targets, driven muscles with slack, any exponent, and channels that do not fit.
 """
 
 from __future__ import annotations
@@ -121,8 +122,9 @@ def test_what_emg_does_not_tell_changes_nothing(walker):
 
 
 def test_emg_reaches_contact_forces(walker):
-    """In double support nothing but effort divides the load: a calf that is told to work carries
-    more.
+    """In double support nothing but effort divides the load.
+
+    A calf whose EMG is active carries more.
     """
     model, motion, _, _ = walker
     tau = inverse_dynamics(model, motion)

@@ -9,7 +9,7 @@ from truths.part_tension import tension_of
 
 @pytest.fixture
 def joined():
-    """A tension of a joined model of two parts with two muscles each."""
+    """Return a tension of a joined model of two parts with two muscles each."""
     rng = np.random.default_rng(1)
     names = ("one_soleus", "one_tibant", "two_soleus", "two_tibant")
     lengths, velocities, tendon_strains, fiber_powers, tendon_powers = rng.normal(size=(5, 5, 4))

@@ -1,5 +1,6 @@
-"""Sites against an object touch it while they stay where they are on it, not while they are low
-over the floor.
+"""Sites against an object are in contact while they stay where they are on it.
+
+Their height over the floor does not matter.
 """
 
 import numpy as np
@@ -16,10 +17,9 @@ from myomorph.core.tension.terms.contacts import ContactOptions
 
 
 def test_a_palm_on_a_box_that_rises():
-    """A palm comes down to a box at 0.5 s and lifts it from 1 s on: it holds it from 0.5 s, a meter
-    over the floor.
+    """A palm comes down to a box at 0.5 s and lifts it from 1 s on.
 
-    What stands on the floor does so all the while.
+    It holds it from 0.5 s, a meter over the floor. What stands on the floor does so all the while.
     """
     time = np.arange(0.0, 2.0, 0.01)
     rise = 0.25 * np.clip(time - 1.0, 0.0, None) ** 2

@@ -39,8 +39,9 @@ def walk(data):
 
 @pytest.mark.parametrize("formulation", ["simultaneous", "sequential"])
 def test_hidden_forces_of_a_walk_are_found(walk, formulation):
-    """Vertical force within 8 % and fore-aft force within 15 % of their ranges, for each foot, with
-    defaults.
+    """Vertical force within 8 % and fore-aft force within 15 % of their ranges.
+
+    This holds for each foot, with defaults.
     """
     model, motion, sites, ready, wrenches = walk
     task = ContactTask(
@@ -63,8 +64,9 @@ def test_hidden_forces_of_a_walk_are_found(walk, formulation):
 
 
 def test_leaning_matters_where_physics_does_not_tell(walk):
-    """Without it the sequential formulation shares fore-aft forces of double support evenly, which
-    feet do not.
+    """Without it the sequential formulation shares fore-aft forces of double support evenly.
+
+    Feet do not.
     """
     model, motion, sites, ready, wrenches = walk
     errors = []

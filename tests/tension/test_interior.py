@@ -1,5 +1,6 @@
-"""Parts of the interior-point solver: convex curvature against eigenvalues, and which steps its
-filter takes.
+"""Parts of the interior-point solver.
+
+Convex curvature against eigenvalues, and which steps its filter takes.
 """
 
 from __future__ import annotations
@@ -46,8 +47,9 @@ def test_slopes_and_curvatures_of_the_rates_are_their_differences(smooth):
 
 
 def test_the_first_step_is_newtons_for_all_unknowns_at_once():
-    """Of slopes over f, a, x, multipliers of equilibrium and of the balance, nothing eliminated, by
-    differences.
+    """Of slopes over f, a, x, multipliers of equilibrium and of the balance.
+
+    Nothing is eliminated; slopes are by differences.
     """
     E = arrays("Thelen2003Muscle", 3)
     rng = np.random.default_rng(1)
@@ -147,8 +149,9 @@ class Free:
 def test_a_step_is_taken_where_the_cost_falls_by_a_ten_thousandth_of_what_its_slope_says(
     gained, length
 ):
-    """Armijo's rule: a slope of -1, a cost that falls by `gained` of the step, and truly from a
-    quarter of it on.
+    """Armijo's rule with a slope of -1.
+
+    The cost falls by `gained` of the step, and truly from a quarter of it on.
     """
     values = {1.0: 10.0 - gained, 0.5: 10.0 - 0.5 * min(gained, 0.5e-4), 0.25: 9.9}
     solver = SimpleNamespace(

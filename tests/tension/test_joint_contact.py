@@ -1,5 +1,6 @@
-"""Forces at contact points of joints: known pushes come back, points lift off, what is left is
-reported.
+"""Forces at contact points of joints.
+
+Known pushes are recovered, points lift off, what is left is reported.
 """
 
 from __future__ import annotations
@@ -54,8 +55,9 @@ def test_known_pushes_come_back(count, tilt):
 
 
 def test_two_points_balance_the_moment_across_their_line_and_nothing_else():
-    """Winby et al. 2009, equation of the medial force: moment about the lateral point over the
-    distance.
+    """Winby et al. 2009, equation of the medial force.
+
+    It is the moment about the lateral point over the distance.
     """
     rng = np.random.default_rng(5)
     points = np.broadcast_to(PAIR, (9, 2, 3))
@@ -323,8 +325,9 @@ def test_a_model_without_knees_is_told_so():
 
 @pytest.mark.parametrize(("opposed", "refused"), [(0.95, True), (0.5, False)])
 def test_normals_that_nearly_cancel_are_refused(opposed, refused):
-    """Of eight points the mean normal is judged, not their sum: a sum of 0.4 is refused, one of 4
-    is not.
+    """Of eight points the mean normal is judged, not their sum.
+
+    A sum of 0.4 is refused, one of 4 is not.
     """
     normals = np.tile([0.0, 1.0, 0.0], (1, 8, 1))
     normals[0, :, 1] = np.where(np.arange(8) % 2, 1.0, 1.0 - 2.0 * opposed)

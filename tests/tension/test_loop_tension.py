@@ -29,7 +29,7 @@ SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot")
 
 @pytest.fixture(scope="module")
 def shoulder(data):
-    """The shoulder, a few frames of an abduction on its loop, and their torques."""
+    """Return the shoulder, a few frames of an abduction on its loop, and their torques."""
     model = read_osim(data(f"{FOLDER}/model_cmc/TSM_subject_CMC_noWeight.osim"))
     whole = differentiate(motion_from_table(read_sto(data(f"{FOLDER}/ik/ABD01.mot")), model), 3.0)
     kept = np.array([150, 300, 420])
@@ -55,8 +55,9 @@ def test_which_coordinates_follow_does_not_matter(shoulder):
 
 
 def test_muscles_balance_the_power_of_any_closed_motion(shoulder):
-    """Virtual work: along a motion that keeps loops closed, muscles and reserves give the power of
-    the torques.
+    """Virtual work along a motion that keeps loops closed.
+
+    Muscles and reserves give the power of the torques.
     """
     model, motion, tau = shoulder
     tension = solve_tension(model, motion, tau)
@@ -94,11 +95,11 @@ def angular_rates(c, speeds, names):
 
 
 def test_opensim_moves_as_wanted_under_these_tensions(shoulder, data):
-    """OpenSim's forward dynamics, loop closed by its own constraint, returns the accelerations we
-    began from.
+    """OpenSim's forward dynamics returns the accelerations we began from.
 
-    At rest, so that its speeds of the scapula need no second derivatives; muscles whose forces in
-    OpenSim do not fit their lengths (moving points, two surfaces at once) are switched off in both.
+    Its loop is closed by its own constraint. The arm is at rest, so that its speeds of the scapula
+    need no second derivatives; muscles whose forces in OpenSim do not fit their lengths (moving
+    points, two surfaces at once) are switched off in both.
     """
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")

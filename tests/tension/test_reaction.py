@@ -1,5 +1,6 @@
-"""Joint reactions: virtual work of all that acts on bodies, frames and points, and OpenSim's
-reactions.
+"""Joint reactions: virtual work of all that acts on bodies, frames and points.
+
+Also against OpenSim's reactions.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ STUDY = "walk-so-jointload-emg/"
 
 
 def along_coordinates(tree, c, wrench):
-    """Generalized forces (frames, coordinates), each coordinate its own share, of wrenches on
-    bodies.
+    """Return generalized forces (frames, coordinates) of wrenches on bodies.
+
+    Each coordinate has its own share.
     """
     still = np.zeros_like(c)
     needed = [
@@ -71,11 +73,10 @@ def walk(data):
 
 
 def left_over(model, c, forces):
-    """Moment (frames,) that OpenSim's paths on several surfaces leave over, summed over muscles of
-    given tensions.
+    """Return the moment (frames,) that OpenSim's paths on several surfaces leave over.
 
-    Such a path is pulled along directions that belong to points other than where it is pulled; kept
-    as it is there.
+    It is summed over muscles of given tensions. Such a path is pulled along directions that belong
+    to points other than where it is pulled; preserved as it is there.
     """
     paths = compile_paths(model)
     pulls, _ = paths.pulls(c)
@@ -86,7 +87,7 @@ def left_over(model, c, forces):
 
 
 def check_virtual_work(model, c, forces):
-    """What muscles do on bodies and through points that move, beside their moment arms."""
+    """Compare what muscles do on bodies and through moving points with their moment arms."""
     tree = compile_tree(model)
     paths = compile_paths(model)
     pulls, work = paths.pulls(c)
@@ -102,8 +103,9 @@ def check_virtual_work(model, c, forces):
 
 
 def test_muscles_do_on_bodies_what_their_moment_arms_say(walk, data):
-    """Virtual work, of points that move in their bodies too; along the whole model's own motion
-    muscles do nothing.
+    """Virtual work, of points that move in their bodies too.
+
+    Along the whole model's own motion muscles do nothing.
     """
     model, motion, _, tension = walk
     work, lost = check_virtual_work(
@@ -196,8 +198,9 @@ def test_actuators_and_bushings_do_on_bodies_what_they_do_along_coordinates():
 
 
 def test_a_reaction_works_on_its_joints_coordinates_only_through_what_acts_there(walk):
-    """At the free coordinates the reaction's power is that of the reserves; muscles and plates
-    carry all else.
+    """At the free coordinates the reaction's power is that of the reserves.
+
+    Muscles and plates carry all else.
     """
     model, motion, wrenches, tension = walk
     found = joint_reactions(model, motion, tension, wrenches, frame="ground")
@@ -330,8 +333,9 @@ def test_side_and_frame_say_the_same_load(walk):
 
 
 def test_external_forces_pass_through_the_joints_below_them():
-    """A still chain: the reaction at the root is the weight less what is applied, whatever the
-    pose.
+    """A still chain in any pose.
+
+    The reaction at the root is the weight less what is applied.
     """
     model = random_tree(3, 6)
     motion = swinging(model, 3, 0.01)
@@ -358,11 +362,10 @@ def test_external_forces_pass_through_the_joints_below_them():
 
 
 def test_reactions_of_a_study_with_its_own_forces(data):
-    """Uhlrich et al. 2022: reactions of the study's muscle forces, the free torques of the plates
-    left out as there.
+    """Uhlrich et al. 2022: reactions of the study's muscle forces.
 
-    OpenSim 4.6 on the same files is as far from the study's table (made by an earlier version) as
-    this is: 9.7 N.
+    The free torques of the plates are left out as there. OpenSim 4.6 on the same files is as far
+    from the study's table (made by an earlier version) as this is: 9.7 N.
     """
     model = read_osim(data(STUDY + "Rajagopal_scaled_Sub1_gasAvoid.osim"))
     states = read_sto(data(STUDY + "results_SO/results_states.sto"))

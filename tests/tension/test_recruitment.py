@@ -1,5 +1,6 @@
-"""Criteria of recruitment: the greatest activation against linear and quadratic programs, exponents
-up to 20.
+"""Criteria of recruitment, exponents up to 20.
+
+The greatest activation is compared with linear and quadratic programs.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ MINMAX = TensionOptions(recruitment="minmax")
 
 
 def least_greatest(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
-    """The least beta with A a = b, low <= a <= min(high, beta), of scipy's linear programs."""
+    """Return the minimum beta of scipy's linear programs.
+
+    The constraints are A a = b and low <= a <= min(high, beta).
+    """
     rows, count = A.shape
     found = linprog(
         np.append(np.zeros(count), 1.0),
@@ -40,7 +44,7 @@ def least_greatest(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarr
 def least_squares_below(
     A: np.ndarray, b: np.ndarray, w: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
-    """The least sum w a^2 with A a = b and bounds, of piqp."""
+    """Return the minimum of sum w a^2 with A a = b and bounds, by piqp."""
     solver = piqp.DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = 1e-11
     H = np.asfortranarray(2.0 * np.diag(w))
@@ -50,7 +54,7 @@ def least_squares_below(
 
 
 def columns(problem: TensionProblem, frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """A (frames, rows, unknowns) and b (frames, rows) of a problem."""
+    """Return A (frames, rows, unknowns) and b (frames, rows) of a problem."""
     given = problem.balance(0, frames)
     shared = problem.separable
     A = np.zeros((frames, given.right.shape[1], len(shared.weight)))

@@ -1,5 +1,6 @@
-"""Joint load and co-contraction as terms: beside joint reactions, sums of moments, and what effort
-alone gives.
+"""Joint load and co-contraction as terms.
+
+Compared with joint reactions, sums of moments, and what effort alone gives.
 """
 
 from __future__ import annotations
@@ -131,8 +132,9 @@ def test_what_is_asked_wrongly_is_refused(data):
     "name", ["co-contraction 0.1", "co-contraction 0.1, exponent 3", "weights by volume"]
 )
 def test_frames_of_a_walk_are_recruited_as_conic_programs_say(data, name):
-    """Clarabel on full matrices of moment arms; the knees of this model lead a patella, whose share
-    counts once.
+    """Clarabel on full matrices of moment arms.
+
+    The knees of this model lead a patella, whose share counts once.
     """
     data("rajagopal-walk-emg/grf_walk.xml")
     one = some_walk(data("rajagopal-walk-emg/subject_walk_scaled.osim").parents[1])

@@ -79,8 +79,9 @@ def test_weight_that_nothing_carries_names_the_nearest_site(actuators):
 
 
 def test_what_residuals_took_before_though_contacts_could_hides_no_later_frame():
-    """Under a limit below what reserves take from legs that stand: only the frame without legs is
-    named.
+    """Under a limit below what reserves take from legs that stand.
+
+    Only the frame without legs is named.
     """
     assert [one.frame for one in found(legs(TWO), np.array([[1.0, 1.0], [0.0, 0.0]]))] == [1]
 
@@ -159,8 +160,9 @@ def test_what_plates_are_off_anyway_is_good_to_know():
 
 
 def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
-    """The stance foot's contacts are taken away in two frames: these are marked, and its sites
-    named.
+    """The stance foot's contacts are taken away in two frames.
+
+    These are marked, and its sites named.
     """
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     whole = differentiate(

@@ -1,5 +1,6 @@
-"""Muscle tensions of whole models: against OpenSim's own results, and by the balance they must
-keep.
+"""Muscle tensions of whole models.
+
+Against OpenSim's own results, and by the balance they must satisfy.
 """
 
 from __future__ import annotations
@@ -35,13 +36,14 @@ AS_OPENSIM = TensionOptions(min_activation="model", curves="opensim")
 
 
 def frames(motion: Motion, keep) -> Motion:
-    """Some frames of a motion."""
+    """Return some frames of a motion."""
     return motion.frames(keep)
 
 
 def arm(data) -> tuple[Model, Motion, Series]:
-    """OpenSim's arm of two coordinates and six muscles, its motion, filtered at 6 Hz, and its
-    torques.
+    """Return OpenSim's arm of two coordinates and six muscles, its motion and its torques.
+
+    The motion is filtered at 6 Hz.
     """
     model = read_osim(data(ARM + "arm26_bounds.osim"))
     motion = differentiate(
@@ -120,8 +122,9 @@ def test_activations_of_walking_with_a_spring_are_those_opensim_found(data, tmp_
 
 
 def generalized(model: Model, motion: Motion, tension: Tension, forces: np.ndarray) -> np.ndarray:
-    """Torques of muscle forces and reserves on the balanced coordinates, by another way than the
-    solver's.
+    """Return torques of muscle forces and reserves on the balanced coordinates.
+
+    They are by another way than the solver's.
     """
     tree = compile_tree(model)
     kinematics = muscle_kinematics(model, motion)
@@ -144,8 +147,9 @@ def generalized(model: Model, motion: Motion, tension: Tension, forces: np.ndarr
 
 
 def needed(model: Model, motion: Motion, torques: Series, tension: Tension) -> np.ndarray:
-    """Torques to balance: those of inverse dynamics, of coupled coordinates handed on by virtual
-    work.
+    """Return the torques to balance.
+
+    They are those of inverse dynamics, of coupled coordinates transferred by virtual work.
     """
     total = {name: np.array(torques[name]) for name in torques.names}
     for coupler in model.couplers:

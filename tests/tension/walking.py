@@ -82,7 +82,7 @@ def task(model: Model, motion: Motion, sites=None, measured=(), **options) -> Co
 
 
 def full(motion: Motion, sites, strength: float = 1.0) -> Series:
-    """The same strength at all times."""
+    """Return the same activation at all times."""
     return Series(
         motion.time,
         tuple(site.name for site in sites),

@@ -1,5 +1,6 @@
-"""What carries a body: the foot that is over each plate's center of pressure, and the wrench that
-its motion needs.
+"""What carries a body.
+
+The foot that is over each plate's center of pressure, and the wrench that its motion needs.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ def assign_feet(
     model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches
 ) -> Assignment:
     """Give each plate's force to the foot whose sole its center of pressure is under.
+
     The bodies are those of the first site of each group: the heels. See `assign_bodies`, whose
     warnings name plates that carried two feet at once; `shared_wrenches` is for these. `wrenches`:
     at the motion's times; the bodies they name are not regarded.
@@ -37,7 +39,8 @@ def assign_feet(
 def needed_wrench(
     model: Model, motion: Motion, body: str, known: Wrenches | None = None
 ) -> Wrenches:
-    """Force and moment that reach a body, and all that it carries, from its parent.
+    """Return the force and moment that reach a body, and all that it carries, from its parent.
+
     By Newton's and Euler's equations of these bodies: for a free object, what hands and floor give
     it together; for the trunk, what passes through its joint with the pelvis, muscles included.
     `motion`: with velocities and accelerations; `known`: other external forces, at the motion's

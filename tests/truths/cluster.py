@@ -1,5 +1,6 @@
-"""A Dask cluster of a few processes, on this machine or in network namespaces that stand for
-machines.
+"""A Dask cluster of a few processes, on this machine or in network namespaces.
+
+The namespaces stand for machines.
 """
 
 from __future__ import annotations
@@ -94,7 +95,7 @@ class Cluster:
 
 @contextmanager
 def cluster_in(folder: Path, settings: Mapping[str, str] | None = None) -> Iterator[Cluster]:
-    """A cluster without processes yet; all are ended on leaving."""
+    """Yield a cluster without processes yet; all are ended on leaving."""
     folder.mkdir(parents=True, exist_ok=True)
     made = Cluster(folder, settings=settings or {})
     try:
@@ -116,8 +117,7 @@ def namespaces_work() -> str:
 
 @contextmanager
 def machines(names: tuple[str, ...]) -> Iterator[dict[str, str]]:
-    """Network namespaces on one switch, each with an address of its own; gives the addresses by
-    name.
+    """Yield the addresses of network namespaces on one switch, by name.
 
     This process is on the switch, too, at 10.77.0.1. `cut_off` takes one of them off it.
     """

@@ -114,8 +114,7 @@ def coordinate_stiffness(
     rest: Mapping[str, float],
     motion: mm.Motion,
 ) -> CoordinateStiffness:
-    """Springs of coordinates nearest to the stiffness of the joint between two bodies, over a
-    motion.
+    """Fit springs of coordinates to the stiffness of the joint between two bodies, over a motion.
 
     A line -k_q (q - rest) is laid through every coordinate's share of -E^T K theta; one that would
     push away from rest becomes no spring.
@@ -132,7 +131,7 @@ def coordinate_stiffness(
     BadData
         where the stiffness is not one or three numbers from 0 on
     BadModel
-        where no coordinate turns the bodies against each other
+        where no coordinate rotates the bodies against each other
     """
     K = along_axes("stiffness", stiffness)
     tree = compile_tree(model)

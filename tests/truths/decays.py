@@ -69,7 +69,7 @@ class Decay:
     free: int
 
     def judged(self, samples: float) -> Decay:
-        """The same with another number of independent samples, that of the compared law."""
+        """Return the same with another number of independent samples, that of the compared law."""
         return replace(self, effective=samples)
 
     @property
@@ -93,22 +93,24 @@ class Decay:
         )
 
     def viscosity(self, inertia: float) -> float:
-        """The d of I theta'' = -d theta' that makes the viscous part, inertia about the axis [N m
-        s/rad].
+        """Return the d of I theta'' = -d theta' that makes the viscous part [N m s/rad].
+
+        The inertia is about the axis.
         """
         return 2.0 * self.viscous * inertia
 
     def friction(self, stiffness: float) -> float:
-        """Torque of constant friction that makes the Coulomb part of a pendulum of stiffness m g l
-        [N m].
+        """Return the torque of constant friction that makes the Coulomb part [N m].
 
-        A swing loses 4 torque / stiffness of its angle every period.
+        It is of a pendulum of stiffness m g l. A swing loses 4 torque / stiffness of its angle
+        every period.
         """
         return self.coulomb / self.signal_per_radian() * stiffness * self.period / 4.0
 
     def signal_per_radian(self) -> float:
-        """The signal's amplitude at a swing of 1 rad, if the bend is that of a pendulum; infinite
-        without.
+        """Return the signal's amplitude at a swing of 1 rad, if the bend is that of a pendulum.
+
+        It is infinite without a bend.
         """
         return float(0.25 / np.sqrt(self.bend)) if self.bend > 0.0 else float("inf")
 
@@ -206,8 +208,9 @@ def fit_decay(
 def compare_decays(
     time: Array, signal: Array, laws: Sequence[tuple[str, ...]] = LAWS
 ) -> tuple[Decay, ...]:
-    """Every law of damping fitted; criteria count the independent samples of the best law's
-    residual.
+    """Fit every law of damping.
+
+    Criteria count the independent samples of the best law's residual.
     """
     fits = [fit_decay(time, signal, terms) for terms in laws]
     samples = min(fits, key=lambda one: one.residual).effective
@@ -215,24 +218,26 @@ def compare_decays(
 
 
 def compound_inertia(mass: float, gravity: float, distance: float, period: float) -> float:
-    """Inertia about the mass center of a body that swings about an axis at a distance from it [kg
-    m^2].
+    """Return the inertia about the center of mass of a body that swings about an axis [kg m^2].
 
-    I = m g l (T / 2 pi)^2 - m l^2, T the period at small amplitudes without damping.
+    I = m g l (T / 2 pi)^2 - m l^2, T the period at small amplitudes without damping, l the distance
+    of the axis.
     """
     return mass * gravity * distance * (period / (2.0 * np.pi)) ** 2 - mass * distance**2
 
 
 def torsional_inertia(rod: float, rod_period: float, period: float) -> float:
-    """Inertia about the wire of a body on the wire on which a rod of known inertia had a known
-    period [kg m^2].
+    """Return the inertia of a body about the wire on which it hangs [kg m^2].
+
+    A rod of known inertia had a known period on the same wire.
     """
     return rod * (period / rod_period) ** 2
 
 
 def _signal(since: Array, parameters: Array) -> Array:
-    """The signal (frames,) of (8,) offset, amplitude, phase, angular frequency, three dampings,
-    bend.
+    """Return the signal (frames,) of parameters (8,).
+
+    They are offset, amplitude, phase, angular frequency, three dampings and bend.
     """
     offset, amplitude, phase, omega, a, b, q, bend = parameters
     count = 2 * max(int(np.ceil(since[-1] * omega / (2.0 * np.pi) * STEPS / 2.0)), 4) + 1
@@ -243,7 +248,7 @@ def _signal(since: Array, parameters: Array) -> Array:
 
 
 def _amplitudes(first: float, a: float, b: float, q: float, grid: Array) -> Array:
-    """A on a grid of even times, at least 0: Runge-Kutta of order 4."""
+    """Return A on a grid of even times, at least 0: Runge-Kutta of order 4."""
     h = float(grid[1] - grid[0])
     A = abs(first)
     found = np.empty(len(grid))

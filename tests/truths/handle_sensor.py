@@ -1,5 +1,6 @@
-"""A force sensor in the handle of a carried object: its orientation on it and its clock, from the
-object's own motion.
+"""A force sensor in the handle of a carried object.
+
+Its orientation on the object and its clock follow from the object's own motion.
 
 While nothing but hands holds an object of mass m, they push it with m (a - g). The sensor of one
 handle measures its share of that. Two hands can also squeeze the object along the line between
@@ -159,23 +160,29 @@ def fit_handle(
     line: Array | None = None,
     constant: bool = False,
 ) -> HandleFit:
-    """Orientation of a handle's sensor, the mass it carries and its clock, by least squares over
-    the frames held.
+    """Fit the orientation of a handle's sensor, the mass it carries and its clock.
+
+    The fit is by least squares over the frames held.
 
     Parameters
     ----------
+    motion : of the object
     held : (frames,) whether only hands hold the object
     force_time, force : (samples,) [s], (samples, 3) of the hand on the object, tared, in the
         sensor's axes [N]
     gravity : (3,) in the laboratory [m/s^2]
     cutoff : of the low-pass filter, that of the motion [Hz]
     line : (3,) from hand to hand in the object's axes, None if one hand holds it alone
-    constant : estimate what the tare left too; it is told from the orientation only where the
-        object turns
+    constant : estimate what the tare left too; it is distinguished from the orientation only where
+        the object rotates
+
+    Returns
+    -------
+    HandleFit with deviations by blocks of time
 
     Raises
     ------
-    BadData : too few frames, or an object that neither turns nor is accelerated
+    BadData : too few frames, or an object that neither rotates nor is accelerated
     """
     held = np.asarray(held, dtype=bool)
     if held.sum() < 20:
@@ -206,8 +213,7 @@ def fit_handle(
 
 
 def grip_point(force: Array, torque: Array) -> tuple[Array, float]:
-    """Point (3,) in the sensor's axes through which the force passes best, and what remains of the
-    torque.
+    """Return the point (3,) through which the force passes best, and the remaining torque.
 
     Least squares of torque = point x force; the remainder is the couple of the hand's grip.
 
@@ -217,7 +223,7 @@ def grip_point(force: Array, torque: Array) -> tuple[Array, float]:
 
     Returns
     -------
-    the point [m], and the root mean square of the remaining torque [N m]
+    the point in the sensor's axes [m], and the root mean square of the remaining torque [N m]
     """
     x, y, z = force.T
     zero = np.zeros_like(x)
@@ -228,8 +234,9 @@ def grip_point(force: Array, torque: Array) -> tuple[Array, float]:
 
 
 class _Held:
-    """Residuals of a handle's force; parameters: rotation vector, share, point, offset and, if
-    wanted, a constant.
+    """Residuals of a handle's force.
+
+    Parameters: rotation vector, share, point, offset and, if wanted, a constant.
     """
 
     def __init__(
@@ -257,7 +264,7 @@ class _Held:
         return apart
 
     def solved(self) -> HandleFit:
-        """The least of several starts, with deviations by blocks of time."""
+        """Return the best of several starts, with deviations by blocks of time."""
         random = np.random.default_rng(0)
         best = None
         for turn in (self._linear(), *(random.normal(size=3) for _ in range(STARTS))):
@@ -303,8 +310,9 @@ class _Held:
         )
 
     def _linear(self) -> Array:
-        """Rotation vector (3,) of the axes whose pull is linear in the force: e . pull = (Q^T e /
-        share) . force.
+        """Return the rotation vector (3,) of the axes whose pull is linear in the force.
+
+        e . pull = (Q^T e / share) . force.
         """
         across = np.linalg.svd(self.across)[0][:, : round(float(np.trace(self.across)))]
         found = np.linalg.lstsq(self.force(self.time), self.pull @ across, rcond=1e-3)[0]

@@ -1,5 +1,6 @@
-"""Whether the folders of studies are whole and equal: every file opened, every byte or value
-compared.
+"""Comparison of the folders of studies.
+
+Whether they are whole and equal: every file opened, every byte or value compared.
 """
 
 from __future__ import annotations
@@ -93,8 +94,9 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 def differences(folder: Path, reference: Path, whole: bool = True) -> tuple[int, list[str]]:
-    """How many files were compared with those of another folder, and which are not equal byte for
-    byte.
+    """Count the files compared with those of another folder, and name those that differ.
+
+    Files are equal where they are so byte for byte.
 
     Parameters
     ----------
@@ -131,7 +133,7 @@ def left_over(folder: Path) -> list[str]:
 
 
 def computed_twice(folder: Path) -> list[str]:
-    """Steps of finished trials computed again by later runs, from the recorded times."""
+    """Name steps of finished trials computed again by later runs, from the recorded times."""
     with (folder / "timings.csv").open(encoding="utf-8", newline="") as stream:
         rows = Counter(
             (row["subject"], row["trial"], row["step"]) for row in csv.DictReader(stream)

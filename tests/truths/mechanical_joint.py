@@ -1,9 +1,9 @@
-"""A mechanical joint whose inertia, damping and stiffness are known, swung in MuJoCo: an engine
-that is not ours.
+"""A mechanical joint whose inertia, damping and stiffness are known, swung in MuJoCo.
 
-A bent limb about as large as an arm hangs on a base by a hinge or a ball joint with a damper and a
-spring, is let go several times, and is seen as a laboratory sees it: markers and the wrench on the
-base, each with noise and on its own clock. [S] names this experiment as the check that it lacks.
+MuJoCo is an engine that is not ours. A bent limb about as large as an arm hangs on a base by a
+hinge or a ball joint with a damper and a spring, is let go several times, and is measured as in a
+laboratory: markers and the wrench on the base, each with noise and on its own clock. [S] names this
+experiment as the check that it is missing.
 """
 
 from __future__ import annotations
@@ -40,13 +40,14 @@ from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecordin
 
 
 def on_true_clock(wrenches: mm.Wrenches, noise: Noise) -> mm.Wrenches:
-    """What a plate measured, at the true times of its samples."""
+    """Return what a plate measured, at the true times of its samples."""
     return replace(wrenches, time=(wrenches.time - noise.offset) / (1.0 + noise.drift))
 
 
 def poses_of(seen: Array, places: Array, axis: Array | None) -> Array:
-    """Quaternions (frames, 4) that turn places (markers, 3) onto what was seen (frames, markers,
-    3).
+    """Return quaternions (frames, 4) that rotate positions onto the observed ones.
+
+    The positions are (markers, 3), the observed ones (frames, markers, 3).
     """
     if axis is not None:
         angle = np.arctan2(
@@ -63,8 +64,9 @@ def poses_of(seen: Array, places: Array, axis: Array | None) -> Array:
 def moment_rows(
     rotations: Array, rates: Array, accelerations: Array, gravity: Array
 ) -> tuple[Array, Array]:
-    """(frames, 3, 10) moment about a fixed point of the body and force that unit parameters need,
-    in its axes.
+    """Return moment about a fixed point of the body and force that unit parameters need.
+
+    They are (frames, 3, 10), in the body's axes.
 
     n = I alpha + omega x I omega - m c x g,  f = -m g + alpha x m c + omega x (omega x m c).
     """
@@ -270,7 +272,7 @@ def mechanical_joint(
     friction: float = 0.0,
     axis: ArrayLike | None = None,
 ) -> VirtualJoint:
-    """A virtual mechanical joint, released several times.
+    """Make a virtual mechanical joint, released several times.
 
     Parameters
     ----------
@@ -338,8 +340,9 @@ def mechanical_joint(
 
 
 def _limb(random: np.random.Generator) -> Array:
-    """Inertial parameters (10,) of two thick rods, upper arm and bent forearm, hanging: the mass
-    center below.
+    """Return inertial parameters (10,) of two thick rods, upper arm and bent forearm.
+
+    They hang with the center of mass below.
     """
     bend = np.deg2rad(random.uniform(30.0, 70.0))
     turn = axis_rotation((0.0, 0.0, 1.0), random.uniform(0.0, 2.0 * np.pi))
@@ -364,7 +367,7 @@ def _limb(random: np.random.Generator) -> Array:
 
 
 def _turn_onto(vector: Array, unit: Array) -> Array:
-    """The shortest rotation that turns a vector onto a unit vector."""
+    """Return the shortest rotation that rotates a vector onto a unit vector."""
     start = vector / np.linalg.norm(vector)
     axis = np.cross(start, unit)
     sine = float(np.linalg.norm(axis))
@@ -383,10 +386,10 @@ def _level(random: np.random.Generator) -> Array:
 def _release(
     truth: JointTruth, swing: float, spin: float, random: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Where and how fast the limb is let go: (axes,) angle or rotation vector and rates along the
-    limb's axes.
+    """Return where and how fast the limb is let go.
 
-    A ball joint gets a push across the swing, which makes it conical, and one about its long axis.
+    They are (axes,) angle or rotation vector and rates along the limb's axes. A ball joint gets a
+    push across the swing, which makes it conical, and one about its long axis.
     """
     size = swing * random.uniform(0.5, 1.1) * random.choice((-1.0, 1.0))
     if truth.axis is not None:
@@ -400,7 +403,7 @@ def _release(
 
 
 def _mjcf(truth: JointTruth, base: Mapping[str, Array], limb: Mapping[str, Array]) -> str:
-    """The joint as MJCF; the base is fixed, and free where `<!--free-->` becomes a joint."""
+    """Return the joint as MJCF; the base is fixed, and free where `<!--free-->` becomes a joint."""
     hinge = (
         ""
         if truth.axis is None
@@ -432,8 +435,9 @@ def _mjcf(truth: JointTruth, base: Mapping[str, Array], limb: Mapping[str, Array
 
 
 def _equations(name: str, truth: JointTruth, seen: Sampled, ends: float = 0.0) -> SwingRecording:
-    """A swing as the linear equations of its limb's parameters; so many seconds at its `ends` are
-    not used.
+    """Return a swing as the linear equations of its limb's parameters.
+
+    As many seconds as `ends` are not used at either end.
     """
     moment, force = moment_rows(seen.rotations, seen.rates, seen.accelerations, GRAVITY)
     rows = [np.einsum("fij,fjp->fip", seen.rotations, one) for one in (moment, force)]

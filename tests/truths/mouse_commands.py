@@ -1,5 +1,6 @@
-"""The mouse's recordings by one study file, as a user would write it: nothing but the model is
-prepared.
+"""The mouse's recordings by one study file, as a user would write it.
+
+Nothing but the model is prepared.
 """
 
 from __future__ import annotations
@@ -47,8 +48,10 @@ TASKS = (
 
 @dataclass(frozen=True, eq=False)
 class ByCommand:
-    """What a study left of one recording: `line`, what the step says of its tensions; `residuals`,
-    what it says of those of the root; `warnings` of the trial.
+    """What a study left of one recording.
+
+    `line`: what the step reports of its tensions; `residuals`: what it reports of those of the
+    root; `warnings` of the trial.
     """
 
     model: mm.Model
@@ -60,9 +63,10 @@ class ByCommand:
 
 
 def write_study(folder: Path, data: Path) -> Path:
-    """A study file of all recordings in a folder, with the model and the weights of markers beside
-    it. Each animal is a subject; the groups are by the marks in the files' names, whose meaning is
-    not known.
+    """Write a study file of all recordings in a folder.
+
+    The model and the weights of markers are next to it. Each animal is a subject; the groups are by
+    the marks in the files' names, whose meaning is not known.
     """
     model = both_hindlimbs(data)
     write_osim(model, folder / "mouse.osim")
@@ -83,7 +87,7 @@ def write_study(folder: Path, data: Path) -> Path:
 
 @lru_cache(maxsize=2)
 def by_command(data: Path) -> Mapping[str, ByCommand]:
-    """What one study file gives of every recording, by the name of the animal."""
+    """Return what one study file gives of every recording, by the name of the animal."""
     found = {}
     with tempfile.TemporaryDirectory() as home:
         out = Path(home) / "out"

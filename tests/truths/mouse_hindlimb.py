@@ -1,8 +1,8 @@
-"""The anatomist's mouse hindlimb as a model: `data/mouse-hindlimb-muscles`, a table of an OpenSim 4
-model.
+"""The anatomist's mouse hindlimb as a model.
 
-The muscles are those of Charles, Cappellari, Spence, Wells and Hutchinson (2016, J Anat 229:514).
-The table names bone meshes but has none, so the bodies are drawn by their points.
+It is `data/mouse-hindlimb-muscles`, a table of an OpenSim 4 model. The muscles are those of
+Charles, Cappellari, Spence, Wells and Hutchinson (2016, J Anat 229:514). The table names bone
+meshes but has none, so the bodies are drawn by their points.
 """
 
 from __future__ import annotations
@@ -41,7 +41,9 @@ Table = Mapping[str, Any]
 
 
 def mouse_hindlimb_model(file: Path | None = None) -> mm.Model:
-    """The right hindlimb of a mouse in its real size: six bodies, 42 muscles, 22 wrap objects.
+    """Return the right hindlimb of a mouse in its real size.
+
+    It has six bodies, 42 muscles and 22 wrap objects.
 
     Parameters
     ----------
@@ -210,7 +212,7 @@ def _muscle(row: Table, curve_sets: Table, groups: tuple[str, ...]) -> Muscle:
 
 
 def _odd(table: Table) -> tuple[str, ...]:
-    """What a user of the masses should know, found in the numbers themselves."""
+    """Return what a user of the masses should know, found in the numbers themselves."""
     found = []
     for row in table["bodies"]:
         least = float(np.linalg.eigvalsh(_body(row).inertia)[0])

@@ -1,7 +1,7 @@
-"""What the recordings of mice give: a model of each animal, its motion, strides and muscle lengths,
-and its paw alone.
+"""What the recordings of mice give.
 
-Everything is computed once a process; sections of the validation and the figure share it.
+A model of each animal, its motion, strides and muscle lengths, and its paw alone. Everything is
+computed once a process; sections of the validation and the figure share it.
 """
 
 from __future__ import annotations
@@ -101,14 +101,14 @@ class Mouse:
 
 
 def names(folder: Path) -> tuple[str, ...]:
-    """Recordings of markers that are there."""
+    """Return the names of recordings of markers that exist."""
     found = [path.stem.split("_trial")[0].removeprefix("Cage6_") for path in gait_files(folder)]
     return (*found, *(("treadmill",) if (folder / TREADMILL).is_file() else ()))
 
 
 @lru_cache(maxsize=8)
 def mouse(folder: Path, name: str) -> Mouse:
-    """A recording through calibration and inverse kinematics."""
+    """Run a recording through calibration and inverse kinematics."""
     belt = name == "treadmill"
     generic = both_hindlimbs(folder, back=belt)
     path = (
@@ -143,8 +143,9 @@ def mouse(folder: Path, name: str) -> Mouse:
 
 
 def held_out(folder: Path, name: str) -> float:
-    """Root mean square marker error of the later half of the frames on a model that the earlier
-    half made [m].
+    """Return the root mean square marker error of the later half of the frames [m].
+
+    The model is made from the earlier half.
     """
     one = mouse(folder, name)
     frames = np.flatnonzero(one.shown)
@@ -169,7 +170,7 @@ def rms(fit: KinematicsFit, leave_out: tuple[str, ...] = ()) -> float:
 
 @lru_cache(maxsize=8)
 def motion_of(folder: Path, name: str) -> mm.Motion:
-    """Filtered coordinates with derivatives."""
+    """Return filtered coordinates with derivatives."""
     return mm.differentiate(mouse(folder, name).fit.motion, CUTOFF)
 
 
@@ -212,7 +213,7 @@ def lengths_over(model: mm.Model, motion: mm.Motion, strides: Strides) -> Length
 
 
 def part_of(motion: mm.Motion, frames: NDArray[np.int64]) -> mm.Motion:
-    """A motion in some of its frames."""
+    """Return a motion in some of its frames."""
     rows = (
         None if one is None else one[frames] for one in (motion.velocities, motion.accelerations)
     )
@@ -301,8 +302,9 @@ def alone(folder: Path, name: str) -> Alone | None:
 
 
 def place_of(model: mm.Model, motion: mm.Motion, body: str, offset: Array | None = None) -> Array:
-    """(frames, 3) a point of a body in ground, its joint's center by default; NaN where the pose is
-    not known [m].
+    """Return a point (frames, 3) of a body in ground, its joint's center by default [m].
+
+    It is NaN where the pose is not known.
     """
     tree = compile_tree(model)
     known = np.isfinite(motion.values).all(axis=1)
@@ -334,8 +336,9 @@ def longest(state: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A clip of keypoints on the whole skeleton: errors before and after its points were put where
-    they lie [m].
+    """A clip of keypoints on the whole skeleton.
+
+    Errors are before and after its points were put where they lie [m].
     """
 
     model: mm.Model

@@ -1,5 +1,6 @@
-"""Real mice and the models that their recordings are fitted to: both hindlimbs by an anatomist, a
-whole skeleton.
+"""Real mice and the models that their recordings are fitted to.
+
+Both hindlimbs by an anatomist, and a whole skeleton.
 """
 
 from __future__ import annotations
@@ -87,15 +88,17 @@ ADDUCTION = (-0.7, 0.35)
 
 
 def gait_files(folder: Path) -> tuple[Path, ...]:
-    """Recordings of mice that trot over a plate; () where the data set is absent."""
+    """Return recordings of mice that trot over a plate; () where the data set is absent."""
     return tuple(sorted((folder / GAIT).glob("*.c3d")))
 
 
 def both_hindlimbs(folder: Path, back: bool = False) -> mm.Model:
-    """The anatomist's right hindlimb and its mirror image on a pelvis that moves freely, with the
-    recordings' markers.
+    """Join the anatomist's right hindlimb and its mirror image on a pelvis that moves freely.
 
-    Freed: the pelvis' turns and the hip's rotation, which the table locks; the pelvis turns about
+    The markers are the recordings'.
+
+    Freed: the pelvis' rotations and the hip's rotation, which the table locks; the pelvis rotates
+    about
     y, z, x in this order, for about x, y, z a mouse that runs along z would stand where these
     angles are not unique. Locked: the toes, which no marker shows. The left iliac marker, which the
     table has on the right, is put on the left. By default it stands on bent legs.
@@ -142,7 +145,10 @@ def _freed(one: Coordinate) -> Coordinate:
 
 
 def _heading_first(one: Joint) -> Joint:
-    """The joint to the ground with its turns in the order y, z, x; others as they are."""
+    """Return the joint to the ground with its rotations in the order y, z, x.
+
+    Other joints stay as they are.
+    """
     if one.parent != GROUND:
         return one
     slides = tuple(axis for axis in one.axes if axis.kind == "translation")
@@ -153,7 +159,7 @@ def _heading_first(one: Joint) -> Joint:
 
 
 def recording(path: Path, model: mm.Model, labels: Mapping[str, str]) -> mm.Trial:
-    """A recording with the model's names of markers, in the model's ground."""
+    """Read a recording with the model's names of markers, in the model's ground."""
     trial = mm.read_recording(path)
     assert trial.markers is not None
     named = replace(
@@ -163,7 +169,7 @@ def recording(path: Path, model: mm.Model, labels: Mapping[str, str]) -> mm.Tria
 
 
 def whole_skeleton(folder: Path) -> mm.Model:
-    """The skeleton of 100 bones with the 34 keypoints of `human-mouse` as markers.
+    """Return the skeleton of 100 bones with the 34 keypoints of `human-mouse` as markers.
 
     The file beside the skeleton gives other bodies for some: its Trunk is on the first thoracic
     vertebra and its Spine on the last, but in the recording the Trunk lies a quarter of the way
@@ -173,18 +179,17 @@ def whole_skeleton(folder: Path) -> mm.Model:
 
 
 def with_keypoints(model: mm.Model) -> mm.Model:
-    """A model of the skeleton's bones with the keypoints as markers, nothing locked."""
+    """Return a model of the skeleton's bones with the keypoints as markers, nothing locked."""
     return with_markers_of(model, read_species("human-mouse").markers, "mouse-keypoints")[0]
 
 
 def clips(
     folder: Path, model: mm.Model, count: int = 3, frames: int = 360, step: int = 18
 ) -> tuple[mm.Markers, ...]:
-    """Some of the ten clips of keypoints, evenly spaced, every 18th frame, turned to lie along the
-    model.
+    """Return some of the ten clips of keypoints, evenly spaced, every 18th frame.
 
-    The axes are those of the cameras: each clip is turned as its first frame's points lie best on
-    the model's.
+    They are rotated to lie along the model. The axes are those of the cameras: each clip is rotated
+    as its first frame's points lie best on the model's.
     """
     markers = mm.read_recording(folder / KEYPOINTS).markers
     assert markers is not None

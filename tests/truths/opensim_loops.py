@@ -15,10 +15,12 @@ opensim.Logger.setLevelString("Off")
 def point_constraint(
     path: Path, model: mm.Model, coordinates: np.ndarray, accuracy: float = 1e-10
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The first constraint of a model file at given poses, all coordinates unlocked.
+    """Evaluate the first constraint of a model file at given poses, all coordinates unlocked.
 
     Parameters
     ----------
+    path : the model file
+    model : the same model, for the order of its coordinates
     coordinates : (frames, coordinates) in the model's order
     accuracy : of the assembly
 

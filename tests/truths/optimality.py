@@ -1,5 +1,6 @@
-"""Whether solved frames of a tension problem are optima, by the conditions of Karush, Kuhn and
-Tucker.
+"""Whether solved frames of a tension problem are optima.
+
+The conditions are those of Karush, Kuhn and Tucker.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from myomorph.core.tension.tension import Tension
 
 @read_only
 class Optimality:
-    """Conditions of an optimum (Karush, Kuhn and Tucker), each from the problem's own arrays and
-    not by the solver.
+    """Conditions of an optimum (Karush, Kuhn and Tucker).
+
+    Each is from the problem's own arrays and not by the solver.
     """
 
     frames: np.ndarray  # (frames,) numbers in the motion
@@ -34,8 +36,9 @@ class Optimality:
 def optimality(
     problem: TensionProblem, tension: Tension, frames: Sequence[int] | None = None
 ) -> Optimality:
-    """Whether frames fulfil the conditions of an optimum; smoothness between frames takes part as
-    it is in the cost.
+    """Compute whether frames fulfill the conditions of an optimum.
+
+    Smoothness between frames takes part as it is in the cost.
     """
     chosen = np.arange(len(tension)) if frames is None else np.asarray(frames, np.int64)
     solved = solved_frames(problem, tension, chosen)

@@ -13,9 +13,11 @@ from myomorph.core.tension.tension import Fibers, Tension
 
 
 def tension_of(whole: Tension, part: str) -> Tension:
-    """Activations, tensions, reserves and torques of one part of a joined model, by the part's own
-    names. Status, iterations and equilibrium residual stay those of the whole problem. Contact
-    forces are not taken along, as those between parts have a site on one of them only:
+    """Return activations, tensions, reserves and torques of one part of a joined model.
+
+    Names are the part's own. Status, iterations and equilibrium residual stay those of the whole
+    problem. Contact
+    forces are not included, as those between parts have a site on one of them only:
     `part_of(whole.contacts.wrenches(), part)` gives all on it.
     """
     muscles = _own(whole.muscles, part)

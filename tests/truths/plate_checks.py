@@ -1,5 +1,6 @@
-"""What placements say of a force plate's calibration: deviations of a pose, and how far a file's
-pose is off.
+"""What placements show of a force plate's calibration.
+
+Deviations of a pose, and how far a file's pose is off.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ from myomorph.swings.plate_pose import LineResiduals, Misfits
 
 
 def pose_deviations(calibration: PlateCalibration) -> Array:
-    """Standard deviations (6,) of the rotation about the laboratory's axes [rad] and of the center
-    [m], inf along what is not shown.
+    """Return standard deviations (6,) of a plate's pose.
+
+    They are of the rotation about the laboratory's axes [rad] and of the center [m], inf along what
+    is not identifiable.
     """
     lost = np.linalg.norm(calibration.unknown, axis=1) > 0.1
     return np.where(lost, np.inf, np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0)))
@@ -50,8 +53,9 @@ class PlateCheck:
 
 
 def check_plate(recording: PlateRecording, placements: Sequence[Placement]) -> PlateCheck:
-    """How far the calibration in a file is off, and whether the placements are good enough to say
-    so.
+    """Compute how far the calibration in a file is off.
+
+    Also whether the placements are good enough to determine that.
     """
     calibration = calibrate_plate(placements, recording)
     nominal = nominal_pose(recording)

@@ -1,9 +1,8 @@
-"""Criteria of recruitment as conic programs with full matrices, solved by Clarabel, which knows
-nothing of our solver.
+"""Criteria of recruitment as conic programs with full matrices.
 
-Powers are power cones, t^(1/p) >= |a|; the greatest activation is a variable; joint loads and
-co-contraction stand as docs/method.md defines them, joint loads from reactions of unit
-tensions.
+Clarabel solves them, which shares nothing with our solver. Powers are power cones, t^(1/p) >= |a|;
+the greatest activation is a variable; joint loads and co-contraction are as docs/method.md defines
+them, joint loads from reactions of unit tensions.
 """
 
 from __future__ import annotations
@@ -104,8 +103,9 @@ def walk(folder: Path) -> Walk:
 
 
 def loads_of(one: Walk, forces: Array, joints: tuple[str, ...]) -> Array:
-    """(frames, joints, 3) forces that joints transmit under tensions (frames, muscles), in body
-    weights.
+    """Return forces (frames, joints, 3) that joints transmit, in body weights.
+
+    The tensions are (frames, muscles).
     """
     pulled = mm.Series(one.motion.time, one.model.muscle_names, forces)
     found = mm.joint_reactions(
@@ -115,8 +115,9 @@ def loads_of(one: Walk, forces: Array, joints: tuple[str, ...]) -> Array:
 
 
 def load_columns(one: Walk, joints: tuple[str, ...]) -> tuple[Array, Array]:
-    """Loads without any tension (frames, 3 joints), and what each full activation adds (frames, 3
-    joints, muscles).
+    """Return loads without any tension, and what each full activation adds.
+
+    They are (frames, 3 joints) and (frames, 3 joints, muscles).
     """
     frames = len(one.motion)
     alone = loads_of(one, np.zeros_like(one.F), joints).reshape(frames, -1)
@@ -146,11 +147,11 @@ class _Program:
         self._rows: list[tuple[Array, Array, object]] = []
 
     def equal(self, A: Array, b: Array) -> None:
-        """A x = b."""
+        """Add the rows A x = b."""
         self._rows.append((A, b, clarabel.ZeroConeT(len(b))))
 
     def at_least(self, A: Array, b: Array) -> None:
-        """A x >= b."""
+        """Add the rows A x >= b."""
         self._rows.append((-A, -b, clarabel.NonnegativeConeT(len(b))))
 
     def power(self, t: int, x: int, p: float) -> None:
@@ -161,7 +162,7 @@ class _Program:
         self._rows.append((A, np.array([0.0, 1.0, 0.0]), clarabel.PowerConeT(1.0 / p)))
 
     def solved(self) -> Array:
-        """The x of least cost."""
+        """Return the x of minimum cost."""
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
@@ -251,7 +252,7 @@ def solve_program(
 
 
 def cost_of(one: Walk, frame: int, by: Criterion, a: Array, loads: tuple[Array, Array]) -> float:
-    """What activations (muscles,) cost, the reserves that balance them included."""
+    """Return the cost of activations (muscles,), the reserves that balance them included."""
     p = by.tension.exponent
     w = _weights(one.model, by.tension)
     u = (one.tau[frame] - one.R[frame].T @ (one.F[frame] * a)) / one.reserves
@@ -275,8 +276,9 @@ def beside_power(p: float) -> float:
 
 
 def _asked(one: Walk, frame: int, row: int, level: float) -> tuple[Array, float]:
-    """What activations give to both sides of a coordinate, and what co-contraction asks, in shares
-    of the weaker.
+    """Return what activations give to both sides of a coordinate, and the required amount.
+
+    The latter is that of co-contraction, in shares of the weaker side.
     """
     each = one.R[frame, :, row] * one.F[frame]
     weaker = min(np.maximum(each, 0.0).sum(), np.maximum(-each, 0.0).sum())

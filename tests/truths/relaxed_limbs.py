@@ -1,9 +1,8 @@
-"""A relaxed leg whose passive knee is known, dropped in MuJoCo: an engine that is not ours. Nobody
-was measured.
+"""A relaxed leg whose passive knee is known, dropped in MuJoCo.
 
-The thigh rests on a table, held by a stiff spring where it may give way. A hand holds the shank and
-lets go; a reflex, where there is one, is a torque of the knee's extensors in the first swing, with
-EMG beside it.
+MuJoCo is an engine that is not ours. Nobody was measured. The thigh rests on a table, held by a
+stiff spring where it may give way. A hand holds the shank and lets go; a reflex, where there is
+one, is a torque of the knee's extensors in the first swing, with EMG of them.
 """
 
 from __future__ import annotations
@@ -41,7 +40,9 @@ PLACES = {
 
 @dataclass(frozen=True)
 class RelaxedLeg:
-    """A leg: its knee's damping [N m s/rad], stiffness [N m/rad], rest angle from where the shank
+    """A leg whose knee is passive.
+
+    Its knee's damping [N m s/rad], stiffness [N m/rad], rest angle from where the shank
     hangs [rad] and dry friction [N m]; mass of shank and foot [kg], its center below the knee [m],
     inertia about it [kg m^2].
 
@@ -75,7 +76,7 @@ class RelaxedLeg:
         return known | ({"coulomb": self.friction} if self.friction else {})
 
     def mjcf(self, passive: bool = True) -> str:
-        """The leg, its passive knee left out where it is what is looked for."""
+        """Return the leg, its passive knee left out where it is what is estimated."""
         knee = (
             f'damping="{self.damping}" stiffness="{self.stiffness}"'
             f' springref="{np.rad2deg(self.rest)}" frictionloss="{self.friction}" {HARD}'
@@ -119,8 +120,9 @@ class RelaxedLeg:
 
 @dataclass(frozen=True, eq=False)
 class Dropped:
-    """One drop: markers with noise, raw EMG, the true knee angle (frames,) [rad], when a reflex
-    pulled [s].
+    """One drop.
+
+    Markers with noise, raw EMG, the true knee angle (frames,) [rad], and when a reflex pulled [s].
     """
 
     markers: mm.Markers
@@ -169,7 +171,7 @@ def drop_leg(leg: RelaxedLeg, number: int, seed: int, release: float = 1.35) -> 
 
 
 def leg_model(leg: RelaxedLeg) -> mm.Model:
-    """What is known of a leg: bones, markers and masses, the latter off as `wrong` says."""
+    """Return the known parts of a leg: bones, markers and masses, the latter off by `wrong`."""
     text = replace(leg, giving=leg.giving or 1.0).mjcf(passive=False)
     return model_from_mujoco(
         mujoco.MjModel.from_xml_string(text), name="leg", marker_sites=r"(thigh|shank)_\d"
@@ -179,8 +181,9 @@ def leg_model(leg: RelaxedLeg) -> mm.Model:
 def write_leg(
     leg: RelaxedLeg, folder: Path, drops: int = 3, seed: int = 0, emg: bool = True
 ) -> LimbFiles:
-    """Write the model and the drops as a laboratory would have them; returns them as a limb of a
-    study.
+    """Write the model and the drops as a laboratory would have them.
+
+    They are returned as a limb of a study.
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_osim(leg_model(leg), folder / "leg.osim")

@@ -1,5 +1,6 @@
-"""The generic bodies that simulated subjects are made from, with the markers that a laboratory
-would put on them.
+"""The generic bodies that simulated subjects are made from.
+
+They have the markers that a laboratory would put on them.
 """
 
 from __future__ import annotations
@@ -65,11 +66,11 @@ def full_body(free: bool = False) -> tuple[Any, mm.Model]:
 
 
 def many_coordinates(model: mm.Model, free: bool = False) -> mm.Model:
-    """The 171-coordinate model with ranges that a spine has, four markers on the head and three on
-    each hand.
+    """Return the 171-coordinate model with ranges that a spine has.
 
-    Its vertebrae, ribs and breast bone move as they like only if `free`, when no marker has to show
-    them; otherwise the five lumbar joints share each bend and turn evenly, and the chest is stiff.
+    It has four markers on the head and three on each hand. Its vertebrae, ribs and breast bone move
+    as they like only if `free`, when no marker has to show them; otherwise the five lumbar joints
+    share each bend and rotate evenly, and the chest is stiff.
     """
     used = set()
     couplers = list(model.couplers)

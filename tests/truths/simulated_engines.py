@@ -1,9 +1,8 @@
-"""MuJoCo as the engine of simulated subjects: markers and plate wrench from coordinate values
-alone.
+"""MuJoCo as the engine of simulated subjects.
 
-Nothing of Myomorph's kernels takes part. Velocities and accelerations are finite differences of
-eighth order of the poses, and MuJoCo's recursive Newton-Euler algorithm (`mj_rne`) gives the
-forces.
+Markers and plate wrench are from coordinate values alone. Nothing of Myomorph's kernels takes part.
+Velocities and accelerations are finite differences of eighth order of the poses, and MuJoCo's
+recursive Newton-Euler algorithm (`mj_rne`) gives the forces.
 """
 
 from __future__ import annotations
@@ -91,8 +90,9 @@ def quaternions_of(rotations: Array) -> Array:
 
 
 class TreeEngine:
-    """A MuJoCo model of a person that began as a MuJoCo model: its own kinematics and its own
-    dynamics.
+    """A MuJoCo model of a person that began as a MuJoCo model.
+
+    It has its own kinematics and its own dynamics.
 
     Parameters
     ----------

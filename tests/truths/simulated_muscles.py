@@ -1,5 +1,6 @@
-"""People with muscles of their own, integrated independently: fiber dynamics by SciPy, known
-activations.
+"""People with muscles of their own, integrated independently.
+
+Fiber dynamics are by SciPy, with known activations.
 
 The person's model has other optimal fiber lengths, tendon slack lengths and strengths. Fibers start
 in equilibrium and are integrated with `muscles.fiber_equations` (the equations that agree with
@@ -52,11 +53,10 @@ class Errors:
 
 @dataclass(frozen=True)
 class Spread:
-    """How people differ, standard deviations: of log optimal length, normalized length in a pose,
-    log strength.
+    """How people differ, as standard deviations.
 
-    By default those that `personalize` assumes, as intervals can hold what they promise for no
-    other people.
+    They are of log optimal length, normalized length in a pose, and log strength. By default they
+    are those that `personalize` assumes, as intervals have their coverage for no other people.
     """
 
     fiber: float = 0.15
@@ -72,7 +72,9 @@ def person(
     rng: np.random.Generator,
     groups: Array,
 ) -> mm.Model:
-    """A model with muscles of another person, that work in a physiological range in some motions.
+    """Return a model with muscles of another person.
+
+    They work in a physiological range in some motions.
 
     Parameters
     ----------
@@ -127,7 +129,7 @@ def person(
 
 
 def some_gains(model: mm.Model, errors: Errors, rng: np.random.Generator) -> dict[str, float]:
-    """A gain of the EMG of every muscle."""
+    """Draw a gain of the EMG of every muscle."""
     return {name: float(np.exp(errors.gain * rng.standard_normal())) for name in model.muscle_names}
 
 
@@ -180,8 +182,9 @@ def integrated_forces(model: mm.Model, motion: mm.Motion, activations: Array) ->
 
 
 def as_degroote(model: mm.Model) -> mm.Model:
-    """The model with muscles of De Groote's class, whose fiber velocity is explicit in tendon force
-    and activation.
+    """Return the model with muscles of De Groote's class.
+
+    Their fiber velocity is explicit in tendon force and activation.
     """
     own = {
         "fiber_damping": 0.0,
@@ -292,7 +295,7 @@ def recorded(
     name: str,
     forces: Array | None = None,
 ) -> mm.PersonalTrial:
-    """What is measured of a person: torques and EMG with errors.
+    """Return what is measured of a person: torques and EMG with errors.
 
     Parameters
     ----------
@@ -336,7 +339,10 @@ def all_recorded(
     rng: np.random.Generator,
     gains: Mapping[str, float],
 ) -> list[mm.PersonalTrial]:
-    """The same of several motions on one clock, of De Groote's class, integrated side by side."""
+    """Return the same of several motions on one clock, of De Groote's class.
+
+    They are integrated side by side.
+    """
     lengths = [
         mm.muscle_kinematics(person, one, velocities=False, moment_arms=False).muscle_length
         for one in motions
@@ -352,8 +358,9 @@ def all_recorded(
 
 
 def with_other_muscles(person: mm.Model, rng: np.random.Generator) -> mm.Model:
-    """The person with other tendons, pennation, velocity and passive curves, estimated only by
-    groups or not at all.
+    """Return the person with other tendons, pennation, velocity and passive curves.
+
+    These are estimated only by groups or not at all.
     """
     muscles = []
     for one in person.muscles:
@@ -381,8 +388,9 @@ def slow(time: Array, shape: tuple[int, ...], rng: np.random.Generator) -> Array
 def swings(
     model: mm.Model, ranges: dict[str, tuple[float, float]], time: Array, rng: np.random.Generator
 ) -> mm.Motion:
-    """Coordinates that swing between bounds at periods of about a second, each with a phase of its
-    own.
+    """Make coordinates that swing between bounds at periods of about a second.
+
+    Each has a phase of its own.
     """
     values = np.tile([one.default for one in model.coordinates], (len(time), 1))
     speeds = np.tile([one.default for one in model.coordinates], (len(time), 1))
@@ -398,11 +406,10 @@ def swings(
 
 
 def muscle_torques(model: mm.Model, arms: Array, forces: Array) -> Array:
-    """(frames, coordinates) of tendon forces (frames, muscles), 0 for coordinates that follow
-    others [N m or N].
+    """Return torques (frames, coordinates) of tendon forces (frames, muscles) [N m or N].
 
-    Moment arms (frames, muscles, coordinates) are with couplers: those of a knee hold what goes
-    through its patella.
+    They are 0 for dependent coordinates. Moment arms (frames, muscles, coordinates) are with
+    couplers: those of a knee hold what goes through its patella.
     """
     torques = np.einsum("fmc,fm->fc", arms, forces)
     torques[:, [model.coordinate_names.index(name) for name in model.dependent_coordinates]] = 0.0
@@ -410,8 +417,9 @@ def muscle_torques(model: mm.Model, arms: Array, forces: Array) -> Array:
 
 
 def resting_torques(model: mm.Model, motion: mm.Motion) -> Array:
-    """(poses, coordinates) torques of joints and of resting muscles in equilibrium, NaN where one
-    has none.
+    """Return torques (poses, coordinates) of joints and of resting muscles in equilibrium.
+
+    They are NaN where one has none.
     """
     moved = mm.muscle_kinematics(model, motion)
     rest = np.full(len(motion), 1e-4)

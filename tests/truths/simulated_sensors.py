@@ -1,5 +1,6 @@
-"""Inertial sensors on a body whose motion is known: orientations and raw signals, with the errors
-that sensors have.
+"""Inertial sensors on a body whose motion is known.
+
+Orientations and raw signals, with the errors that sensors have.
 """
 
 from __future__ import annotations
@@ -78,9 +79,10 @@ def simulated_sensors(
     mounted: Array | None = None,
     accelerometers: bool = False,
 ) -> SimulatedSensors:
-    """Sensors named BODY_imu on bodies that move; `mounted`: (sensors, 3, 3) from sensors to
-    bodies, by default any; `accelerometers`: they measure acceleration too, at a place on the body
-    that nobody knows.
+    """Return sensors named BODY_imu on bodies that move.
+
+    `mounted`: (sensors, 3, 3) from sensors to bodies, by default any; `accelerometers`: they
+    measure acceleration too, at a position on the body that nobody knows.
     """
     errors = errors or SensorErrors()
     rng = np.random.default_rng(seed)
@@ -156,8 +158,9 @@ def simulated_sensors(
 def _accelerations(
     rng: np.random.Generator, tree: Tree, values: Array, time: Array, columns: list[int]
 ) -> Array:
-    """(frames, sensors, 3) of points on bodies some centimetres from their origins, in ground
-    [m/s^2].
+    """Return accelerations (frames, sensors, 3) of points on bodies, in ground [m/s^2].
+
+    The points are some centimeters from the bodies' origins.
     """
     poses = forward_kinematics(tree, values)
     places = poses.points(np.array(columns), 0.05 * rng.normal(size=(len(columns), 3)))
@@ -170,9 +173,10 @@ def _accelerations(
 def raw_signals(
     sensors: InertialSensors, rate: float, noise: float = 0.01, bias: float = 0.005, seed: int = 0
 ) -> InertialSensors:
-    """What gyroscope, accelerometer and magnetometer measure of sensors that turn in place.
-    `noise`: of angular velocities [rad/s]; ten times as much of accelerations [m/s^2]; `bias`:
-    standard deviation of gyroscopes [rad/s].
+    """Return the signals of gyroscope, accelerometer and magnetometer.
+
+    The sensors rotate in place. `noise`: of angular velocities [rad/s]; ten times as much of
+    accelerations [m/s^2]; `bias`: standard deviation of gyroscopes [rad/s].
     """
     assert sensors.orientations is not None
     rng = np.random.default_rng(seed)

@@ -1,11 +1,12 @@
-"""A simulated subject whose lengths, marker places and inertial parameters are known, and what a
-laboratory records.
+"""A simulated subject and what a laboratory records.
 
-The generic model becomes a person: bodies stretched segment by segment, markers put a centimeter
+Its lengths, marker positions and inertial parameters are known.
+
+The generic model becomes a person: bodies scaled segment by segment, markers put a centimeter
 off, every body's mass deformed by a random affine map, which no rigid body's physics can object to.
-The person moves through a motion of closed form; `simulated_engines` tells where the markers are
-and what wrench the plate measures without any of Myomorph's kernels, and noise is laid over both.
-Synthetic: nobody was measured.
+The person moves through a motion of closed form; `simulated_engines` gives the positions of the
+markers and the wrench that the plate measures without any of Myomorph's kernels, and noise is added
+to both. Synthetic: nobody was measured.
 """
 
 from __future__ import annotations
@@ -93,8 +94,9 @@ class Instruments:
     seed: int = 5
 
     def sigma(self, up: Array) -> Array:
-        """(6,) standard deviations of the wrench's noise: moments about the plate's center, then
-        forces.
+        """Return standard deviations (6,) of the wrench's noise.
+
+        They are of moments about the plate's center, then of forces.
         """
         across, along = self.sensors[::-1]
         lever = np.where(np.abs(up) > 0.5, np.hypot(along, across), 0.0)
@@ -128,7 +130,7 @@ class Recording:
 
 
 def random_subject(generic: mm.Model, options: SubjectOptions | None = None) -> Subject:
-    """A person of other lengths, marker places and inertial parameters than the generic model's.
+    """Make a person of other lengths, marker positions and inertial parameters than the generic's.
 
     Every length of `lengths_of` has a factor of its own: from joint to joint, and across.
     """
@@ -242,7 +244,7 @@ def exciting_curves(
     sines: int = 5,
     band: tuple[float, float] = (0.08, 0.9),
 ) -> Curves:
-    """Sums of sines of random frequencies and phases in every coordinate, growing from rest."""
+    """Make sums of sines of random frequency and phase in every coordinate, growing from rest."""
     random = np.random.default_rng(seed)
     n = len(middles)
     omega = 2.0 * np.pi * random.uniform(*band, (sines, n))
@@ -280,8 +282,9 @@ def step_curves(
     every: float = 1.2,
     width: float = 0.2,
 ) -> Curves:
-    """Moves from one random pose to the next: x_0 + sum_k d_k Phi((t - t_k) / width), Phi the
-    normal distribution.
+    """Make moves from one random pose to the next.
+
+    x_0 + sum_k d_k Phi((t - t_k) / width), Phi the normal distribution.
     """
     random = np.random.default_rng(seed)
     at = np.arange(every, duration - every, every)
@@ -305,7 +308,7 @@ def record(
     instruments: Instruments | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Recording:
-    """What the laboratory records while the person's coordinates follow the curves."""
+    """Record the person as the laboratory does while its coordinates follow the curves."""
     instruments = instruments or Instruments()
     person = subject.person
     frames = round(duration * instruments.rate) + 1
@@ -347,8 +350,9 @@ def follow(model: mm.Model, values: Array) -> None:
 
 
 def plate_center(model: mm.Model) -> Array:
-    """(3,) the point of the floor under the base in its default pose: ground's height 0 is the
-    floor.
+    """Return the point (3,) of the floor under the base in its default pose.
+
+    The ground's height 0 is the floor.
     """
     base = next(joint for joint in model.joints if joint.parent == GROUND)
     default = {one.name: one.default for one in model.coordinates}
@@ -361,8 +365,9 @@ def plate_center(model: mm.Model) -> Array:
 
 
 def on_one_foot(model: mm.Model, time: Array, wrench: Array, center: Array) -> mm.Wrenches:
-    """The wrench as a force at its center of pressure with an upright free torque, on the right
-    foot.
+    """Return the wrench as a force at its center of pressure, on the right foot.
+
+    It has an upright free torque.
     """
     foot = next(
         body

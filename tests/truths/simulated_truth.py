@@ -1,5 +1,6 @@
-"""The truth of a simulated subject in the frames of a model that was found, and what either
-predicts.
+"""The truth of a simulated subject in the frames of an estimated model.
+
+Also what either predicts.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ from truths.simulated_subject import parameters_of
 
 
 def joint_distances(model: mm.Model) -> dict[tuple[str, str], float]:
-    """Distances between the joint centers of each segment in the default pose, by their bodies'
-    names [m].
+    """Return distances between the joint centers of each segment in the default pose [m].
 
-    A joint to the ground is no joint of the body, and massless bodies' joints are not counted.
+    Keys are their bodies' names. A joint to the ground is no joint of the body, and massless
+    bodies' joints are not counted.
     """
     tree = compile_tree(model)
     pose = forward_kinematics(tree, tree.defaults[None])
@@ -65,11 +66,11 @@ def _anchor(joint: Joint) -> Array:
 def frames_between(
     person: mm.Model, true: mm.Motion, model: mm.Model, motion: mm.Motion
 ) -> tuple[Array, Array]:
-    """Pose (bodies, 3, 3), (bodies, 3) of the person's body frames in the model's, as a recording
-    shows them.
+    """Return the pose of the person's body frames in the model's, as a recording shows them.
 
-    Where a joint's zero lies, and where a body's frame lies between its joints, is convention: no
-    recording tells it, and markers and masses are compared without it.
+    It is (bodies, 3, 3), (bodies, 3). Where a joint's zero lies, and where a body's frame lies
+    between its joints, is convention: no recording shows it, and markers and masses are compared
+    without it.
     """
     at = np.isin(np.round(true.time, 6), np.round(motion.time, 6))
     poses = [
@@ -88,7 +89,7 @@ def frames_between(
 
 
 def at_frames(motion: mm.Motion, at: np.ndarray) -> mm.Motion:
-    """Some frames of a motion."""
+    """Return some frames of a motion."""
     return mm.Motion(motion.time[at], motion.names, motion.values[at])
 
 

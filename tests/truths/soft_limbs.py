@@ -31,8 +31,9 @@ class SoftTissue:
         return np.array([self.mass, *(self.mass * x), *np.diag(inertia), *off])
 
     def mjcf(self, down: Array) -> str:
-        """A body on three slides that is where `place` says while gravity `down` (3,), in the
-        limb's frame, pulls.
+        """Return a body on three slides that is at the position of `place` while gravity pulls.
+
+        Gravity is `down` (3,), in the limb's frame.
         """
         angular = 2.0 * np.pi * self.frequency
         sag = down / angular**2

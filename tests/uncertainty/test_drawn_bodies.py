@@ -157,8 +157,9 @@ def test_arrays_of_a_drawn_model_are_those_that_compiling_it_anew_makes(data):
 
 
 def test_tendons_are_fitted_to_drawn_paths_and_fibers(model):
-    """Normalized fiber lengths in the default pose stay; the source of slack lengths alone changes
-    them.
+    """Normalized fiber lengths in the default pose stay.
+
+    The source of slack lengths alone changes them.
     """
 
     def fibers(one):

@@ -29,8 +29,9 @@ def test_numbers_depend_on_their_own_source_and_item_alone():
 
 
 def test_a_process_has_variance_one_and_is_correlated_as_a_gaussian():
-    """Of white noise smoothed by a Gaussian of width w, the correlation over a lag d is exp(-d^2 /
-    4 w^2).
+    """White noise smoothed by a Gaussian of width w.
+
+    The correlation over a lag d is exp(-d^2 / 4 w^2).
     """
     width = 10.0
     lag = 12

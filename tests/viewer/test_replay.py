@@ -56,8 +56,9 @@ def test_poses_are_those_of_the_kinematics() -> None:
 
 
 def test_tubes_reach_from_point_to_point() -> None:
-    """Every tube's ends, turned and placed, are the path's points; the ones beyond the path have no
-    size.
+    """Every tube's ends, rotated and placed, are the path's points.
+
+    The ones beyond the path have no size.
     """
     random = np.random.default_rng(1)
     points = random.normal(size=(7, 3))

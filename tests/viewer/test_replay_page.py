@@ -1,5 +1,6 @@
-"""The page in a real browser: it opens, its slider moves the pose, a muscle is found, and nothing
-goes wrong.
+"""The page in a real browser.
+
+It opens, its slider moves the pose, a muscle is found, and nothing goes wrong.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ RIGHT = 855
 
 
 def walker() -> ReportInput:
-    """The walker with a marker on a thigh, as recorded a little off, and a plate."""
+    """Return the walker with a marker on a thigh, as recorded a little off, and a plate."""
     given = everything()
     assert given.model is not None
     assert given.kinematics.fit is not None
@@ -51,7 +52,7 @@ def walker() -> ReportInput:
 
 
 def with_limits() -> ReportInput:
-    """The walker with limits of its tensions."""
+    """Return the walker with interval bounds of its tensions."""
     given = walker()
     assert given.tension is not None
     time = given.tension.time
@@ -97,7 +98,7 @@ def browser(page: Replay, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 
 def scene(browser: Browser) -> np.ndarray:
-    """The pixels between the panels."""
+    """Return the pixels between the panels."""
     return browser.picture()[:, LEFT:RIGHT].astype(int)
 
 
@@ -107,7 +108,7 @@ def changed(before: np.ndarray, after: np.ndarray) -> int:
 
 
 def settled(browser: Browser) -> np.ndarray:
-    """The pixels between the panels once they stay the same."""
+    """Return the pixels between the panels once they stay the same."""
     before = scene(browser)
     for _ in range(60):
         after = scene(browser)
@@ -322,8 +323,9 @@ def test_it_listens_on_this_machine_and_on_the_port_it_is_given() -> None:
 
 
 def test_a_plot_has_its_values_after_every_message(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A busy browser draws between any two messages, and another that opens the page gets the last
-    of each kind.
+    """A busy browser draws between any two messages.
+
+    Another that opens the page gets the last of each kind.
     """
     buffers = pytest.importorskip("viser.infra._async_message_buffer")
     push = buffers.AsyncMessageBuffer.push

@@ -78,8 +78,9 @@ def inertia_columns(x: np.ndarray) -> np.ndarray:
 def limb_rows(
     rotations: np.ndarray, rates: np.ndarray, accelerations: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(frames, 6, 10) wrench in ground and (frames, 3, 10) moment in the limb; rates (frames, 3) in
-    the limb.
+    """Return wrench rows (frames, 6, 10) in ground and moment rows (frames, 3, 10) in the limb.
+
+    Rates are (frames, 3) in the limb.
     """
     frames = len(rotations)
     g = np.einsum("fji,j->fi", rotations, GRAVITY)
@@ -95,9 +96,9 @@ def limb_rows(
 def swing(
     made: Made, start: np.ndarray, rate: np.ndarray, seconds: float
 ) -> tuple[SwingRecording, ...]:
-    """Releases from rotation vectors `start` (releases, 3) with angular velocity `rate` in the
-    limb, at 100 Hz.
+    """Simulate releases at 100 Hz.
 
+    They are from rotation vectors `start` (releases, 3) with angular velocity `rate` in the limb.
     Accelerations are those of the states, so the equations hold exactly; the states are Runge and
     Kutta's.
     """

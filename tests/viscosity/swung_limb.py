@@ -1,5 +1,6 @@
-"""Limbs with passive laws, swung by a plain integrator and written as the equations that
-identification takes.
+"""Limbs with passive laws, swung by a plain integrator.
+
+They are written as the equations that identification takes.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ MUSCLES = ("deltoid", "supraspinatus", "teres", "biceps")
 
 
 def law(axes: int = 3, **terms: float | Array) -> PassiveLaw:
-    """A law of the given terms, all others zero."""
+    """Make a law of the given terms, all others zero."""
     return PassiveLaw(
         viscosity=np.broadcast_to(terms.get("viscosity", 0.0), (axes,)),
         stiffness=np.broadcast_to(terms.get("stiffness", 0.0), (axes,)),
@@ -57,8 +58,9 @@ def released() -> dict[str, list[SwingRecording]]:
 
 
 def moment_arms(angles: Array) -> Array:
-    """(frames, muscles, 3) d(length)/d(angle) of muscles whose moment arms change with the pose
-    [m/rad].
+    """Return moment arms (frames, muscles, 3), d(length)/d(angle) [m/rad].
+
+    They change with the pose.
     """
     level = np.array(
         [
@@ -81,10 +83,10 @@ def swung(
     rate: float = 100.0,
     muscles: bool = True,
 ) -> list[SwingRecording]:
-    """Exact recordings of limbs let go at rotation vectors from hanging, with rates along their
-    axes.
+    """Simulate exact recordings of limbs let go at rotation vectors from hanging.
 
-    All at once: the classical Runge-Kutta method of order 4 on quaternions, steps of 5 ms.
+    Rates are along their axes. All are simulated at once: the classical Runge-Kutta method of order
+    4 on quaternions, steps of 5 ms.
     """
     inertia = inertia_matrices(LIMB)
     h = LIMB[1:4]

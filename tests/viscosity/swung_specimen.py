@@ -1,5 +1,6 @@
-"""A specimen swung by an integrator of its own: markers without noise, wrench without noise, and
-the truth.
+"""A specimen swung by an integrator of its own.
+
+Markers without noise, wrench without noise, and the truth.
 """
 
 from __future__ import annotations
@@ -52,8 +53,9 @@ FORCES = {"front": 300.0, "back_1": 100.0, "back_2": 300.0, "long": 200.0, "ches
 
 
 def arm_model() -> Model:
-    """A trunk, a scapula on it, an arm on a chain with a phantom body, a wrist of two axes, and
-    muscles.
+    """Make a trunk, a scapula on it, an arm on a chain with a phantom body, and muscles.
+
+    The wrist has two axes.
     """
 
     def body(name: str, mass: float, center: tuple[float, float, float]) -> Body:
@@ -168,7 +170,7 @@ NAMES = SpecimenNames(
 
 
 def arm_specimen() -> Specimen:
-    """The specimen of the made arm, on a plate somewhere in the laboratory, with clusters."""
+    """Make the specimen of the made arm, on a plate somewhere in the laboratory, with clusters."""
     specimen = with_clusters(build_specimen(arm_model(), NAMES))
     stand = Transform.from_euler_xyz((0.3, -1.1, 0.2), (0.4, 1.3, -0.2))
     return specimen.standing(stand)
@@ -192,8 +194,9 @@ class Swung:
 
 
 def limb_parameters(specimen: Specimen, held: dict[str, float]) -> Array:
-    """(10,) of all bones of the limb about the joint's center, along the humerus' axes, at held
-    angles.
+    """Return parameters (10,) of all bones of the limb about the joint's center.
+
+    They are along the humerus' axes, at held angles.
     """
     model = specimen.model
     tree = compile_tree(model)
@@ -220,8 +223,9 @@ def swing(
     held: dict[str, float] | None = None,
     hold: float = 0.0,
 ) -> Swung:
-    """Let the limb go, turned by a rotation vector from hanging; a hand holds it for the first
-    `hold` seconds.
+    """Let the limb go, rotated by a rotation vector from hanging.
+
+    A hand holds it for the first `hold` seconds.
     """
     held = HELD if held is None else held
     phi = limb_parameters(specimen, held)

@@ -24,8 +24,9 @@ from truths.mechanical_joint import mechanical_joint
 
 @pytest.fixture(scope="module")
 def spun() -> tuple[Specimen, Motion, Sampled]:
-    """A limb that turns several times about its length, without noise, as coordinates of its
-    specimen.
+    """Make a limb that rotates several times about its length, without noise.
+
+    It is returned as coordinates of its specimen.
     """
     joint = mechanical_joint("ball", 0.01, 0.0, 25, seconds=8.0, trials=1)
     specimen = build_specimen(joint.model, SpecimenNames("base", "limb"))

@@ -1,5 +1,6 @@
-"""What rests on the base changes no viscosity and no first moment; a mass is as well known as that
-load is.
+"""What rests on the base changes no viscosity and no first moment.
+
+A mass is as well known as that load is.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def light() -> list:
 
 
 def loaded(recordings: list, mass: float) -> list:
-    """The recordings with a mass at rest on the base; wrenches are those that carry."""
+    """Return the recordings with a mass at rest on the base; wrenches include its weight."""
     force = -mass * GRAVITY
     return [
         replace(one, wrench=one.wrench + np.concatenate([np.cross(PLACE, force), force]))

@@ -1,5 +1,6 @@
-"""The plate's clock from a swing: a spherical pendulum simulated in MuJoCo, rows by the regressor
-of its rigid link.
+"""The plate's clock from a swing.
+
+A spherical pendulum is simulated in MuJoCo, rows are by the regressor of its rigid link.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ def swing(seconds: float = 31.0):
 
 
 def base_rows(time: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-    """Moment and force (frames, 6, 10) on the base that unit mass, first and second moments of mass
-    cause.
+    """Return rows (frames, 6, 10) of moment and force on the base.
+
+    Unit mass, first and second moments of mass cause them.
     """
     spline = natural_spline(time, rotations.reshape(len(time), 9))
     r = rotations
@@ -86,8 +88,9 @@ def recorded(
     moment: float = 0.03,
     angle: float = 3e-4,
 ):
-    """30 s of frames at 200 Hz with noisy orientations, and of wrenches at 2000 Hz on another
-    clock.
+    """Simulate 30 s of frames at 200 Hz with noisy orientations.
+
+    Wrenches are at 2000 Hz on another clock.
     """
     _, rotations, _, spline = truth
     random = np.random.default_rng(seed)
@@ -115,8 +118,9 @@ def test_without_noise_the_clock_is_exact(truth, offset, drift):
 
 
 def test_with_noise_of_a_laboratory_the_clock_is_found_nearly_as_well_as_can_be(truth):
-    """0.3 N, 0.03 Nm and 0.3 mrad: root mean square of four runs beside the bound that the plate's
-    noise alone sets.
+    """0.3 N, 0.03 Nm and 0.3 mrad.
+
+    The root mean square of four runs is compared with the bound from the plate's noise alone.
     """
     time, _, wrench, _ = truth
     slopes = np.gradient(wrench, 0.0005, axis=0)[1000:61000] / np.repeat([0.03, 0.3], 3)

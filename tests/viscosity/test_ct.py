@@ -1,5 +1,6 @@
-"""A specimen's CT from files: STL and PLY in millimetres, picked points, a recording; bones of a
-shoulder model.
+"""A specimen's CT from files: STL and PLY in millimeters, picked points, a recording.
+
+Also bones of a shoulder model.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ def written(path: Path, surface: Surface) -> Path:
 
 @pytest.fixture(scope="module")
 def specimen(data, tmp_path_factory):
-    """The model, files of a CT made of its bones (2 % smaller, 0.3 mm of noise), and where its
-    markers truly are.
+    """Make the model, files of a CT of its bones, and the true positions of its markers.
+
+    The bones are 2 % smaller, with 0.3 mm of noise.
     """
     from myomorph.core.io.mesh import read_mesh
     from myomorph.core.surfaces.clusters import bone_surface

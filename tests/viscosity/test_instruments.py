@@ -1,5 +1,6 @@
-"""Laws of instruments estimated from swings: what they tell is found, what they cannot tell stays
-assumed.
+"""Laws of instruments estimated from swings.
+
+What swings show is found, what they cannot show stays assumed.
 """
 
 from __future__ import annotations

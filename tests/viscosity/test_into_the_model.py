@@ -42,7 +42,7 @@ SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot")
 
 
 def ball(order="yxy"):
-    """A limb that turns about three axes of a base, which itself turns on the ground."""
+    """Make a limb that rotates about three axes of a base, which itself rotates on the ground."""
     still = Transform.identity()
     lean = Axis(
         kind="rotation",
@@ -113,8 +113,9 @@ def swung(model, size=0.6, frames=60, seed=0):
 
 
 def turning_against(model, motion, base, limb):
-    """Angular velocity of a limb against its base along the limb's axes, by differences of
-    rotations.
+    """Return the angular velocity of a limb against its base along the limb's axes.
+
+    It is by differences of rotations.
     """
     tree = compile_tree(model)
     step = 1e-6
@@ -164,8 +165,9 @@ def test_dampers_of_mujoco_act_as_they_should(tmp_path):
 
 
 def test_damping_takes_the_joint_s_power():
-    """The least-squares dampers take, over the motion, the power that the joint's own damping
-    takes.
+    """The least-squares dampers take the power that the joint's own damping takes.
+
+    The power is over the motion.
     """
     model = ball()
     motion = swung(model)
@@ -179,8 +181,9 @@ def test_damping_takes_the_joint_s_power():
 
 
 def test_a_hinge_is_expressed_exactly():
-    """Where only one coordinate moves its damper says all; the others keep what the joint has at
-    that pose.
+    """Where only one coordinate moves, its damper accounts for all.
+
+    The others have what the joint has at that pose.
     """
     model = ball()
     motion = swung(model)
@@ -208,8 +211,9 @@ def test_the_matrix_is_that_of_the_joint():
 
 
 def test_a_bushing_says_what_coordinates_cannot():
-    """About y, x, y at a small middle angle the first and last turn fall together: dampers of them
-    fail there.
+    """About y, x, y at a small middle angle the first and last axis coincide.
+
+    Dampers of them fail there.
     """
     model = ball()
     motion = swung(model, size=0.4)
@@ -332,8 +336,9 @@ def test_a_damper_on_another_path_stays_a_force_of_its_own(arm, tmp_path):
 
 
 def test_opensim_computes_the_same_passive_forces(data, tmp_path):
-    """Its inverse dynamics with these forces applied, less that without: springs, bushing and
-    dampers along muscles.
+    """Its inverse dynamics with these forces applied, less that without.
+
+    Springs, bushing and dampers along muscles.
     """
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")

@@ -1,5 +1,6 @@
-"""A relaxed limb that is dropped: its equation of motion, what is found of its joint, and what is
-named.
+"""A relaxed limb that is dropped: its equation of motion.
+
+Also what is found of its joint, and what is named.
 """
 
 from __future__ import annotations
@@ -147,7 +148,7 @@ def test_activity_is_what_rises_above_the_level_at_rest():
 
 @pytest.fixture(scope="module")
 def studied(tmp_path_factory):
-    """A study of three drops, a reflex in the second that EMG shows, run from its files."""
+    """Run a study of three drops from its files, with a reflex in the second that EMG shows."""
     folder = tmp_path_factory.mktemp("relaxed")
     write_leg(replace(LEG, bursts=(1,)), folder)
     (folder / "study.toml").write_text(

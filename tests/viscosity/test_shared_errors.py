@@ -1,5 +1,6 @@
-"""Laws of the error budget: errors that all swings share are held by the intervals that know of
-them.
+"""Laws of the error budget.
+
+Intervals that include errors shared by all swings cover them.
 """
 
 from __future__ import annotations

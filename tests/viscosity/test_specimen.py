@@ -172,7 +172,7 @@ def test_inertia_moves_as_points_of_mass_do():
 
 
 def swinging(specimen: Specimen, frames: int = 200) -> Motion:
-    """A smooth motion of the joint, large in all angles."""
+    """Make a smooth motion of the joint, large in all angles."""
     time = 0.005 * np.arange(frames)
     phases = np.arange(len(specimen.joint_coordinates))
     angles = 0.7 * np.sin(6.0 * time[:, None] + phases) + 0.3 * np.cos(9.0 * time[:, None] - phases)
@@ -234,8 +234,9 @@ def test_lengthening_is_the_velocity_of_the_muscles():
 
 
 def test_strands_share_the_viscosity_of_their_muscle():
-    """What a muscle's viscosity takes from the swing is what its strands, each with its share,
-    take.
+    """What a muscle's viscosity takes from the swing is what its lines of action take.
+
+    Each has its share.
     """
     specimen = build_specimen(arm_model(), NAMES)
     motion = swinging(specimen)
@@ -253,8 +254,9 @@ def test_strands_share_the_viscosity_of_their_muscle():
 
 
 def test_where_coordinates_are_zero_is_free():
-    """Stand and rest only say from where coordinates count: arms about the limb's own axes are the
-    same.
+    """Stand and rest only set from where coordinates count.
+
+    Moment arms about the limb's own axes are the same.
     """
     specimen = build_specimen(arm_model(), NAMES)
     turn = axis_rotation(np.array([0.6, 0.0, 0.8]), 0.9)

@@ -1,5 +1,6 @@
-"""Markers and forces of a swing from every kind of file are those that were recorded, whichever way
-is up.
+"""Markers and forces of a swing from every kind of file are those that were recorded.
+
+Which way is up does not matter.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ def swung(tmp_path_factory):
 
 
 def whole(wrenches):
-    """(samples, 9) force, point, torque."""
+    """Return (samples, 9) force, point, torque."""
     return np.hstack([wrenches.forces[:, 0], wrenches.points[:, 0], wrenches.torques[:, 0]])
 
 
@@ -62,8 +63,9 @@ def write_table(wrenches, path, names=LABELS):
 
 
 def plate_of(wrenches, rotation, center):
-    """A plate at a pose whose channels, force and moment about its origin, stand for the wrench on
-    what it carries.
+    """Make a plate at a pose whose channels represent the wrench on what it carries.
+
+    The channels are force and moment about its origin.
     """
     origin = np.array([0.001, -0.002, -0.04])
     force = wrenches.forces[:, 0] @ rotation

@@ -243,8 +243,9 @@ class Straight(Made):
 
 
 def test_axes_that_do_not_turn_do_not_shrink_the_others(monkeypatch):
-    """Noise says that their inertia is small, and of a possible body no other is larger than the
-    other two together.
+    """Noise makes their inertia appear small.
+
+    Of a possible body no inertia is larger than the other two together.
     """
     limb = Straight()
     random = np.random.default_rng(0)

@@ -1,5 +1,6 @@
-"""Bones from clusters: the truth comes back, in any laboratory, and what is wrong with markers is
-named.
+"""Bones from clusters: the truth is recovered, in any laboratory.
+
+What is wrong with markers is named.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def swung() -> Swung:
 
 
 def with_markers(trial: SwingTrial, change) -> SwingTrial:
-    """The trial with its marker values changed: `change(values, column of a name)`."""
+    """Return the trial with its marker values changed: `change(values, column of a name)`."""
     values = np.array(trial.markers.values)
     change(values, {name: i for i, name in enumerate(trial.markers.names)})
     return replace(trial, markers=replace(trial.markers, values=values))

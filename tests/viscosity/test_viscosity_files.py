@@ -1,5 +1,6 @@
-"""Tables of a cohort have the columns that the issue names; the report can be made again from its
-store.
+"""Tables of a cohort have the specified columns.
+
+The report can be made again from its store.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""The page on a cohort prints the tables as the paper does, and draws what it is given where it
-belongs.
+"""The page on a cohort prints the tables as the paper does.
+
+It draws its values where they belong.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""A specimen that fails is named and the rest of the cohort is done; files are whole and the report
-opens.
+"""A specimen that fails is named and the rest of the cohort is done.
+
+Files are whole and the report opens.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from swing_cohort import specimens
 
 @pytest.fixture
 def study(tmp_path):
-    """A study of four specimens whose files are empty."""
+    """Make a study of four specimens whose files are empty."""
     for name in ("arm.osim", "a.trc", "a.mot", "b.trc", "b.mot"):
         (tmp_path / name).write_text("")
     tables = [

@@ -1,5 +1,6 @@
-"""From files to tables: limbs swung by an integrator of the tests, some with what goes wrong in a
-laboratory.
+"""From files to tables.
+
+Limbs swung by an integrator of the tests, some with what goes wrong in a laboratory.
 """
 
 from __future__ import annotations
@@ -38,7 +39,10 @@ draws = 10
 
 
 def write_swing(swung, stem, offset=None, rename=lambda name: name):
-    """A trial as TRC and MOT; `offset` (6,) is taken off force and torque about the point."""
+    """Write a trial as TRC and MOT.
+
+    `offset` (6,) is taken off force and torque about the point.
+    """
     markers = swung.trial.markers
     wrenches = swung.trial.wrenches
     named = Markers(markers.time, tuple(rename(name) for name in markers.names), markers.values)
