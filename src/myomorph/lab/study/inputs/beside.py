@@ -22,7 +22,7 @@ TABLE_ENDINGS = (".mot", ".sto")
 
 
 def plain_stem(recording: Path) -> str:
-    """A recording's name without its ending, and without "markers" before or after it."""
+    """Return a recording's name without its ending, and without "markers" before or after it."""
     stem = recording.stem
     for part in MARKERS:
         if part.endswith("_") and stem.lower().startswith(part):
@@ -33,8 +33,9 @@ def plain_stem(recording: Path) -> str:
 
 
 def is_alone(recording: Path) -> bool:
-    """Whether there is no other recording in its folder: files beside it then belong to it whatever
-    their names are.
+    """Return whether there is no other recording in its folder.
+
+    Files beside it then belong to it whatever their names are.
     """
     return (
         sum(trial_format(file) is not None for file in recording.parent.iterdir() if file.is_file())
@@ -45,7 +46,7 @@ def is_alone(recording: Path) -> bool:
 def companion(
     recording: Path, words: Sequence[str], endings: Sequence[str], alone: bool = False
 ) -> Path | None:
-    """The file that belongs to a recording, by its stem, or None.
+    """Find the file that belongs to a recording by its stem, None where there is none.
 
     With STEM the recording's name (and the same without "markers"), and WORD one of `words`, the
     first of these that exists beside it: STEM_WORD, WORD_STEM, and STEM where it counts alone; by

@@ -1,5 +1,6 @@
-"""Files of contacts (.toml, .csv), read into a `ContactPlan`: sites, contact intervals, stairs of
-load cells, sound.
+"""Files of contacts (.toml, .csv), read into a `ContactPlan`.
+
+They hold sites, contact intervals, stairs of load cells and sound.
 """
 
 from __future__ import annotations
@@ -147,7 +148,7 @@ class _StairsFile(Strict):
 
 
 def opened(settings: ContactsFile, opening: Opening) -> Opened:
-    """What is known of the contacts of a trial."""
+    """Read what is known of the contacts of a trial."""
     if not settings.contacts:
         return Opened()
     loads = opening.settings.or_default(LoadsFile).loads
@@ -163,7 +164,7 @@ def opened(settings: ContactsFile, opening: Opening) -> Opened:
 
 
 def contact_sources(settings: ContactsFile) -> tuple[Source, ...]:
-    """What tells of contacts, as inputs by their hashes."""
+    """List the sources of contacts as inputs by their hashes."""
     source = value_source("contacts", settings.contacts, settings.contacts, settings.measured)
     if settings.contacts == AUTO:
         return (source,)
@@ -175,9 +176,21 @@ def contact_sources(settings: ContactsFile) -> tuple[Source, ...]:
 def read_contacts(
     source: str | Path, model: Model, measured: Measured | None = None
 ) -> ContactPlan:
-    """The contacts that a user asks for: "auto", a table of touches (.csv) or a contact file
-    (.toml); `measured`, where it is not what the file says. Raises `BadFile` with a list of all
-    that is wrong.
+    """Read the contacts that a user specifies.
+
+    Parameters
+    ----------
+    source : "auto", a table of contact intervals (.csv) or a contact file (.toml)
+    model : whose bodies the sites are on
+    measured : in the place of what the file specifies; None for that
+
+    Returns
+    -------
+    sites, contact intervals, sound and stairs
+
+    Raises
+    ------
+    BadFile : the file cannot be used; with a list of all that is wrong
     """
     if str(source) == AUTO:
         return ContactPlan(measured=measured or "exact")
@@ -229,8 +242,10 @@ def read_contacts(
 
 
 def contact_files(path: Path) -> tuple[Path, ...]:
-    """A contact file that `read_contacts` reads, and the table of touches, the sound and the stairs
-    that it names. Raises `BadFile` where the contact file is not there.
+    """List a contact file that `read_contacts` reads, and the files that it names.
+
+    These are its table of contact intervals, its sound, its stairs and their recording. Raises
+    `BadFile` where the contact file does not exist.
     """
     if not path.is_file():
         near = [one.name for one in path.parent.glob("*") if one.suffix in (".csv", ".toml")]
@@ -295,8 +310,9 @@ def _site(site: _Site, model: Model) -> Site:
 
 
 def _surfaces(contact_file: _ContactFile) -> dict[str, float | None]:
-    """Heights of surfaces other than the floor; sites found by name, as the seat, rest on one of
-    their own.
+    """Return heights of surfaces other than the floor, by site [m]; None for the lowest position.
+
+    Sites found by name, such as the seat, rest on a surface of their own.
     """
     raised: dict[str, float | None] = dict.fromkeys(contact_file.sites)
     for one in contact_file.site:
@@ -306,9 +322,7 @@ def _surfaces(contact_file: _ContactFile) -> dict[str, float | None]:
 
 
 def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | None:
-    """The touches of a table, and those written beside the sites; None where neither tells
-    anything.
-    """
+    """Join the contact intervals of a table and those of the sites; None where there are none."""
     touches: list[Touch] = [] if read is None else list(read.intervals)
     names = dict.fromkeys(() if read is None else read.sites)
     for site in sites:
@@ -337,8 +351,9 @@ def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | N
 def _sound_plan(
     table: _Sound, instruments: Sequence[_Instrument], path: Path, up: Array
 ) -> SoundPlan:
-    """A contact file's recording and instruments, with impacts of known impulse where loudness
-    tells impulses.
+    """Read the recording and the instruments of a contact file.
+
+    Instruments have impacts of known impulse where impulses follow from loudness.
     """
     if not instruments:
         raise BadData(
@@ -376,10 +391,22 @@ def _sound_plan(
 
 
 def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> Stairs:
-    """Stairs of a file, with the loads that were recorded. `trial`: file of the markers; with it,
-    `recording` may leave the file out (channels in a C3D file of markers, or a table
-    `STEM_stairs.csv` beside it) and `{trial}` in it stands for the stem. Raises `BadFile` with a
-    list of all that is wrong.
+    """Read stairs from a file, with the loads that were recorded.
+
+    Parameters
+    ----------
+    path : of the file (.toml)
+    model : whose bodies the paws are
+    trial : file of the markers; with it, `recording` may leave the file out (channels in a C3D file
+        of markers, or a table `STEM_stairs.csv` beside it), and `{trial}` in it stands for the stem
+
+    Returns
+    -------
+    steps, paws and loads
+
+    Raises
+    ------
+    BadFile : with a list of all that is wrong
     """
     path = Path(path)
     found, problems = checked(_StairsFile, read_toml(path))
@@ -477,9 +504,7 @@ def _recording(
 
 
 def recording_of(path: Path, trial: Path | None = None) -> tuple[Path, ...]:
-    """The file of the channels that a file of stairs names, () where the file does not specify
-    them.
-    """
+    """Return the file of channels that a file of stairs names, () where it names none."""
     table = read_toml(path).get("stairs")
     given = table.get("recording") if isinstance(table, dict) else None
     found = _recording(given if isinstance(given, str) else None, path, trial, [])

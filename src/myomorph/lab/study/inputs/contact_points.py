@@ -20,9 +20,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ContactPointsFile:
-    """Share a joint's force among contact points (joint_contact_forces.sto): auto (medial and
-    lateral point of every knee, from the femur's mesh beside the model), a folder with the bones'
-    meshes, or a file of points (.toml).
+    """Contact points of joints.
+
+    Attributes
+    ----------
+    contact_points : Share a joint's force among contact points (joint_contact_forces.sto): auto
+        (medial and lateral point of every knee, from the femur's mesh beside the model), a folder
+        with the bones' meshes, or a file of points (.toml).
     """
 
     contact_points: Annotated[str, WordOrFile(option_of="tension")] = ""
@@ -41,9 +45,21 @@ INPUT = Input(name="contact points", settings=ContactPointsFile, open=_open, mai
 
 
 def contact_points(source: str, model: Model) -> JointPoints | None:
-    """Contact points of a model's joints, and what is to be known of them: "auto" for the knees
-    with the bones beside the model's file, a folder of bones, a TOML file; None for "". Raises
-    `BadFile` for a file without contact points.
+    """Return contact points of a model's joints, and what is to be known of them.
+
+    Parameters
+    ----------
+    source : "auto" for the knees with the bones beside the model's file, a folder of bones, a TOML
+        file, or ""
+    model : whose joints have the points
+
+    Returns
+    -------
+    the points, None for ""
+
+    Raises
+    ------
+    BadFile : the file has no contact points
     """
     if not source:
         return None

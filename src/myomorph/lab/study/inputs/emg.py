@@ -51,10 +51,16 @@ class EmgFiles:
 
 @dataclass(frozen=True, eq=False)
 class RecordedEmg(Recorded):
-    """EMG of a recording: envelopes (of a C3D file, of channels that tell a muscle), muscles of the
-    channels, what was done and what is wrong, one line each; envelopes in maximum voluntary
-    contractions, where measured; what each channel was divided by; and delays and gains, None to
-    find them on this recording.
+    """EMG of a recording.
+
+    Attributes
+    ----------
+    emg : envelopes; of a C3D file those of channels whose names contain a muscle
+    muscles : of each channel
+    notes : what was done and what is wrong, one line each
+    maxima : of the envelopes in maximum voluntary contractions, where measured
+    scale : what each channel was divided by
+    gains : delays and gains, None to find them on this recording
     """
 
     emg: Emg
@@ -76,7 +82,7 @@ class RecordedEmg(Recorded):
 
 
 def emg_by_name(recording: Path) -> Path | None:
-    """The EMG that belongs to a recording by the rule of names, or None."""
+    """Find the EMG that belongs to a recording by the rule of names, None where there is none."""
     return companion(recording, WORDS, ENDINGS)
 
 

@@ -1,5 +1,6 @@
-"""EMG of files: raw channels become envelopes, channels find their muscles, and what is wrong with
-them is told.
+"""EMG of files.
+
+Raw channels become envelopes, channels find their muscles, and what is wrong with them is reported.
 """
 
 from __future__ import annotations
@@ -101,12 +102,14 @@ def open_emg(
     reference: Sequence[Path] = (),
     side: str = "",
 ) -> RecordedEmg:
-    """EMG of a table or of the analog channels of a C3D file, as envelopes. Channels that swing
-    about zero, or fast about an offset, are raw: filtered (`envelopes`) and scaled to their largest
-    value in the `reference` recordings (maximum voluntary contractions), else to their own.
-    Envelopes are scaled to the reference, too, or taken as they are; a table whose largest value is
-    over 1.5 has every channel scaled to its own. `named` channels have the muscles that a user
-    tells, others find theirs by name, on `side` where that has none.
+    """Read EMG of a table or of the analog channels of a C3D file as envelopes.
+
+    Channels that swing about zero, or fast about an offset, are raw: they are filtered
+    (`envelopes`) and scaled to their largest value in the `reference` recordings (maximum voluntary
+    contractions), else to their own. Envelopes are scaled to the reference, too, or stay as they
+    are; a table whose largest value is over 1.5 has every channel scaled to its own. `named`
+    channels have the muscles that a user specifies. Others find theirs by name, on `side` where the
+    name has none.
     """
     found = channels_of(path)
     name = Path(path).name
@@ -179,8 +182,9 @@ def _without_noise(opened: RecordedEmg, named: Mapping[str, tuple[str, ...]]) ->
 def _left_out(
     path: str | Path, names: Sequence[str], measured_on: Mapping[str, tuple[str, ...]]
 ) -> tuple[Message, ...]:
-    """Channels that take no part while others do; of a C3D file those that are none of a plate or
-    another sensor.
+    """Report channels that take no part while others do.
+
+    Of a C3D file these are only those that are none of a plate or another sensor.
     """
     lacking = [name for name in names if name not in measured_on]
     if Path(path).suffix.lower() == ".c3d":
@@ -243,8 +247,9 @@ def _is_raw(series: Series) -> bool:
 
 
 def _swings_about_offset(column: Array, rate: float) -> bool:
-    """Whether a channel (samples,) is raw EMG with an offset: fast, and as far below its median as
-    above it.
+    """Return whether a channel (samples,) is raw EMG with an offset.
+
+    It is where it is fast, and goes as far below its median as above it.
     """
     column = column[np.isfinite(column)]
     if not emg_checks.fast_share(column, rate) > MOSTLY_FAST:

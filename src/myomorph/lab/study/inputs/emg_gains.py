@@ -1,5 +1,6 @@
-"""Gains of a subject's EMG channels as a file, and EMG of any recording of the subject in the units
-they are for.
+"""Gains of a subject's EMG channels as a file.
+
+EMG of any recording of the subject is brought into the units that they are for.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ FORMAT = "myomorph EMG gains 1"
 
 @dataclass(frozen=True, eq=False)
 class SubjectGains:
-    """Delay, gain and shape of a subject's channels. `scale`: what the envelopes of each channel
-    were divided by, in the units of the recordings.
+    """Delay, gain and shape of a subject's channels.
+
+    `scale`: what the envelopes of each channel were divided by, in the units of the recordings.
     """
 
     calibration: EmgCalibration
@@ -34,17 +36,16 @@ class SubjectGains:
 
 
 def common_scale(scales: list[Mapping[str, float]]) -> dict[str, float]:
-    """The largest scale of each channel over recordings of the same electrodes."""
+    """Return the largest scale of each channel over recordings of the same electrodes."""
     names = dict.fromkeys(name for scale in scales for name in scale)
     return {name: max(scale[name] for scale in scales if name in scale) for name in names}
 
 
 def rescaled(emg: Emg, own: Mapping[str, float], wanted: Mapping[str, float]) -> Emg:
-    """Envelopes divided by `wanted`, that were divided by `own`; channels that lack one of them
-    stay as they are.
+    """Divide envelopes by `wanted` in the place of `own`, by which they were divided.
 
-    A recording alone is scaled to its own largest value: the same gain then means another
-    activation in each.
+    Channels that are missing in one of them stay as they are. A recording alone is scaled to its
+    own largest value: the same gain then means another activation in each.
     """
     factors = [
         own[name] / wanted[name] if name in own and name in wanted else 1.0 for name in emg.names

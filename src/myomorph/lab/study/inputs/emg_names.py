@@ -1,5 +1,6 @@
-"""Which muscles an EMG channel was measured on, by its name: spellings of laboratories and of
-models.
+"""Muscles that an EMG channel was measured on, by its name.
+
+The spellings are those of laboratories and of models.
 """
 
 from __future__ import annotations
@@ -64,10 +65,10 @@ LETTER = re.compile(r"^([RL])([A-Z]{2,})$")
 
 
 def plain_channel(channel: str) -> tuple[str, str]:
-    """A channel's name without what amplifiers put before and after it, and its side ("" where it
-    has none).
+    """Return a channel's name without what amplifiers put before and after it, and its side.
 
-    "Voltage.R Tib Ant" is ("Tib_Ant", "right"), "LTA" ("TA", "left").
+    The side is "" where the name has none. "Voltage.R Tib Ant" is ("Tib_Ant", "right"), "LTA"
+    ("TA", "left").
     """
     plain = BEGINNING.sub("", ENDING.sub("", channel.strip())).replace(" ", "_")
     base, side = split_side(plain)
@@ -80,11 +81,12 @@ def plain_channel(channel: str) -> tuple[str, str]:
 def muscles_of_channels(
     channels: Sequence[str], model: Model, side: str = ""
 ) -> dict[str, tuple[str, ...]]:
-    """The model's muscles that each EMG channel was measured on, as far as its name contains muscle
-    and side. "soleus_r" is the muscle of that name, "vas_lat_r_activation" the right vastus
-    lateralis whatever the model calls it, "R Hams" the right biceps femoris, semitendinosus and
-    semimembranosus; "soleus" without a side is not claimed to be either. `side`: "right" or "left",
-    of channels whose names contain none.
+    """Find the model's muscles that each EMG channel was measured on.
+
+    A channel has muscles as far as its name contains muscle and side. "soleus_r" is the muscle of
+    that name, "vas_lat_r_activation" the right vastus lateralis whatever the model calls it, "R
+    Hams" the right biceps femoris, semitendinosus and semimembranosus; "soleus" without a side is
+    not claimed to be either. `side`: "right" or "left", of channels whose names contain none.
     """
     sided = {name: split_side(name) for name in model.muscle_names}
     result: dict[str, tuple[str, ...]] = {}

@@ -1,5 +1,6 @@
-"""How far off the model may be, as the steps found that made it: a table beside the model, and the
-input of a trial.
+"""Sizes of a model's errors, as the steps that made it found them.
+
+They are a table beside the model, and an input of a trial.
 """
 
 from __future__ import annotations
@@ -19,8 +20,11 @@ from myomorph.lab.uncertainty.sources import GROUPS, NOTHING, ErrorSizes, ItemSi
 
 @dataclass(frozen=True)
 class ErrorSizeTables:
-    """Tables of sizes of errors, in the order of the steps that found them; () for those beside the
-    model.
+    """Tables of sizes of errors.
+
+    Attributes
+    ----------
+    paths : in the order of the steps that found them; () for those beside the model
     """
 
     paths: tuple[Path, ...] = ()
@@ -43,8 +47,9 @@ def write_error_sizes(folder: Path, step: str, sizes: Iterable[ItemSize]) -> Non
 
 
 def read_error_sizes(paths: Sequence[Path]) -> ErrorSizes:
-    """What steps found, in their order; a file that is not there found nothing. Raises `BadFile`
-    where a file is no such table.
+    """Read the sizes that steps found, in the order of the steps.
+
+    A file that does not exist found nothing. Raises `BadFile` where a file is no such table.
     """
     result = NOTHING
     for path in paths:

@@ -1,5 +1,6 @@
-"""External forces of a motion from files of every kind: external loads, a table, a recording's
-plates, stairs.
+"""External forces of a motion from files of every kind.
+
+They are external loads, a table, a recording's plates, or stairs.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ NOBODY = ("", "-", "none")  # What stands for a plate on which nobody steps.
 
 
 def opened(settings: LoadsFile, opening: Opening) -> Opened:
-    """External forces of a trial: of a file, or of the plates in its recording. Raises `BadData`
-    where bodies are named, but there are no forces.
+    """Read the external forces of a trial from a file, or from the plates in its recording.
+
+    Raises `BadData` where bodies are named, but there are no forces.
     """
     model = opening.model
     recording = opening.values.get(Recording)
@@ -120,8 +122,9 @@ def names_no_body(path: Path) -> bool:
 
 
 def _are_shared(opening: Opening) -> bool:
-    """Whether contacts share the external forces, so that they are not on one body each: only what
-    needs no foot of a force is checked and mended.
+    """Return whether contacts share the external forces, so that they are not on one body each.
+
+    Only what needs no foot of a force is then checked and corrected.
     """
     contacts = opening.settings.get(ContactsFile)
     if contacts is None or not contacts.contacts:
@@ -130,7 +133,7 @@ def _are_shared(opening: Opening) -> bool:
 
 
 def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
-    """The tables that an external loads file, or a file of stairs, takes its numbers from."""
+    """List the tables that an external loads file, or a file of stairs, takes its numbers from."""
     if path.suffix.lower() == ".toml":
         from myomorph.lab.study.inputs.contact_file import recording_of
 
@@ -154,8 +157,10 @@ def read_loads(
     laboratory: Laboratory = AS_RECORDED,
     options: ForceOptions | None = None,
 ) -> Wrenches:
-    """External forces of an OpenSim external loads file, a table of forces, a recording's force
-    plates, or stairs.
+    """Read external forces from a file.
+
+    It is an OpenSim external loads file, a table of forces, a recording with force plates, or a
+    file of stairs.
 
     Forces of a table or of plates whose bodies are not given go to the foot that is nearest to
     their center of pressure, step by step: feet that step on one plate in turn each get their part.
@@ -173,8 +178,8 @@ def read_loads(
     trial : for stairs: the file of the markers, which specifies the one of the load cells
     plates : for a recording: bodies on its plates in their order, "" for a plate that is left out
     laboratory : how the axes that the forces are along stand to the model's
-    options : whether they are checked against the motion and mended, with a note of each finding;
-        and their clock
+    options : whether they are checked against the motion and corrected, with a note of each
+        finding; and their clock
 
     Returns
     -------
@@ -226,7 +231,7 @@ def _of_recording(
     options: ForceOptions,
     shared: bool,
 ) -> PlateForces:
-    """Forces of a recording's plates, held against the motion; bodies as far as they are named."""
+    """Check forces of a recording's plates against the motion; bodies as far as they are named."""
     wrenches = checked_loads(plate_wrenches(trial, plates), model, motion, options, shared)
     return PlateForces(wrenches, outlines_of(trial))
 
@@ -243,9 +248,25 @@ def on_feet(
     options: ForceOptions | None = None,
     shared: bool = False,
 ) -> Wrenches:
-    """Forces held against the motion, each on a body: what is wrong is mended and noted, or noted
-    only. `shared`: contacts share them, so that nothing is asked of the foot of a force. Raises
-    `BadData` where a body is not known and the model has no foot.
+    """Check forces against the motion and put each on a body.
+
+    What is wrong is corrected and noted, or noted only.
+
+    Parameters
+    ----------
+    wrenches : external forces; "" for a body that is not known
+    model : whose bodies they act on
+    motion : of the same recording
+    options : of the checks; None for the defaults
+    shared : contacts share the forces, so that the foot of a force is not checked
+
+    Returns
+    -------
+    forces that all have a body
+
+    Raises
+    ------
+    BadData : a body is not known and the model has no foot
     """
     checked = checked_loads(wrenches, model, motion, options, shared)
     return given_to_feet(checked, motion, model=model, options=options, shared=shared)
@@ -258,8 +279,9 @@ def checked_loads(
     options: ForceOptions | None = None,
     shared: bool = False,
 ) -> Wrenches:
-    """Forces held against the motion, on the bodies that are named, as far as any are: arguments
-    are those of `on_feet`.
+    """Check forces against the motion, on the bodies that are named, as far as any are.
+
+    Arguments are those of `on_feet`.
     """
     options = options or ForceOptions()
     findings: tuple[Finding, ...] = ()
@@ -287,7 +309,7 @@ def given_to_feet(
     options: ForceOptions | None = None,
     shared: bool = False,
 ) -> Wrenches:
-    """Forces that were held against the motion, those without a body on the feet that are nearest.
+    """Put checked forces without a body on the feet that are nearest.
 
     Arguments and errors are those of `on_feet`.
     """
@@ -301,8 +323,9 @@ def given_to_feet(
 
 
 def _without_loads(wrenches: Wrenches, findings: Sequence[Finding]) -> Wrenches:
-    """Forces without those on nobody that no foot carries, so that none is given to the nearest
-    foot.
+    """Leave out forces without a body that no foot carries.
+
+    None of them is then put on the nearest foot.
     """
     loads = {finding.place for finding in findings if finding.kind == LOAD}
     names = zip(wrenches.names, wrenches.bodies, strict=True)
@@ -311,10 +334,23 @@ def _without_loads(wrenches: Wrenches, findings: Sequence[Finding]) -> Wrenches:
 
 
 def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:
-    """Forces on the motion's clock where theirs begins at another zero, which is noted with the
-    shift. `time`: of the motion (frames,) [s]; `mend`: move them where that is certain. Raises
-    `BadData` where they have no time in common with the motion, and nothing says by how much they
-    are to be moved.
+    """Move forces to the motion's clock where theirs begins at another zero.
+
+    The shift is noted.
+
+    Parameters
+    ----------
+    wrenches : external forces
+    time : of the motion (frames,) [s]
+    mend : move them where the shift is certain; else it is only noted
+
+    Returns
+    -------
+    the forces on the motion's clock
+
+    Raises
+    ------
+    BadData : they have no time in common with the motion, and nothing shows how far to move them
     """
     if not len(wrenches) or not len(time):
         return wrenches
@@ -357,10 +393,10 @@ def raw_loads(
     laboratory: Laboratory = AS_RECORDED,
     options: ForceOptions | None = None,
 ) -> PlateForces:
-    """External forces as a file has them, unchecked, with the outlines of plates; "" for a body
-    that neither it nor the caller names.
+    """Read external forces as a file has them, unchecked, with the outlines of plates.
 
-    Parameters and errors as in `read_loads`.
+    A body that neither the file nor the caller names is "". Parameters and errors are those of
+    `read_loads`.
     """
     ending = Path(path).suffix.lower()
     outlines: Mapping[str, Array] = FrozenMap({})
@@ -426,10 +462,18 @@ def _refuse_wrong_kind(
 def force_table(
     path: str | Path, bodies: Mapping[str, str] | None = None, options: ForceOptions | None = None
 ) -> Wrenches:
-    """Forces of a table, by the names of its columns; the bodies are those given, else not known
-    (""). `bodies`: prefix of each force's columns ("ground_force_", "1_ground_force_",
-    "ground_force_r_"), and its body; `options`: columns, rate and origins that the table does not
-    say.
+    """Read forces of a table by the names of its columns.
+
+    Parameters
+    ----------
+    path : of the table
+    bodies : body of each prefix of a force's columns ("ground_force_", "1_ground_force_",
+        "ground_force_r_"); a body that is not named is ""
+    options : columns, rate and origins that the table does not specify
+
+    Returns
+    -------
+    external forces
     """
     told = options or ForceOptions()
     return read_forces(
@@ -438,7 +482,7 @@ def force_table(
 
 
 def plate_wrenches(trial: Trial, plates: Sequence[str] = ()) -> Wrenches:
-    """Forces of a recording's plates on the bodies that are named, "" where none is."""
+    """Return forces of a recording's plates on the bodies that are named, "" where none is."""
     if not trial.plates:
         why = f" ({'; '.join(trial.warnings)})" if trial.warnings else ""
         raise BadData(f"{trial.source}: holds no force plate that can be read{why}")
@@ -446,8 +490,9 @@ def plate_wrenches(trial: Trial, plates: Sequence[str] = ()) -> Wrenches:
 
 
 def upright(trial: Trial, model: Model) -> Trial:
-    """A recording of plates with the model's vertical: one whose plates lie level with z is turned
-    to y up.
+    """Turn a recording of plates to the model's vertical.
+
+    One whose plates lie level with z is turned to y up.
     """
     if model.gravity[1] < 0.0 and trial.plates and all(map(faces_z, trial.plates)):
         return replace(

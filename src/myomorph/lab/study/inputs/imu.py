@@ -56,7 +56,7 @@ ENDINGS = (".sto", ".mvnx", ".h5", ".csv", ".txt")
 
 
 def _near(recording: Path, trial: Trial) -> Path | None:
-    """The recording itself where it has channels of sensors, else a file of its name."""
+    """Return the recording itself where it has channels of sensors, else a file of its name."""
     # Reads tables: most commands look for none.
     from myomorph.core.io.inertial.read import sensor_files, sensors_of_trial
 
@@ -72,8 +72,10 @@ NONE = ("", "-", "none")  # In the place of a body: the sensor is left out.
 
 
 def _open(settings: ImuFiles, opening: Opening) -> Opened:
-    """The sensors, each with a body of the model. Raises `BadFile` or `BadData` or `UnknownName`
-    where a file cannot be read, or a sensor has no body.
+    """Read the sensors, each with a body of the model.
+
+    Raises `BadFile` or `BadData` where a file cannot be read, `UnknownName` where a sensor has no
+    body.
     """
     if not settings.imu:
         return Opened()

@@ -1,5 +1,6 @@
-"""An input of a trial as one value: its settings, where it is found, how it is opened and fitted to
-the model.
+"""An input of a trial as one value.
+
+It has its settings, where it is found, and how it is opened and fitted to the model.
 """
 
 from __future__ import annotations
@@ -40,24 +41,24 @@ class ByType:
         return f"{type(self).__name__}({', '.join(map(repr, self))})"
 
     def get(self, kind: type[Held]) -> Held | None:
-        """The value of a type, or None."""
+        """Return the value of a type, or None."""
         return self._values.get(kind)  # type: ignore[return-value]
 
     def __getitem__(self, kind: type[Held]) -> Held:
-        """The value of a type; raises `KeyError` where there is none."""
+        """Return the value of a type; raise `KeyError` where there is none."""
         return self._values[kind]  # type: ignore[return-value]
 
     def or_default(self, kind: type[Held]) -> Held:
-        """The value of a type, one with its defaults where there is none."""
+        """Return the value of a type, one with its defaults where there is none."""
         value = self.get(kind)
         return kind() if value is None else value
 
     def having(self, *values: object) -> Self:
-        """The same with other values; each takes the place of the one of its type."""
+        """Return the same with other values; each takes the place of the one of its type."""
         return type(self)(*self._values.values(), *values)
 
     def without(self, *kinds: type) -> Self:
-        """The same without the values of some types."""
+        """Return the same without the values of some types."""
         return type(self)(*(value for kind, value in self._values.items() if kind not in kinds))
 
     def only(self, *kinds: type) -> Self:
@@ -69,14 +70,20 @@ class OptionSet(ByType):
     """Options of the steps: values of their option dataclasses."""
 
     def __getitem__(self, kind: type[Held]) -> Held:
-        """The options of a kind, its defaults where nothing was said."""
+        """Return the options of a kind, its defaults where none were specified."""
         return self.or_default(kind)
 
 
 @dataclass(frozen=True, eq=False)
 class Opening:
-    """A trial while its inputs are opened: the model and its file, options of the steps, settings
-    of all inputs, and the `values` that were opened so far, by type.
+    """A trial while its inputs are opened.
+
+    Attributes
+    ----------
+    model_file, model : the file and the model that was read from it
+    options : of the steps
+    settings : of all inputs
+    values : of the inputs that were opened so far, by type
     """
 
     model_file: Path
@@ -111,8 +118,9 @@ class Opened:
 
 
 class Beside(NamedTuple):
-    """A file that was looked for beside a recording, None where none fits, and why one that is
-    there does not.
+    """A file that was searched for beside a recording.
+
+    `path`: None where none fits; `remark`: why one that exists does not.
     """
 
     path: Path | None
@@ -138,9 +146,11 @@ Open = Callable[[Any, Opening], Opened]
 
 @dataclass(frozen=True, kw_only=True)
 class Input:
-    """One input of a trial, or a few that belong together; docs/adding.md says what its fields are
-    for. Flags of commands, keys of study files and their checks, what `analyze` writes, hashes,
-    notes of the report and files of the dry run follow from it.
+    """One input of a trial, or a few that belong together.
+
+    docs/adding.md says what its fields are for. Flags of commands, keys of study files and their
+    checks, what `analyze` writes, hashes, notes of the report and files of the dry run follow from
+    it.
 
     `open` may be that of `later`; `beside` takes the recording and the trial's keys, `near`, which
     looks further for `analyze`, the recording and what it holds.
@@ -161,7 +171,7 @@ class Input:
 
 
 def later(place: str) -> Open:
-    """The function at `module:name`, imported when it is called."""
+    """Return the function at `module:name`, which is imported when it is called."""
 
     def opened(settings: Any, opening: Opening) -> Opened:
         function: Open = load(place)

@@ -23,9 +23,13 @@ from myomorph.lab.store.settings import attribute_help
 
 @dataclass
 class Notes:
-    """What is found while a study file is being read. `problems`: all of them make the file be
-    refused; `remarks`: what is not used, or not as one might think; `found`: files that were found
-    by the rule of names.
+    """What is found while a study file is being read.
+
+    Attributes
+    ----------
+    problems : all of them make the file be refused
+    remarks : what is not used, or not as one might expect
+    found : files that were found by the rule of names
     """
 
     problems: list[str] = field(default_factory=list)
@@ -35,8 +39,13 @@ class Notes:
 
 @dataclass(frozen=True)
 class Place:
-    """A table of a study file. `folder`: that its paths are relative to; `where`: how problems name
-    it, as "subject 's01'".
+    """A table of a study file.
+
+    Attributes
+    ----------
+    folder : that its paths are relative to
+    where : how problems name it, such as "subject 's01'"
+    notes : that problems are added to
     """
 
     folder: Path
@@ -50,8 +59,9 @@ class Place:
 
 @dataclass(frozen=True)
 class KeyKind:
-    """How a value is written on a command line and in a study file; this one as it is: a number, a
-    word, a switch.
+    """How a value is written on a command line and in a study file.
+
+    This kind is written as it is: a number, a word, a switch.
 
     Attributes
     ----------
@@ -60,7 +70,7 @@ class KeyKind:
     option_of : step among whose options a study file has the key; in the tables of subjects and
         trials, where it stood in version 0.1, it is read too
     flag, table : its type on the command line and in the table, None for that of the field
-    adds : what the subject's table and the trial's say are both kept
+    adds : both the values of the subject's table and of the trial's are used
     """
 
     per: Literal["subject", "trial", "both"] = "both"
@@ -70,12 +80,13 @@ class KeyKind:
     adds: ClassVar[bool] = False
 
     def parsed(self, key: str, given: Any) -> Any:
-        """A value from what was written on a command line; raises `BadData`."""
+        """Read a value from what was written on a command line; raise `BadData`."""
         return given
 
     def located(self, key: str, given: Any, place: Place) -> Any:
-        """A value from what stands in a study file, its paths as files; what is wrong goes to the
-        place's problems.
+        """Read a value from what stands in a study file, its paths as files.
+
+        What is wrong goes to the place's problems.
         """
         if isinstance(given, Mapping):
             return FrozenMap(
@@ -87,7 +98,7 @@ class KeyKind:
         return tuple(given) if isinstance(given, list) else given
 
     def written(self, value: Any, folder: Path) -> Any:
-        """A value as a study file in a folder has it."""
+        """Return a value as a study file in a folder has it."""
         if isinstance(value, Mapping):
             return {
                 name: list(part) if isinstance(part, tuple) else part
@@ -112,7 +123,7 @@ class File(KeyKind):
     table: ClassVar[Any] = str | None
 
     def located(self, key: str, given: Any, place: Place) -> Path | None:
-        """The file, None where it does not exist."""
+        """Return the file, None where it does not exist."""
         return existing(place.folder, given, f"{place.where}: {key}", place.notes.problems)
 
     def written(self, value: Path, folder: Path) -> str:
@@ -120,7 +131,7 @@ class File(KeyKind):
         return relative(value, folder)
 
     def files(self, value: Path | None) -> tuple[Path, ...]:
-        """The file."""
+        """Return the file."""
         return () if value is None else (value,)
 
 
@@ -132,7 +143,7 @@ class Files(KeyKind):
     table: ClassVar[Any] = list[str]
 
     def located(self, key: str, given: Any, place: Place) -> tuple[Path, ...]:
-        """What the patterns match."""
+        """Return what the patterns match."""
         where = f"{place.where}: {key}"
         return tuple(
             path
@@ -145,7 +156,7 @@ class Files(KeyKind):
         return [relative(path, folder) for path in value]
 
     def files(self, value: tuple[Path, ...]) -> tuple[Path, ...]:
-        """The files."""
+        """Return the files."""
         return value
 
 
@@ -158,7 +169,7 @@ class WordOrFile(KeyKind):
     table: ClassVar[Any] = str
 
     def located(self, key: str, given: Any, place: Place) -> str:
-        """The word, or the path of the file."""
+        """Return the word, or the path of the file."""
         if given in ("", *self.words):
             return str(given)
         if os.path.isdir(place.folder / given):
@@ -167,11 +178,11 @@ class WordOrFile(KeyKind):
         return "" if path is None else str(path)
 
     def written(self, value: str, folder: Path) -> str:
-        """The word, or the path as seen from the folder."""
+        """Return the word, or the path as seen from the folder."""
         return value if value in ("", *self.words) else relative(Path(value), folder)
 
     def files(self, value: str) -> tuple[Path, ...]:
-        """The file, where it is no word."""
+        """Return the file, where it is no word."""
         return () if value in ("", *self.words) else (Path(value),)
 
 
@@ -180,16 +191,22 @@ class Span(KeyKind):
     """Start and end [s]."""
 
     def located(self, key: str, given: Any, place: Place) -> Any:
-        """The span, checked."""
+        """Return the span, checked."""
         check_time(given, f"{place.where}: {key}", place.notes.problems)
         return given
 
 
 @dataclass(frozen=True)
 class Pairs(KeyKind):
-    """Names and what belongs to each, as a mapping; on the command line `NAME=WORD`, in a study
-    file a table. `many`: each name has several words, `NAME=WORD,WORD`; `of`: kind of the model's
-    parts that the words are; `shown`: how the command line asks for one.
+    """Names and what belongs to each, as a mapping.
+
+    On the command line they are `NAME=WORD`, in a study file a table.
+
+    Attributes
+    ----------
+    many : each name has several words, `NAME=WORD,WORD`
+    of : kind of the model's parts that the words are
+    shown : how the command line specifies one
     """
 
     many: bool = False
@@ -198,7 +215,7 @@ class Pairs(KeyKind):
     flag: ClassVar[Any] = tuple[str, ...]
 
     def parsed(self, key: str, given: Any) -> Mapping[str, Any]:
-        """The mapping of texts."""
+        """Read the mapping from texts."""
         pairs: dict[str, Any] = {}
         for text in given:
             name, equal, words = text.partition("=")
@@ -214,15 +231,16 @@ class Pairs(KeyKind):
         return FrozenMap(pairs)
 
     def parts(self, value: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-        """The words."""
+        """Yield the words."""
         for words in value.values() if self.of else ():
             yield from ((self.of, word) for word in (words if self.many else (words,)) if word)
 
 
 @dataclass(frozen=True)
 class Names(KeyKind):
-    """Names in an order, as `tuple[str, ...]`; on the command line `NAME,NAME`. `of`: kind of the
-    model's parts that they are; `nothing`: words that stand for no name.
+    """Names in an order, as `tuple[str, ...]`; on the command line `NAME,NAME`.
+
+    `of`: kind of the model's parts that they are; `nothing`: words that stand for no name.
     """
 
     of: str = ""
@@ -231,18 +249,18 @@ class Names(KeyKind):
     table: ClassVar[Any] = list[str]
 
     def parsed(self, key: str, given: Any) -> tuple[str, ...]:
-        """The names, "" for none."""
+        """Return the names, "" for none."""
         return self._named(given.split(",")) if given else ()
 
     def located(self, key: str, given: Any, place: Place) -> tuple[str, ...]:
-        """The names, "" for none."""
+        """Return the names, "" for none."""
         return self._named(given)
 
     def _named(self, texts: list[str]) -> tuple[str, ...]:
         return tuple("" if text.strip().lower() in self.nothing else text.strip() for text in texts)
 
     def parts(self, value: tuple[str, ...]) -> Iterator[tuple[str, str]]:
-        """The names that are none of `nothing`."""
+        """Yield the names that are none of `nothing`."""
         return ((self.of, name) for name in value if name and self.of)
 
 
@@ -254,7 +272,7 @@ class Spans(KeyKind):
     table: ClassVar[Any] = dict[str, tuple[float, float]]
 
     def parsed(self, key: str, given: Any) -> Mapping[str, tuple[float, float]]:
-        """The mapping of texts."""
+        """Read the mapping from texts."""
         spans: dict[str, tuple[float, float]] = {}
         for text in given:
             name, _, times = text.partition("=")
@@ -266,7 +284,7 @@ class Spans(KeyKind):
         return FrozenMap(spans)
 
     def located(self, key: str, given: Any, place: Place) -> Mapping[str, tuple[float, float]]:
-        """The mapping, each span checked."""
+        """Return the mapping, each span checked."""
         for name, span in given.items():
             check_time(
                 span, f"{place.where}: {key.removesuffix('s')} '{name}'", place.notes.problems
@@ -282,11 +300,11 @@ class LabelMap(KeyKind):
     table: ClassVar[Any] = dict[str, str] | str
 
     def parsed(self, key: str, given: Any) -> Mapping[str, str]:
-        """The labels of a file."""
+        """Read the labels of a file."""
         return FrozenMap({} if given is None else read_labels(given))
 
     def located(self, key: str, given: Any, place: Place) -> Mapping[str, str]:
-        """The labels of a table or a file."""
+        """Read the labels of a table or a file."""
         if not isinstance(given, str):
             return FrozenMap(dict(given))
         path = existing(place.folder, given, f"{place.where}: {key}", place.notes.problems)
@@ -297,7 +315,7 @@ class LabelMap(KeyKind):
             return FrozenMap({})
 
     def parts(self, value: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-        """The model's markers."""
+        """Yield the model's markers."""
         return (("marker", name) for name in value.values() if name)
 
 
@@ -311,8 +329,9 @@ class Sentences(KeyKind):
 
 @dataclass(frozen=True)
 class Key:
-    """A field of settings as a key of study files and a flag of commands. `type`: of its value;
-    `help`: its line in the docstring of the settings.
+    """A field of settings as a key of study files and a flag of commands.
+
+    `type`: of its value; `help`: its line in the docstring of the settings.
     """
 
     name: str
@@ -356,12 +375,12 @@ def keys_of(settings: type) -> tuple[Key, ...]:
 
 
 def flag_of(key: str) -> str:
-    """A key as a flag."""
+    """Return a key as a flag."""
     return f"--{key.replace('_', '-')}"
 
 
 def relative(path: Path, folder: Path) -> str:
-    """A path as seen from a folder; absolute where they share no drive."""
+    """Return a path as seen from a folder; absolute where they share no drive."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:

@@ -14,8 +14,12 @@ from myomorph.lab.study.inputs.keys import LabelMap
 
 @dataclass(frozen=True)
 class Labels:
-    """Map of marker labels (.csv of lines "recorded,model", or .toml); an empty model name drops a
-    marker.
+    """Names of markers.
+
+    Attributes
+    ----------
+    labels : Map of marker labels (.csv of lines "recorded,model", or .toml); an empty model name
+        drops a marker.
     """
 
     labels: Annotated[Mapping[str, str], LabelMap()] = field(default_factory=lambda: FrozenMap({}))

@@ -1,5 +1,6 @@
-"""How the axes of a laboratory stand to those of the model: which of them points up, and which way
-people face.
+"""How the axes of a laboratory stand to those of the model.
+
+They are the axis that points up, and the way that people face.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class Laboratory:
         return turned @ np.array(UPRIGHT[self.up or "y"], dtype=np.float64)
 
     def trial(self, trial: Trial) -> Trial:
-        """A recording in the model's ground."""
+        """Turn a recording to the model's ground."""
         return trial.rotated(self.rotation) if self else trial
 
     def wrenches(self, wrenches: Wrenches) -> Wrenches:

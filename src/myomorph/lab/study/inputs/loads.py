@@ -82,8 +82,10 @@ class ExternalLoads:
         return cls(lambda motion: PlateForces(find(motion)))
 
     def as_measured(self, motion: Motion) -> PlateForces:
-        """External forces of a motion before they are given to bodies, found once as long as the
-        motion exists: reading and checks take most of the time of inverse dynamics.
+        """Return external forces of a motion before they are put on bodies.
+
+        They are found once as long as the motion exists: reading and checks take most of the time
+        of inverse dynamics.
         """
         if motion not in self._measured:
             self._measured[motion] = self.measured(motion)
@@ -99,8 +101,9 @@ class ExternalLoads:
 
 
 def loads_by_name(recording: Path) -> Path | None:
-    """The forces that belong to a recording by the rule of names, or None; a model may have the
-    recording's name.
+    """Find the forces that belong to a recording by the rule of names, None where there are none.
+
+    A model may have the recording's name.
     """
     path = companion(recording, WORDS, (".xml", *TABLE_ENDINGS), alone=True)
     model = path is not None and path.suffix == ".xml" and b"<mujoco" in content_of(path, "XML")
@@ -108,7 +111,7 @@ def loads_by_name(recording: Path) -> Path | None:
 
 
 def _beside(recording: Path, values: Mapping[str, Any]) -> Beside:
-    """The same where nothing else holds what they do, and a table has columns of forces."""
+    """Find them where nothing else holds what they do, and a table has columns of forces."""
     path = None if values.get("torques") is not None else loads_by_name(recording)
     # Of sensors alone the recording is a table itself.
     if path == recording:
@@ -124,8 +127,9 @@ def _beside(recording: Path, values: Mapping[str, Any]) -> Beside:
 
 
 def _near(recording: Path, trial: Trial) -> Path | None:
-    """The forces of a recording without plates: by its name, beside it or in a folder of forces;
-    else the only ones.
+    """Find the forces of a recording without plates.
+
+    They are found by its name, beside it or in a folder of forces, else as the only ones.
     """
     if trial.plates:
         return None

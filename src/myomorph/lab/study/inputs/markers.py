@@ -37,7 +37,7 @@ class Recording(Recorded):
 
 
 def _open(settings: MarkersFile, opening: Opening) -> Opened:
-    """The recording, turned, with the model's labels, and held against the model's size."""
+    """Read the recording, turned, with the model's labels, and check its size by the model's."""
     path = settings.markers
     model = opening.model
     if path is None:

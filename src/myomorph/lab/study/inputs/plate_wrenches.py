@@ -25,9 +25,21 @@ NOISE = 0.03  # Share of the weight that a foot on a plate puts down at least.
 
 
 def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wrenches:
-    """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for
-    none. Without bodies all plates, whose bodies are not known. Raises `BadData` where there are
-    fewer plates than bodies, or no plate has a body.
+    """Return forces of a recording's plates on the bodies that stand on them.
+
+    Parameters
+    ----------
+    trial : recording with plates
+    bodies : in the plates' order, "" for a plate that is left out; None for all plates, whose
+        bodies are not known
+
+    Returns
+    -------
+    external forces
+
+    Raises
+    ------
+    BadData : there are fewer plates than bodies, or no plate has a body
     """
     if bodies is None:
         return wrenches_from_plates(trial.plates, trial.plate_time)
@@ -47,10 +59,23 @@ def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wren
 def nearest_feet(
     wrenches: Wrenches, model: Model, motion: Motion, checked: bool = True
 ) -> Wrenches:
-    """Forces, each given to the foot that is nearest to its center of pressure, step by step. A
-    force that is nobody's, as that of a plate that nobody steps on, is left out; a note says so.
-    `checked`: findings say when the forces do not show what acts on a foot. Raises `BadData` where
-    the model has no foot, or forces and motion have no time in common.
+    """Put each force on the foot that is nearest to its center of pressure, step by step.
+
+    A force without a foot, such as that of a plate that nobody steps on, is left out with a note.
+
+    Parameters
+    ----------
+    wrenches : external forces, "" for the bodies that are not known
+    model, motion : whose feet carry the forces
+    checked : report where the forces do not show what acts on a foot
+
+    Returns
+    -------
+    forces that all have a body
+
+    Raises
+    ------
+    BadData : the model has no foot, or forces and motion have no time in common
     """
     feet = feet_of(model)
     if not feet:
@@ -86,8 +111,9 @@ def nearest_feet(
 
 
 def _without_noise(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
-    """Forces with zeros for those on nobody that are noise while the motion lasts: of a plate that
-    nobody steps on.
+    """Set forces to zero that have no body and are noise while the motion lasts.
+
+    They are those of a plate that nobody steps on.
     """
     inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
     size = np.nan_to_num(np.linalg.norm(wrenches.forces[inside], axis=2))
@@ -101,7 +127,7 @@ def _without_noise(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches
 
 
 def _carried(wrenches: Wrenches, warnings: Sequence[Message]) -> Wrenches:
-    """The forces that act on a body, with a note on those that never act."""
+    """Keep the forces that act on a body, with a note on those that never act."""
     kept = [index for index, body in enumerate(wrenches.bodies) if body]
     idle = ", ".join(
         name for name, body in zip(wrenches.names, wrenches.bodies, strict=True) if not body

@@ -52,7 +52,7 @@ def about(path: object) -> Iterator[None]:
 
 
 def open_model(path: str | Path) -> Model:
-    """The model of a file; raises `BadFile` or `BadModel`."""
+    """Read the model of a file; raise `BadFile` or `BadModel`."""
     with about(path):
         return read_model(path)
 
@@ -67,7 +67,7 @@ def has_mass(model: Model, step: str) -> None:
 
 
 def read_recording(path: str | Path) -> Trial:
-    """What a recording of markers or keypoints holds, plates as forces in the laboratory.
+    """Read a recording of markers or keypoints, plates as forces in the laboratory.
 
     Source: Motion Lab Systems, the C3D file format; see docs/conventions.md.
 
@@ -97,10 +97,22 @@ def read_recording(path: str | Path) -> Trial:
 
 
 def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
-    """The trial with its markers under the model's names. `labels`: recorded label to the model's
-    name, or to "" where the marker is left out; a label that the recording lacks is passed over,
-    for labels differ from file to file, but one of them must be there. Raises `BadData` where two
-    markers would have the same name.
+    """Return the trial with its markers under the model's names.
+
+    Parameters
+    ----------
+    trial : recording
+    labels : recorded label to the model's name, or to "" where the marker is left out; a label that
+        was not recorded is passed over, for labels differ from file to file, but one of them must
+        be there
+
+    Returns
+    -------
+    the trial, with a warning where none of the labels was recorded
+
+    Raises
+    ------
+    BadData : two markers would have the same name
     """
     if trial.markers is None or not labels:
         return trial
@@ -116,8 +128,9 @@ def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
 
 
 def renamed(series: Named, labels: Mapping[str, str]) -> Named:
-    """A series with other names of its columns, without those whose name is "". Raises `BadData`
-    where two would have the same.
+    """Rename the columns of a series, without those whose new name is "".
+
+    Raises `BadData` where two would have the same name.
     """
     kept = [column for column, name in enumerate(series.names) if labels.get(name, name)]
     series = series.columns(kept)
@@ -141,10 +154,11 @@ def check_labels(labels: Mapping[str, str], model: Model) -> None:
 
 
 def fitted_to(model: Model, trial: Trial) -> Trial:
-    """The trial in the model's ground frame, its markers held against the model's size. A C3D file
-    in which a standing body is tallest along z, or whose plates lie level with z, and a Qualisys
-    export, whose z points up by custom, are turned to the model's vertical, with a warning; nothing
-    is turned where a standing body is tallest along y.
+    """Turn the trial to the model's ground frame, and check its markers against the model's size.
+
+    A C3D file in which a standing body is tallest along z, or whose plates lie level with z, and a
+    Qualisys export, whose z points up by custom, are turned to the model's vertical, with a
+    warning. Nothing is turned where a standing body is tallest along y.
     """
     trial = _with_legal_labels(trial, model)
     markers = trial.markers
@@ -184,8 +198,9 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
 
 
 def _with_legal_labels(trial: Trial, model: Model) -> Trial:
-    """The trial with labels as a model's file has them: `r asis` is `r_asis` there, for OpenSim
-    refuses blanks.
+    """Return the trial with labels as a model's file has them.
+
+    `r asis` is `r_asis` there, for OpenSim refuses blanks.
     """
     recorded = trial.markers.names if trial.markers is not None else ()
     written = [legal(name) for name in recorded]
@@ -219,8 +234,9 @@ def _check_size(source: str, own: Array, recorded: Array) -> None:
 
 
 def _spread(recorded: Array) -> float:
-    """Median over frames of the diagonal of the box around the markers [m], nan without enough of
-    them.
+    """Return the median over frames of the diagonal of the box around the markers [m].
+
+    It is nan without enough of them.
     """
     seen = np.isfinite(recorded).all(axis=2)
     full = recorded[seen.sum(axis=1) >= max(3, 0.6 * seen.shape[1])]
@@ -231,7 +247,7 @@ def _spread(recorded: Array) -> float:
 
 
 def _why_z_is_up(model: Model, trial: Trial, own: Array, recorded: Array) -> str:
-    """What shows that z is up in the recording while y is in the model; "" where nothing does."""
+    """Name what shows that z is up in the recording but y in the model; "" where nothing does."""
     ending = Path(trial.source).suffix.lower()
     if ending not in (".c3d", ".mat") or model.gravity[1] >= 0.0:
         return ""
@@ -315,7 +331,10 @@ def read_noted_motion(path: str | Path, model: Model) -> NotedMotion:
 
 
 def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
-    """The motion with all coordinates of the model, and those missing that no coupler gives."""
+    """Return the motion with all coordinates of the model, and those that are missing.
+
+    Those are missing that the motion does not hold and no coupler gives.
+    """
     if set(motion.names) == set(model.coordinate_names):
         return motion, ()
     from myomorph.core.rigid.tree import compile_tree
@@ -327,8 +346,9 @@ def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]
 
 
 def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[Message, ...]]:
-    """The motion with coordinates that couplers drive where these put them, and notes on those that
-    were elsewhere.
+    """Put coordinates that couplers drive where the couplers put them.
+
+    Notes report those that were elsewhere.
 
     OpenSim 3 wrote a coordinate that is neither an angle nor a length (a patella's) in degrees,
     OpenSim 4 takes such a column as it stands: one in degrees would be read as 57 times as much.
@@ -384,8 +404,9 @@ class PosesBy:
 def cut_to(
     time: tuple[float, float] | None, series: Series, path: object
 ) -> tuple[float, float] | None:
-    """Check a time range that a user gave against a recording. Raises `BadData` where it ends
-    before it starts, or holds no frame of the recording.
+    """Check a time range that a user gave against a recording.
+
+    Raises `BadData` where it ends before it starts, or holds no frame of the recording.
     """
     if time is None:
         return None
@@ -403,8 +424,9 @@ def cut_to(
 
 
 def cut_warning(time: tuple[float, float] | None, series: Series) -> tuple[Message, ...]:
-    """What a time range that was asked for has beyond the recording, which is then cut in silence
-    otherwise.
+    """Report what a requested time range has beyond the recording.
+
+    It would otherwise be cut in silence.
     """
     if time is None or len(series) < 2:
         return ()

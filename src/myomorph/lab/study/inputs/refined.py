@@ -1,5 +1,6 @@
-"""Coordinates that agree with markers and forces, in the place of those of inverse kinematics, and
-these forces.
+"""Coordinates that agree with markers and forces, and these forces.
+
+They take the place of those of inverse kinematics.
 """
 
 from __future__ import annotations
@@ -34,9 +35,12 @@ CLOCKS = "clocks.csv"  # Table of `refine`, where it estimated the clock of forc
 
 @dataclass(frozen=True)
 class RefinedFile:
-    """What the subject's step `refine` found of a trial. `path`: of its coordinates; no such file
-    where the trial was not among its own; `cutoff`: of the low-pass filter of the forces that these
-    agree with [Hz].
+    """What the subject's step `refine` found of a trial.
+
+    Attributes
+    ----------
+    path : of its coordinates; no such file where the trial was not among its own
+    cutoff : of the low-pass filter of the forces that these agree with [Hz]
     """
 
     path: Path
@@ -45,9 +49,13 @@ class RefinedFile:
 
 @read_only
 class RefinedMotion:
-    """Coordinates that agree with markers and forces. `cutoff`: of the low-pass filter of the
-    forces; the motion holds nothing much above it [Hz]; `tissue`: by which its markers move more,
-    None for not at all.
+    """Coordinates that agree with markers and forces.
+
+    Attributes
+    ----------
+    motion : coordinates (frames, coordinates) [rad or m]; it holds nothing much above the cutoff
+    cutoff : of the low-pass filter of the forces [Hz]
+    tissue : by which its markers move more, None for not at all
     """
 
     motion: Motion
@@ -65,8 +73,9 @@ class RefinedMotion:
 
 
 def _open(settings: RefinedFile, opening: Opening) -> Opened:
-    """The refined motion, and external forces filtered as they were when it was refined. Raises
-    `BadFile` where it is of another model.
+    """Read the refined motion, and external forces filtered as they were when it was refined.
+
+    Raises `BadFile` where it is of another model.
     """
     path = settings.path
     loads = opening.values.get(ExternalLoads)
@@ -100,7 +109,8 @@ def _open(settings: RefinedFile, opening: Opening) -> Opened:
 
 
 def _clock_offset(path: Path) -> float:
-    """What `refine` adds to the times of a trial's forces [s], 0 where no clock was estimated.
+    """Return what `refine` adds to the times of a trial's forces [s], 0 without an estimated clock.
+
     `path`: of the refined motion. Raises `BadFile` where the table of clocks is damaged.
     """
     table = path.parent.parent / CLOCKS
@@ -122,8 +132,10 @@ INPUT = Input(name="refined", settings=RefinedFile, open=_open)
 def refined_fit(
     name: str, model: Model, refined: RefinedMotion, checked: CheckedFit
 ) -> tuple[CheckedFit, tuple[Message, ...]]:
-    """Refined coordinates in the place of those of inverse kinematics, with their marker errors,
-    and notes. Raises `BadData` where they are of other frames than the recording.
+    """Put refined coordinates in the place of those of inverse kinematics.
+
+    The fit gets their marker errors; notes are returned with it. Raises `BadData` where they are of
+    other frames than the recording.
     """
     fit = checked.fit
     time = refined.motion.time
@@ -170,8 +182,18 @@ def refined_fit(
 
 
 def marker_distances(model: Model, names: Sequence[str], markers: Markers, motion: Motion) -> Array:
-    """(frames, names) distance of markers on a model in motion from those recorded [m], NaN where
-    unseen.
+    """Return the distance of markers on a model in motion from those recorded.
+
+    Parameters
+    ----------
+    model : that has the markers
+    names : of the markers
+    markers : recorded positions (frames, markers, 3) [m]
+    motion : coordinates (frames, coordinates) [rad or m], NaN in frames without
+
+    Returns
+    -------
+    (frames, names) [m], NaN where a marker was not recorded or the motion is not known
     """
     from myomorph.core.rigid.kinematics import forward_kinematics
     from myomorph.core.rigid.tree import compile_tree

@@ -20,8 +20,12 @@ SOFT_TISSUE = "soft_tissue.csv"  # Table of `identify` and `refine`.
 
 @dataclass(frozen=True)
 class SoftTissueFile:
-    """How much more markers move than the body's mass: soft_tissue.csv of `identify` or `refine`;
-    it is taken from the motion before forces are computed.
+    """Soft tissue that was found for the subject.
+
+    Attributes
+    ----------
+    soft_tissue : How much more markers move than the body's mass: soft_tissue.csv of `identify` or
+        `refine`; it is taken from the motion before forces are computed.
     """
 
     soft_tissue: Annotated[Path | None, File()] = None

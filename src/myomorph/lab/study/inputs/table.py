@@ -53,8 +53,10 @@ class _Nothing:
 
 
 def input_of(name: str) -> Input:
-    """An input of `INPUTS`. In the place of one of an installed package that cannot be imported
-    stands one without keys, so that trials without it go on.
+    """Return an input of `INPUTS`.
+
+    An input of an installed package that cannot be imported is replaced by one without keys, so
+    that trials without it go on.
     """
     try:
         declared: Input = load(INPUTS[name], "INPUT")
@@ -65,7 +67,10 @@ def input_of(name: str) -> Input:
 
 
 def inputs_of(settings: ByType) -> dict[str, Any]:
-    """Settings by the names of their inputs, in the order of `INPUTS`; imports nothing else."""
+    """Return settings by the names of their inputs, in the order of `INPUTS`.
+
+    Nothing else is imported.
+    """
     by_module = {type(value).__module__: value for value in settings}
     modules = {name: place.partition(":")[0] for name, place in INPUTS.items()}
     return {name: by_module[module] for name, module in modules.items() if module in by_module}
@@ -79,8 +84,10 @@ def all_keys() -> dict[str, tuple[Input, Key]]:
 
 
 def settings_of_keys(values: Mapping[str, Any], among: Iterable[str] | None = None) -> ByType:
-    """Settings of inputs from values of their keys; inputs of which no key has a value are left
-    out. `among`: inputs whose keys they are, None for all.
+    """Make settings of inputs from values of their keys.
+
+    Inputs of which no key has a value are left out. `among`: inputs whose keys they are, None for
+    all.
     """
     made = []
     for declared in map(input_of, INPUTS if among is None else among):

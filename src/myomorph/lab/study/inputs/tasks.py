@@ -44,8 +44,10 @@ INPUT = Input(name="tasks", settings=TasksFile, open=_open, main="tasks")
 def with_tasks(
     options: InverseKinematicsOptions, tasks: IkTasks, model: Model, source: str
 ) -> InverseKinematicsOptions:
-    """Options with the weights and aims of an OpenSim task set; one without markers leaves all of
-    them at 1. Raises `BadData` where the set gives no marker of the model a weight.
+    """Return options with the weights and aims of an OpenSim task set.
+
+    One without markers leaves all of them at 1. Raises `BadData` where the set gives no marker of
+    the model a weight.
     """
     from myomorph.core.motion.tasks.coordinates import CoordinateTask
 

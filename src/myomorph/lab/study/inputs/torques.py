@@ -1,5 +1,6 @@
-"""Joint torques of a table, as inverse dynamics writes it, in the place of external forces and
-inverse dynamics.
+"""Joint torques of a table, as inverse dynamics writes it.
+
+They take the place of external forces and inverse dynamics.
 """
 
 from __future__ import annotations
@@ -28,9 +29,13 @@ from myomorph.lab.study.inputs.loads import LoadsFile
 
 @dataclass(frozen=True)
 class TorquesFile:
-    """Joint torques from elsewhere (.sto, .mot), in the place of loads and inverse dynamics:
-    columns named as coordinates, or with _moment and _force as OpenSim's inverse dynamics names
-    them [N m, N].
+    """Joint torques from elsewhere.
+
+    Attributes
+    ----------
+    torques : Joint torques from elsewhere (.sto, .mot), in the place of loads and inverse dynamics:
+        columns named as coordinates, or with _moment and _force as OpenSim's inverse dynamics names
+        them [N m, N].
     """
 
     torques: Annotated[Path | None, File(per="trial")] = None
@@ -48,10 +53,12 @@ FORCE = "_force"
 
 
 def read_torques(path: Path, model: Model) -> tuple[Series, tuple[Message, ...]]:
-    """Generalized forces (frames, coordinates) [N m or N] of a table, and a line on columns that
-    are not used. Columns are named as coordinates, or as OpenSim's inverse dynamics names them:
+    """Read generalized forces of a table, and report columns that are not used.
+
+    Columns are named as coordinates, or as OpenSim's inverse dynamics names them:
     `knee_angle_r_moment` of one that rotates, `pelvis_tx_force` of one that translates (or does
-    both). A free coordinate must have one, without gaps.
+    both). A free coordinate must have one, without gaps. The result is (frames, coordinates) [N m
+    or N], with a line on the columns that are not used.
     """
     if path.suffix.lower() not in reading.TABLE_FILES:
         raise BadFile(
@@ -102,7 +109,7 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[Message, ...]]
 
 
 def _coordinate(column: str, model: Model, path: Path) -> str | None:
-    """The coordinate that a column is of, or None."""
+    """Return the coordinate that a column is of, or None."""
     if column in model.coordinate_names:
         return column
     for ending, wrong in ((MOMENT, "translational"), (FORCE, "rotational")):

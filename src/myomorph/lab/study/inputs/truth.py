@@ -1,5 +1,6 @@
-"""What is known of a simulated recording: laid beside the estimate in the report, and used for
-nothing else.
+"""What is known of a simulated recording.
+
+It is compared with the estimate in the report, and used for nothing else.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""A study file read into a plan: subjects, trials, measures, conditions, groups, and every mistake
-at once.
+"""A study file read into a plan: subjects, trials, measures, conditions and groups.
 
-It runs nothing.
+Every mistake is found at once. It runs nothing.
 """

@@ -76,8 +76,10 @@ class Exclusions:
 
 
 class _Patterns:
-    """Patterns of names by condition, `own` of subjects or of the `study` for those that have none,
-    and which of them (of whom, condition, pattern) fit a trial that was looked at.
+    """Patterns of names by condition.
+
+    `own` ones are of subjects, those of the `study` are for subjects that have none. `used`: which
+    of them (whose, condition, pattern) fit a trial that was considered.
     """
 
     def __init__(
@@ -105,9 +107,11 @@ def with_conditions(
     problems: list[str],
     remarks: list[str],
 ) -> tuple[list[TrialFiles], Conditions]:
-    """The trials with their conditions: what their own table says, else what a pattern of names
-    says, of `own` by subject or of the `study` for those that have none. A pattern may stand for
-    trials that are `excluded`.
+    """Return the trials with their conditions.
+
+    A trial has the condition that its own table names, else that of a pattern of names, of `own` by
+    subject or of the `study` for those that have none. A pattern may stand for trials that are
+    `excluded`.
     """
     named = [trial.condition for trial in trials if trial.condition]
     names = tuple(study) or tuple(
@@ -152,7 +156,7 @@ def with_conditions(
 def _placed(
     trial: TrialFiles, fits: Sequence[str], names: Sequence[str], problems: list[str]
 ) -> TrialFiles:
-    """A trial with its condition, the one that it fits where its table names none."""
+    """Return a trial with its condition, the one that it fits where its table names none."""
     where = f"subject '{trial.subject}': trial '{trial.name}'"
     if trial.condition:
         if trial.condition not in names:

@@ -1,5 +1,6 @@
-"""Groups of subjects in a study file: by name, pattern or measured column, and how their strides
-are found.
+"""Groups of subjects in a study file, by name, pattern or measured column.
+
+The file also says how their strides are found.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ def groups_of(
     trials: Mapping[str, Sequence[str]],
     problems: list[str],
 ) -> GroupPlan | None:
-    """The tables `[groups]` and `[strides]` as a plan; what is wrong is added to the problems.
+    """Read the tables `[groups]` and `[strides]` as a plan; what is wrong is added to the problems.
+
     `groups`: subjects by group; `trials`: names of trials by subject, of all subjects of the study.
     """
     if not groups:
@@ -103,8 +105,9 @@ def group_members(
     left_out: Sequence[str],
     problems: list[str],
 ) -> dict[str, list[str]]:
-    """Subjects by group, patterns as the subjects they match, without those that the study leaves
-    out.
+    """Return subjects by group, without those that the study leaves out.
+
+    Patterns stand for the subjects that they match.
     """
     result: dict[str, list[str]] = {}
     for name, members in groups.items():
@@ -131,8 +134,10 @@ def measured_groups(
     problems: list[str],
     remarks: list[str],
 ) -> dict[str, list[str]]:
-    """The two groups of the column `group` that are to be compared; none where nobody asks for it.
-    `compare`: which two; () for none, since a comparison needs strides, which not every study has.
+    """Return the two groups of the column `group` that are to be compared.
+
+    There are none where none are requested. `compare`: which two; () for none, since a comparison
+    needs strides, which not every study has.
     """
     of_group = [(measures[subject].group, subject) for subject in subjects if subject in measures]
     found = grouped((group, subject) for group, subject in of_group if group)

@@ -49,8 +49,10 @@ HEADING = re.compile(r"^\s*(?P<name>[^\[(]*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*
 
 @dataclass(frozen=True)
 class Measures:
-    """What a table tells of one subject; None and "" where its cell is empty. `model`: file, as a
-    path that can be opened; `mass`: [kg]; `height`, `chest`: [m]; `age`: [years].
+    """What a table specifies of one subject; None and "" where its cell is empty.
+
+    `model`: file, as a path that can be opened; `mass`: [kg]; `height`, `chest`: [m]; `age`:
+    [years].
     """
 
     subject: str
@@ -64,9 +66,10 @@ class Measures:
 
 
 def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[str, Measures]:
-    """The lines of a table of measures by subject: CSV with commas, semicolons or tabs, in any
-    order of columns, those beside `COLUMNS` unused. Paths of models are relative to the table's
-    folder.
+    """Read the lines of a table of measures by subject.
+
+    It is CSV with commas, semicolons or tabs, in any order of columns; those beside `COLUMNS` are
+    unused. Paths of models are relative to the table's folder.
     """
     where = path.name
     try:
@@ -209,8 +212,9 @@ def _line(
 def _number(
     text: str, name: str, factor: float, where: str, comma: bool, problems: list[str]
 ) -> float | None:
-    """A cell as a number in the unit used inside; a comma is a decimal point where it parts no
-    cells.
+    """Read a cell as a number in the unit used inside.
+
+    A comma is a decimal point where it separates no cells.
     """
     if not text:
         return None

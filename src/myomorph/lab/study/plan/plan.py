@@ -80,7 +80,7 @@ class Plan:
         return own / file_name(trial) if trial else own
 
     def settings_of(self, subject: str, trial: str = "") -> Settings:
-        """Settings of the steps of a trial, or of the steps on a subject."""
+        """Return settings of the steps of a trial, or of the steps on a subject."""
         return self.own.get((subject, trial), self.own.get((subject, ""), self.settings))
 
     @cached_property
@@ -98,14 +98,16 @@ class Plan:
         return self._steps.get(subject, ())
 
     def begins_with(self, subject: str) -> str:
-        """The subject whose own steps make the model that this one begins with, "" where it begins
-        with a file.
+        """Return the subject whose own steps make the model that this one begins with.
+
+        It is "" where this one begins with a file.
         """
         return self.subjects[subject].model_of
 
     def maker(self, subject: str) -> str:
-        """The subject whose own steps make the model that this one's trials use, "" where they use
-        a file.
+        """Return the subject whose own steps make the model that this one's trials use.
+
+        It is "" where they use a file.
         """
         return (
             subject
@@ -157,8 +159,11 @@ def read_plan(path: str | Path) -> Plan:
 
 
 class _Reading:
-    """A study file while it is read: what it says of all subjects, and its subjects and trials so
-    far. `tables`: of the subjects, in the order of the file; `own`: settings where they differ from
+    """A study file while it is read.
+
+    It has what the file says of all subjects, and its subjects and trials so far.
+
+    `tables`: of the subjects, in the order of the file; `own`: settings where they differ from
     those for all.
     """
 
@@ -184,7 +189,10 @@ class _Reading:
                 self._add(subject)
 
     def _measures(self, gone: Sequence[str]) -> dict[str, Measures]:
-        """The table of measures, with a line for each subject that the study does not leave out."""
+        """Read the table of measures.
+
+        It has a line for each subject that the study does not leave out.
+        """
         given = self.file.study.measures
         problems = self.notes.problems
         remarks = self.notes.remarks
@@ -245,8 +253,9 @@ class _Reading:
         return [step for trial, steps in each if trial.subject == subject for step in steps]
 
     def put_makers(self, steps: Mapping[str, Sequence[str]]) -> None:
-        """Put who makes a model in the place of who is named, and the file that it began with in
-        that of none.
+        """Replace the subject that a model is of by the one whose steps make it.
+
+        The file of the model is the one that the first maker began with.
         """
         makers = {name: plan_checks.maker_of(name, self.subjects, steps) for name in self.subjects}
         for name, maker in makers.items():
@@ -266,8 +275,9 @@ class _Reading:
             )
 
     def groups(self) -> GroupPlan | None:
-        """Which subjects are compared: by the table `[groups]`, or by the column of the table of
-        measures.
+        """Return which subjects are compared.
+
+        The table `[groups]` says it, or the column of the table of measures.
         """
         file = self.file
         problems = self.notes.problems
@@ -289,7 +299,7 @@ class _Reading:
 
 
 def _plan(file: Any, path: Path, notes: Notes) -> Plan:
-    """The tables of a file as a plan; worth nothing where the notes have problems."""
+    """Read the tables of a file as a plan, which is invalid where the notes have problems."""
     problems = notes.problems
     read = _Reading(file, path.parent, notes)
     excluded = read.exclusions.found

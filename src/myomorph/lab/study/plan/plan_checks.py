@@ -1,5 +1,7 @@
-"""What can be wrong with a study although each of its tables is right: clashing names, models in a
-circle, unknown names in options that only the model knows.
+"""Checks of a study whose tables are each right.
+
+They find clashing names, models in a circle, and unknown names in options that only the model
+knows.
 """
 
 from __future__ import annotations
@@ -60,8 +62,9 @@ LONGEST = 100
 
 
 def folder_key(name: str) -> str:
-    """What a file system that knows no case, and Windows, which drops dots at the end, make of a
-    folder's name.
+    """Return a folder's name as a file system sees it that knows no case.
+
+    Windows drops dots at the end as well.
     """
     return unicodedata.normalize("NFC", file_name(name)).rstrip(". ").casefold()
 
@@ -73,9 +76,10 @@ def check_names(
     problems: list[str],
     flat: bool = False,
 ) -> None:
-    """Add to the problems the names that cannot be folders, and those that would be the same
-    folder. `steps`: of every subject, by name; `together`: names of trials that are solved as one;
-    `flat`: folders of trials lie beside the study's own files.
+    """Add to the problems the names that cannot be folders, and those that share a folder.
+
+    `steps`: of every subject, by name; `together`: names of trials that are solved as one; `flat`:
+    folders of trials lie beside the study's own files.
     """
     named = [(f"subject '{name}'", name) for name in steps] + [
         (f"together '{name}'", name) for name in together
@@ -145,8 +149,9 @@ def makes_model(steps: Sequence[str]) -> bool:
 def maker_of(
     name: str, subjects: Mapping[str, SubjectFiles], steps: Mapping[str, Sequence[str]]
 ) -> str:
-    """The subject whose own steps make the model that another begins with, "" where it begins with
-    a file.
+    """Return the subject whose own steps make the model that another begins with.
+
+    It is "" where that begins with a file.
     """
     maker = subjects[name].model_of
     while maker and not makes_model(steps[maker]):
@@ -157,8 +162,9 @@ def maker_of(
 def check_makers(
     subjects: Mapping[str, SubjectFiles], steps: Mapping[str, Sequence[str]], problems: list[str]
 ) -> None:
-    """Add to the problems the subjects that wait for each other's models, or for one that nobody
-    makes.
+    """Add to the problems the subjects that wait for a model that is never made.
+
+    They wait for each other's models, or for one that nobody makes.
     """
     circles: list[set[str]] = []
     for name, files in subjects.items():
@@ -241,7 +247,7 @@ def _names(kind: str, model: Model) -> tuple[str, ...]:
 
 
 def _text(path: Path) -> str:
-    """A model's file as text, names as they stand in XML."""
+    """Read a model's file as text, names as they stand in XML."""
     try:
         return content_of(path, "XML").decode("utf-8", errors="replace")
     except BadFile:

@@ -53,13 +53,14 @@ def own_tables() -> dict[str, OwnTable]:
 
 
 def filtered_steps() -> tuple[str, ...]:
-    """Steps that share one low-pass filter, as they share the derivatives."""
+    """List steps that share one low-pass filter, as they share the derivatives."""
     return tuple(step.name for step in trial_steps() if Differentiation in step.options)
 
 
 def step_settings() -> dict[str, tuple[Setting, ...]]:
-    """What a study file says to every step among its options: its settings, and keys of inputs that
-    stand there.
+    """Return what a study file can specify among the options of every step.
+
+    These are the step's settings, and keys of inputs that stand there.
     """
     keys = [key for _, key in all_keys().values()]
     return {
@@ -92,7 +93,7 @@ def check_settings(
 def merged(
     settings: Mapping[str, Mapping[str, Any]], own: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, dict[str, Any]]:
-    """Settings with those of a subject or a trial over them.
+    """Return settings with those of a subject or a trial over them.
 
     A filter that these name for one of the steps that share it takes the place of all that were
     named before.
@@ -108,11 +109,11 @@ def merged(
 
 
 class StudyHead(StudyTable):
-    """The table `[study]`: a name, a table of measures, conditions, and which two of its groups to
-    compare.
+    """The table `[study]`.
 
-    With `flat`, results of the only subject lie in the results' folder itself, without a folder of
-    its own.
+    It has a name, a table of measures, conditions, and which two of its groups to compare. With
+    `flat`, results of the only subject lie in the results' folder itself, without a folder of its
+    own.
     """
 
     measures: str | None = None
@@ -122,8 +123,9 @@ class StudyHead(StudyTable):
 
 
 class TrialTable(Strict):
-    """A trial given by a table, where its files do not follow the rule of names; `input_tables`
-    adds keys of inputs.
+    """A trial given by a table, where its files do not follow the rule of names.
+
+    `input_tables` adds keys of inputs.
     """
 
     name: str = ""
@@ -131,8 +133,9 @@ class TrialTable(Strict):
 
 
 class SubjectTable(Strict):
-    """A subject, or all whose folders a pattern matches, or that a list names; `study_tables` adds
-    keys of inputs and the tables that steps bring.
+    """A subject, or all whose folders a pattern matches, or that a list names.
+
+    `study_tables` adds keys of inputs and the tables that steps bring.
     """
 
     name: str | None = None
@@ -171,13 +174,14 @@ def study_tables() -> type[BaseModel]:
 
 
 def trial_table() -> type[BaseModel]:
-    """The table of a trial, with the keys of its inputs and the options of its steps."""
+    """Return the table of a trial, with the keys of its inputs and the options of its steps."""
     return _tables(study_steps(), tuple(INPUTS))[1]
 
 
 def input_keys(per: str, base: type[BaseModel]) -> dict[str, Any]:
-    """Keys of inputs that the table of a subject or a trial has beside those of a base, as pydantic
-    makes fields.
+    """Return keys of inputs that the table of a subject or a trial has beside those of a base.
+
+    They are as pydantic makes fields.
     """
     return {
         name: (key.table, Field(default=None, validate_default=False))
@@ -224,8 +228,9 @@ def _tables(
 
 
 def given_options(table: Any) -> dict[str, dict[str, Any]]:
-    """What a table says of the steps, by step and setting; only what is written, without keys of
-    inputs.
+    """Return what a table specifies for the steps, by step and setting.
+
+    It holds only what is written, without keys of inputs.
     """
     given = getattr(table, "options", None)
     by_step: Mapping[str, dict[str, Any]] = (
@@ -268,8 +273,10 @@ def lacking(raw: Mapping[str, Any]) -> list[str]:
 
 @dataclass(frozen=True)
 class Named:
-    """One subject, with its table. `folder`: that paths in its table are relative to; `matched`: it
-    was found by a pattern, so a table that names it goes before.
+    """One subject, with its table.
+
+    `folder`: that paths in its table are relative to; `matched`: it was found by a pattern, so a
+    table that names it has priority.
     """
 
     name: str
@@ -290,9 +297,10 @@ def as_list(patterns: Patterns) -> list[str]:
 def named_subjects(
     tables: Sequence[SubjectTable], home: Path, problems: list[str], remarks: list[str]
 ) -> list[Named]:
-    """Every subject of a study file, its name put into the texts of its table. A subject that one
-    table names is taken by no pattern of another. `home`: folder of the study file; `problems`,
-    `remarks`: take up what is wrong, and who has a table of their own.
+    """List every subject of a study file, its name put into the texts of its table.
+
+    A subject that one table names is taken by no pattern of another. `home`: folder of the study
+    file; `problems`, `remarks`: take up what is wrong, and who has a table of their own.
     """
     found = [one for table in tables for one in _of(table, home, problems)]
     own = {one.name for one in found if not one.matched}

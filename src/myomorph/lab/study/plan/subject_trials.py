@@ -1,5 +1,6 @@
-"""One subject of a study file: its files and its trials, with forces and EMG found by name;
-mistakes go to one list.
+"""One subject of a study file: its files and its trials, with forces and EMG found by name.
+
+Mistakes go to one list.
 """
 
 from __future__ import annotations
@@ -40,10 +41,10 @@ NEEDS_MASS = ("refine", "identify")
 def measured(
     named: Named, measures: Measures | None, source: str, notes: Notes
 ) -> tuple[SubjectTable, Path | None]:
-    """A subject's table with what the table of measures tells, and its model where that is told
-    there.
+    """Return a subject's table completed from the table of measures, and its model.
 
-    What both tell must be the same. A chest without a height gives no body shape and is not used.
+    The model is None where the table of measures names none. What both tables specify must be the
+    same. A chest without a height gives no body shape and is not used.
     """
     where = f"subject '{named.name}'"
     table = named.table
@@ -84,11 +85,14 @@ def measured(
 def subject_files(
     named: Named, model: Path | None, trials: tuple[TrialFiles, ...], notes: Notes
 ) -> SubjectFiles:
-    """What the steps on a subject need, and whether they come before the others.
+    """Return what the steps on a subject need, and whether they come before the others.
 
     Parameters
     ----------
+    named : the subject with its table
     model : file that a table of measures names; None where the subject's own table does
+    trials : of the subject
+    notes : that take up what is wrong
     """
     table = named.table
     folder = named.folder
@@ -196,9 +200,10 @@ def subject_trials(
     left_out: Callable[[str, str], bool],
     notes: Notes,
 ) -> Iterator[tuple[TrialFiles, dict[str, dict[str, Any]]]]:
-    """The trials of a subject, each with what its own table says of the steps. `common`: what the
-    study says of inputs of all subjects, by key; `left_out`: whether the study leaves out a trial
-    of a subject; its other files are then not looked for.
+    """Yield the trials of a subject, each with what its own table specifies for the steps.
+
+    `common`: what the study specifies for inputs of all subjects, by key; `left_out`: whether the
+    study leaves out a trial of a subject; its other files are then not searched for.
     """
     table = named.table
     place = named.place(notes)
@@ -246,9 +251,10 @@ def subject_trials(
 
 
 def located(table: Any, per: str, place: Place, leave_out: Sequence[str] = ()) -> dict[str, Any]:
-    """What a table says of inputs, by key, its paths as files. `table`: of a subject, a trial, or
-    the whole file, of which only options say something of inputs; `per`: "subject" or "trial":
-    whose table it is; `leave_out`: keys that are looked at elsewhere.
+    """Return what a table specifies for inputs, by key, its paths as files.
+
+    `table`: of a subject, a trial, or the whole file, of which only options concern inputs; `per`:
+    "subject" or "trial": whose table it is; `leave_out`: keys that are read elsewhere.
     """
     values = {}
     for name, (_, key) in all_keys().items():
@@ -287,8 +293,9 @@ def _beside(
 def _recordings(
     table: SubjectTable, folder: Path, where: str, problems: list[str]
 ) -> Iterator[tuple[Any, Path]]:
-    """The recordings of markers, coordinates or sensors alone that the entries of `trials` name:
-    patterns, files, or tables.
+    """Yield the recordings that the entries of `trials` name: patterns, files, or tables.
+
+    They are of markers, of coordinates, or of sensors alone.
     """
     trial: Any
     for given in table.trials:

@@ -22,9 +22,11 @@ MARK = "# As it was written: "
 
 
 def study_text(plan: Plan, folder: Path, head: Sequence[str] = ()) -> str:
-    """The study file of subjects that begin with models in files; conditions are not written.
-    What an input says of all trials of a subject stands once, else in their tables. `folder`: that
-    the file will lie in; paths are relative to it; `head`: lines of comment at the top.
+    """Write the study file of subjects that begin with models in files, as text.
+
+    Conditions are not written. What an input says of all trials of a subject stands once, else in
+    their tables. `folder`: that the file will lie in; paths are relative to it; `head`: lines of
+    comment at the top.
     """
     document: dict[str, Any] = {
         "study": {"name": plan.name} | ({"flat": True} if plan.flat else {})
@@ -56,7 +58,7 @@ def _digest(text: str) -> str:
 def _subject(
     plan: Plan, files: SubjectFiles, shared: Mapping[str, Any], folder: Path
 ) -> dict[str, Any]:
-    """The table of the subject, those of its trials last."""
+    """Return the table of the subject, those of its trials last."""
     table: dict[str, Any] = {"name": files.name, "model": relative(files.model, folder)}
     if files.mass is not None:
         table["mass"] = files.mass
@@ -83,8 +85,9 @@ def _subject(
 
 
 def _shared(files: SubjectFiles, trials: Sequence[TrialFiles]) -> dict[str, Any]:
-    """What inputs say of all trials, by key; which axis points up, of the static recording where
-    there is one.
+    """Return what inputs say of all trials, by key.
+
+    The axis that points up is that of the static recording where there is one.
     """
     shared: dict[str, Any] = {}
     keys = all_keys()
@@ -102,7 +105,7 @@ def _shared(files: SubjectFiles, trials: Sequence[TrialFiles]) -> dict[str, Any]
 
 
 def _values(trial: TrialFiles) -> dict[str, Any]:
-    """What inputs say of a trial, by key; the mass is the subject's."""
+    """Return what inputs say of a trial, by key; the mass is the subject's."""
     return {
         name: getattr(trial.get(declared.settings), name)
         for name, (declared, _) in all_keys().items()

@@ -1,5 +1,6 @@
-"""Mass points of a subject from a skin mesh, from height and chest, or from envelopes of the
-model's own links.
+"""Mass points of a subject.
+
+They follow from a skin mesh, from height and chest, or from envelopes of the model's own links.
 """
 
 from __future__ import annotations
@@ -54,8 +55,9 @@ def body_points(
     compare: bool = True,
     surfaces: Mapping[str, Surface] | None = None,
 ) -> tuple[dict[str, MassPoints], Inside | None, tuple[Message, ...]]:
-    """Mass points by weight map, the one to use first; what tells what is inside the skin; and what
-    there is to say.
+    """Return mass points by weight map, the one to use first.
+
+    With them come a test of what is inside the skin, and notes.
 
     Parameters
     ----------

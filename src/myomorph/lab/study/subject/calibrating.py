@@ -1,5 +1,6 @@
-"""Kinematic calibration from files: a model and recordings of markers give the model of that body,
-and its page.
+"""Kinematic calibration from files.
+
+A model and recordings of markers give the model of that body, and its page.
 """
 
 from __future__ import annotations
@@ -46,9 +47,7 @@ FINDINGS = "findings.json"  # What checks of the markers found, in the folder of
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Calibrated(Made[Calibration]):
-    """A calibration, the names of its recordings in its order, and what checks of their markers
-    found.
-    """
+    """A calibration, the names of its recordings in its order, and findings on their markers."""
 
     recordings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
@@ -109,8 +108,9 @@ def standing_markers(
 
 
 def _checked(name: str, used: UsedMarkers, model: Model, findings: list[Finding]) -> Markers:
-    """A recording with exchanged labels put back, before a calibration moves markers after them;
-    findings are added.
+    """Put back exchanged labels of a recording, before a calibration moves markers after them.
+
+    Findings are added.
     """
     markers, exchanged = mended_labels(model, used.markers)
     beside = side_findings(markers, model.marker_names, length_unit(compile_tree(model)))
@@ -137,8 +137,9 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
 
 
 def write_calibrated(calibrated: Calibrated, out: Path, tables: Path) -> tuple[str, ...]:
-    """Write the model, and a folder of tables, report and findings, whole or not at all; returns
-    what is lost in it.
+    """Write the model, and a folder of tables, report and findings, whole or not at all.
+
+    What is lost in the model's file is returned.
     """
     calibration = calibrated.found
 
@@ -156,7 +157,10 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path) -> tuple[s
 
 
 def length_rows(calibration: Calibration) -> list[dict[str, object]]:
-    """A row for every length: factor and metres before and after, and how far it is known."""
+    """Return a row for every length.
+
+    It holds factor and metres before and after, and how far the length is known.
+    """
     return [
         {
             "length": length.length.name,
@@ -174,7 +178,10 @@ def length_rows(calibration: Calibration) -> list[dict[str, object]]:
 
 
 def marker_rows(calibration: Calibration) -> list[dict[str, object]]:
-    """A row for every marker: its place, how far that is known, and its errors before and after."""
+    """Return a row for every marker.
+
+    It holds its position, how far that is known, and its errors before and after.
+    """
     return [
         {
             "marker": marker.name,
@@ -193,8 +200,9 @@ def marker_rows(calibration: Calibration) -> list[dict[str, object]]:
 
 
 def zero_rows(calibration: Calibration) -> list[dict[str, object]]:
-    """A row for every angle: its zero against the generic model's, a 90 % interval, and what fixes
-    it.
+    """Return a row for every angle.
+
+    It holds its zero against the generic model's, a 90 % interval, and what fixes it.
     """
     return [
         {
@@ -211,7 +219,7 @@ def zero_rows(calibration: Calibration) -> list[dict[str, object]]:
 
 
 def summary(calibration: Calibration) -> Iterable[str]:
-    """What was found, as lines of text."""
+    """Return what was found, as lines of text."""
     yield calibration_line(calibration)
     for length in calibration.lengths:
         if length.length.along and length.length.between_joints:
@@ -265,7 +273,9 @@ def calibration_page(calibrated: Calibrated) -> str:
 
 
 def with_marker_set(model: Model, path: str | Path) -> Model:
-    """The model with the markers of a file; they replace those of the same names, and come last.
+    """Return the model with the markers of a file.
+
+    They replace those of the same names, and come last.
 
     Parameters
     ----------

@@ -1,5 +1,6 @@
-"""The step `emg` of a study: gains, delay and shape of a subject's EMG channels over all trials of
-the subject.
+"""The step `emg` of a study.
+
+It finds gains, delay and shape of a subject's EMG channels over all trials of the subject.
 """
 
 from __future__ import annotations
@@ -37,9 +38,11 @@ TRIALS = "trials.csv"
 
 
 def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[str, str]]:
-    """Gains of a subject's channels over all trials, and why each trial that takes no part does not
-    ("" for the rest). Envelopes that were scaled to a recording's own largest value are brought to
-    the largest of all recordings first.
+    """Estimate gains of a subject's channels over all trials.
+
+    With them come the reasons why a trial takes no part, by trial ("" for those that take part).
+    Envelopes that were scaled to a recording's own largest value are brought to the largest of all
+    recordings first.
     """
     parts = {trial.name: _left_out(trial) for trial in trials}
     used = [trial for trial in trials if not parts[trial.name]]

@@ -1,5 +1,6 @@
-"""How far off a subject's model may be, as the steps that made it found: sizes of errors for limits
-of results.
+"""How far off a subject's model may be, as the steps that made it found.
+
+They are sizes of errors for interval bounds of results.
 """
 
 from __future__ import annotations
@@ -21,9 +22,19 @@ from myomorph.lab.uncertainty.sources import ItemSize
 
 
 def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
-    """Masses, mass centers and inertias from the standard deviations of the parameters (bodies,
-    10). What a first moment or an inertia owes to the error of the mass is taken off, as masses are
+    """Yield the errors of masses, centers of mass and inertias.
+
+    What a first moment or an inertia owes to the error of the mass is taken off, as masses are
     drawn themselves.
+
+    Parameters
+    ----------
+    model : with the bodies
+    sd : standard deviations of the parameters (bodies, 10)
+
+    Yields
+    ------
+    size of the error of each, by body
     """
     for body, parameter, error in zip(model.bodies, inertial_parameters(model), sd, strict=True):
         if not (body.mass > 0.0 and error[0] > 0.0):

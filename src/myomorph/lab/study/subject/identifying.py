@@ -1,5 +1,6 @@
-"""From the files of a subject's motions to an identified model: `myomorph identify` and the step of
-a study.
+"""From the files of a subject's motions to an identified model.
+
+It is `myomorph identify` and the step of a study.
 """
 
 from __future__ import annotations
@@ -63,8 +64,12 @@ HEAVIEST = 1e4  # Masses of a body that is not mistyped [kg]: from a mouse to an
 
 @dataclass(frozen=True)
 class CheckTrials:
-    """Names of trials, between commas, that masses are not fitted to; their forces are only
-    predicted.
+    """Trials that are held out.
+
+    Attributes
+    ----------
+    check : Names of trials, between commas, that masses are not fitted to; their forces are only
+        predicted.
     """
 
     check: str = ""
@@ -82,8 +87,9 @@ class IdentifyOptions(SettingGroup):
 
 @dataclass(frozen=True, eq=False)
 class SubjectMotion:
-    """One motion of a subject and its forces, as recorded; held out, it is only compared
-    afterwards.
+    """One motion of a subject and its forces, as recorded.
+
+    One that is held out is only compared afterwards.
     """
 
     name: str
@@ -109,9 +115,10 @@ def open_motions(
     named: LoadsFile | None = None,
     forces: ForceOptions | None = None,
 ) -> list[SubjectMotion]:
-    """Motions and their forces, in pairs in the order given; `named` are bodies that forces act on,
-    where they are not the nearest feet, `forces` how forces are checked and mended, and their
-    clock.
+    """Read motions and their forces, in pairs in the order given.
+
+    `named` are bodies that forces act on, where they are not the nearest feet, `forces` how forces
+    are checked and corrected, and their clock.
     """
     if len(motions) != len(loads):
         raise BadData(
@@ -139,7 +146,7 @@ def open_motions(
 
 
 def check_mass(model: Model, mass: float | None) -> float:
-    """The mass to use [kg]; raises `BadData` where it is none that a body has."""
+    """Return the mass to use [kg]; raise `BadData` where it is none that a body has."""
     reading.has_mass(model, "identification")
     if mass is None:
         return model.mass
@@ -239,7 +246,7 @@ def _unfiltered(
 def input_sources(
     model: Path, motions: Sequence[Path], loads: Sequence[Path], shape: BodyShape
 ) -> list[Source]:
-    """The files that an identification is made from."""
+    """List the files that an identification is derived from."""
     sources = [*file_sources(("model", model), *(("motion", path) for path in motions))]
     for path in loads:
         sources += [file_source("loads", path), *load_tables(path)]
@@ -249,8 +256,9 @@ def input_sources(
 def write_identified(
     identified: Identified, out: Path, tables: Path, subject: str = ""
 ) -> tuple[str, ...]:
-    """Write the model, and a folder of tables and a report, whole or not at all; returns what is
-    lost in the model.
+    """Write the model, and a folder of tables and a report, whole or not at all.
+
+    What is lost in the model's file is returned.
     """
     model = identified.found.model
     name = subject or identified.found.model.name
@@ -311,8 +319,9 @@ def _surfaces(model: Model) -> Mapping[str, Surface]:
 
 
 def summary(identified: Identified) -> list[str]:
-    """What the command says: frames, misfits, what the data did not show, and motions that were
-    held out.
+    """Return the lines that the command prints.
+
+    They are frames, misfits, what the data did not show, and motions that were held out.
     """
     identification = identified.found
     used = sum(int(recording.use.sum()) for recording in identification.recordings)
@@ -369,7 +378,7 @@ def _filters(recordings: Sequence[Usable]) -> str:
 
 
 def evidence_line(identification: Identification) -> str:
-    """What is printed of masses: which of them forces show to be other ones than the shape's."""
+    """Return what is printed of masses: which of them forces show to differ from the shape's."""
     evidence = identification.mass_evidence
     named = [name for name, word in evidence.items() if word != "not shown"]
     return (
@@ -378,7 +387,7 @@ def evidence_line(identification: Identification) -> str:
 
 
 def tissue_line(tissue: SoftTissue) -> str:
-    """What is printed of soft tissue."""
+    """Return what is printed of soft tissue."""
     return (
         f"markers move more than the body's mass; alpha of 1 / (1 + alpha w^2): {tissue.words}; the"
         " masses are for the motion without it"

@@ -1,5 +1,6 @@
-"""From a subject's recordings to a model with that person's muscles: `personalize` and the step of
-a study.
+"""From a subject's recordings to a model with that person's muscles.
+
+It is `personalize` and the step of a study.
 """
 
 from __future__ import annotations
@@ -57,8 +58,9 @@ REPORT = "report.html"
 
 @dataclass(frozen=True)
 class PersonalFiles:
-    """The files of a personalization, one a recording in the same order; `inputs` are settings of
-    all recordings.
+    """The files of a personalization, one per recording in the same order.
+
+    `inputs` are settings of all recordings.
     """
 
     model: Path
@@ -125,7 +127,7 @@ def personalize_files(
 def _trial(
     trial: TrialInputs, recorded: Motion, name: str, table: Path | None = None
 ) -> PersonalTrial:
-    """A recording with its torques and EMG."""
+    """Return a recording with its torques and EMG."""
     dynamics = solve_dynamics(trial, recorded)
     motion = dynamics.motion
     torques = dynamics.torques
@@ -167,10 +169,11 @@ def _emg(trial: TrialInputs, motion: Motion) -> EmgTarget | None:
 
 
 def read_passive(path: Path, model: Model) -> PersonalTrial:
-    """Torques of resting muscles, measured in poses: a table of a pose a row. Columns named as
-    coordinates hold the pose; columns named `COORDINATE_moment` (or `_force`) the torque that
-    muscles and joints apply about the coordinate, which turns it up where positive [N m or N],
-    blank where it was not measured.
+    """Read torques of resting muscles, measured in poses: a table of one pose per row.
+
+    Columns named as coordinates hold the pose; columns named `COORDINATE_moment` (or `_force`) the
+    torque that muscles and joints apply about the coordinate, which turns it up where positive [N m
+    or N], blank where it was not measured.
     """
     with reading.about(path):
         table = read_sto(path)
@@ -207,8 +210,9 @@ def _coordinate(name: str) -> str:
 
 
 def write_personalized(made: Made[Personalized], out: Path, tables: Path) -> tuple[str, ...]:
-    """Write the model, and a folder of tables, whole or not at all; returns what is lost in the
-    model's file.
+    """Write the model, and a folder of tables, whole or not at all.
+
+    What is lost in the model's file is returned.
     """
     return write_made_model(
         made.found.model, made.provenance, out, tables, lambda folder: _write(made, folder)
@@ -236,7 +240,7 @@ def _page(made: Made[Personalized]) -> str:
 
 
 def estimate_rows(personalized: Personalized) -> list[dict[str, object]]:
-    """A row for every parameter."""
+    """Return a row for every parameter."""
     return [
         {
             "of": estimate.of,
@@ -255,7 +259,10 @@ def estimate_rows(personalized: Personalized) -> list[dict[str, object]]:
 
 
 def fiber_rows(personalized: Personalized) -> list[dict[str, object]]:
-    """A row for every muscle: its normalized fiber lengths in the recordings before and after."""
+    """Return a row for every muscle.
+
+    It holds its normalized fiber lengths in the recordings before and after.
+    """
     return [
         {
             "muscle": name,
@@ -269,8 +276,9 @@ def fiber_rows(personalized: Personalized) -> list[dict[str, object]]:
 
 
 def held_out_rows(personalized: Personalized) -> list[dict[str, object]]:
-    """A row for every coordinate: torque that generic and personal muscles leave in what was held
-    out.
+    """Return a row for every coordinate.
+
+    It holds the torque that generic and personal muscles leave in what was held out.
     """
     assert personalized.held_out is not None
     return [
@@ -285,7 +293,7 @@ def held_out_rows(personalized: Personalized) -> list[dict[str, object]]:
 
 
 def _write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
-    """A table in which what is not known is empty."""
+    """Write a table in which what is not known is empty."""
     known = (
         {
             name: "" if isinstance(value, float) and np.isnan(value) else value
@@ -297,7 +305,10 @@ def _write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
 
 
 def _run(subject: SubjectInputs, output: FolderOutput) -> None:
-    """The step of a study: trials with external forces or torques, and measured passive torques."""
+    """Run the step of a study.
+
+    It uses trials with external forces or torques, and measured passive torques.
+    """
     options = with_settings(PersonalizeOptions(), subject.settings.get("personalize", {}))
     files = subject.files
     trials = []

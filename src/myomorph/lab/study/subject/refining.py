@@ -56,8 +56,9 @@ def refine_files(
     options: RefineOptions,
     settings: Settings,
 ) -> Made[Refinement]:
-    """Refine a calibrated model and its motions from files of markers and forces; by default of the
-    model's mass.
+    """Refine a calibrated model and its motions from files of markers and forces.
+
+    The mass is by default the model's.
     """
     model = open_model(model_file)
     mass = check_mass(model, mass)
@@ -113,8 +114,9 @@ def refined(
 
 
 def write_refined(refined: Made[Refinement], out: Path, tables: Path) -> tuple[str, ...]:
-    """Write the model, and a folder of motions, tables and report, whole or not at all; returns
-    what is lost in it.
+    """Write the model, and a folder of motions, tables and report, whole or not at all.
+
+    What is lost in the model's file is returned.
     """
     refinement = refined.found
 
@@ -145,8 +147,9 @@ def write_refined(refined: Made[Refinement], out: Path, tables: Path) -> tuple[s
 
 
 def trial_rows(refinement: Refinement) -> Rows:
-    """A row for every trial before and after, then for every prediction by the model as it was and
-    the refined one.
+    """Return a row for every trial before and after.
+
+    A row for every prediction follows, by the model as it was and by the refined one.
     """
     rows = [
         {
@@ -189,8 +192,9 @@ def _numbers(errors: Errors) -> dict[str, object]:
 
 
 def mass_rows(refinement: Refinement) -> Rows:
-    """A row for every body: mass before and after with its standard deviation [kg], and mass center
-    [m].
+    """Return a row for every body.
+
+    It holds the mass before and after with its standard deviation [kg], and the center of mass [m].
     """
     before = inertial_parameters(refinement.given)[:, 0]
     return [
@@ -209,7 +213,7 @@ def mass_rows(refinement: Refinement) -> Rows:
 
 
 def length_rows(refinement: Refinement) -> Rows:
-    """A row for every length: its factor on the given model's and the standard deviation."""
+    """Return a row for every length: its factor on the given model's and the standard deviation."""
     return [
         {"length": name, "factor": float(factor), "factor_sd": float(sd)}
         for name, factor, sd in zip(
@@ -219,8 +223,10 @@ def length_rows(refinement: Refinement) -> Rows:
 
 
 def clock_rows(refinement: Refinement) -> Rows:
-    """A row for every trial whose clock was estimated: what is to be added to the times of its
-    forces, with its 90 % interval [s], and whether the trial shows it.
+    """Return a row for every trial whose clock was estimated.
+
+    It holds what is to be added to the times of its forces, with its 90 % interval [s], and whether
+    the trial shows it.
     """
     return [
         {
@@ -235,7 +241,7 @@ def clock_rows(refinement: Refinement) -> Rows:
 
 
 def summary(refinement: Refinement) -> list[str]:
-    """What the command says: errors before and after, and what was predicted."""
+    """Return the lines that the command prints: errors before and after, and what was predicted."""
     weight = refinement.given.mass * float(np.linalg.norm(refinement.given.gravity))
     before = refinement.before
     after = refinement.after

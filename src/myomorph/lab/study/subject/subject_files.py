@@ -1,5 +1,6 @@
-"""One subject of a study: its files, the shape of its body, the steps on it, and the model that
-they make.
+"""One subject of a study.
+
+It has its files, the shape of its body, the steps on it, and the model that they make.
 """
 
 from __future__ import annotations
@@ -104,11 +105,16 @@ class SubjectFiles:
 
 @dataclass(frozen=True)
 class MadeModel:
-    """Where a subject's own steps leave the model that the trials use, and the file beside which
-    its meshes lie. `left`: what they leave, by use (`Step.leaves`): gains of EMG channels, folders
-    with refined coordinates of trials and with those carried to a model of more joints, table of
-    how much more markers move than the mass (no file where they do not). `sizes` are tables of how
-    far off the model may be; where a step finds none it is not there.
+    """Where a subject's own steps leave the model that the trials use.
+
+    Attributes
+    ----------
+    path : of the model
+    drawn : the file beside which its meshes lie
+    left : what the steps leave, by use (`Step.leaves`): gains of EMG channels, folders with refined
+        coordinates of trials and with those transferred to a model of more joints, table of how
+        much more markers move than the mass (no file where they do not)
+    sizes : tables of how far off the model may be; where a step finds none the file does not exist
     """
 
     path: Path
@@ -117,7 +123,7 @@ class MadeModel:
     sizes: tuple[Path, ...] = ()
 
     def open(self) -> Model:
-        """The model; raises `BadFile` or `BadModel`."""
+        """Read the model; raise `BadFile` or `BadModel`."""
         model = open_model(self.path)
         # A morph brings its own bones; the others are drawn by the meshes of the model they began
         # with.
@@ -126,9 +132,11 @@ class MadeModel:
 
 @dataclass(frozen=True)
 class SubjectInputs:
-    """What a step on a subject begins with: its files, all steps' settings, and the model (with its
-    file) that the steps `done` have made; the model's source is the file beside which its meshes
-    lie. `carried`: folder of the motions that a transfer carried to it.
+    """What a step on a subject begins with.
+
+    It has its files, all steps' settings, and the model (with its file) that the steps `done` have
+    made; the model's source is the file beside which its meshes lie. `carried`: folder of the
+    motions that were transferred to it.
     """
 
     files: SubjectFiles
@@ -139,7 +147,7 @@ class SubjectInputs:
     carried: Path | None = None
 
     def trials(self) -> list[TrialInputs]:
-        """The subject's recordings with this model."""
+        """Open the subject's recordings with this model."""
         files = [
             carried_trial(replace(trial, model=self.path), self.carried)
             for trial in self.files.trials
@@ -147,7 +155,7 @@ class SubjectInputs:
         return [open_trial(trial, self.settings, self.model) for trial in files]
 
     def after(self, step: Step[Any], home: Path) -> SubjectInputs:
-        """The same with the model that a step has left."""
+        """Return the same with the model that a step has left."""
         done = (*self.done, step.name)
         made = made_model(self.files, done, home)
         return replace(
@@ -156,7 +164,7 @@ class SubjectInputs:
 
 
 def carried_trial(trial: TrialFiles, carried: Path | None) -> TrialFiles:
-    """A trial that goes on with the motion of a folder where one was carried for it."""
+    """Return a trial that goes on with the motion of a folder where one was transferred for it."""
     return (
         trial
         if carried is None
@@ -170,8 +178,10 @@ def recordings_provenance(
     more: Mapping[str, object] = FrozenMap({}),
     earlier: Sequence[str] = (),
 ) -> Provenance:
-    """What a step makes of all recordings of a subject is derived from: the model so far, the
-    recordings, its options and `more`, the settings of `earlier` steps of trials.
+    """Return what a step's result from all recordings of a subject is derived from.
+
+    It names the model so far, the recordings, its options and `more`, the settings of `earlier`
+    steps of trials.
     """
     files = subject.files
     sources = list(dict.fromkeys(source for trial in subject.trials() for source in trial.sources))
@@ -192,7 +202,7 @@ def recordings_provenance(
 
 
 def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeModel:
-    """The model that a subject's trials use once its own steps are done."""
+    """Return the model that a subject's trials use once its own steps are done."""
     left = {"model": files.model, "meshes": files.drawn or files.model}
     sizes = list[Path]()
     for step in [step_of(name, "subject") for name in STEPS["subject"] if name in steps]:

@@ -1,5 +1,6 @@
-"""Steps on a subject rather than a trial: the model that they make for its trials, written whole or
-not at all.
+"""Steps on a subject rather than a trial.
+
+The model that they make for its trials is written whole or not at all.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True, eq=False)
 class Made(Generic[Found]):
-    """What a step on a subject found, what it was made from, and what its files had to say, one
-    line each.
+    """What a step on a subject found, and what it was derived from.
+
+    Notes on its files are one line each.
     """
 
     found: Found
@@ -35,8 +37,9 @@ class Made(Generic[Found]):
 
 
 def tables_folder(out: Path, tables: str, read: Iterable[Path | None] = ()) -> Path:
-    """Where the tables and the report of a model go that a command makes: beside it. Raises
-    `BadFile` as `check_out_model`.
+    """Return the folder of the tables and the report of a model that a command makes: beside it.
+
+    Raises `BadFile` as `check_out_model`.
     """
     folder = out.with_name(f"{out.stem}_{tables}")
     check_out_model(out, folder, read)
@@ -44,13 +47,15 @@ def tables_folder(out: Path, tables: str, read: Iterable[Path | None] = ()) -> P
 
 
 def write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
-    """A table of rows that name their columns, which are those of the first."""
+    """Write a table of rows that name their columns, which are those of the first."""
     head = list(rows[0]) if rows else []
     write_csv(path, head, ([row[name] for name in head] for row in rows))
 
 
 def check_out_model(out: Path, tables: Path, read: Iterable[Path | None] = ()) -> None:
-    """Raise `BadFile` where a model cannot be written so, or it or its folder would replace what is
+    """Check where a model is to be written.
+
+    Raises `BadFile` where it cannot be written so, or it or its folder would replace what is
     `read`.
     """
     if out.suffix.lower() != ".osim":
@@ -84,8 +89,9 @@ def write_made_model(
     fill: Callable[[Path], None],
     notes: Sequence[Message] = (),
 ) -> tuple[str, ...]:
-    """Write a model, and a folder with provenance, notes and what `fill` writes; returns what is
-    lost in its file.
+    """Write a model, and a folder with provenance, notes and what `fill` writes.
+
+    What is lost in the model's file is returned.
     """
     check_out_model(out, tables)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:

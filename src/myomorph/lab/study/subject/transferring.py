@@ -1,5 +1,6 @@
-"""A subject's lengths, markers, masses and motions for a model with more joints: `myomorph
-transfer` and the step.
+"""A subject's lengths, markers, masses and motions for a model with more joints.
+
+It is `myomorph transfer` and the step.
 """
 
 from __future__ import annotations
@@ -35,8 +36,9 @@ MAX_NAMED = 3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Transferred(Made[Transfer]):
-    """A transfer, and the motions that were carried with it and what muscle paths do along them, by
-    the names of their trials.
+    """A transfer, the motions that were transferred with it, and what muscle paths do along them.
+
+    Both are by the names of their trials.
     """
 
     motions: Mapping[str, CarriedMotion]
@@ -50,9 +52,10 @@ def transfer_files(
     options: TransferOptions,
     motions: Sequence[Path] = (),
 ) -> Transferred:
-    """Give a model with more joints the lengths, markers and masses of a subject's calibrated and
-    identified one, in a pose of this: the first frame of a file, its default without; and carry
-    motions of the subject's to it.
+    """Give a model with more joints a subject's lengths, markers and masses.
+
+    They are those of the subject's calibrated and identified model, in a pose of this: the first
+    frame of a file, its default without. Motions of the subject are transferred to it.
     """
     subject = open_model(lower)
     motion = None if pose is None else read_motion(pose, subject)
@@ -71,7 +74,7 @@ def transfer_files(
 def _paths(
     given: Model, result: Transfer, carried: Mapping[str, CarriedMotion]
 ) -> Mapping[str, CarriedPaths]:
-    """What muscle paths do along each motion, where they could be followed."""
+    """Return what muscle paths do along each motion, where they could be followed."""
     found = {
         name: carried_paths(given, result.model, motion.motion) for name, motion in carried.items()
     }
@@ -79,8 +82,9 @@ def _paths(
 
 
 def write_transferred(transferred: Transferred, out: Path, tables: Path) -> tuple[str, ...]:
-    """Write the model, and a folder of tables, whole or not at all; returns what is lost in the
-    model's file.
+    """Write the model, and a folder of tables, whole or not at all.
+
+    What is lost in the model's file is returned.
     """
     result = transferred.found
 
@@ -110,8 +114,9 @@ def write_transferred(transferred: Transferred, out: Path, tables: Path) -> tupl
 
 
 def joint_rows(transfer: Transfer) -> Rows:
-    """A row for each joint center that both models have: how far apart it is left, and how far its
-    joint was moved.
+    """Return a row for each joint center that both models have.
+
+    It holds how far apart it is left, and how far its joint was moved.
     """
     return [
         {"joint_center": name, "error_m": error, "shift_m": transfer.joint_shifts.get(name, 0.0)}
@@ -120,7 +125,7 @@ def joint_rows(transfer: Transfer) -> Rows:
 
 
 def length_rows(transfer: Transfer) -> Rows:
-    """A row for each distance of two joint centers of a region, in both models."""
+    """Return a row for each distance of two joint centers of a region, in both models."""
     return [
         {
             "region": str(length.region),
@@ -134,7 +139,10 @@ def length_rows(transfer: Transfer) -> Rows:
 
 
 def path_rows(transferred: Transferred) -> Rows:
-    """A row for each muscle path that jumps along a motion: in the model as given, and now."""
+    """Return a row for each muscle path that jumps along a motion.
+
+    It holds the jump in the model as given, and now.
+    """
     return [
         {"trial": trial, "muscle": name, "given_m": float(given), "transferred_m": float(now)}
         for trial, paths in transferred.paths.items()
@@ -144,7 +152,10 @@ def path_rows(transferred: Transferred) -> Rows:
 
 
 def mass_rows(transfer: Transfer) -> Rows:
-    """A row for each region: its mass, and how well the bodies of the larger model reproduce it."""
+    """Return a row for each region.
+
+    It holds its mass, and how well the bodies of the larger model reproduce it.
+    """
     return [
         {
             "region": str(mass.region),

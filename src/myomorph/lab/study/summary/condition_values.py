@@ -1,7 +1,7 @@
-"""What the trials of each condition have in common, as tables, and which trials lie far from the
-others.
+"""What the trials of each condition have in common, as tables.
 
-Gathered trial by trial, in memory that does not grow with them.
+Trials that lie far from the others are named. Values are gathered trial by trial, in memory that
+does not grow with them.
 """
 
 from __future__ import annotations
@@ -46,8 +46,9 @@ EFFECT = attrgetter("difference", "low", "high", "g", "g_low", "g_high")
 
 
 class RunningMeans(Generic[Name]):
-    """Number, mean and sum of squared deviations (samples, columns), one after the other (Welford
-    1962).
+    """Number, mean and sum of squared deviations (samples, columns).
+
+    Values are added one after the other (Welford 1962).
     """
 
     def __init__(self, samples: int) -> None:
@@ -81,7 +82,12 @@ class RunningMeans(Generic[Name]):
         self.mean[:, columns] = mean
 
     def means(self) -> Array:
-        """(samples, columns), NaN where nothing is known."""
+        """Return the means.
+
+        Returns
+        -------
+        (samples, columns), NaN where nothing is known
+        """
         return np.where(self.count > 0, self.mean, np.nan)
 
 
@@ -121,9 +127,11 @@ class GrowingCondition:
         cycle: str,
         curves: Mapping[str, Series],
     ) -> None:
-        """One more trial. Only curves over strides are averaged: whole trials are not aligned with
-        each other, and their mean would be that of different parts of the motion. The curves of an
-        only trial without strides are kept as they are.
+        """Add one more trial.
+
+        Only curves over strides are averaged: whole trials are not aligned with each other, and
+        their mean would be that of different parts of the motion. The curves of an only trial
+        without strides are stored as they are.
         """
         self.trials += 1
         subject_means = self._subjects.setdefault(subject, _Subject())
@@ -173,8 +181,9 @@ class GrowingCondition:
         return tuple(self._subjects)
 
     def described(self, of_subjects: bool) -> dict[str, tuple[float, float, int]]:
-        """Mean, standard deviation (ddof = 1) and number by quantity: of subjects' means, or of
-        trials.
+        """Return mean, standard deviation (ddof = 1) and number by quantity.
+
+        They are of subjects' means, or of trials.
         """
         whole = self._values
         if of_subjects:
@@ -191,8 +200,9 @@ class GrowingCondition:
         }
 
     def finished(self, of_subjects: bool) -> Condition:
-        """The condition as it is compared and drawn: the spread is that of subjects' means, or of
-        trials.
+        """Return the condition as it is compared and drawn.
+
+        The spread is that of subjects' means, or of trials.
         """
         spread: RunningMeans[Curve] = RunningMeans(SAMPLES)
         for subject in self._subjects.values() if of_subjects else ():
@@ -215,8 +225,9 @@ class GrowingCondition:
         )
 
     def _animal(self, name: str, subject: _Subject, moving: set[Curve]) -> Animal:
-        """A subject: parameters of strides (else of the trial) and the means of its curves that
-        move.
+        """Return a subject with parameters of strides and the means of its curves that move.
+
+        Without strides the parameters are those of the trial.
         """
         scalars = {
             quantity
@@ -261,8 +272,9 @@ def _family(running: RunningMeans[Curve], family: str, names: Sequence[str]) -> 
 
 
 def of_subjects(conditions: Sequence[GrowingCondition]) -> bool:
-    """Whether subjects are the unit, in all conditions alike; where there is one only, its trials
-    are.
+    """Return whether subjects are the unit, in all conditions alike.
+
+    Where there is one only, its trials are.
     """
     return len({name for condition in conditions for name in condition.subjects}) > 1
 
@@ -296,8 +308,9 @@ class OutlierSearch:
         cycle: str,
         curves: Mapping[str, Series],
     ) -> None:
-        """How far curves of a trial are from the mean of its condition, root mean square over the
-        cycle.
+        """Add how far curves of a trial are from the mean of its condition.
+
+        The distance is the root mean square over the cycle.
         """
         if cycle != condition.cycle or not condition.each.columns:
             # Of another cycle, or dropped because beside conditions with strides it is not shown.
@@ -319,8 +332,9 @@ class OutlierSearch:
                 self._values.setdefault(key, []).append((whose[0], whose[2], distance))
 
     def found(self) -> list[Outlier]:
-        """All values whose modified z-score is beyond the limit; of distances only those that are
-        large.
+        """Return all values whose modified z-score is beyond the limit.
+
+        Of distances only those are returned that are large.
         """
         outliers = []
         for (condition, quantity, unit), rows in self._values.items():
@@ -360,8 +374,9 @@ def outlier_rows(outliers: Sequence[Outlier]) -> Iterator[tuple[str, ...]]:
 
 
 def _is_telling(value: Value) -> bool:
-    """Whether a value says something of a trial as a whole: of strides, ranges of angles, peaks of
-    torques, errors.
+    """Return whether a value describes a trial as a whole.
+
+    Such are values of strides, ranges of angles, peaks of torques, errors.
     """
     what = value.quantity.removesuffix(f" {IN_STRIDE}")
     if value.unit == "deg":
@@ -375,8 +390,9 @@ def _is_telling(value: Value) -> bool:
 
 
 def described(growing: Sequence[GrowingCondition]) -> tuple[Described, ...]:
-    """Every quantity in every condition: of subjects, each the mean of its trials; of one subject,
-    of its trials.
+    """Describe every quantity in every condition.
+
+    The units are subjects, each the mean of its trials; of one subject, they are its trials.
     """
     by_quantity: dict[str, list[tuple[float, float, int]]] = {}
     units: dict[str, str] = {}

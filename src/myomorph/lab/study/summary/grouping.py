@@ -55,8 +55,9 @@ STRIDE = attrgetter(
 
 
 def compare_stored(plan: GroupPlan, out: Path, folder: Path, name: str = "") -> Comparison:
-    """Compare the groups by results in `out/subject/trial`: a page and four tables, which name
-    trials left out.
+    """Compare the groups by results in `out/subject/trial`.
+
+    It writes a page and four tables, which name trials that were left out.
     """
     notes: list[Message] = []
     rows: list[tuple[str, str, TrialStrides]] = []

@@ -1,5 +1,6 @@
-"""What the steps of a whole study begin with: its plan, what became of its jobs, and the results in
-its folder.
+"""What the steps of a whole study begin with.
+
+It has the plan, what became of its jobs, and the results in its folder.
 """
 
 from __future__ import annotations
@@ -34,12 +35,12 @@ class StudyInputs:
     out: Path
 
     def after(self, step: Step[Any], home: Path) -> StudyInputs:
-        """The same: steps of a study do not read each other's results."""
+        """Return the same: steps of a study do not read each other's results."""
         return self
 
 
 def tables_provenance(study: StudyInputs, tables: tuple[str, ...]) -> Provenance:
-    """What the tables of a study are derived from, each trial's own being `tables`."""
+    """Return what the tables of a study are derived from, each trial's own being `tables`."""
     plan = study.plan
     sources = []
     for outcome in study.outcomes:
@@ -61,8 +62,9 @@ def tables_provenance(study: StudyInputs, tables: tuple[str, ...]) -> Provenance
 
 
 def groups_provenance(study: StudyInputs) -> Provenance:
-    """What the comparison of two groups is derived from: what the results of their trials were made
-    of.
+    """Return what the comparison of two groups is derived from.
+
+    It is what the results of their trials were derived from.
     """
     groups = study.plan.groups
     assert groups is not None

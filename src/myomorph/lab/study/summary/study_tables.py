@@ -1,5 +1,6 @@
-"""The tables of a study: values of all trials, their quality, conditions, and angles that models
-count differently.
+"""The tables of a study.
+
+They hold values of all trials, their quality, conditions, and angles that models count differently.
 """
 
 from __future__ import annotations
@@ -174,9 +175,10 @@ class _Trial:
 
 
 def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Path) -> None:
-    """Write the tables of a study and its page, `study.html`, into a folder, from what trials wrote
-    beside their results. Trials stand in the order of the study file, whenever they ended. One that
-    failed has the values of the steps that ended well.
+    """Write the tables of a study and its page, `study.html`, into a folder.
+
+    They are made from what trials wrote beside their results. Trials stand in the order of the
+    study file, whenever they ended. One that failed has the values of the steps that ended well.
     """
     if not has_parquet():
         # What an earlier run has left would hold other values than the tables beside it.
@@ -272,8 +274,9 @@ def _run(study: StudyInputs, output: FolderOutput) -> None:
 
 
 def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
-    """Outcomes with their conditions in the order of the study file, a subject's own steps before
-    its trials.
+    """Return outcomes with their conditions in the order of the study file.
+
+    A subject's own steps stand before its trials.
     """
     by_key = {outcome.key: outcome for outcome in outcomes}
     keys = [
@@ -293,7 +296,7 @@ def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
 def _write_quality(
     plan: Plan, trials: Sequence[_Trial], out: Path, folder: Path
 ) -> list[TrialLine]:
-    """The table of quality of all trials; also each trial as a line of the page."""
+    """Write the table of quality of all trials; return each trial as a line of the page."""
     lines = list[TrialLine]()
     cells = list[tuple[str, ...]]()
     for trial in trials:
@@ -384,7 +387,7 @@ def _line(trial: _Trial, rows: Sequence[Mapping[str, str]], out: Path) -> TrialL
 
 
 def _changes(trials: Sequence[_Trial]) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """What made steps be computed again, each with the trials it concerns."""
+    """Return what made steps be computed again, each with the trials it concerns."""
     trials_by_text = grouped(
         (text, ", ".join(filter(None, trial.outcome.key)))
         for trial in trials
@@ -399,7 +402,10 @@ def has_parquet() -> bool:
 
 
 def _write_parquet(folder: Path) -> None:
-    """The values of all trials as Parquet, too, in blocks; without the extra `parquet`, nothing."""
+    """Write the values of all trials as Parquet, too, in blocks.
+
+    Nothing is written without the extra `parquet`.
+    """
     if not has_parquet():
         return
     # Takes half a second to import, and only here.

@@ -1,5 +1,6 @@
-"""Differences of values between conditions or groups, with what draws of errors leave open in their
-intervals.
+"""Differences of values between conditions or groups.
+
+Their intervals contain what draws of errors leave open.
 """
 
 from __future__ import annotations
@@ -54,9 +55,11 @@ class _Pair:
 @read_only
 @dataclass(frozen=True)
 class _Own:
-    """A quantity of one subject in one condition: mean over its trials and, of two or more, squared
-    standard error, else NaN; (draws,) errors of the mean, None where not all trials were drawn;
-    mean over the draws of the squared standard error by which errors of trials differ.
+    """A quantity of one subject in one condition.
+
+    It has the mean over its trials and, of two or more, the squared standard error, else NaN;
+    (draws,) errors of the mean, None where not all trials were drawn; and the mean over the draws
+    of the squared standard error by which errors of trials differ.
     """
 
     mean: float
@@ -67,8 +70,9 @@ class _Own:
 
 
 class _Trials:
-    """Values of a subject's trials in one condition, and their errors, summed without keeping the
-    trials.
+    """Values of a subject's trials in one condition, and their errors.
+
+    They are summed without storing the trials.
     """
 
     def __init__(self) -> None:
@@ -105,7 +109,7 @@ class _Trials:
         self._squares[there] += np.nanmean(errors[:, here].astype(np.float64) ** 2, axis=0)
 
     def of(self, name: _Name) -> _Own | None:
-        """A quantity, None where no trial has it."""
+        """Return a quantity, None where no trial has it."""
         column = self.values.columns.get(name)
         if column is None:
             return None
@@ -142,7 +146,7 @@ class MeasuredValues:
         )
 
     def of(self, condition: str, name: _Name) -> dict[str, _Own]:
-        """A quantity by subject."""
+        """Return a quantity by subject."""
         trial_means = {
             subject: trials.of(name) for subject, trials in self._trials.get(condition, {}).items()
         }
@@ -155,8 +159,9 @@ class MeasuredValues:
 
 
 def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[ValueDifference]:
-    """Every quantity in every pair of conditions, the first less the second as in
-    `differences.csv`.
+    """Compare every quantity in every pair of conditions.
+
+    A difference is the first less the second as in `differences.csv`.
 
     Of several subjects, those with both conditions are compared within themselves; where nobody has
     both, as groups by Welch. Of one subject, trials are. Spreads between subjects hold errors that
@@ -262,8 +267,9 @@ def _less(first: Array | None, other: Array | None) -> Array | None:
 
 
 def _welch(squares: Sequence[float], counts: Sequence[int]) -> tuple[float, float]:
-    """Squared standard error of the difference of two means, NaN with fewer than two in one, and
-    its freedom.
+    """Return the squared standard error of the difference of two means, and its degrees of freedom.
+
+    The squared error is NaN with fewer than two in one.
     """
     square = float(sum(squares))
     if not square > 0.0:
@@ -284,9 +290,11 @@ def _mean_variance(errors: Sequence[Array | None]) -> float:
 def _intervals(
     difference: float, square: float, freedom: float, drawn: float, held: bool
 ) -> _Limits:
-    """Interval by the spread (squared standard error, NaN for none), standard deviation by draws
-    (their variance, NaN for none), and interval with both: held, the spread holds the errors of the
-    draws, else they add to it.
+    """Return interval bounds by the spread, by the draws, and by both.
+
+    They are the interval by the spread (squared standard error, NaN for none), the standard
+    deviation by draws (their variance, NaN for none), and the interval with both. Where `held`, the
+    spread holds the errors of the draws, else they add to it.
     """
     student = (
         float(scipy.special.stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
