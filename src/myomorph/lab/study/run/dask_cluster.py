@@ -1,4 +1,6 @@
-"""A Dask cluster: its address and connection, which of its processes are fit, and the job that one
+"""A Dask cluster.
+
+It has its address and connection, the test of which of its processes are fit, and the job that one
 of them does.
 """
 
@@ -43,8 +45,9 @@ START = "start one with 'dask scheduler' and give the address that it prints"
 
 @dataclass(frozen=True)
 class Fitness:
-    """What a process is, and whether it sees the folder of the results by the file that it is to
-    read.
+    """What a process is, and whether it sees the folder of the results.
+
+    It sees the folder where it can read the file that it is given.
     """
 
     version: str
@@ -54,7 +57,7 @@ class Fitness:
 
 
 def fitness(path: str = "", content: str = "") -> Fitness:
-    """What this process is; `path` is a file that must be there with that content."""
+    """Return what this process is; `path` is a file that must exist with that content."""
     try:
         sees = not path or Path(path).read_text(encoding="utf-8") == content
     except OSError:
@@ -68,8 +71,9 @@ def fitness(path: str = "", content: str = "") -> Fitness:
 
 
 def do_job(work: bytes, model: bytes = b"", date: str = "") -> Outcome:
-    """Do what a packed job says, with its packed model. `date` is what results are to bear, as
-    SOURCE_DATE_EPOCH says it, "" for that of the clock.
+    """Do a packed job with its packed model.
+
+    `date` is the date of the results, as in SOURCE_DATE_EPOCH, "" for that of the clock.
     """
     with _dated(date), _ends_when_unwanted():
         do: Callable[[Model | None], Outcome] = pickle.loads(work)
@@ -78,8 +82,9 @@ def do_job(work: bytes, model: bytes = b"", date: str = "") -> Outcome:
 
 @contextmanager
 def _dated(date: str) -> Iterator[None]:
-    """Work silently on one thread, and date results as the sender does; settings before hold again
-    after.
+    """Work silently on one thread, and date results as the sender does.
+
+    The settings before hold again afterwards.
     """
     # Frames are not split over threads: the machine has as many processes as it should use cores.
     wanted = {"MYOMORPH_THREADS": "1", "SOURCE_DATE_EPOCH": date}
@@ -98,9 +103,11 @@ def _dated(date: str) -> Iterator[None]:
 
 @contextmanager
 def _ends_when_unwanted() -> Iterator[None]:
-    """End this process where its job is given up: by the program that sent it, or because the
-    cluster is out of reach. Else the job would go on writing beside its successor. Only a process
-    that a nanny starts again, and that does nothing else at the same time, ends itself.
+    """End this process where its job is given up.
+
+    The job is given up by the program that sent it, or because the cluster is out of reach. Else
+    the job would go on writing beside its successor. Only a process that a nanny starts again, and
+    that does nothing else at the same time, ends itself.
     """
     try:
         from distributed import get_worker
@@ -133,8 +140,9 @@ def _watch(worker: Any, key: Any, done: threading.Event) -> None:
 
 
 def scheduler_address(text: str) -> str:
-    """The address of a scheduler, from a text or from the file that `dask scheduler
-    --scheduler-file` writes.
+    """Return the address of a scheduler.
+
+    It comes from a text or from the file that `dask scheduler --scheduler-file` writes.
     """
     if text.lower().endswith(".json"):
         try:
@@ -161,7 +169,7 @@ def scheduler_address(text: str) -> str:
 
 
 def connected(address: str, patience: float) -> Any:
-    """A client of the scheduler, which has to answer within `patience` [s]."""
+    """Return a client of the scheduler, which has to answer within `patience` [s]."""
     try:
         # An extra, and slow to import.
         from distributed import Client
@@ -198,8 +206,9 @@ async def _greet(address: str, patience: float) -> None:
 
 
 def leave_mark(folder: Path) -> tuple[Path, str]:
-    """A file in the folder of the results, and what it holds: who reads the same sees the same
-    folder.
+    """Write a file into the folder of the results; return it and what it holds.
+
+    A process that reads the same sees the same folder.
     """
     content = f"{socket.gethostname()} {os.getpid()} {uuid.uuid4().hex}"
     path = folder.resolve() / f"{MARK}{uuid.uuid4().hex[:8]}"

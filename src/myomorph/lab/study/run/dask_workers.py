@@ -37,9 +37,15 @@ FETCH = 10.0  # How long an outcome may take to come from its process [s].
 
 @dataclass
 class Process:
-    """A process of the cluster as seen from here. `memory` [bytes] it may take, 0 where nothing
-    bounds it; `asked`: future of its fitness, None once it was found fit; `takes`: it takes tasks
-    now, one that is short of memory pauses; `model`: packed, of its last job.
+    """A process of the cluster as seen from here.
+
+    Attributes
+    ----------
+    address : in the cluster
+    memory : that it may take [bytes], 0 where nothing bounds it
+    asked : future of its fitness, None once it was found fit
+    takes : it takes tasks now; one that is short of memory pauses
+    model : packed, of its last job
     """
 
     address: str
@@ -58,11 +64,13 @@ class Process:
 
 
 class DaskWorkers:
-    """The processes of a Dask cluster that run the same version as this one, and see the folder of
-    the results under the same name; `refused` says why others get no job.
+    """The fit processes of a Dask cluster.
+
+    They run the same version as this one, and see the folder of the results under the same name;
+    `refused` says why others get no job.
 
     A process is given one job at a time, however many threads it has. A job whose process is
-    lost is not repeated here: `ended` tells of it, and who started it may start it again. Processes
+    lost is not repeated here: `ended` reports it, and who started it may start it again. Processes
     that come later are used, too; the scheduler and its first worker are waited for `patience` [s].
     """
 
@@ -107,8 +115,10 @@ class DaskWorkers:
         self._place()
 
     def ended(self, timeout: float) -> list[Ended]:
-        """Jobs that have ended since, or whose process is lost; none after `timeout` [s]. Raises
-        `BadData` where the scheduler is gone, or there was no worker for `ALONE`.
+        """Return jobs that have ended since, or whose process is lost.
+
+        There are none after `timeout` [s]. Raises `BadData` where the scheduler is gone, or there
+        was no worker for `ALONE`.
         """
         until = time.monotonic() + timeout
         while True:
@@ -127,8 +137,9 @@ class DaskWorkers:
                 self._woken.get(timeout=min(left, LOOK))
 
     def close(self) -> None:
-        """Give all jobs up; a process that a nanny starts again ends at once when its job is given
-        up.
+        """Give all jobs up.
+
+        A process that a nanny starts again ends at once when its job is given up.
         """
         with suppress(Exception):
             busy = [
@@ -189,8 +200,9 @@ class DaskWorkers:
             )
 
     def _identity(self) -> dict[str, dict[str, Any]] | None:
-        """What the scheduler knows of each process, by address; None while the connection is made
-        again.
+        """Return what the scheduler knows of each process, by address.
+
+        It is None while the connection is made again.
         """
         if self._client.status not in ("closing", "closed"):
             try:
@@ -242,8 +254,9 @@ class DaskWorkers:
             process.future = self._task(process.address, do_job, pack(job.work), model, date)
 
     def _task(self, address: str, function: Any, *values: Any) -> Any:
-        """A future of what a function gives in one process; the scheduler is never to repeat it
-        elsewhere.
+        """Return a future of a function's result in one process.
+
+        The scheduler is never to repeat it elsewhere.
         """
         try:
             future = self._client.submit(
@@ -263,7 +276,7 @@ class DaskWorkers:
         return future
 
     def _end_of(self, process: Process) -> Ended | None:
-        """What became of a process's job, None where it goes on."""
+        """Return what became of a process's job, None where it goes on."""
         if process.job is None:
             return None
         outcome: Outcome | None = None
@@ -293,7 +306,7 @@ class DaskWorkers:
         return "killed, cut off or ended"
 
     def _pack(self, model: Model) -> bytes:
-        """The model as bytes, made once."""
+        """Return the model as bytes, made once."""
         if id(model) not in self._packed:
             self._packed[id(model)] = model, pack(model)
             while len(self._packed) > KEPT:

@@ -23,10 +23,16 @@ FRESH = "everything is asked for anew"
 
 @dataclass(frozen=True)
 class Row:
-    """One job of a dry run: how many frames of recordings it uses, None where files do not show it
-    at once; by step, why it would be computed, () where it would be reused; seconds that this
-    machine has learned of the computed steps, and those whose time is `unknown`; what keeps it from
-    being looked at.
+    """One job of a dry run.
+
+    Attributes
+    ----------
+    work : the job
+    frames : of recordings that it uses, None where files do not show them at once
+    reasons : by step, why it would be computed, () where it would be reused
+    seconds : that this machine has learned of the computed steps
+    unknown : computed steps whose time is not known
+    problem : what prevents a look at it
     """
 
     work: Work
@@ -49,8 +55,9 @@ class Row:
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a run would do, job by job in the order of the study file; `workers` jobs run side by
-    side.
+    """What a run would do, job by job in the order of the study file.
+
+    `workers` jobs run side by side.
     """
 
     name: str
@@ -84,8 +91,9 @@ class DryRun:
 
 
 def dry_run(graph: Graph, out: Path, fresh: bool = False, workers: int = 1) -> DryRun:
-    """Look at what a run would do; recordings are opened only where there are earlier results to
-    hold against them.
+    """Find what a run would do.
+
+    Recordings are opened only where there are earlier results to compare them with.
     """
     check_age(read_mark(out))
     count = cache(count_frames)
@@ -119,7 +127,7 @@ def _row(
     count: Callable[[Path], FrameCount],
     times: StepTimes,
 ) -> Row:
-    """What a run would do of one job."""
+    """Find what a run would do of one job."""
     frames = work.frames(count)
     problem = ""
     there = work.folder.is_dir() and any(work.folder.iterdir())
@@ -168,8 +176,9 @@ MAX_NAMES = 4
 def dry_run_lines(
     dry_run: DryRun, excluded: Sequence[Excluded] = (), conditions: Sequence[str] = ()
 ) -> Iterator[str]:
-    """The lines that `--dry-run` prints, with what the study file leaves out and the conditions of
-    its trials.
+    """Yield the lines that `--dry-run` prints.
+
+    They contain what the study file leaves out and the conditions of its trials.
     """
     outcomes = [row.work.outcome for row in dry_run.rows]
     subjects = dict.fromkeys(outcome.subject for outcome in outcomes)

@@ -1,5 +1,7 @@
-"""A plan as a graph of jobs: subjects, trials, trials of several subjects that are solved as one,
-the study.
+"""A plan as a graph of jobs.
+
+Jobs are of subjects, of trials, of trials of several subjects that are solved as one, and of the
+study.
 """
 
 from __future__ import annotations
@@ -56,7 +58,7 @@ def open_trial_steps(
     settings: Settings,
     folder: Path,
 ) -> JobSteps:
-    """The steps of a trial."""
+    """Open the steps of a trial."""
     if read and file_source("model", files.model).sha256 != read:
         raise BadData(f"{files.model}: has changed while the study ran: run it again")
     return TrialSteps(
@@ -73,7 +75,7 @@ def open_subject_steps(
     settings: Settings,
     folder: Path,
 ) -> JobSteps:
-    """A subject's own steps, which make the model of its trials."""
+    """Open a subject's own steps, which make the model of its trials."""
     assert model is not None
     inputs = SubjectInputs(files=files, settings=settings, path=files.model, model=model)
     return FolderSteps(
@@ -94,9 +96,11 @@ def open_pair_steps(
     common: Settings,
     folder: Path,
 ) -> JobSteps:
-    """The steps of several trials as one, from the coordinates that their own steps found. By the
-    name of the part, its recording and the folder of its results; `models` by file, those that a
-    subject's own steps made; settings of the steps for each part, and `common` ones of all as one.
+    """Open the steps of several trials as one, from the coordinates that their own steps found.
+
+    By the name of the part, `parts` are its recording and `homes` the folder of its results.
+    `models` are by file those that a subject's own steps made. `settings` are of the steps for each
+    part, and `common` ones of all as one.
     """
     opened: dict[Path, Model] = {}
     joined: dict[str, Part] = {}
@@ -134,14 +138,15 @@ def open_pair_steps(
 def open_study_steps(
     model: Model | None, read: str, fresh: bool, *, inputs: StudyInputs, key: Key
 ) -> JobSteps:
-    """What is done for the whole study."""
+    """Open what is done for the whole study."""
     outcome = outcome_of(key, inputs.out)
     return FolderSteps(scope="study", inputs=inputs, outcome=outcome, fresh=fresh)
 
 
 def graph_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
-    """What a study has to do, `fresh` whatever an earlier run left; `mark` is the run that the
-    folder belongs to.
+    """Return what a study has to do, `fresh` whatever an earlier run left.
+
+    `mark` is the run that the folder belongs to.
     """
     works = _Works(plan, out)
     for files, steps in zip(plan.trials, plan.steps, strict=True):
@@ -161,9 +166,10 @@ def graph_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = 
 
 
 def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings) -> TrialFiles:
-    """A trial with the model, the gains of EMG and the motion that the steps of the subject `maker`
-    make. Electrodes and recordings are one subject's: those of a subject whose model another begins
-    with are not the other's.
+    """Return a trial with what the steps of the subject `maker` make.
+
+    It gets the model, the gains of EMG and the motion. Electrodes and recordings are one subject's:
+    those of a subject whose model another begins with are not the other's.
     """
     files = replace(files, model=made.path).having(ErrorSizeTables(made.sizes))
     if maker != files.subject:
@@ -199,8 +205,9 @@ class _Works:
     used: dict[Key, TrialFiles] = field(default_factory=dict)
 
     def maker(self, subject: str) -> str:
-        """The subject whose own steps make the model that trials use, its job among the jobs; ""
-        for a file.
+        """Return the subject whose own steps make the model that trials use.
+
+        Its job is among the jobs; it is "" for a file.
         """
         maker = self.plan.maker(subject) if subject in self.plan.subjects else ""
         if maker and maker not in self.made:
@@ -259,8 +266,9 @@ class _Works:
         )
 
     def pair(self, together: Together) -> None:
-        """Add trials that are solved as one, after these. Their coordinates are enough: their later
-        steps may fail, but their models must be there.
+        """Add trials that are solved as one, after these.
+
+        Their coordinates are enough: their later steps may fail, but their models must exist.
         """
         keys = tuple(together.trials.items())
         parts = {subject: self.used[subject, trial] for subject, trial in keys}
@@ -299,7 +307,7 @@ class _Works:
         )
 
     def last(self, outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
-        """What is done for the whole study, the tables and their page last."""
+        """Return what is done for the whole study, the tables and their page last."""
         inputs = StudyInputs(self.plan, outcomes, self.out)
         works = []
         for step in STEPS["study"]:

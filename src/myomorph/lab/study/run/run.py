@@ -1,5 +1,6 @@
-"""Run a study: every trial through its steps; jobs in order on workers, what failed by name, the
-rest whole.
+"""Run a study: every trial through its steps.
+
+Jobs run in order on workers. What failed is named, the rest is whole.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class _Models:
         self.wanted = Counter(work.model for work in works)
 
     def of(self, path: Path | None) -> tuple[Model | None, str]:
-        """The model of a file, and the hash of that."""
+        """Return the model of a file, and the hash of that."""
         if path is None:
             return None, ""
         if path not in self.open:
@@ -47,15 +48,16 @@ class _Models:
         return self.open[path]
 
     def done(self, path: Path | None) -> None:
-        """A job with this model has ended for good."""
+        """Count a job with this model that has ended for good."""
         self.wanted[path] -= 1
         if path is not None and not self.wanted[path]:
             self.open.pop(path, None)
 
 
 class Schedule:
-    """Jobs, each done once what it needs has ended well; `read` gives the model of a file, and its
-    hash.
+    """Jobs, each done once what it needs has ended well.
+
+    `read` gives the model of a file, and its hash.
     """
 
     def __init__(
@@ -199,9 +201,10 @@ def run_graph(
     workers: Workers | None = None,
     report: Callable[[Outcome], None] = lambda outcome: None,
 ) -> list[Outcome]:
-    """Do all jobs of a study, then what is done for the whole study, which reports failures, too.
-    Outcomes come in the order of the study file, those of the whole study last; `graph_of` is from
-    the run to what it has to do in its folder.
+    """Do all jobs of a study, then what is done for the whole study.
+
+    The latter reports failures, too. Outcomes come in the order of the study file, those of the
+    whole study last; `graph_of` is from the run to what it has to do in its folder.
     """
     workers = workers or InProcess()
     try:

@@ -1,5 +1,6 @@
-"""What steps took on this machine, kept in the user's cache folder: a dry run reads how long a run
-takes.
+"""What steps took on this machine, stored in the user's cache folder.
+
+A dry run reads how long a run takes.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ MAX_COUNTED = 9  # Samples that count, the latest.
 
 @dataclass(frozen=True)
 class Sample:
-    """What a step with settings (as `settings_key`) took once, of so many muscles, 0 without a
-    model, and frames.
+    """What a step with settings (as `settings_key`) took once.
+
+    It took so long for so many muscles, 0 without a model, and frames.
     """
 
     step: str
@@ -55,7 +57,7 @@ def times_file() -> Path | None:
 
 
 def settings_key(settings: Mapping[str, object]) -> str:
-    """Settings of a step in a few letters, "" where there are none."""
+    """Return settings of a step in a few letters, "" where there are none."""
     if not settings:
         return ""
     text = json.dumps(settings, sort_keys=True, default=str)
@@ -97,8 +99,9 @@ def keep_samples(path: Path | None, samples: Sequence[Sample]) -> None:
 
 
 class StepTimes:
-    """Times of steps as this machine has learned them, in a table at `path`, None for no such
-    table.
+    """Times of steps as this machine has learned them.
+
+    They are in a table at `path`, None for no such table.
     """
 
     def __init__(self, path: Path | None):
@@ -110,8 +113,9 @@ class StepTimes:
     def expected(
         self, step: str, settings: Mapping[str, object], muscles: int, frames: int | None
     ) -> float | None:
-        """Seconds that a step takes; None where it never ran here with such settings and muscles,
-        or frames are unknown.
+        """Return the seconds that a step takes.
+
+        They are None where it never ran here with such settings and muscles, or frames are unknown.
         """
         samples = self._samples.get((step, settings_key(settings), muscles), [])[:MAX_COUNTED]
         if not samples or frames is None:
@@ -123,8 +127,9 @@ class StepTimes:
 
 @dataclass
 class Learning:
-    """Hears what jobs took, and keeps it after a whole run, but for jobs during which kernels were
-    compiled.
+    """Observer that notes what jobs took, and stores it after a whole run.
+
+    Jobs during which kernels were compiled do not count.
     """
 
     works: Mapping[Key, Work]
@@ -133,11 +138,11 @@ class Learning:
     _before: dict[Key, int] = field(default_factory=dict)
 
     def started(self, key: Key) -> None:
-        """A job begins."""
+        """Note that a job begins."""
         self._before[key] = _kernels()
 
     def ended(self, outcome: Outcome) -> None:
-        """A job has ended."""
+        """Note that a job has ended."""
         if outcome.key in self._before and self._before[outcome.key] != _kernels():
             self.compiled.add(outcome.key)
 
@@ -175,7 +180,7 @@ def _kernels() -> int:
 
 
 def in_words(seconds: float) -> str:
-    """A time as one would say it: "0.4 s", "12 s", "3 min 20 s", "2 h 5 min"."""
+    """Return a time as one would say it: "0.4 s", "12 s", "3 min 20 s", "2 h 5 min"."""
     if seconds < 9.95:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)

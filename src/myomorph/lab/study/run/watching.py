@@ -1,5 +1,6 @@
-"""A run as it is watched: its table of outcomes, `study.log` and `timings.csv`, the bar, and
-whoever called.
+"""A run as it is watched.
+
+It has its table of outcomes, `study.log` and `timings.csv`, the bar, and the caller's observer.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ RARELY = 1.0
 
 
 class StudyProgress:
-    """Counts the jobs of a study as they end, on a terminal with a bar in the place of those of
-    single steps.
+    """Counter of the jobs of a study as they end.
+
+    On a terminal it shows a bar in the place of those of single steps.
     """
 
     def __init__(self, title: str, total: int, count: int) -> None:
@@ -64,8 +66,9 @@ class StudyProgress:
         self.look()
 
     def left(self) -> float | None:
-        """Time left [s], as if what remains took as long as what was computed; None where nothing
-        has ended.
+        """Return the time left [s], as if what remains took as long as what was computed.
+
+        It is None where nothing has ended.
         """
         number, seconds = self._computed if self._computed[0] else self._reused
         if not number or not self.done:
@@ -102,8 +105,9 @@ class StudyProgress:
 
 
 def _add(path: Path, text: str, heading: str = "") -> None:
-    """Add lines to a file, after one in which an earlier run was cut off; that it cannot be written
-    stops nothing.
+    """Add lines to a file, after one in which an earlier run was cut off.
+
+    A file that cannot be written stops nothing.
     """
     with suppress(OSError), path.open("ab+") as file:
         if not file.seek(0, os.SEEK_END):
@@ -143,7 +147,7 @@ class StudyWatcher:
         _add(self._out / LOG, f"{now} {' '.join(text.split())}")
 
     def started(self, key: Key) -> None:
-        """A worker has taken a job."""
+        """Note that a worker has taken a job."""
         self._learning.started(key)
         self._say(f"start {named(key)}")
 
@@ -152,7 +156,7 @@ class StudyWatcher:
         self._say(f"lost {named(key)}: {why}; {'done again' if again else 'given up'}")
 
     def ended(self, outcome: Outcome) -> None:
-        """A job has ended, or could not begin."""
+        """Note that a job has ended, or could not begin."""
         self._learning.ended(outcome)
         self._found[outcome.key] = outcome
         if outcome.key in self._order:
@@ -176,12 +180,13 @@ class StudyWatcher:
         self._progress.look()
 
     def interrupted(self, error: BaseException) -> None:
-        """The run ends before its time."""
+        """Note that the run ends before its time."""
         self._say(f"interrupted: {type(error).__name__} {error}")
 
     def outcomes(self) -> list[Outcome]:
-        """Those that are known, in the order of the study file, and those of tables and groups
-        after them.
+        """Return the outcomes that are known, in the order of the study file.
+
+        Those of tables and groups come last.
         """
         last = len(self._order)
         ordered = sorted(
@@ -210,7 +215,7 @@ class StudyWatcher:
 
 
 def outcome_line(outcome: Outcome) -> str:
-    """An outcome as a line of the log: what was computed, what was reused, and why."""
+    """Return an outcome as a line of the log: what was computed, what was reused, and why."""
     name = named(outcome.key)
     computed = " ".join(step for step in outcome.done if step not in outcome.reused)
     parts = [f"computed {computed}"] if computed else []
@@ -225,7 +230,7 @@ def outcome_line(outcome: Outcome) -> str:
 
 
 def named(key: Key) -> str:
-    """A job's key as it is told."""
+    """Return a job's key as it is reported."""
     return "/".join(part for part in key if part) or "tables"
 
 

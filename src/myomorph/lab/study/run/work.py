@@ -1,5 +1,6 @@
-"""What one process does of a study: the steps of one subject, trial, pair, specimen, or of the
-study itself.
+"""What one process does of a study.
+
+It does the steps of one subject, trial, pair, specimen, or of the study itself.
 """
 
 from __future__ import annotations
@@ -77,8 +78,9 @@ class Work:
         return min(known) if self.scope == "pair" else sum(known)
 
     def __call__(self, model: Model | None, read: str = "") -> Outcome:
-        """Do it alone in its folder; an error ends it, but not the study. `read`: hash of the
-        model's file, "" if unknown.
+        """Do it alone in its folder; an error ends it, but not the study.
+
+        `read`: hash of the model's file, "" if unknown.
         """
         started = time.monotonic()
         try:
@@ -91,8 +93,9 @@ class Work:
         return self._told(outcome, started)
 
     def reused(self, model: Model | None, read: str = "") -> Outcome | None:
-        """The outcome where nothing would be computed, asked before the job is given out; None
-        where a worker must look, which tells whatever is wrong.
+        """Return the outcome where nothing would be computed, before the job is given out.
+
+        It is None where a worker must look, which reports whatever is wrong.
         """
         if not self.folder.is_dir():
             return None
@@ -131,15 +134,16 @@ def outcome_of(key: Key, folder: Path, condition: str = "") -> Outcome:
 
 
 def not_run(work: Work, why: str, fault: bool = False) -> Outcome:
-    """The outcome of a job that could not begin; `fault`: by a fault of Myomorph."""
+    """Return the outcome of a job that could not begin; `fault`: by a fault of Myomorph."""
     outcome = outcome_of(work.key, work.folder)
     return replace(outcome, error=f"not run: {why}", fault=fault)
 
 
 @dataclass(frozen=True)
 class Graph:
-    """All that a study has to do, in the order of its file; `last` follows from the outcomes of
-    all.
+    """All that a study has to do, in the order of its file.
+
+    `last` follows from the outcomes of all.
     """
 
     name: str

@@ -54,11 +54,11 @@ class FolderOutput:
         return self.home / self.step.tables
 
     def path(self, use: str) -> Path:
-        """A file that later steps and jobs read (`Step.leaves`)."""
+        """Return a file that later steps and jobs read (`Step.leaves`)."""
         return self.home / self.step.leaves[use]
 
     def whole(self, notes: Sequence[str] = ()) -> AbstractContextManager[Path]:
-        """A folder for the step's tables, complete in the end or absent, and notes."""
+        """Yield a folder for the step's tables, complete in the end or absent, and write notes."""
         return result_folder(self.tables, self.made, notes, self.step)
 
 
@@ -66,7 +66,7 @@ class FolderOutput:
 def result_folder(
     tables: Path, made: Provenance, notes: Sequence[str] = (), step: Step[Any] | None = None
 ) -> Iterator[Path]:
-    """The same where the result is not that of a job: a command made it."""
+    """Yield such a folder where the result is not that of a job: a command made it."""
     with (
         whole_folder(tables) if step is None or step.tables else _shared_folder(tables, step.name)
     ) as folder:
@@ -106,8 +106,9 @@ def read_notes(folder: Path) -> tuple[Message, ...]:
 
 @contextmanager
 def _shared_folder(home: Path, name: str) -> Iterator[Path]:
-    """A folder whose files are moved, all at the end, among those of others; what a killed process
-    left is removed.
+    """Yield a folder whose files are moved, all at the end, among those of others.
+
+    What a killed process left is removed.
     """
     for path in home.glob(f".{name}.*"):
         shutil.rmtree(path, ignore_errors=True)
@@ -118,8 +119,9 @@ def _shared_folder(home: Path, name: str) -> Iterator[Path]:
 
 
 def provenance_file(step: Step[Any] | None = None) -> str:
-    """Name of the file that tells what a result is derived from; those of a study lie beside each
-    other.
+    """Return the name of the file that holds what a result is derived from.
+
+    Those of a study lie beside each other.
     """
     return (
         PROVENANCE if step is None or step.scope not in WHOLE_STUDY else f"{step.name}_{PROVENANCE}"
@@ -127,8 +129,9 @@ def provenance_file(step: Step[Any] | None = None) -> str:
 
 
 def stored_provenance(tables: Path, step: Step[Any] | None = None) -> Provenance | None:
-    """What an earlier run made a step's result from; None where nothing tells, or a file of it was
-    altered.
+    """Return what an earlier run derived a step's result from.
+
+    It is None where no file holds it, or a file of the result was altered.
     """
     try:
         made = Provenance.from_json((tables / provenance_file(step)).read_text(encoding="utf-8"))
@@ -152,7 +155,10 @@ class ScopeInputs(Protocol):
     """What the steps of a subject, a specimen or a study begin with."""
 
     def after(self, step: Step[Any], home: Path) -> Self:
-        """The same once a step's result is in the folder; nothing else where it is the only one."""
+        """Return the same once a step's result is in the folder.
+
+        Nothing changes where the step is the only one.
+        """
         return self
 
 
@@ -175,7 +181,7 @@ class FolderSteps(JobSteps, Generic[Inputs]):
         return step_of(name, self.scope)
 
     def provenance(self, step: str) -> Provenance:
-        """What a step's result would be made from now."""
+        """Return what a step's result would be derived from now."""
         if step not in self._known:
             made_from = self._step(step).made_from
             assert made_from is not None
@@ -183,7 +189,7 @@ class FolderSteps(JobSteps, Generic[Inputs]):
         return self._known[step]
 
     def earlier(self, step: str) -> Provenance | None:
-        """What an earlier run made a step's result from, None where a file of it is missing."""
+        """Return what an earlier run derived a step's result from, None without all its files."""
         value = self._step(step)
         home = self.outcome.folder
         if self.fresh or not all((home / name).exists() for name in value.leaves.values()):
@@ -191,8 +197,9 @@ class FolderSteps(JobSteps, Generic[Inputs]):
         return stored_provenance(home / value.tables, value)
 
     def reasons(self, step: str) -> tuple[str, ...]:
-        """Why a step is computed; of a result of which only a file is missing, as an older version
-        left it, which.
+        """Return why a step is computed.
+
+        Of a result of which only a file is missing, as an older version left it, it names the file.
         """
         value = self._step(step)
         home = self.outcome.folder
@@ -227,8 +234,9 @@ class FolderSteps(JobSteps, Generic[Inputs]):
         self._known.clear()
 
     def end(self, outcome: Outcome) -> Outcome:
-        """The outcome with what the steps noted of their results, also of those that an earlier run
-        made.
+        """Return the outcome with what the steps noted of their results.
+
+        Results that an earlier run made are included.
         """
         findings: list[Message] = []
         for step in outcome.done:

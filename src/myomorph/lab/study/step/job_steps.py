@@ -1,5 +1,6 @@
-"""The steps of one job, in their order: what an earlier run left is reused unless something
-changed.
+"""The steps of one job, in their order.
+
+What an earlier run left is reused unless something changed.
 """
 
 from __future__ import annotations
@@ -24,9 +25,10 @@ AFTER_OTHERS = "what it begins with is made anew"
 
 
 class JobSteps(AbstractContextManager["JobSteps"]):
-    """The steps of a trial, a subject, a specimen or a study, with its inputs opened; `outcome` is
-    that before the first. `linked`: a step begins with files that those before it write, so that
-    its own inputs are known only then.
+    """The steps of a trial, a subject, a specimen or a study, with its inputs opened.
+
+    `outcome` is that before the first. `linked`: a step begins with files that those before it
+    write, so that its own inputs are known only then.
     """
 
     outcome: Outcome
@@ -34,11 +36,11 @@ class JobSteps(AbstractContextManager["JobSteps"]):
 
     @abstractmethod
     def provenance(self, step: str) -> Provenance:
-        """What a step's result would be made from now."""
+        """Return what a step's result would be derived from now."""
 
     @abstractmethod
     def earlier(self, step: str) -> Provenance | None:
-        """What an earlier run made a step's result from, None where there is no whole result."""
+        """Return what an earlier run derived a step's result from, None without a whole result."""
 
     @abstractmethod
     def compute(self, step: str) -> None:
@@ -49,8 +51,9 @@ class JobSteps(AbstractContextManager["JobSteps"]):
         """Go on with what an earlier run found."""
 
     def end(self, outcome: Outcome) -> Outcome:
-        """What follows from all steps that were done: tables, a page, what the outcome tells of
-        their results.
+        """Return the outcome with what follows from all steps that were done.
+
+        These are tables, a page, and what the outcome reports of their results.
         """
         return outcome
 
@@ -72,14 +75,15 @@ class JobSteps(AbstractContextManager["JobSteps"]):
         return reasons
 
     def unchanged(self, steps: Sequence[str]) -> Outcome | None:
-        """The outcome of a job whose folder is what a run would leave it as, None for any other."""
+        """Return the outcome of a job whose folder a run would not change, None for any other."""
         if any(self.all_reasons(steps).values()):
             return None
         return self.end(replace(self.outcome, done=tuple(steps), reused=tuple(steps)))
 
     def __exit__(self, *raised: object) -> None:
-        """Let go of what was only needed while steps run; an interrupted job keeps what it has
-        found.
+        """Let go of what was only needed while steps run.
+
+        An interrupted job keeps what it has found.
         """
         return
 
@@ -87,8 +91,9 @@ class JobSteps(AbstractContextManager["JobSteps"]):
 def run_steps(
     job: JobSteps, steps: Sequence[str], check: Callable[[], None] = lambda: None
 ) -> Outcome:
-    """Run steps in their order; where one fails, what is before it is kept. What `check` raises
-    ends the job.
+    """Run steps in their order; where one fails, what is before it is kept.
+
+    What `check` raises ends the job.
     """
     outcome = job.outcome
     with job:
@@ -122,9 +127,10 @@ LONGEST = 60  # Longest value that is reported whole [characters].
 
 
 def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
-    """Why a result that was made one way would come out otherwise the other way, () where the keys
-    are equal: "model generic.osim has changed", "ik.tolerance 1e-05 -> 0.0001", "version 1.0.0 ->
-    1.1.0".
+    """Return why a result that was made one way would come out otherwise the other way.
+
+    There are none, (), where the keys are equal. Examples: "model generic.osim has changed",
+    "ik.tolerance 1e-05 -> 0.0001", "version 1.0.0 -> 1.1.0".
     """
     if before.key == after.key:
         return ()
@@ -143,7 +149,10 @@ def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
 
 
 def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
-    """Inputs that came, went or hold something else; a file that only moved is the same input."""
+    """Name inputs that came, went or hold something else.
+
+    A file that only moved is the same input.
+    """
     result = []
     old = grouped((source.role, source) for source in before)
     new = grouped((source.role, source) for source in after)
@@ -183,5 +192,5 @@ def _name(source: Source) -> str:
 
 
 def _option(options: Mapping[str, object], name: str) -> str:
-    """A value as text; stored ones were read back from JSON, so tuples and lists are the same."""
+    """Return a value as text; stored ones were read from JSON, so tuples and lists are the same."""
     return str(json.loads(json.dumps(options.get(name), default=str)))

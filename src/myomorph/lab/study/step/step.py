@@ -1,5 +1,6 @@
-"""A step as one value: what it is done for, what it reads and gives, its options, how it is stored
-and shown.
+"""A step as one value.
+
+It has what it is done for, what it reads and gives, its options, how it is stored and shown.
 
 Everything that depends on which steps there are follows from `step_table.STEPS`: hashes, reuse,
 resuming, the dry run, settings of study files, `--help`, tables of values and the report.
@@ -37,8 +38,10 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, kw_only=True)
 class StepHead:
-    """A step or the report as files and commands name it: settings are the fields of its options
-    but `not_settings`. `refused`: why it cannot run, "" where it can.
+    """A step or the report as files and commands name it.
+
+    Settings are the fields of its options but `not_settings`. `refused`: why it cannot run, ""
+    where it can.
     """
 
     name: str
@@ -68,10 +71,14 @@ class StepOutput:
 
 @dataclass(frozen=True)
 class StepCommand:
-    """The command of a step of a trial. `line`: what it prints, from the trial and the results,
-    None for the step's title and its frames; `table`: which of the step's tables is the file that
-    it writes, "" for a folder of all; `draws`: it is computed anew with errors where asked for;
-    `after`: earlier steps that it uses are run first, else it does without them.
+    """The command of a step of a trial.
+
+    Attributes
+    ----------
+    line : what it prints, from the trial and the results; None for the step's title and its frames
+    table : which of the step's tables is the file that it writes, "" for a folder of all
+    draws : it is computed anew with errors where requested
+    after : earlier steps that it uses are run first, else it does without them
     """
 
     line: Callable[[Any, Any], str] | None = None
@@ -148,8 +155,10 @@ REPORT_STEP = StepHead(name=REPORT, title="report", options=(ReportOptions,))
 
 
 def step_of(name: str, scope: Scope = "trial") -> Step[Any]:
-    """A step of `STEPS`. In the place of one of an installed package that cannot be imported
-    stands one that does nothing, so that others run; `refused` has the reason.
+    """Return a step of `STEPS`.
+
+    A step of an installed package that cannot be imported is replaced by one that does nothing, so
+    that others run; `refused` has the reason.
     """
     try:
         step: Step[Any] = load(STEPS[scope][name], "STEP")
@@ -176,7 +185,7 @@ def _refused_step(name: str, scope: Scope, error: BadExtension) -> Step[Any]:
 
 
 def step_head(name: str) -> StepHead:
-    """A step of a trial or a subject, or the report."""
+    """Return a step of a trial or a subject, or the report."""
     if name == REPORT:
         return REPORT_STEP
     return step_of(name, "subject" if name in STEPS["subject"] else "trial")
@@ -188,7 +197,7 @@ def trial_steps() -> tuple[Step[Any], ...]:
 
 
 def step_giving(name: str) -> str:
-    """The step of a trial that gives a quantity; raises `UnknownName`."""
+    """Return the step of a trial that gives a quantity; raise `UnknownName`."""
     givers = {quantity.name: step.name for step in trial_steps() for quantity in step.quantities}
     check_name("quantity", name, givers, "the steps of a trial")
     return givers[name]

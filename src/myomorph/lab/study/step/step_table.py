@@ -1,5 +1,6 @@
-"""Which steps there are, by scope: one line each, and those of extensions. This table imports none
-of them, so that the command line starts fast.
+"""Steps by scope, one line each, and those of extensions.
+
+This table imports none of them, so that the command line starts fast.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ REPORT = "report"
 
 
 def _with_extensions(own: Mapping[Scope, Mapping[str, str]]) -> dict[Scope, dict[str, str]]:
-    """The package's own steps and those of extensions, each where it says that it runs."""
+    """Return the package's own steps and those of extensions, each where it says that it runs."""
     steps: dict[Scope, dict[str, str]] = {scope: dict(steps) for scope, steps in own.items()}
     for provider in providers():
         for entry in provider.extension.steps:
@@ -71,7 +72,7 @@ def _with_extensions(own: Mapping[Scope, Mapping[str, str]]) -> dict[Scope, dict
 
 
 def _checked_scope(entry: StepEntry, steps: Mapping[Scope, Mapping[str, str]]) -> Scope:
-    """The scope of a step of an extension; raises `BadData` where there is no room for it."""
+    """Return the scope of a step of an extension; raise `BadData` where there is no room for it."""
     scope = next((scope for scope in steps if scope == entry.scope), None)
     if scope is None:
         raise BadData(f"unknown scope '{entry.scope}': there are {', '.join(steps)}")
@@ -100,5 +101,5 @@ ON_REQUEST = (
 
 
 def usual_steps() -> tuple[str, ...]:
-    """Steps of a trial that run where nobody says which, the report as the last."""
+    """List steps of a trial that run where none are specified, the report as the last."""
     return (*(step for step in STEPS["trial"] if step not in ON_REQUEST), REPORT)

@@ -48,8 +48,9 @@ class Ahead:
         return self._child is not None and self._child.poll() is None
 
     def wait(self, step: str) -> None:
-        """Return when the kernels of a step are compiled; where the child has failed, they compile
-        here.
+        """Return when the kernels of a step are compiled.
+
+        Where the child has failed, they compile here.
         """
         if step in MUSCLE_STEPS and self.works:
             with compiling():
@@ -67,8 +68,9 @@ class Ahead:
 
 
 def compile_ahead(steps: Sequence[str], wraps: frozenset[str] = frozenset()) -> Ahead:
-    """Compile the muscle kernels in a child where steps after the first need them and they are not
-    cached.
+    """Compile the muscle kernels in a child process.
+
+    It does so where steps after the first need them and they are not cached.
     """
     child = None
     if any(step in MUSCLE_STEPS for step in steps[1:]) and not cached(wraps):
@@ -108,7 +110,7 @@ def motion_cached() -> bool:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """A bar while this process or a child compiles, by the files that appear in the cache."""
+    """Show a bar while this process or a child compiles, by the files that appear in the cache."""
     folder = kernel_folder()
     ended = threading.Event()
 
@@ -131,8 +133,9 @@ def compiling() -> Iterator[None]:
 
 
 def two_links(wraps: frozenset[str] = frozenset()) -> Model:
-    """The smallest model that has a muscle: two bodies, a hinge each, one muscle across the second;
-    one more a wrap.
+    """Return the smallest model that has a muscle.
+
+    It has two bodies, a hinge each, and one muscle across the second; one more for each wrap.
     """
     still = Transform.identity()
     z = np.array([0.0, 0.0, 1.0])

@@ -18,9 +18,11 @@ both kinds.
 
 @dataclass(frozen=True)
 class Job:
-    """One piece of work that a process does alone: from the model of a file, None where it needs
-    none, to the outcome, which has its own errors. `work` can be sent to another process or
-    machine: a function of a module, or a `partial`.
+    """One piece of work that a process does alone.
+
+    It leads from the model of a file, None where it needs none, to the outcome, which has its own
+    errors. `work` can be sent to another process or machine: a function of a module, or a
+    `partial`.
     """
 
     key: Key
@@ -29,8 +31,9 @@ class Job:
 
 @dataclass(frozen=True)
 class Ended:
-    """A job that no longer runs; without outcome, why its process was lost: killed, out of memory,
-    out of reach.
+    """A job that no longer runs.
+
+    Without outcome, it says why its process was lost: killed, out of memory, out of reach.
     """
 
     job: Job
@@ -50,13 +53,15 @@ class Workers(Protocol):
         """That one worker may take [bytes], None where nothing bounds it."""
 
     def start(self, job: Job, model: Model | None) -> None:
-        """Take a job, with its model as a value; a process gets each model once, however many jobs
-        use it.
+        """Take a job, with its model as a value.
+
+        A process gets each model once, however many jobs use it.
         """
 
     def ended(self, timeout: float) -> list[Ended]:
-        """Jobs that have ended since, as soon as there is one; none after `timeout` [s]. A lost
-        worker is replaced.
+        """Return jobs that have ended since, as soon as there is one.
+
+        There are none after `timeout` [s]. A lost worker is replaced.
         """
 
     def close(self) -> None:
@@ -85,13 +90,14 @@ class Done:
 
 
 def pack(value: object) -> bytes:
-    """A value as bytes that another process of the same version reads."""
+    """Return a value as bytes that another process of the same version reads."""
     return pickle.dumps(value, PROTOCOL)
 
 
 def send(stream: IO[bytes], message: object) -> None:
-    """Write a message into a pipe; raises `OSError` where nobody reads it any more. `pickle.load`
-    takes it out.
+    """Write a message into a pipe; `pickle.load` takes it out.
+
+    Raises `OSError` where nobody reads it any more.
     """
     stream.write(pack(message))
     stream.flush()

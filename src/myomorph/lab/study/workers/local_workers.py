@@ -93,8 +93,10 @@ class InProcess:
 
 @dataclass(eq=False)
 class _Process:
-    """A process beside this one: what it writes on its standard error, for the reason where it is
-    lost; the model of its last job; why it was ended from here.
+    """A process beside this one.
+
+    It holds what it writes on its standard error, for the reason where it is lost; the model of its
+    last job; and why it was ended from here.
     """
 
     child: subprocess.Popen[bytes]
@@ -112,8 +114,9 @@ class _Process:
 
 
 class LocalWorkers:
-    """Processes of this machine, replaced where they are lost; one that takes more than `memory`
-    [bytes] is ended.
+    """Processes of this machine, replaced where they are lost.
+
+    One that takes more than `memory` [bytes] is ended.
     """
 
     def __init__(self, count: int, memory: int | None = None, threads: int = 1) -> None:
@@ -135,9 +138,10 @@ class LocalWorkers:
         return tuple(process.child.pid for process in self._all)
 
     def start(self, job: Job, model: Model | None) -> None:
-        """Give a job to a process that has none; the model is sent where it does not hold it yet.
-        On a new machine the first job is alone until it has ended, so that not all processes
-        compile the same kernels.
+        """Give a job to a process that has none.
+
+        The model is sent where the process does not hold it yet. On a new machine the first job is
+        alone until it has ended, so that not all processes compile the same kernels.
         """
         if self._compiles_until is None:
             self._compiles_until = (
@@ -199,8 +203,9 @@ class LocalWorkers:
             process.child.stdout.close()
 
     def ended(self, timeout: float) -> list[Ended]:
-        """Jobs that have ended, as soon as there is one; also looks after the memory of the
-        processes.
+        """Return jobs that have ended, as soon as there is one.
+
+        It also watches the memory of the processes.
         """
         until = time.monotonic() + timeout
         result: list[Ended] = []
@@ -274,8 +279,9 @@ class LocalWorkers:
 
 
 def _taken(process: psutil.Process) -> int:
-    """Memory that a process takes [bytes]; in an environment on Windows the interpreter is a child
-    of what is begun.
+    """Return the memory that a process takes [bytes].
+
+    In an environment on Windows the interpreter is a child of what is started.
     """
     resident = int(process.memory_info().rss)
     if sys.platform == "win32":
@@ -289,8 +295,9 @@ def _ask_to_stop(process: _Process) -> None:
 
 
 def _bury(process: _Process, patience: float = GRACE) -> None:
-    """Close what belonged to a process that has ended, or is ended where it has not after
-    `patience` [s].
+    """Close what belonged to a process that has ended.
+
+    One that has not ended after `patience` [s] is ended.
     """
     try:
         process.child.wait(patience)
@@ -324,10 +331,11 @@ def _why(process: _Process) -> str:
 def local_workers(
     count: int | None = None, memory: int | None = None, jobs: int = 0, threads: int | None = None
 ) -> Workers:
-    """Workers of this machine: the process itself where there is one job, else others beside it. By
-    default one for each core, as far as memory reaches, but no more than `jobs` (0 where not
-    known); each with one thread and its share of the free `memory` [bytes], or all cores where
-    there is one job.
+    """Return workers of this machine.
+
+    They are the process itself where there is one job, else others beside it. By default there is
+    one for each core, as far as memory reaches, but no more than `jobs` (0 where not known); each
+    with one thread and its share of the free `memory` [bytes], or all cores where there is one job.
     """
     if memory is not None and memory < NEEDED // 4:
         raise BadData(

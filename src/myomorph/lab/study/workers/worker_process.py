@@ -1,8 +1,8 @@
-"""A process that does jobs for another: models and jobs come in on its input, outcomes go out on
-its output.
+"""A process that does jobs for another.
 
-It is started with `python -m myomorph.lab.study.workers.worker_process` and ends at once when the
-other process does, because its input then ends.
+Models and jobs come in on its input, outcomes go out on its output. It is started with `python -m
+myomorph.lab.study.workers.worker_process` and ends at once when the other process does, because its
+input then ends.
 """
 
 from __future__ import annotations
@@ -48,8 +48,9 @@ class _Stopping:
 
 
 def _read(stream: IO[bytes], messages: queue.SimpleQueue[Any], stopping: _Stopping) -> None:
-    """Take messages as they come; runs in a thread, so that the end of the other process is seen at
-    any time.
+    """Take messages as they come.
+
+    It runs in a thread, so that the end of the other process is noticed at any time.
     """
     while True:
         try:
