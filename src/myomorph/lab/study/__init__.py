@@ -1,3 +1,4 @@
-"""From files to steps to results: study files, trials, subjects, runs and summaries. Holds no
-science.
+"""From files to steps to results: study files, trials, subjects, runs and summaries.
+
+It holds no science.
 """

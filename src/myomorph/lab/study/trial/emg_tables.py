@@ -1,5 +1,6 @@
-"""Tables of EMG beside muscle tensions: how channels were calibrated, and where EMG and torques do
-not agree.
+"""Tables of EMG beside muscle tensions.
+
+They show how channels were calibrated, and where EMG and torques do not agree.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ def _channel_row(emg_calibration: EmgCalibration, index: int, muscles: str) -> C
 
 
 def _cell(value: float) -> str:
-    """A number of a table, empty where it is not known."""
+    """Return a number of a table, empty where it is not known."""
     return f"{value:.4g}" if np.isfinite(value) else ""
 
 
@@ -114,5 +115,5 @@ def write_conflicts(
 
 
 def _rounded(value: str | float) -> str:
-    """A cell of a stretch: a name as it is, a number in six digits."""
+    """Return a cell of a stretch: a name as it is, a number in six digits."""
     return value if isinstance(value, str) else f"{value:.6g}"

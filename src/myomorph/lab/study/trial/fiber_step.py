@@ -1,5 +1,6 @@
-"""Fibers and tendons as part of the step `tension`: written, and reported in notes, signals and
-numbers.
+"""Fibers and tendons as part of the step `tension`.
+
+They are written, and reported in notes, signals and numbers.
 """
 
 from __future__ import annotations
@@ -48,10 +49,18 @@ MAX_NAMED = 8  # Muscles that a note names one by one.
 
 @dataclass(frozen=True)
 class FiberWork:
-    """What fibers and tendon of one muscle do in one stride (1, 2, ... of the muscle's own leg; 0
-    for the whole recording), from `start` to `stop` [s]. Positive work, and negative as a positive
-    number, of the fibers and of the tendon [J], greatest powers [W], the tendon's strain, fiber
-    length over optimal.
+    """What fibers and tendon of one muscle do in one stride.
+
+    Attributes
+    ----------
+    muscle : name
+    stride : 1, 2, ... of the muscle's own leg; 0 for the whole recording
+    start, stop : of the stride [s]
+    fiber_done, fiber_absorbed : positive work of the fibers, and negative as a positive number [J]
+    tendon_returned, tendon_stored : the same of the tendon [J]
+    fiber_peak, tendon_peak : greatest powers [W]
+    max_strain : of the tendon
+    shortest, longest : fiber length over optimal
     """
 
     muscle: str
@@ -76,9 +85,23 @@ def fiber_work(
     optimal: Mapping[str, float],
     strides: Strides | None,
 ) -> tuple[FiberWork, ...]:
-    """Work, powers, strains and lengths of every muscle in every stride of its own leg, or in the
-    whole recording. Frames near an end of the recording (`Fibers.transient`) and unsolved ones are
-    left out; a stride with less than two others is left out itself.
+    """Return work, powers, strains and lengths of every muscle in every stride of its own leg.
+
+    Without strides they are of the whole recording. Frames near an end of the recording
+    (`Fibers.transient`) and unsolved ones are left out; a stride with less than two others is left
+    out itself.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    muscles : names
+    fibers : lengths, powers and strains (frames, muscles)
+    optimal : optimal fiber length of each muscle [m]
+    strides : of both legs, None for the whole recording
+
+    Returns
+    -------
+    one for each muscle and stride
     """
     result = []
     for m, name in enumerate(muscles):
@@ -128,8 +151,9 @@ def _work(time: Array, power: Array) -> tuple[float, float]:
 def write_fibers(
     tension: Tension, model: Model, strides: Strides | None, output: StepOutput
 ) -> tuple[Message, ...]:
-    """Write fibers and tendons, their work over strides or the whole; returns notes. None for rigid
-    tendons.
+    """Write fibers and tendons, and their work over strides or the whole.
+
+    Notes are returned; there are none for rigid tendons.
     """
     fibers = tension.fibers
     if fibers is None:
@@ -148,8 +172,10 @@ def write_fibers(
 
 
 def fiber_notes(tension: Tension) -> tuple[Message, ...]:
-    """Frames that did not converge or were bridged, muscles whose fibers cannot reach, tendons
-    strained too far.
+    """Report what is wrong with fibers and tendons.
+
+    These are frames that did not converge or were bridged, muscles whose fibers cannot reach, and
+    tendons strained too far.
     """
     fibers = tension.fibers
     if fibers is None:
@@ -225,8 +251,9 @@ def inside_ends(fibers: Fibers, values: Array) -> Array:
 
 
 def fiber_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
-    """Normalized fiber length, tendon strain and powers for tables of values and curves, ends left
-    out.
+    """Return normalized fiber length, tendon strain and powers for tables of values and curves.
+
+    The ends of the recording are left out.
     """
     fibers = get_fibers(stored)
     if fibers is None:

@@ -1,5 +1,6 @@
-"""Which norm a walk is held against: adults that come along, a file of norms, or the control group
-of the user's own results.
+"""The norm that a walk is compared with.
+
+It is of bundled adults, a file of norms, or the control group of the user's own results.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Forces at contact points of joints as part of the step `tension`: written, and reported in notes
-and numbers.
+"""Forces at contact points of joints as part of the step `tension`.
+
+They are written, and reported in notes and numbers.
 """
 
 from __future__ import annotations
@@ -64,8 +65,9 @@ def _half_distances(points: JointPoints) -> dict[str, float]:
 
 
 def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tuple[Message, ...]:
-    """Where the points of a loaded joint cannot carry it: a moment is left, or the bodies are
-    pulled apart.
+    """Report where the points of a loaded joint cannot carry it.
+
+    A moment is left, or the bodies are pulled apart.
     """
     notes = []
     for j, joint in enumerate(contacts.joints):
@@ -121,7 +123,7 @@ def _stride_rows(
 
 
 def joint_contact_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
-    """Loads over time for tables of values and curves."""
+    """Return loads over time for tables of values and curves."""
     joint_contacts = get_joint_contacts(stored)
     if joint_contacts is None:
         return ()
@@ -130,8 +132,9 @@ def joint_contact_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
 
 
 def joint_contact_numbers(stored: Stored, strides: TrialStrides | None) -> Iterator[Value]:
-    """Peak in body weights and impulse of every load: means over the strides, or of the whole
-    recording.
+    """Yield peak in body weights and impulse of every load.
+
+    They are means over the strides, or of the whole recording.
     """
     joint_contacts = get_joint_contacts(stored)
     if joint_contacts is None or not len(joint_contacts):

@@ -269,7 +269,7 @@ class TrialResult:
 
 
 def load(folder: str | Path) -> Mapping[str, TrialResult]:
-    """The results in a folder that `run`, a step or a demo wrote, by subject and trial.
+    """Return the results in a folder that `run`, a step or a demo wrote, by subject and trial.
 
     Values are read when they are first used; the models behind them are not needed.
 

@@ -1,5 +1,6 @@
-"""From results to `report.html`: what was found, what it was made from, what is real and what is
-assumed.
+"""From results to `report.html`.
+
+It shows what was found, what it was derived from, what is real and what is assumed.
 """
 
 from __future__ import annotations
@@ -127,7 +128,7 @@ def _write(
     model: Callable[[Stored], Model],
     norms: GaitNorms,
 ) -> Path:
-    """The report of the results in one folder, whole or not at all."""
+    """Write the report of the results in one folder, whole or not at all."""
     stored = joined([read_result(path, leave_out=large_variables()) for path in paths])
     shown = report_input(stored, model(stored))
     chosen = replace(shown.analysis, preset=preset or shown.analysis.preset, times=tuple(times))
@@ -135,8 +136,10 @@ def _write(
 
 
 def write_report(home: Path, prepared: Prepared, norms: GaitNorms | None = None) -> Path:
-    """Write `report.html`, whole or not at all, and where the motion is a walk the page on its gait
-    and muscle lengths of every stride.
+    """Write `report.html`, whole or not at all.
+
+    Where the motion is a walk the page on its gait and muscle lengths of every stride are written,
+    too.
     """
     answer = answer_of(prepared)
     write_answer(home, prepared, answer)
@@ -178,8 +181,9 @@ def gait_norms(norms: Sequence[str], model: Callable[[Stored], Model]) -> GaitNo
 
 
 class TrialResults:
-    """The results of a trial, read and prepared once, when first wanted; a page needs more than
-    tables of values.
+    """The results of a trial, read and prepared once, when first used.
+
+    A page needs more than tables of values.
     """
 
     def __init__(self, path: Path, model: Model, stored: Stored | None = None, page: bool = True):
@@ -225,7 +229,7 @@ def joined(parts: Sequence[Stored]) -> Stored:
 
 
 def model_of(stored: Stored, demo_model: ModelMaker | None = None) -> Model:
-    """The model that results were made with, read again; a demo's by its name."""
+    """Read the model again that results were made with; a demo's by its name."""
     sources = list(
         dict.fromkeys(
             source
@@ -260,7 +264,7 @@ def _source_model(source: Source, stored: Stored, demo_model: ModelMaker | None)
 
 
 def source_file(source: Source, stored: Stored) -> Path:
-    """The file that results were made from, as it was then; raises `BadFile`."""
+    """Return the file that results were derived from, as it was then; raise `BadFile`."""
     # A name that was given relative to a folder is looked for from the results upwards too.
     places = dict.fromkeys(
         [Path(source.name), *(parent / source.name for parent in stored.path.resolve().parents)]
@@ -281,8 +285,9 @@ def source_file(source: Source, stored: Stored) -> Path:
 
 
 def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInput:
-    """What a report is made of, from results and their model; `drawn`: with the meshes that lie
-    beside the model's file, which tables of values need not.
+    """Return what a report is made of, from results and their model.
+
+    `drawn`: with the meshes that lie beside the model's file, which tables of values do not need.
     """
     facts = stored.facts
     mass = stored.facts.get("mass", "")
@@ -363,7 +368,7 @@ def surfaces_of(model: Model) -> Mapping[str, Surface]:
 
 
 def reduced_for_pictures(surfaces: Mapping[str, Surface]) -> Mapping[str, Surface]:
-    """Copies with no more triangles than pictures a few hundred pixels tall can show."""
+    """Return copies with no more triangles than pictures a few hundred pixels tall can show."""
     sizes = [float(np.ptp(surface.vertices, axis=0).max()) for surface in surfaces.values()]
     # A body is about four times as tall as its longest bone.
     return dict(
@@ -402,7 +407,7 @@ def _shown_step(step: str, stored: Stored) -> PageStep:
 
 
 def _mass_warning(mass: str, model: Model) -> list[Message]:
-    """A sentence if the subject's mass is not the model's: these steps scale no masses."""
+    """Return a sentence if the subject's mass is not the model's: these steps scale no masses."""
     if not mass or abs(float(mass) - model.mass) <= 0.02 * model.mass:
         return []
     difference = 100.0 * (float(mass) / model.mass - 1.0)

@@ -1,5 +1,6 @@
-"""The steps of one recording and their results in its folder: one file, tables of values and a
-report.
+"""The steps of one recording and their results in its folder.
+
+They are one file, tables of values and a report.
 """
 
 from __future__ import annotations
@@ -47,8 +48,9 @@ _LEFTOVER = re.compile(r"^\..+\.([a-z0-9_]{8}|part)$")
 
 
 class TrialSteps(JobSteps):
-    """Steps of one recording, whose results go into one file in its folder; `results` are known
-    before the first.
+    """Steps of one recording, whose results go into one file in its folder.
+
+    `results` are known before the first.
     """
 
     def __init__(
@@ -77,7 +79,7 @@ class TrialSteps(JobSteps):
         self._ahead: Ahead | None = None
 
     def _earlier(self) -> tuple[dict[str, Path], dict[str, Provenance]]:
-        """The file that holds the result of each step, and what that was made from.
+        """Return the file that holds the result of each step, and what that was derived from.
 
         Steps are left out of which the file or a table is damaged; `_damage` then says what.
         """
@@ -108,11 +110,11 @@ class TrialSteps(JobSteps):
         return self._damage.get(step) or super().reasons(step)
 
     def provenance(self, step: str) -> Provenance:
-        """What a step's result would be made from now."""
+        """Return what a step's result would be derived from now."""
         return trial_step.step_provenance(step_of(step), self.trial)
 
     def earlier(self, step: str) -> Provenance | None:
-        """What an earlier run made a step's result from."""
+        """Return what an earlier run derived a step's result from."""
         return self._made.get(step)
 
     def all_reasons(self, steps: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -128,8 +130,9 @@ class TrialSteps(JobSteps):
         return reasons
 
     def unchanged(self, steps: Sequence[str]) -> Outcome | None:
-        """The outcome of a trial whose folder is what a run would leave it as; its file is opened
-        once.
+        """Return the outcome of a trial whose folder a run would not change.
+
+        Its file is opened once.
         """
         expected = [VALUES, trial_step.PAGE] if self.reports else [VALUES]
         if any(self._damage.values()) or self._altered_pages():
@@ -209,7 +212,7 @@ class TrialSteps(JobSteps):
         self._waiting.append(step)
 
     def _having(self, *kinds: type) -> trial_step.StepResults:
-        """What was found, results of these types included."""
+        """Return what was found, results of these types included."""
         for step in [name for name in self._waiting if step_of(name).gives in kinds]:
             stored = store.read_result(self._files[step], leave_out=large_variables())
             self.results = self.results.having(step_of(step).read(stored, self.trial.options))
@@ -257,12 +260,12 @@ class TrialSteps(JobSteps):
         return replace(found, findings=said)
 
     def _gather(self, outcome: Outcome) -> store.Stored | None:
-        """Move the steps' tables up and put their values, and those reused, into one file; returns
-        what it holds, where all was in memory.
+        """Move the steps' tables up and put their values, and those reused, into one file.
 
-        Results of steps that nobody asks for now stay as long as they would come out the same. The
-        order is that of the steps, whichever of them were reused, so that the file is the same
-        either way. The tables of muscle paths, of which there are many, get a folder of their own.
+        What the file holds is returned, where all was in memory. Results of steps that are not
+        requested now stay as long as they would come out the same. The order is that of the steps,
+        whichever of them were reused, so that the file is the same either way. The tables of muscle
+        paths, of which there are many, get a folder of their own.
         """
         held = self._held
         parts = self.parts
@@ -308,17 +311,20 @@ class TrialSteps(JobSteps):
 def run_trial(
     trial: TrialInputs, steps: Sequence[str], folder: Path, fresh: bool = False
 ) -> Outcome:
-    """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and
-    `report.html`. A step whose inputs, options and version are those of an earlier run is reused.
-    Where a step fails, what the steps before it found is kept.
+    """Run the steps of one recording into a folder.
+
+    It then has tables, `<trial>.nc`, `values.csv` and `report.html`. A step whose inputs, options
+    and version are those of an earlier run is reused. Where a step fails, what the steps before it
+    found is kept.
     """
     job = TrialSteps(trial=trial, asked=steps, folder=folder, fresh=fresh)
     return run_steps(job, job.steps)
 
 
 class _Held:
-    """Values of quick steps in memory until they are put into one file, where no earlier run left
-    anything to lose.
+    """Values of quick steps in memory until they are put into one file.
+
+    They are held where no earlier run left anything to lose.
     """
 
     def __init__(self, parts: Path, allowed: bool):
@@ -357,15 +363,17 @@ class _Held:
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """Steps that are nowhere but here, although they were to be kept: nothing more can be
-        written.
+        """Steps that are nowhere but here, although they were to be stored.
+
+        Nothing more can be written.
         """
         return tuple(step for step in self.files if not (self.parts / step / PART).is_file())
 
 
 def clear_leftovers(folder: Path) -> None:
-    """Remove what a process that was killed had not finished: files and folders with temporary
-    names.
+    """Remove what a process that was killed had not finished.
+
+    These are files and folders with temporary names.
     """
     for home in (folder, folder / PARTS):
         for path in home.iterdir() if home.is_dir() else ():
@@ -388,7 +396,7 @@ def _move_tables(steps: Sequence[str], parts: Path, folder: Path) -> None:
 
 
 def with_results(outcome: Outcome, results: trial_step.StepResults) -> Outcome:
-    """An outcome with what results tell of the trial, as its frames and marker errors."""
+    """Return an outcome with what results report of the trial: frames, marker errors and others."""
     for step in trial_steps():
         result = results.get(step.gives)
         if step.outcome is not None and result is not None:

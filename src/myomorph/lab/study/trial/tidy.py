@@ -1,5 +1,6 @@
-"""What one trial comes to in numbers: a value a row, mean curves over the cycle, and how good it
-is.
+"""Scalar results of one trial.
+
+They are one value per row, mean curves over the cycle, and measures of quality.
 """
 
 from __future__ import annotations
@@ -108,7 +109,7 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
 
 
 def value_row(value: Value) -> tuple[str, ...]:
-    """A row of `VALUE_COLUMNS`."""
+    """Return a row of `VALUE_COLUMNS`."""
     numbers = [value.low, value.high, value.sd]
     count = ""
     if value.strides is None:
@@ -137,8 +138,10 @@ def trial_values(
     signals: Sequence[Signals],
     cycles: Sequence[Cycles | None],
 ) -> Iterator[Value]:
-    """All numbers of a trial, one after the other. Of every signal its extremes and mean over the
-    trial; where there are strides also those of each stride, as the mean over the strides.
+    """Yield all numbers of a trial, one after the other.
+
+    Of every signal they are its extremes and mean over the trial; where there are strides also
+    those of each stride, as the mean over the strides.
     """
     steps = trial_steps()
     for step in steps:
@@ -154,8 +157,10 @@ def trial_values(
 def _signal_values(
     signal: Signals, cycle: Cycles | None, strides: TrialStrides | None
 ) -> Iterator[Value]:
-    """Yield extremes and means of the columns of a signal: over the trial, and where there are
-    strides the mean over these of each stride's own, with how strides differ.
+    """Yield extremes and means of the columns of a signal over the trial.
+
+    Where there are strides the mean over these of each stride's own follows, with how strides
+    differ.
     """
     whole = statistics_of(signal.series.values)
     each = {}
@@ -240,8 +245,9 @@ def _write_curves(
 
 
 def curve_name(family: str, name: str) -> str:
-    """Heading of a curve: the family "joint angle [°]" and "knee_angle_r" are "joint angle:
-    knee_angle_r [°]".
+    """Return the heading of a curve.
+
+    The family "joint angle [°]" and "knee_angle_r" are "joint angle: knee_angle_r [°]".
     """
     what, _, unit = family.partition(" [")
     return f"{what}: {name}" + (f" [{unit}" if unit else "")
@@ -254,8 +260,10 @@ def _family_and_name(heading: str) -> tuple[str, str]:
 
 
 def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, Series]]:
-    """Curves that `write_trial_values` wrote: over what (`OF_STRIDE` or `OF_TRIAL`), and by family
-    (whose names begin with one of `only`, () for all) over percents.
+    """Read curves that `write_trial_values` wrote.
+
+    They are over `OF_STRIDE` or `OF_TRIAL`, which is returned first, and by family (whose names
+    begin with one of `only`, () for all) over percents.
     """
     with path.open(newline="", encoding="utf-8") as stream:
         head = next(csv.reader(stream), [])
@@ -279,8 +287,9 @@ def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, 
 
 
 def read_values(path: Path) -> list[Value]:
-    """Values as `write_trial_values` wrote them; tables of older versions have no columns of
-    strides.
+    """Read values as `write_trial_values` wrote them.
+
+    Tables of older versions have no columns of strides.
     """
     with path.open(newline="", encoding="utf-8") as stream:
         return [_read_value(row) for row in csv.DictReader(stream)]
@@ -309,7 +318,7 @@ def _read_value(row: Mapping[str, str]) -> Value:
 
 
 def read_quality(path: Path) -> list[dict[str, str]]:
-    """The table of quality as `write_trial_values` wrote it, empty where there is none."""
+    """Read the table of quality as `write_trial_values` wrote it, empty where there is none."""
     if not path.is_file():
         return []
     with path.open(newline="", encoding="utf-8") as stream:

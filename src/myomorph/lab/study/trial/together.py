@@ -1,5 +1,6 @@
-"""Recordings of several subjects, and of objects between them, as one: for forces that they pass to
-each other.
+"""Recordings of several subjects, and of objects between them, as one.
+
+They are joined for forces that they pass to each other.
 """
 
 from __future__ import annotations
@@ -59,8 +60,9 @@ from myomorph.lab.study.trial.trial_inputs import (
 
 
 class ObjectTable(Strict):
-    """An object of known inertia: a box of even density, or with an inertia of its own about its
-    mass center.
+    """An object of known inertia.
+
+    It is a box of even density, or has an inertia of its own about its center of mass.
     """
 
     name: str
@@ -107,8 +109,9 @@ class Together:
 def together_of(
     table: TogetherTable, trials: Sequence[TrialFiles], folder: Path, notes: Notes
 ) -> Together:
-    """A table of a study file, its trials looked up among the study's; what is wrong is added to
-    the notes.
+    """Read a table of a study file, its trials looked up among the study's.
+
+    What is wrong is added to the notes.
     """
     where = f"together '{table.name}'"
     problems = notes.problems
@@ -156,9 +159,15 @@ def together_of(
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One subject or object of what is solved together: its coordinates, the file of its model or
-    the table of an object, and the key of what the coordinates were derived from, "" for those of a
-    file, which is a source itself.
+    """One subject or object of what is solved together.
+
+    Attributes
+    ----------
+    trial : its inputs
+    recorded : its coordinates
+    source : the file of its model or the table of an object
+    made : key of what the coordinates were derived from, "" for those of a file, which is a source
+        itself
     """
 
     trial: TrialInputs
@@ -168,7 +177,7 @@ class Part:
 
 
 def object_model(description: dict[str, Any]) -> Model:
-    """The model of an object from its table as text."""
+    """Return the model of an object from its table as text."""
     table = ObjectTable.model_validate(description)
     return free_object(
         table.name, table.mass, table.size, inertia=table.inertia, mass_center=table.mass_center
@@ -176,7 +185,7 @@ def object_model(description: dict[str, Any]) -> Model:
 
 
 def object_part(table: ObjectTable, path: Path) -> Part:
-    """An object of known inertia, moving as a file says."""
+    """Return an object of known inertia, moving as a file says."""
     description = table.model_dump()
     model = object_model(description)
     sources = (
@@ -268,7 +277,7 @@ def _emg(parts: Mapping[str, Part]) -> RecordedEmg | None:
 
 
 def _truth(parts: Mapping[str, Part]) -> KnownTruth | None:
-    """What is known of all parts, where they were simulated."""
+    """Return what is known of all parts, where they were simulated."""
     known = {
         name: truth.series
         for name, part in parts.items()

@@ -1,5 +1,6 @@
-"""One trial: its files, and what its steps take, opened from them: the recording, the options,
-named columns.
+"""One trial: its files, and what its steps take, opened from them.
+
+The inputs are the recording, the options, named columns.
 """
 
 from __future__ import annotations
@@ -55,9 +56,15 @@ EXTREMES = ("minimum", "maximum", "range", "mean")
 
 @dataclass(frozen=True)
 class TrialFiles:
-    """The files of one recording of one subject: its model, its name ("" for that of its
-    recording), whose it is, the condition that it was recorded in, and settings of its inputs
-    (`study.inputs.table`).
+    """The files of one recording of one subject.
+
+    Attributes
+    ----------
+    model : its file
+    name : of the trial, "" for that of its recording
+    subject : whose it is
+    inputs : settings of its inputs (`study.inputs.table`)
+    condition : that it was recorded in
     """
 
     model: Path
@@ -67,11 +74,11 @@ class TrialFiles:
     condition: str = ""
 
     def get(self, kind: type[Held]) -> Held:
-        """Settings of an input, its defaults where nothing is said."""
+        """Return settings of an input, its defaults where none are specified."""
         return self.inputs.or_default(kind)
 
     def having(self, *settings: object) -> Self:
-        """The same with other settings of inputs."""
+        """Return the same with other settings of inputs."""
         return replace(self, inputs=self.inputs.having(*settings))
 
     @property
@@ -103,8 +110,9 @@ class TrialFiles:
 
 @dataclass(frozen=True)
 class TrialNotes:
-    """Sentences for the first lines of the report; `root` says what forces at the root are, see
-    `Dynamics`.
+    """Sentences for the first lines of the report.
+
+    `root` says what forces at the root are, see `Dynamics`.
     """
 
     real: tuple[str, ...] = ()
@@ -127,10 +135,11 @@ class JoinedParts(Recorded):
 
 @dataclass(frozen=True, eq=False)
 class TrialInputs:
-    """One recording of one subject with all that the steps need, whatever files or programs it came
-    from. `inputs` are opened and fitted to the model, found by their types: `Recording`,
-    `ExternalLoads`, `RecordedEmg`, ...; `sources` are inputs by their hashes; `warnings` come from
-    the readers of the files.
+    """One recording of one subject with all that the steps need, from any files or programs.
+
+    `inputs` are opened and fitted to the model, found by their types: `Recording`, `ExternalLoads`,
+    `RecordedEmg`, ...; `sources` are inputs by their hashes; `warnings` come from the readers of
+    the files.
     """
 
     name: str
@@ -143,11 +152,11 @@ class TrialInputs:
     warnings: tuple[Message, ...] = ()
 
     def get(self, kind: type[Held]) -> Held | None:
-        """An input of a type, None where the trial has none."""
+        """Return an input of a type, None where the trial has none."""
         return self.inputs.get(kind)
 
     def having(self, *inputs: object) -> Self:
-        """The same with other inputs; each takes the place of the one of its type."""
+        """Return the same with other inputs; each takes the place of the one of its type."""
         return replace(self, inputs=self.inputs.having(*inputs))
 
     @property
@@ -191,8 +200,9 @@ class TrialInputs:
         return tuple(value for value in self.inputs if isinstance(value, Recorded))
 
     def put(self, writer: ResultWriter) -> None:
-        """Write what every result file holds of the recording, so that a report can be made of it
-        alone.
+        """Write what every result file holds of the recording.
+
+        A report can be made of it alone.
         """
         for value in self._recorded:
             value.put(writer)
@@ -201,8 +211,14 @@ class TrialInputs:
 
 
 class Value(NamedTuple):
-    """One number of a trial, its step and unit; limits of 90 % and standard deviation of draws, NaN
-    for none; of a mean over strides how these differ.
+    """One number of a trial.
+
+    Attributes
+    ----------
+    step : that gives it
+    quantity, value, unit : what it is
+    low, high, sd : 90 % interval and standard deviation of draws, NaN for none
+    strides : of a mean over strides, how these differ
     """
 
     step: str
@@ -217,8 +233,9 @@ class Value(NamedTuple):
 
 @read_only
 class Signals:
-    """Columns of one kind that a step made, named as the model names coordinates, bodies and
-    muscles, so that sides can be told.
+    """Columns of one kind that a step made.
+
+    They are named as the model names coordinates, bodies and muscles, so that sides can be found.
 
     In tables of values each name gets its ending, unit, and statistics, some of `EXTREMES`; `curve`
     is what the curves over the cycle of the columns `drawn` are called, with their unit ("" where
@@ -302,8 +319,9 @@ def statistics_of(values: Array, axis: int = 0) -> dict[str, Array]:
 
 
 def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> TrialInputs:
-    """Read the files of a recording, in the order of the inputs' table, and make of them what the
-    steps take.
+    """Read the files of a recording, and make of them what the steps take.
+
+    They are read in the order of the inputs' table.
     """
     model = open_model(files.model) if model is None else model
     opening = Opening(
@@ -351,10 +369,11 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
 
 
 def options_of(settings: Settings) -> OptionSet:
-    """What a study file or a command says to the steps, as values of their options. Options that
-    several steps have, as the low-pass filter, are one for all: the last step that names one
-    counts. Steps to which nothing is said are not looked at, so that commands without them start
-    faster.
+    """Return what a study file or a command specifies for the steps, as values of their options.
+
+    Options that several steps have, such as the low-pass filter, are one for all: the last step
+    that names one counts. Steps for which nothing is specified are not read, so that commands
+    without them start faster.
     """
     result = OptionSet()
     for name in (*STEPS["trial"], REPORT):

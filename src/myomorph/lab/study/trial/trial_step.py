@@ -41,7 +41,7 @@ class StepResults(ByType):
 
 
 def steps_before(step: Step[Any]) -> tuple[Step[Any], ...]:
-    """The steps whose results a step reads, and those before these, in their order."""
+    """List the steps whose results a step reads, and those before these, in their order."""
     read = {*step.needs, *step.uses}
     before = list[Step[Any]]()
     names = list(STEPS["trial"])
@@ -53,8 +53,9 @@ def steps_before(step: Step[Any]) -> tuple[Step[Any], ...]:
 
 
 def step_provenance(step: Step[Any], trial: TrialInputs) -> Provenance:
-    """What a step's result is made from: its inputs, and the options of this step and those before
-    it.
+    """Return what a step's result is derived from.
+
+    It is the step's inputs, and the options of this step and those before it.
     """
     options: dict[str, object] = {"time": None if trial.time is None else list(trial.time)}
     for each in (*steps_before(step), step):
@@ -111,8 +112,9 @@ def report_key(trial: TrialInputs, done: Sequence[str]) -> str:
 
 
 def keep_facts(writer: ResultWriter, trial: TrialInputs, done: Sequence[str]) -> None:
-    """Write the facts of the recording as they are now, before earlier ones are reused; steps add
-    warnings.
+    """Write the facts of the recording as they are now, before earlier ones are reused.
+
+    Steps add warnings.
     """
     for name, text in trial.facts.items():
         if name != "warnings":

@@ -58,8 +58,9 @@ PARAMETERS: tuple[tuple[str, str, str], ...] = (
 
 @dataclass(frozen=True, eq=False)
 class TrialStrides:
-    """Strides of one trial, its parts in order of time, the limbs they are of, and what was left
-    out.
+    """Strides of one trial.
+
+    They have its parts in order of time, the limbs they are of, and what was left out.
     """
 
     trial: str
@@ -100,7 +101,7 @@ class TrialStrides:
         return max((len(self.of(limb)) for limb in self.limbs), default=0)
 
     def numbers(self, step: str) -> Iterator[Value]:
-        """Number of strides of each limb, and the means of their parameters, from a step."""
+        """Yield the number of strides of each limb and the means of their parameters, by a step."""
         for limb in self.limbs:
             strides = self.of(limb)
             yield Value(step=step, quantity=f"strides, {limb}", value=float(len(strides)), unit="1")
@@ -158,9 +159,10 @@ def _common_ancestor(model: Model, bodies: Sequence[str]) -> str:
 
 
 def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStrides:
-    """Strides of a result in every stretch of time in which the body was seen: by plates, else
-    events, else motion. As `walking_strides` finds them, but for what the plan names, and for a
-    body that is out of sight in between.
+    """Find strides of a result in every stretch of time in which the body was recorded.
+
+    They are found by plates, else events, else motion. They are as `walking_strides` finds them,
+    but for what the plan names, and for a body that is out of sight in between.
     """
     limbs, points, trunk = _points(stored, model, plan)
     names = tuple(limb.name for limb in limbs)
@@ -243,9 +245,10 @@ def _parts(points: Series, trunk: str) -> list[Series]:
 
 
 def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) -> Animal:
-    """All strides of a subject's trials: parameters of every limb, and curves over the cycle. What
-    belongs to a side is cut at the strikes of that side's limb, everything else at those of the
-    first limb.
+    """Return all strides of a subject's trials.
+
+    They are parameters of every limb, and curves over the cycle. What belongs to a side is cut at
+    the foot strikes of that side's limb, everything else at those of the first limb.
     """
     scalars: dict[str, list[Array]] = {}
     curves: dict[str, list[Cycles]] = {}
@@ -278,10 +281,11 @@ def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) 
 
 
 def in_one_turn(animals: Sequence[Animal]) -> tuple[Animal, ...]:
-    """The animals with every phase in the turn in which it is nearest to the others: 0.02 and 0.98
-    are 0.04 apart. The middle of all animals, each by the direction of its own mean, is put between
-    -0.25 and 0.75; the phases of an animal are within half a turn of its own mean, and that within
-    half a turn of the middle.
+    """Return the animals with every phase in the turn in which it is nearest to the others.
+
+    0.02 and 0.98 are 0.04 apart. The middle of all animals, each by the direction of its own mean,
+    is put between -0.25 and 0.75; the phases of an animal are within half a turn of its own mean,
+    and that within half a turn of the middle.
     """
     tables = [dict(animal.scalars) for animal in animals]
     for name in dict.fromkeys(name for table in tables for name in table if name.startswith(PHASE)):
@@ -308,7 +312,7 @@ def _direction(turns: np.ndarray) -> float:
 
 
 def _signals(stored: Stored, model: Model) -> dict[str, Series]:
-    """What a result has over time, by family, in the units of its name."""
+    """Return what a result has over time, by family, in the units of its name."""
     motion = store.get_motion(stored)
     turning = [
         index
@@ -400,7 +404,7 @@ def maxima_by_side(series: Series, strides: TrialStrides) -> Array:
 
 
 def _limbs_by_side(series: Series, strides: TrialStrides) -> list[str]:
-    """The limb whose strides each signal is cut at: that of its side, else the first."""
+    """Return the limb whose strides each signal is cut at: that of its side, else the first."""
     sides = {split_side(limb)[1]: limb for limb in reversed(strides.limbs)}
     return [sides.get(split_side(name)[1], strides.limbs[0]) for name in series.names]
 
@@ -414,10 +418,15 @@ def _joined(parts: Sequence[Cycles]) -> Cycles:
 
 @dataclass(frozen=True)
 class StridePlan:
-    """How strides of a trial are found where neither plates nor events show them: the body that
-    feet are seen from ("" for the last that carries all feet); by limb, the body that tells strikes
-    and, where given, the one that tells lifts, () for the model's feet; direction of travel in
-    ground and speed of a treadmill [m/s], None to find them.
+    """How strides of a trial are found where neither plates nor events show them.
+
+    Attributes
+    ----------
+    trunk : the body that feet are seen from, "" for the last that carries all feet
+    limbs : by limb, the body that shows foot strikes and, where given, the one that shows foot
+        offs; () for the model's feet
+    direction : of travel in ground, None to find it
+    belt : speed of a treadmill [m/s], None to find it
     """
 
     trunk: str = ""

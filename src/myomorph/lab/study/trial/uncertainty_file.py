@@ -1,5 +1,6 @@
-"""Sizes of the sources of error as users state them: a file of their own, or the table
-`[uncertainty]` of a study.
+"""Sizes of the sources of error as users state them.
+
+They are a file of their own, or the table `[uncertainty]` of a study.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ STEP = "uncertainty"
 
 
 def read_sizes(path: Path) -> dict[str, Any]:
-    """Settings of the step 'uncertainty' from a TOML file, `name = size`, with or without heading
-    `[uncertainty]`.
+    """Read settings of the step 'uncertainty' from a TOML file.
+
+    It holds `name = size`, with or without heading `[uncertainty]`.
     """
     sizes = read_toml(path)
     sizes = sizes.get(STEP, sizes)
@@ -44,8 +46,9 @@ def read_sizes(path: Path) -> dict[str, Any]:
 def drawn_settings(
     draws: int | None, path: Path | None, workers: int | None = None
 ) -> dict[str, dict[str, Any]]:
-    """Settings of the step 'uncertainty' from options of a command; none without `--draws` and
-    `--uncertainty`.
+    """Return settings of the step 'uncertainty' from options of a command.
+
+    There are none without `--draws` and `--uncertainty`.
     """
     options = {"draws": draws, "workers": workers}
     settings = {name: value for name, value in options.items() if value is not None}
@@ -62,8 +65,9 @@ def drawn_settings(
 
 
 def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> Mapping[str, Any]:
-    """Tables of a study file with `[uncertainty]` where it means: among the options, and as a step
-    of all subjects.
+    """Return tables of a study file with `[uncertainty]` where it belongs.
+
+    It belongs among the options, and as a step of all subjects.
     """
     sizes = raw.get(STEP)
     if not isinstance(sizes, dict):

@@ -18,10 +18,12 @@ from myomorph.lab.analysis.walking import chains, walking_limbs
 def without_unmeasured_limbs(
     tension: Tension, model: Model, wrenches: Wrenches | None, driven: Mapping[str, str]
 ) -> Tension:
-    """Tensions without those of muscles of a limb at times at which the load on its foot is not
-    determined. There activations, forces, torques and reserves are NaN; a frame in which none is
-    left is "not determined". Limbs do not share a joint, so what is left is as solved. `driven`:
-    reserve to the coordinate it drives, "" for none.
+    """Return tensions without those of a limb whose load is not determined.
+
+    At times at which the load on its foot is not determined, activations, forces, torques and
+    reserves of its muscles are NaN; a frame in which none is left is "not determined". Limbs do not
+    share a joint, so what is left is as solved. `driven`: reserve to the coordinate it drives, ""
+    for none.
     """
     findings = () if wrenches is None else wrenches.findings
     limbs = chains(model, walking_limbs(model))

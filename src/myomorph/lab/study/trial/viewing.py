@@ -57,9 +57,11 @@ def open_replay(
     appearance: Appearance = AS_STORED,
     others: Callable[[Path], Recordings] = lambda folder: {},
 ) -> Replay:
-    """A page, on a free port by default, that shows the results (with a motion) of one folder or
-    file, or of several in one scene; `served` is called with the address once the page can be
-    opened, before the results are read; `others`: finds recordings of folders of another kind.
+    """Open a page that shows the results (with a motion) of one folder or file.
+
+    Several are shown in one scene. The page is on a free port by default; `served` is called with
+    the address once it can be opened, before the results are read; `others`: finds recordings of
+    folders of another kind.
     """
     choices = [others(Path(folder)) or recordings(folder, appearance) for folder in folders]
     from myomorph.lab.viewer.replay import Replay
@@ -68,8 +70,10 @@ def open_replay(
 
 
 def recordings(folder: str | Path, appearance: Appearance = AS_STORED) -> Recordings:
-    """The recordings of a folder of results by name, each opened when it is called; those with a
-    motion. Files in one folder belong together where they tell of the same trial at the same times.
+    """Return the recordings of a folder of results by name, each opened when it is called.
+
+    They are those with a motion. Files in one folder belong together where they are of the same
+    trial at the same times.
     """
     folder = Path(folder)
     groups: dict[tuple[object, ...], list[Path]] = {}
@@ -125,8 +129,9 @@ def _with_meshes(shown: ReportInput, model: Model, appearance: Appearance) -> Re
 
 
 def _what_is_in(path: Path) -> tuple[tuple[object, ...] | None, bool]:
-    """Folder, trial, number of frames and ends of a result's time, or None; and whether it holds a
-    motion.
+    """Return folder, trial, number of frames and ends of a result's time, or None.
+
+    It also returns whether the result holds a motion.
     """
     try:
         with open_netcdf(path) as file:

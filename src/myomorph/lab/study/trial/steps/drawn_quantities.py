@@ -1,5 +1,6 @@
-"""What draws of errors are computed of: tables of torques and tensions, drawn strengths, numbers
-that are kept.
+"""What draws of errors are computed of.
+
+They are tables of torques and tensions, drawn strengths, and numbers that are stored.
 """
 
 from __future__ import annotations
@@ -89,7 +90,20 @@ class DrawnTable:
 def drawn_table(
     quantity: Quantity, time: Array, names: Sequence[str], values: Array, model: Model
 ) -> DrawnTable:
-    """A quantity with its columns (frames, names), whose coordinates are those of a model."""
+    """Return a quantity with its columns, whose coordinates are those of a model.
+
+    Parameters
+    ----------
+    quantity : of the table
+    time : (frames,) [s]
+    names : of the columns
+    values : (frames, names) in the unit of the quantity
+    model : that the coordinates are of
+
+    Returns
+    -------
+    the table, with the kind of motion of each column
+    """
     return DrawnTable(
         quantity=quantity,
         time=time,
@@ -103,8 +117,9 @@ def drawn_table(
 def muscle_quantities(
     trial: TrialInputs, task: TensionTask, strength: Strength | None
 ) -> list[DrawnTable]:
-    """Tables of tensions and of what follows from them; `TooWeak` where reserves of a draw give
-    more than they may.
+    """Return tables of tensions and of what follows from them.
+
+    Raises `TooWeak` where reserves of a draw give more than they may.
     """
     tension, _ = task.solved(lambda count: None)
     if strength is not None:
@@ -131,12 +146,12 @@ def muscle_quantities(
 
 
 def torque_quantity(trial: TrialInputs, torques: Torques) -> DrawnTable:
-    """The table of torques."""
+    """Return the table of torques."""
     return series_table(GENERALIZED_FORCE, shown_torques(trial, torques), trial.model)
 
 
 def series_table(quantity: Quantity, series: Series, model: Model) -> DrawnTable:
-    """A series as a table of a quantity."""
+    """Return a series as a table of a quantity."""
     return drawn_table(quantity, series.time, series.names, series.values, model)
 
 
@@ -154,15 +169,18 @@ class TooWeak(MyomorphError):
 
 @dataclass(frozen=True)
 class Strength:
-    """What share of the largest torque of coordinates reserves may give in a draw, by the
-    coordinates' names.
+    """Share of the largest torque of a coordinate that its reserve may give in a draw.
+
+    Attributes
+    ----------
+    most : by the coordinates' names
     """
 
     most: dict[str, float]
 
     @classmethod
     def of(cls, tension: Tension) -> Strength:
-        """What the result without errors needs, and a tolerance."""
+        """Return what the result without errors needs, and a tolerance."""
         peaks, reserves = _peaks(tension)
         largest = max(peaks.values(), default=0.0)
         judged = [name for name in reserves if peaks.get(name, 0.0) > LARGE * largest]
@@ -199,8 +217,14 @@ LOADS = ("total_", "medial_", "lateral_")
 
 @read_only
 class DrawnValues:
-    """Which numbers of tables are kept of each draw: step and quantity, and the table of each;
-    `columns` of tables.
+    """The numbers of tables that are stored of each draw.
+
+    Attributes
+    ----------
+    names : step and quantity of each
+    tables : the table of each
+    columns : of tables
+    strides : over which means are taken, None without
     """
 
     names: tuple[tuple[str, str], ...]
@@ -237,8 +261,9 @@ class DrawnValues:
 def _statistics(
     quantity: DrawnTable, columns: tuple[int, ...], values: Array, strides: TrialStrides | None
 ) -> Iterator[dict[str, Array]]:
-    """Statistics of columns of a table (frames, columns) over the whole, and means of those of
-    strides if there are.
+    """Yield statistics of columns of a table (frames, columns) over the whole.
+
+    Means of those of strides follow if there are any.
     """
     factors = quantity.factors[list(columns)]
     names = tuple(quantity.names[column] for column in columns)
@@ -252,8 +277,9 @@ def _statistics(
 
 
 def drawn_values(quantities: Sequence[DrawnTable], strides: TrialStrides | None) -> DrawnValues:
-    """Which numbers of tables (at the frames that are drawn) are kept: those that the steps' tables
-    of values have.
+    """Return which numbers of tables (at the frames that are drawn) are stored.
+
+    They are those that the steps' tables of values have.
     """
     names = list[tuple[str, str]]()
     tables = list[str]()
@@ -319,8 +345,16 @@ class DrawnGait:
 
 
 def widened_gait(errors: Mapping[str, Array], factors: Mapping[str, float]) -> dict[str, Array]:
-    """Errors of gait curves (draws, samples, variables) by side, as much wider as those of angles
-    and of torques.
+    """Widen errors of gait curves as much as those of angles and of torques.
+
+    Parameters
+    ----------
+    errors : (draws, samples, variables) by side
+    factors : by the name of the quantity, 1 for one that is missing
+
+    Returns
+    -------
+    (draws, samples, variables) by side
     """
     kinds = {"angle": factors.get(COORDINATE_VALUE.name, 1.0), "force": 1.0}
     factor = np.array(

@@ -140,8 +140,9 @@ class Chain:
 
     @cached_property
     def posture(self) -> Array | None:
-        """What coordinates are weakly drawn to in every draw, (frames, coordinates) at the poses
-        that are drawn; None where no markers are.
+        """Values that coordinates are weakly drawn to in every draw.
+
+        They are (frames, coordinates) at the poses that are drawn; None where no markers are.
         """
         if self.markers is None or self.base is None:
             return None
@@ -183,8 +184,17 @@ class Chain:
         return tuple(zip(whole, part, strict=True))
 
     def drawn(self, draw: Draw) -> dict[str, Array]:
-        """Values of all tables under a draw's errors at the drawn frames; one of `FAILURES` for no
-        solution.
+        """Compute values of all tables under a draw's errors at the drawn frames.
+
+        Raises one of `FAILURES` for no solution.
+
+        Parameters
+        ----------
+        draw : errors of the sources
+
+        Returns
+        -------
+        (frames, names) by the name of the quantity
         """
         trial = drawn_trial(self, draw)
         sources = draw.sources
@@ -212,8 +222,16 @@ class Chain:
         }
 
     def attempt(self, draw: Draw) -> dict[str, Array] | None:
-        """`drawn`, None where the drawn trial has no solution, {} where its body is too weak for
-        what was recorded.
+        """Compute `drawn`, or say why it has no values.
+
+        Parameters
+        ----------
+        draw : errors of the sources
+
+        Returns
+        -------
+        as of `drawn`; None where the drawn trial has no solution, {} where its body is too weak for
+        what was recorded
         """
         try:
             return self.drawn(draw)
@@ -223,7 +241,7 @@ class Chain:
             return None
 
     def _moved(self, trial: TrialInputs, draw: Draw) -> Motion:
-        """The motion that inverse kinematics finds under the errors of a draw."""
+        """Return the motion that inverse kinematics finds under the errors of a draw."""
         if self.markers is None or self.base is None:
             noise = None
             if self.chosen is not None and self.cutoff is not None:
@@ -321,7 +339,7 @@ class Chain:
 
 
 def _with_contacts(task: TensionTask, draw: Draw) -> TensionTask:
-    """A task with the errors of contacts whose forces are estimated."""
+    """Return a task with the errors of contacts whose forces are estimated."""
     if task.setting is None:
         return task
     contact_task = task.setting.task
@@ -345,8 +363,9 @@ def every(step: int, torques: Torques) -> Torques:
 def chain_of(
     trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool
 ) -> Chain:
-    """What a trial's results are drawn around; `thin`, at most `POSES` poses and `TENSIONS`
-    tensions a second.
+    """Return what a trial's results are drawn around.
+
+    `thin`, at most `POSES` poses and `TENSIONS` tensions a second.
     """
     markers = None
     base = None
@@ -423,12 +442,12 @@ def _modes_at(fit: KinematicsFit, time: Array) -> tuple[AssumedMode, ...]:
 
 
 def whole(motion: Motion, model: Model) -> Motion:
-    """A motion with all coordinates of the model, those that it lacks at their defaults."""
+    """Return a motion with all coordinates of the model, missing ones at their defaults."""
     return Motion(motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion))
 
 
 def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
-    """A trial's inputs with the errors of a draw; markers and motion are drawn apart."""
+    """Return a trial's inputs with the errors of a draw; markers and motion are drawn apart."""
     trial = chain.trial
     sources = draw.sources
     options = trial.options
@@ -459,8 +478,9 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
 
 
 def _drawn_loads(chain: Chain, draw: Draw) -> ExternalLoads | None:
-    """External forces with errors, on bodies and as plates measured them; as recorded where the
-    sources leave them so.
+    """Return external forces with errors, on bodies and as plates measured them.
+
+    They are as recorded where the sources leave them so.
     """
     loads = chain.loads
     plates = chain.plates

@@ -91,10 +91,16 @@ class FilterEffect:
 
 @dataclass(frozen=True, eq=False)
 class Torques:
-    """Generalized forces (frames, coordinates) [N m or N] of a motion, filtered where asked for,
-    with derivatives; external forces at its times, as measured; what an automatic cutoff decides,
-    None where that was not examined; errors that the filter leaves in the motion, None where they
-    are not known.
+    """Generalized forces of a motion.
+
+    Attributes
+    ----------
+    motion : with derivatives, filtered where requested
+    torques : (frames, coordinates) [N m or N]
+    wrenches : external forces at its times, as measured
+    notes : what was done, one line each
+    filter_effect : what an automatic cutoff decides, None where that was not examined
+    errors : that the filter leaves in the motion, None where they are not known
     """
 
     motion: Motion
@@ -106,8 +112,9 @@ class Torques:
 
 
 def filter_summary(trial: TrialInputs, recorded: Motion, dynamics: Torques | None = None) -> str:
-    """What the motion was filtered with where nobody said it, and what depends on that, as the end
-    of a line.
+    """Return what the motion was filtered with where none was specified, as the end of a line.
+
+    It also says what depends on that.
     """
     if trial.options[Differentiation].cutoff is not None:
         return ""
@@ -159,10 +166,12 @@ def _largest_joint_torque(model: Model, torques: Series) -> float:
 
 
 def with_derivatives(trial: TrialInputs, recorded: Motion) -> Differentiated:
-    """The motion with velocities and accelerations, cut to the time that is used, with closed loops
-    closed; and notes. Where soft tissue is known, it is that of the body's mass; a refined motion
-    is that already. Derivatives are taken of all frames first, as OpenSim does, so the cut leaves
-    no edges; those of a body that turns over, in angles that do not jump (`root_chart`).
+    """Return the motion with velocities and accelerations, and notes.
+
+    It is cut to the time that is used, with closed loops closed. Where soft tissue is known, it is
+    that of the body's mass; a refined motion is that already. Derivatives are taken of all frames
+    first, as OpenSim does, so the cut leaves no edges; those of a body that turns over, in angles
+    that do not jump (`root_chart`).
     """
     whole = differentiated(trial, recorded)
     motion = whole.motion
@@ -176,8 +185,9 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> Differentiated:
 
 
 def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torques:
-    """Inverse dynamics, forces filtered as the motion, of one in `step` frames; or the torques that
-    a file gives.
+    """Solve inverse dynamics of one in `step` frames, forces filtered as the motion.
+
+    Torques that a file gives take the place of the solution.
     """
     recorded_torques = trial.get(RecordedTorques)
     loads = trial.get(ExternalLoads)
@@ -216,8 +226,9 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torqu
 
 
 def put_dynamics(output: StepOutput, torques: Torques, model: Model) -> None:
-    """Write a motion with its derivatives, generalized and external forces, and findings about
-    these, into a file.
+    """Write a motion with its derivatives, generalized and external forces into a file.
+
+    Findings about these are written, too.
     """
     if torques.wrenches is not None and torques.wrenches.findings:
         put_findings(output.writer, FINDINGS, torques.wrenches.findings)
@@ -228,7 +239,7 @@ def put_dynamics(output: StepOutput, torques: Torques, model: Model) -> None:
 
 
 def shown_torques(trial: TrialInputs, result: Torques) -> Series:
-    """The torques that the table of inverse dynamics shows: all, or those its options leave."""
+    """Return the torques of the table of inverse dynamics: all, or those its options leave."""
     torques = result.torques
     options = trial.options[TorqueTable]
     if options.net:
@@ -242,8 +253,9 @@ def shown_torques(trial: TrialInputs, result: Torques) -> Series:
 
 
 def torque_table(torques: Series, model: Model) -> Table:
-    """Generalized forces as OpenSim's inverse dynamics names them: `hip_flexion_r_moment`,
-    `pelvis_tx_force`.
+    """Return generalized forces under the names of OpenSim's inverse dynamics.
+
+    Such names are `hip_flexion_r_moment`, `pelvis_tx_force`.
     """
     return quantity_table(replace(torques, quantity=GENERALIZED_FORCE), model)
 
@@ -271,8 +283,9 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
-    """What is done with forces counts where it is not the default: results from before there were
-    checks still hold.
+    """Return what is done with forces where it is not the default.
+
+    The default does not count: results from before there were checks still hold.
     """
     options = trial.options
     forces = options[ForceOptions]
@@ -367,7 +380,7 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
 
 
 def _outcome(outcome: Outcome, torques: Torques) -> Outcome:
-    """What checks of external forces found."""
+    """Return the outcome with what checks of external forces found."""
     wrenches = torques.wrenches
     texts = () if wrenches is None else messages_of_findings(wrenches.findings)
     return replace(outcome, findings=(*outcome.findings, *texts))

@@ -1,5 +1,6 @@
-"""Inverse kinematics of a trial: the coordinates that explain its markers and inertial sensors
-best.
+"""Inverse kinematics of a trial.
+
+It finds the coordinates that explain its markers and inertial sensors best.
 """
 
 from __future__ import annotations
@@ -58,8 +59,9 @@ FINDINGS = "ik_findings"
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Coordinates over time, as inverse kinematics (`fit`) or a file gave them, and findings of
-    marker checks.
+    """Coordinates over time, as inverse kinematics (`fit`) or a file gave them.
+
+    Findings of marker checks come with them.
     """
 
     recorded: Motion
@@ -69,8 +71,9 @@ class Poses:
 
 
 def solve_kinematics(trial: TrialInputs) -> CheckedFit:
-    """Inverse kinematics of the part of a recording that is used: markers, their labels checked,
-    and sensors.
+    """Solve inverse kinematics of the part of a recording that is used.
+
+    It uses markers, their labels checked, and sensors.
     """
     recorded = trial.recording.markers
     sensors = trial.get(SensorRecording)
@@ -96,7 +99,7 @@ def trial_motion(trial: TrialInputs) -> Motion:
 
 
 def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
-    """The fit of markers and sensors, or of sensors alone."""
+    """Return the fit of markers and sensors, or of sensors alone."""
     options = trial.options
     recording = replace(trial.inputs[SensorRecording], sizes=options[SensorOptions])
     if checked is None:
@@ -132,7 +135,10 @@ class UsedMarkers(NamedTuple):
 
 
 def used_markers(trial: TrialInputs, markers: Markers) -> UsedMarkers:
-    """The part of a recording that is used; with crossings only, markers are hidden elsewhere."""
+    """Return the part of a recording that is used.
+
+    With passes through the capture volume only, markers are hidden elsewhere.
+    """
     markers = markers if trial.time is None else cut(markers, *trial.time)
     options = trial.options[CrossingOptions]
     if not options.only:

@@ -1,5 +1,6 @@
-"""Muscle lengths, velocities and moment arms of a motion, straight into files: memory does not grow
-with frames.
+"""Muscle lengths, velocities and moment arms of a motion, straight into files.
+
+Memory does not grow with frames.
 """
 
 from __future__ import annotations
@@ -48,8 +49,10 @@ BLOCK = 512  # Frames that are in memory at a time.
 def write_muscles(
     model: Model, motion: Motion, recorded: Motion, writer: ResultWriter, folder: Path, title: str
 ) -> str:
-    """Write `lengths.sto`, `velocities.sto` and `moment_arms_<coordinate>.sto` of a motion with
-    velocities, and the same into a result; returns what was found, in one line.
+    """Write lengths, velocities and moment arms of a motion with velocities, and return one line.
+
+    The files are `lengths.sto`, `velocities.sto` and `moment_arms_<coordinate>.sto`; the same goes
+    into a result. The line says what was found.
 
     Moment arms belong to the motion, as tensions do; lengths are those of the frames as recorded: a
     filter cuts off turning points, and noise shows in velocities alone. Only pairs of a muscle and
@@ -77,8 +80,9 @@ def write_muscles(
 def _variables(
     writer: ResultWriter, model: Model, motion: Motion, crossing: Sequence[tuple[str, str]]
 ) -> Any:
-    """The variable of moment arms, its columns the pairs of muscle and coordinate that can have
-    one.
+    """Return the variable of moment arms.
+
+    Its columns are the pairs of muscle and coordinate that can have one.
     """
     writer.time(motion.time)
     writer.names("muscle", model.muscle_names)
@@ -91,8 +95,9 @@ def _variables(
 def _arm_tables(
     motion: Motion, crossing: Sequence[tuple[str, str]], arms: Any, folder: Path
 ) -> None:
-    """One table a coordinate, its columns the muscles that cross it; pairs are in order of
-    coordinates.
+    """Write one table per coordinate, its columns the muscles that cross it.
+
+    Pairs are in order of coordinates.
     """
     start = 0
     for coordinate, pairs in groupby(crossing, key=itemgetter(1)):
@@ -108,9 +113,15 @@ def _arm_tables(
 
 @dataclass(frozen=True, eq=False)
 class MuscleLengths:
-    """Lengths and velocities (frames, muscles) [m], [m/s] of muscle-tendon paths, None where they
-    are in the file alone; moment arms stay there. `summary` is what a command prints, "" where the
-    result was read back.
+    """Lengths and velocities of muscle-tendon paths.
+
+    Attributes
+    ----------
+    lengths : (frames, muscles) [m], None where they are in the file alone, as moment arms always
+        are
+    velocities : (frames, muscles) [m/s], None as lengths
+    notes : one line each
+    summary : what a command prints, "" where the result was read back
     """
 
     lengths: Series | None = None
@@ -169,7 +180,7 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
 
 
 def _line(trial: TrialInputs, results: ByType) -> str:
-    """The ranges of lengths, and the filter."""
+    """Return the ranges of lengths, and the filter."""
     return results[MuscleLengths].summary + filter_summary(trial, results[Poses].recorded)
 
 

@@ -121,10 +121,17 @@ FINDINGS = "tension_findings"
 
 @dataclass(frozen=True, eq=False)
 class Tensions:
-    """Muscle tensions of a motion; where contact forces were estimated, which site touches what.
-    `loads` are every external force, those of estimated contacts included, `carried` the
-    generalized forces under all of them; `findings`: where contacts cannot carry the body;
-    `residuals`: how far measured forces leave the root, "" where inverse dynamics has said it.
+    """Muscle tensions of a motion.
+
+    Attributes
+    ----------
+    tension : the solution
+    contacts : contact intervals by site, where contact forces were estimated
+    loads : every external force, those of estimated contacts included
+    carried : the generalized forces under all of them
+    notes : one line each
+    findings : where contacts cannot carry the body
+    residuals : how far measured forces leave the root, "" where inverse dynamics has reported it
     """
 
     tension: Tension
@@ -137,8 +144,9 @@ class Tensions:
 
 
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None) -> Tensions:
-    """Solve for muscle tensions, and for contact forces where they are asked for; write what was
-    found.
+    """Solve for muscle tensions, and for contact forces where they are requested.
+
+    What was found is written.
     """
     dynamics = torques or _solved_dynamics(trial, poses, output)
     task = task_of(trial, poses.recorded, dynamics)
@@ -253,8 +261,9 @@ def _residual_verdict(trial: TrialInputs, torques: Torques) -> str:
 
 
 def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques | None) -> Strides | None:
-    """Strides as the report and the tables of values have them: by plates, else events, else the
-    motion.
+    """Return strides as the report and the tables of values have them.
+
+    They are found by plates, else events, else the motion.
     """
     wrenches = None if torques is None else torques.wrenches
     events = trial.recording.events
@@ -262,8 +271,9 @@ def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques | None) 
 
 
 def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTask:
-    """The tension problem of a trial, of coordinates as recorded and the torques that belong to
-    them.
+    """Return the tension problem of a trial.
+
+    It is of coordinates as recorded and the torques that belong to them.
     """
     options = trial.options
     tension = trial.options[TensionOptions]
@@ -305,8 +315,9 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
 
 
 def _wrenches(trial: TrialInputs, torques: Torques) -> Wrenches | None:
-    """External forces; where contacts share them, the foot that each was put on by its nearness
-    says nothing.
+    """Return external forces.
+
+    Where contacts share them, the foot that each was put on by its nearness says nothing.
     """
     plan = trial.get(ContactPlan)
     loads = trial.get(ExternalLoads)
@@ -323,8 +334,9 @@ def _wrenches(trial: TrialInputs, torques: Torques) -> Wrenches | None:
 
 
 def _plates(trial: TrialInputs, recorded: Motion, torques: Torques) -> PlateForces | None:
-    """What plates measured of the feet on them, filtered like the motion; None where contacts do
-    not ask.
+    """Return what plates measured of the feet on them, filtered like the motion.
+
+    It is None where contacts do not use it.
     """
     plan = trial.get(ContactPlan)
     loads = trial.get(ExternalLoads)
@@ -389,8 +401,9 @@ def _write_tension(tension: Tension, task: TensionTask, output: StepOutput) -> N
 def _write_contacts(
     task: TensionTask, tension: Tension, situation: Situation, output: StepOutput
 ) -> tuple[Wrenches, Series]:
-    """Contact forces as external loads, intervals as a table; returns all loads, and the torques
-    that they leave.
+    """Write contact forces as external loads, and intervals as a table.
+
+    All loads are returned, and the torques that they leave.
     """
     assert task.setting is not None
     writer = output.writer
@@ -417,8 +430,9 @@ def _write_contacts(
 def _write_warnings(
     trial: TrialInputs, setting: ContactSetting, solution: ContactSolution, output: StepOutput
 ) -> tuple[tuple[Message, ...], tuple[Finding, ...]]:
-    """What is left open and what contacts cannot carry, as files; returns the latter, and of which
-    contacts nothing is known.
+    """Write what is unresolved and what contacts cannot carry, as files.
+
+    The latter is returned, and of which contacts nothing is known.
     """
     frames = evenly_spaced(trial.options[TensionTables].intervals, len(solution.tension))
     with progress(f"{trial.name}: what is left open", len(frames)) as advance:
@@ -447,8 +461,9 @@ def _read(stored: Stored, options: OptionSet) -> Tensions | None:
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
-    """Options of contacts and EMG count where a trial has them; those of EMG envelopes are among
-    the sources.
+    """Return options of contacts and EMG where a trial has them.
+
+    Those of EMG envelopes are among the sources.
     """
     options = trial.options
     chosen = (
@@ -503,8 +518,9 @@ def _static_loads(stored: Stored) -> tuple[Series, Series] | None:
 
 
 def _residuals(tension: Tension | None) -> Series | None:
-    """Forces and torques that hold a floating root, as far as they are not the contacts' (frames,
-    residuals).
+    """Return forces and torques that hold a floating root (frames, residuals).
+
+    Those of the contacts are not among them.
     """
     if tension is None or not tension.residual_names:
         return None
@@ -520,8 +536,9 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
-    """Frames without an optimum, the largest reserve of each coordinate, and loads of contact
-    points.
+    """Yield frames without an optimum, the largest reserve of each coordinate, and loads.
+
+    Loads are those of contact points.
     """
     if "tension_status" not in stored.values:
         return

@@ -1,5 +1,6 @@
-"""How sure the results of a trial are: the same chain on many inputs that are drawn with their
-errors.
+"""How sure the results of a trial are.
+
+The same chain is computed on many inputs that are drawn with their errors.
 """
 
 from __future__ import annotations
@@ -127,8 +128,12 @@ class DrawOptions:
 
 @dataclass(frozen=True)
 class DrawWorkers:
-    """Processes that share the draws; 0 for as many as there are threads to use, where that is
-    worth their start.
+    """Processes that share the draws.
+
+    Attributes
+    ----------
+    workers : Processes that share the draws; 0 for as many as there are threads to use, where that
+        is worth their start.
     """
 
     workers: int = 0
@@ -140,8 +145,11 @@ class DrawWorkers:
 
 @dataclass(frozen=True)
 class _FoundHash:
-    """What limits depend on beside options and sources: the hash of the sizes that steps on the
-    subject found.
+    """What interval bounds depend on beside options and sources.
+
+    Attributes
+    ----------
+    error_sizes : hash of the sizes that steps on the subject found
     """
 
     error_sizes: str
@@ -220,8 +228,9 @@ def _run(
     torques: Torques | None,
     tensions: Tensions | None,
 ) -> Uncertainty:
-    """Run the chain on inputs that are drawn with their errors, and write intervals of its
-    results.
+    """Run the chain on inputs that are drawn with their errors.
+
+    Intervals of its results are written.
     """
     options = trial.options[DrawOptions]
     sources = trial.options[Sources]
@@ -385,9 +394,11 @@ def _shares(
     results: Iterator[Tables | None],
     advance: Callable[[int], None],
 ) -> dict[str, Shares]:
-    """What groups of sources contribute to the variance: Jansen's estimator (Jansen 1999; Saltelli
-    et al. 2010), on numbers that all draws share. Jobs are, of each group and number, with the
-    group alone and, where errors do not just add up, with all but it.
+    """Estimate what groups of sources contribute to the variance.
+
+    It is Jansen's estimator (Jansen 1999; Saltelli et al. 2010), on numbers that all draws share.
+    Jobs are, of each group and number, with the group alone and, where errors do not just add up,
+    with all but it.
     """
     done = set(draws.done)
     numbers = sorted({job.number for job in jobs} & done)
@@ -505,8 +516,9 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
 def attempts(
     chain: Chain, draws: Sequence[Draw], workers: int | None = None
 ) -> Iterator[Tables | None]:
-    """What draws come to, in order, None for no solution; by default on all threads where worth
-    their start.
+    """Yield the values of draws, in order, None for no solution.
+
+    By default all threads are used where that is worth their start.
     """
     count = thread_count() if workers is None else workers
     if count <= 1 or len(draws) <= 2:
@@ -525,7 +537,7 @@ def attempts(
 
 
 def _shared(chain: Chain, draws: Sequence[Draw], hands: LocalWorkers) -> Iterator[Tables | None]:
-    """The same by processes; what one of them loses, or cannot do, is done in this one."""
+    """Yield the same by processes; what one of them loses, or cannot do, is done in this one."""
     # What reads the recording's forces is a function of this process; the forces themselves are in
     # the chain.
     sent: Any = replace(
@@ -551,7 +563,7 @@ def _shared(chain: Chain, draws: Sequence[Draw], hands: LocalWorkers) -> Iterato
 
 
 def _attempt(draw: Draw, chain: Any) -> tuple[Tables | None]:
-    """What a draw comes to, in a process that was sent the chain."""
+    """Return the values of a draw, in a process that was sent the chain."""
     return (chain.attempt(draw),)
 
 
