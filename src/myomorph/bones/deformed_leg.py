@@ -1,7 +1,7 @@
-"""The case of `demo --study morph`: a leg, the same leg's bones deformed by a known smooth field,
-and landmarks.
+"""Simulated case of `demo --study morph`: the bones of a leg, deformed by a known smooth field.
 
-The bones are the left ones of `myo-sim`, mirrored to the right and deformed; nobody was scanned.
+The bones are the left ones of `myo-sim`, mirrored to the right and deformed, with landmarks picked
+on both; nobody was scanned.
 """
 
 from __future__ import annotations
@@ -44,8 +44,9 @@ MIRROR = np.array([1.0, 1.0, -1.0])  # The left side's frames are the right side
 
 @read_only
 class Deformation:
-    """A smooth field over the ground: y = diag(stretch) x + the sum of waves amplitude direction
-    sin(k x + phase).
+    """A smooth field over the ground: a stretch of each axis and a sum of waves.
+
+    y = diag(stretch) x + the sum over waves of amplitude direction sin(k x + phase).
     """
 
     stretch: Array
@@ -53,7 +54,16 @@ class Deformation:
     amplitude: float
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) deformed [m]."""
+        """Deform points.
+
+        Parameters
+        ----------
+        points : (..., 3) in ground [m]
+
+        Returns
+        -------
+        (..., 3) deformed, in ground [m]
+        """
         x = np.asarray(points, dtype=np.float64)
         moved: Array = x * self.stretch
         for wave, direction, phase in self.waves:
@@ -61,7 +71,16 @@ class Deformation:
         return moved
 
     def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3)."""
+        """Return the derivatives of the deformed points with the points.
+
+        Parameters
+        ----------
+        points : (..., 3) in ground [m]
+
+        Returns
+        -------
+        (..., 3, 3) derivatives [m/m]
+        """
         x = np.asarray(points, dtype=np.float64)
         slopes: Array = np.broadcast_to(np.diag(self.stretch), (*x.shape[:-1], 3, 3)).copy()
         for wave, direction, phase in self.waves:
@@ -82,18 +101,36 @@ class BodyTruth:
     origin: Array  # of its frame in the target, in ground; its axes keep their directions [m]
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) of the source's frame in the target's [m]."""
+        """Map points of the source's frame into the target's.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame of the body [m]
+
+        Returns
+        -------
+        (..., 3) in the target's frame of the body [m]
+        """
         placed = self.field.apply(self.pose.apply(np.asarray(points, dtype=np.float64)))
         return (placed - self.origin) @ self.pose.rotation
 
     def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3) of the deformed points."""
+        """Return the derivatives of the deformed points with the points.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame of the body [m]
+
+        Returns
+        -------
+        (..., 3, 3) derivatives [m/m]
+        """
         R = self.pose.rotation
         return R.T @ self.field.jacobian(self.pose.apply(np.asarray(points, dtype=np.float64))) @ R
 
 
 def demo_case() -> tuple[Model, dict[str, Surface], dict[str, Surface], dict[str, BodyTruth]]:
-    """The right leg, its bones, the deformed bones, and the truth, by body."""
+    """Return the right leg, its bones, the deformed bones, and the true maps, by body."""
     whole = leg_model()
     model = right_leg(whole)
     surfaces = source_bones(whole)
@@ -147,8 +184,9 @@ def right_leg(whole: Model) -> Model:
 
 
 def _led(muscle: Muscle) -> Muscle:
-    """A muscle that goes past side sites by the rule of MuJoCo 4.0, whichever is installed. By the
-    rule before, the iliacus changes the side of its surface in bones that are bent a little.
+    """Lead a muscle past its side sites by the rule of MuJoCo 4.0, whichever version is installed.
+
+    By the rule before, the iliacus changes the side of its surface in bones that are bent a little.
     """
     wraps = tuple(
         replace(wrap, version=4) for wrap in muscle.path.wraps if isinstance(wrap, TendonWrap)
@@ -157,8 +195,9 @@ def _led(muscle: Muscle) -> Muscle:
 
 
 def truths(model: Model) -> dict[str, BodyTruth]:
-    """The one deformation as each body sees it; each frame moves with its origin and keeps its
-    directions.
+    """Return the one deformation as each body sees it.
+
+    Each frame moves with its origin and keeps its directions.
     """
     waves = tuple(
         (np.array(wave), np.array(d) / np.linalg.norm(d), phase) for wave, d, phase in WAVES
@@ -173,7 +212,10 @@ def truths(model: Model) -> dict[str, BodyTruth]:
 
 
 def _deformed(surface: Surface, truth: BodyTruth) -> Surface:
-    """A surface deformed, with other triangles than it had: each cut into four."""
+    """Deform a surface, and cut each triangle into four.
+
+    Its triangles then differ from the source's.
+    """
     # Brings SciPy and trimesh: loaded only where it is needed.
     import trimesh
 
@@ -184,8 +226,9 @@ def _deformed(surface: Surface, truth: BodyTruth) -> Surface:
 def picked_landmarks(
     ours: Mapping[str, Surface], truth: Mapping[str, BodyTruth]
 ) -> dict[str, FeaturePoints]:
-    """Landmarks spread over each bone, picked in the target with an error of `PICKED`; the same
-    each time.
+    """Spread landmarks over each bone, picked in the target with an error of `PICKED`.
+
+    The errors are the same in every call.
     """
     random = np.random.default_rng(0)
     result = {}
@@ -199,8 +242,18 @@ def picked_landmarks(
 
 
 def spread_vertices(surface: Surface, count: int) -> np.ndarray:
-    """Vertices as far from each other as can be: the one furthest from the middle, then always the
-    loneliest.
+    """Choose vertices that are as far from each other as can be.
+
+    The first is the one furthest from the middle, each next one the furthest from those chosen.
+
+    Parameters
+    ----------
+    surface : vertices to choose from
+    count : number of vertices; all where the surface has fewer
+
+    Returns
+    -------
+    (count,) indices of vertices
     """
     vertices = surface.vertices
     chosen = [int(np.argmax(np.linalg.norm(vertices - vertices.mean(axis=0), axis=1)))]

@@ -1,8 +1,7 @@
-"""`demo --study morph`: the muscles of a leg carried into bones whose deformation is known, and how
-far they miss.
+"""`demo --study morph`: a leg's muscles, transferred to bones whose deformation is known.
 
-The bones are the left ones of `myo-sim`, mirrored to the right and deformed by one smooth field;
-nobody was scanned.
+The errors of the transfer are reported. The bones are the left ones of `myo-sim`, mirrored to the
+right and deformed by one smooth field; nobody was scanned.
 """
 
 from __future__ import annotations
@@ -69,8 +68,9 @@ def axis_scaling(landmarks: FeaturePoints) -> AffineMap:
 def morph_errors(
     morph: Morph, truth: Mapping[str, PointMap], landmarks: Mapping[str, FeaturePoints]
 ) -> MorphErrors:
-    """Errors of a morph, and of simpler maps through landmarks alone, against a known deformation
-    of bodies.
+    """Compare a morph with a known deformation of the bodies.
+
+    Simpler maps through landmarks alone are compared with it as well.
     """
     fixed = {
         (m.name, p.name)
@@ -106,7 +106,7 @@ def morph_errors(
 def _methods(
     morph: Morph, landmarks: Mapping[str, FeaturePoints]
 ) -> dict[str, Mapping[str, PointMap]]:
-    """Maps by body, by method; scaling first."""
+    """Return the maps of each method, by body; scaling first."""
     count = max(len(landmark) for landmark in landmarks.values())
     result: dict[str, Mapping[str, PointMap]] = {
         f"scaling, {count} landmarks": {
@@ -278,8 +278,9 @@ class MorphDemo:
 
 
 def run_morph_demo(out: Path) -> MorphDemo:
-    """Carry the leg's muscles into the deformed bones and write the model, its errors, bones,
-    tables and a report.
+    """Transfer the leg's muscles to the deformed bones.
+
+    The model, its errors, bones, tables and a report are written.
     """
     from myomorph.bones.report.morph_page import morph_page
     from myomorph.lab.study.trial.reporting import REPORT
@@ -349,7 +350,7 @@ def _write_errors(errors: MorphErrors, path: Path) -> None:
 
 
 def summary(morph_demo: MorphDemo) -> list[str]:
-    """What the command says: errors by method, and how many warnings."""
+    """Return the lines that the command prints: errors by method, and the number of warnings."""
     lines = [
         f"error of {len(morph_demo.errors.points)} muscle points against the known deformation,"
         " median and worst [mm]:"

@@ -1,9 +1,8 @@
-"""Models in other bones: surfaces registered, the space around them mapped, muscles transferred,
-results checked.
+"""Models in other bones: surfaces registered, the space around them mapped, muscles transferred.
 
 Lives here: whatever knows two shapes of a bone or two models of a skeleton. `maps/` and `shapes/`
 are the ground floor, `registration/` finds the map of one bone, `transfer/` brings a model through
-such maps, `checks/` holds the result against its source, `mirror/` makes the other side, `species/`
+such maps, `checks/` compares the result with its source, `mirror/` makes the other side, `species/`
 pairs two species. `morphed.py` has the options and the result of a transfer. Never here: time,
 files, and pages of results.
 """

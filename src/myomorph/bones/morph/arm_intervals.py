@@ -56,9 +56,7 @@ class _Known:
 
 
 class _Displacement:
-    """A random smooth displacement of places of a target's bone: a map from its body's frame to
-    itself.
-    """
+    """A random smooth displacement of points on a target's bone, in its body's frame."""
 
     def __init__(self, known: _Known, random: np.random.Generator):
         self.known = known
@@ -71,8 +69,9 @@ class _Displacement:
         return np.asarray(np.cos(points @ self._waves.T + self._phases) @ self._heights)
 
     def apply(self, points: ArrayLike) -> Array:
-        """Places (..., 3) of the body displaced in space, by what is known of the matched points
-        around them [m].
+        """Displace points (..., 3) of the body's space [m].
+
+        The displacement is that of the matched points around them.
         """
         places = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         # What a map adds beside a bone is left out: joint centers and wrap objects lie in it or
@@ -82,7 +81,7 @@ class _Displacement:
         return np.asarray(moved.reshape(np.shape(points)))
 
     def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3) of the displaced places."""
+        """Return the derivatives (..., 3, 3) of the displaced points."""
         places = np.asarray(points, dtype=np.float64)
         step = TILT * self.known.length
         columns = [
@@ -92,8 +91,9 @@ class _Displacement:
         return np.stack(columns, axis=-1)
 
     def slid(self, points: Array, within: Array) -> Array:
-        """Path points (n, 3) displaced, those near the surface along it [m]; `within`: (n,) their
-        radii of 90 % [m].
+        """Displace path points (n, 3), those near the surface along it [m].
+
+        `within`: (n,) radii that hold 90 % of their errors [m].
         """
         steps = self._steps(points)
         shape = self.known.shape
@@ -111,7 +111,7 @@ class _Displacement:
         return moved
 
     def transfer(self, body: str) -> Transfer:
-        """The same of everything that is fixed to the body."""
+        """Return the same displacement as the transfer of everything that is fixed to the body."""
         known_features = self.known.features
         features = FeaturePoints(
             known_features.names, known_features.target, self.apply(known_features.target)
@@ -128,10 +128,11 @@ class _Displacement:
 def with_arm_intervals(
     morph: Morph, checks: MorphChecks, progress: Callable[[int], None] | None = None
 ) -> MorphChecks:
-    """The checks with intervals of moment arms (`MomentArms.within`) and of wrap objects. Muscles
-    with a point whose interval is not known, or on a bone that was not matched, have none, as where
-    a bone was scaled with its neighbors or mapped by landmarks alone. `progress`: called with 1
-    after each of `DRAWS` models.
+    """Add the intervals of moment arms (`MomentArms.within`) and of wrap objects to the checks.
+
+    Muscles with a point whose interval is not known, or on a bone that was not matched, have none,
+    as where a bone was scaled with its neighbors or mapped by landmarks alone. `progress`: called
+    with 1 after each of `DRAWS` models.
     """
     known = _matched(morph)
     if not known or not checks.arms:
@@ -193,7 +194,7 @@ def _matched(morph: Morph) -> dict[str, _Known]:
 
 
 def _drawn(morph: Morph, moves: Mapping[str, _Displacement]) -> Model:
-    """The morphed model with everything on the bones displaced."""
+    """Displace everything on the bones of the morphed model."""
     model = morph.model
     shifts: dict[tuple[str, str], Array] = {}
     for body, move in moves.items():
@@ -243,7 +244,7 @@ def _drawn(morph: Morph, moves: Mapping[str, _Displacement]) -> Model:
 
 
 def _with_points(muscle: Muscle, shifts: Mapping[tuple[str, str], Array]) -> Muscle:
-    """A muscle whose points are displaced."""
+    """Displace a muscle's points."""
     points: list[PathPoint | MovingPathPoint] = []
     for point in muscle.path.points:
         by = shifts.get((muscle.name, point.name))

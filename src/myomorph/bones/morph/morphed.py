@@ -115,15 +115,14 @@ class RebuiltJoint:
 
 @dataclass(frozen=True)
 class Architecture:
-    """Fiber length and force that a muscle is given, from tables of the target's species or its
-    relatives.
+    """Fiber length and force of a muscle, from tables of the target's species or its relatives.
 
     Attributes
     ----------
     fiber, force : [m], [N]
     pennation : [rad], None to keep the source's
     basis : species and citation that it comes from
-    fiber_interval, force_interval : 90 % intervals as factors, NaN where nothing tells them
+    fiber_interval, force_interval : 90 % intervals as factors, NaN where nothing shows them
     """
 
     fiber: float

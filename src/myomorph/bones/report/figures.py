@@ -1,6 +1,4 @@
-"""Drawings of a morphed model: source and target side by side, residuals of its bones, moment arms
-of its muscles.
-"""
+"""Drawings of a morphed model: both models, residuals of its bones, moment arms of its muscles."""
 
 from __future__ import annotations
 
@@ -39,9 +37,10 @@ MAX_PANELS = 30  # Muscles drawn about one coordinate.
 
 
 def body_figure(morph: Morph) -> str:
-    """Source and target side by side from each of `VIEWS`, in the default pose, at one scale. Where
-    one is so much smaller that it could not be seen, each has a scale of its own, and the title
-    says so.
+    """Draw source and target side by side from each of `VIEWS`, in the default pose, at one scale.
+
+    Where one is so much smaller that it could not be seen, each has a scale of its own, and the
+    title says so.
     """
     names = set(morph.source.muscle_names) & set(morph.model.muscle_names)
     ours = {bone.body: bone.source for bone in distinct_bones(morph)}
@@ -80,8 +79,9 @@ def _target_bones(morph: Morph) -> dict[str, Surface]:
 
 
 def _scene(model: Model, bones: Mapping[str, Surface | None], muscles: Collection[str]) -> Scene:
-    """The model in its default pose with these bones and muscles alone; bodies without a known bone
-    are sticks.
+    """Return the model in its default pose with these bones and muscles alone.
+
+    Bodies without a known bone are sticks.
     """
     known = {
         name: outward(bone)
@@ -106,7 +106,7 @@ def _scene(model: Model, bones: Mapping[str, Surface | None], muscles: Collectio
 
 
 def _only(scene: Scene, bodies: Sequence[int]) -> Scene:
-    """The scene with some of its bodies, and the muscles, framed by these."""
+    """Keep some bodies of a scene, and its muscles, framed by these."""
     numbers = {old: new + 1 for new, old in enumerate(bodies)}
     kept = [0, *bodies]
     solids = tuple(
@@ -143,8 +143,9 @@ def _length(meters: float) -> str:
 
 
 def bone_figures(morph: Morph) -> list[str]:
-    """The target's bones colored by how far the carried source's bones lie from them, each pair of
-    surfaces once.
+    """Draw the target's bones colored by how far the transferred source's bones lie from them.
+
+    Each pair of surfaces is drawn once.
     """
     shared: dict[tuple[int, int], list[BoneMap]] = {}
     for bone in distinct_bones(morph):
@@ -170,9 +171,10 @@ def _bone_figure(bone: BoneMap, source: Surface | None, target: Surface | None, 
 def arm_figure(
     moment_arms: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]
 ) -> str:
-    """Moment arms of all muscles about a coordinate over its range, a small panel each, source
-    grown to the target by `sizes`; names of muscles in `flagged` are printed in the color of
-    warnings.
+    """Draw moment arms of all muscles about a coordinate over its range, a small panel each.
+
+    The source's are scaled to the target by `sizes`; names of muscles in `flagged` are printed in
+    the color of warnings.
     """
     # Of too many muscles those that are flagged and the largest, in their order.
     size = np.array([sizes.get(name, 1.0) for name in moment_arms.muscles])
@@ -218,7 +220,7 @@ def arm_figure(
 
 
 def name_of(pair: CoordinatePair) -> str:
-    """A coordinate of the target in print, with the source's where that has another name."""
+    """Name a coordinate of the target in print, with the source's where that differs."""
     return pair.target if pair.source == pair.target else f"{pair.target} (source {pair.source})"
 
 

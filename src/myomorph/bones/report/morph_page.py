@@ -55,9 +55,10 @@ def morph_page(
     notes: Sequence[Note] = (),
     further: Sequence[Section] = (),
 ) -> str:
-    """One self-contained HTML page on a morphed model, as HTML text. `notes`: what is real, assumed
-    or simulated, shown first; `further`: sections that come after the warnings, as of errors
-    against a known truth.
+    """Write one self-contained HTML page on a morphed model.
+
+    `notes`: what is real, assumed or simulated, shown first; `further`: sections that come after
+    the warnings, as of errors against a known truth.
     """
     title = title or f"{morph.model.name}: muscles of {morph.source.name}"
     step = Step(
@@ -73,7 +74,7 @@ def morph_page(
 
 
 def _assumed(morph: Morph) -> list[Note]:
-    """What no bone told."""
+    """List what no bone showed."""
     result = []
     by = {
         "landmarks": "mapped by landmarks alone",
@@ -115,7 +116,7 @@ def _facts(morph: Morph) -> list[tuple[str, str]]:
 
 
 def _tiles(morph: Morph, checks: MorphChecks) -> list[Tile]:
-    """The few numbers to see first."""
+    """Return the few numbers to see first."""
     tiles = [_count(len(checks.warnings), "warnings")]
     through = [penetration for penetration in checks.penetrations if penetration.increase > 0.0]
     worst = max((path.increase for path in through), default=0.0)
@@ -173,7 +174,7 @@ def morphing_sections(morph: Morph, checks: MorphChecks) -> list[Section]:
 
 
 def warning_section(checks: MorphChecks) -> Section:
-    """What looks wrong, the worst of each kind first."""
+    """List what looks wrong, the worst of each kind first."""
     rows = tuple((KINDS[warning.kind][0], warning.text) for warning in checks.warnings)
     worst = (warning for kind in KINDS for warning in checks.of(kind)[:FIRST_WARNINGS])
     first = tuple((KINDS[warning.kind][0], warning.text) for warning in worst)
@@ -346,7 +347,7 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
 
 
 def muscle_section(morph: Morph) -> Section | None:
-    """What became of fibers, tendons and forces."""
+    """Report changes of fibers, tendons and forces."""
     if not morph.muscles:
         return None
     names = [muscle.name for muscle in morph.muscles]
@@ -455,7 +456,7 @@ def mass_section(morph: Morph) -> Section:
 
 
 def method_section(morph: Morph) -> Section:
-    """What was done, in the order it was done."""
+    """Describe what was done, in the order it was done."""
     options = morph.options
     near = (
         f"Points within {100 * options.surface_within:g} % of bone length of the source's surface"

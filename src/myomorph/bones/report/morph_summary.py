@@ -1,6 +1,4 @@
-"""What `morph` prints of its result: how near the bones lie, what became of moment arms and paths,
-and the verdict.
-"""
+"""Summary that `morph` prints: distances of bones, moment arms, paths, and the verdict."""
 
 from __future__ import annotations
 
@@ -83,7 +81,7 @@ def _order(checks: MorphChecks) -> str:
 
 
 def _deepest(checks: MorphChecks) -> str:
-    """The path that runs deeper through a bone than in the source by the most."""
+    """Name the path that runs deeper through a bone than in the source by the most."""
     if not checks.penetrations:
         return ""
     worst = max(checks.penetrations, key=lambda penetration: penetration.increase)
@@ -95,7 +93,7 @@ def _deepest(checks: MorphChecks) -> str:
 
 
 def _fibers(morph: Morph) -> str:
-    """The ends of normalized fiber lengths over the joints' ranges."""
+    """Write the ends of normalized fiber lengths over the joints' ranges."""
     known = [muscle for muscle in morph.muscles if np.isfinite([*muscle.range_target]).all()]
     if not known:
         return ""

@@ -1,5 +1,6 @@
-"""The tables of a morphed model: points, muscles, joints, bones, moment arms, paths through bones,
-warnings.
+"""Tables of a morphed model.
+
+They are of points, muscles, joints, bones, moment arms, paths through bones, and warnings.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from myomorph.lab.report.page.parts import Cell, Sheet
 
 
 def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Sheet]:
-    """Every table that has rows, by the name of its file: in SI and radians, NaN where nothing is
-    known.
+    """Return every table that has rows, by the name of its file.
+
+    Values are in SI and radians, NaN where nothing is known.
     """
     warnings = [(warning.kind, warning.place, warning.text) for warning in checks.warnings]
     tables: dict[str, Sheet] = {
@@ -38,7 +40,7 @@ def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Sheet]:
 
 
 def bone_rows(morph: Morph) -> Sheet:
-    """What each bone was mapped by and how well."""
+    """Tabulate the basis of each bone's map, and how well it fits."""
     named = dict.fromkeys(name for bone in morph.bones.values() for name in bone.measures)
     measures = [name for name in named if name != "features"]
     header = ("body", "target body", "basis", "size", "features", *measures, "notes")
@@ -126,8 +128,9 @@ def _xyz(point: Iterable[float]) -> tuple[float, ...]:
 
 
 def muscle_rows(morph: Morph) -> Sheet:
-    """What became of each muscle's parameters, target over source, and 90 % intervals where tables
-    gave them.
+    """Tabulate each muscle's parameters, target over source.
+
+    90 % intervals are there where species' tables gave them.
     """
     header = (
         "muscle",
@@ -221,8 +224,9 @@ def arm_rows(checks: MorphChecks) -> Sheet:
 
 
 def arm_summary_rows(morph: Morph, checks: MorphChecks) -> Sheet:
-    """Mean, least and greatest moment arm of every muscle about every coordinate, and what becomes
-    of its sign.
+    """Tabulate mean, least and greatest moment arm of every muscle about every coordinate.
+
+    A column reports what becomes of its sign.
     """
     header = (
         "coordinate",
@@ -257,7 +261,7 @@ def arm_summary_rows(morph: Morph, checks: MorphChecks) -> Sheet:
 
 
 def _within(moment_arms: MomentArms) -> Array:
-    """(samples, muscles) of moment arms; NaN where nothing is known."""
+    """Return intervals (samples, muscles) of moment arms; NaN where nothing is known."""
     return (
         np.full_like(moment_arms.target, np.nan)
         if moment_arms.within is None

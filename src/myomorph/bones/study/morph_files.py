@@ -1,6 +1,4 @@
-"""The files of a morph: a source model with its bones, a folder of the target's bones, pairs of
-landmarks.
-"""
+"""Files of a morph: a source model with its bones, the target's bones, pairs of landmarks."""
 
 from __future__ import annotations
 
@@ -32,10 +30,11 @@ METERS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 
 @dataclass(frozen=True)
 class MorphFiles:
-    """What a morph is made from: the model whose muscles are carried over; a folder of the target's
-    bones, `<body>.obj`, `.stl`, `.ply` or `.vtp`; pairs of points, CSV; the source's own meshes, by
-    default beside the model; a closed surface of the target's skin, for masses; the target's mass
-    [kg].
+    """Files and options of a morph.
+
+    These are the model whose muscles are transferred; a folder of the target's bones, `<body>.obj`,
+    `.stl`, `.ply` or `.vtp`; pairs of points, CSV; the source's own meshes, by default beside the
+    model; a closed surface of the target's skin, for masses; the target's mass [kg].
 
     `together`: the bones lie as one scan shows them, in one frame; `mirror`: a body without a bone
     takes the mirrored one of its other side, `across` the axis of ground; `links`: bodies without a
@@ -55,14 +54,14 @@ class MorphFiles:
     links: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
 
     def sources(self) -> tuple[Source, ...]:
-        """The files by their hashes."""
+        """Return the files with their hashes."""
         bones = (("bone", path) for path in bone_files(self.bones).values())
         return file_sources(
             ("model", self.source), *bones, ("landmarks", self.landmarks), ("skin", self.skin)
         )
 
     def options(self) -> dict[str, object]:
-        """What is said of the files, for provenance."""
+        """Return the options that concern the files, for provenance."""
         told = {
             name: getattr(self, name) for name in ("unit", "mass", "together", "mirror", "across")
         }
@@ -88,7 +87,10 @@ class BonesTable(Strict):
 
 
 def bones_of(table: BonesTable, subject: TableOwner) -> MorphFiles:
-    """The files that a subject's table of bones names; what does not exist is a problem of it."""
+    """Return the files that a subject's table of bones names.
+
+    What does not exist is a problem of the table.
+    """
     folder = subject.place.folder
     where = subject.place.where
     problems = subject.place.notes.problems
@@ -141,8 +143,9 @@ def bone_files(folder: Path) -> dict[str, Path]:
 def read_bones(
     folder: Path, bodies: Sequence[str], unit: Unit, notes: list[Message]
 ) -> dict[str, Surface]:
-    """The target's bones [m] by the body of the model that each file is named after; notes take up
-    files of no body.
+    """Read the target's bones [m] by the body of the model that each file is named after.
+
+    Files of no body are reported in the notes.
     """
     files = bone_files(folder)
     by_name = {body.lower(): body for body in bodies}
@@ -169,14 +172,14 @@ def read_bones(
 
 
 def resized(surface: Surface, unit: Unit) -> Surface:
-    """A surface in metres."""
+    """Convert a surface to meters."""
     return surface if unit == "m" else Surface(surface.vertices * METERS[unit], surface.faces)
 
 
 def source_bones(
     model: Model, geometry: Path | None = None, notes: list[Message] | None = None
 ) -> dict[str, Surface]:
-    """The bones of a model in their bodies' frames, by body, as far as their meshes are found.
+    """Read the bones of a model in their bodies' frames, by body, as far as their meshes are found.
 
     Parameters
     ----------

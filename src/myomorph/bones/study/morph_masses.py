@@ -1,5 +1,6 @@
-"""Masses, mass centers and inertias of a morphed model: carried by its bones' maps, or of mass
-points inside a skin.
+"""Masses, centers of mass and inertias of a morphed model.
+
+They are transferred by its bones' maps, or those of mass points inside a skin.
 """
 
 from __future__ import annotations
@@ -28,8 +29,10 @@ LIKE = 3.0  # A skin that holds so many times more or less than the body's mass 
 def with_morphed_masses(
     morph: Morph, mass: float | None = None, skin: Surface | None = None
 ) -> tuple[Model, tuple[str, ...]]:
-    """The morphed model with the masses of its new body, of `mass` [kg] as a whole: those that the
-    bones' maps carried over, in one proportion, or with a skin those of `with_skin_masses`.
+    """Give the morphed model the masses of its new body, of `mass` [kg] as a whole.
+
+    They are those that the bones' maps transferred, in one proportion, or with a skin those of
+    `with_skin_masses`.
     """
     model = morph.model
     if mass is not None and not (np.isfinite(mass) and mass > 0.0):
@@ -49,8 +52,10 @@ def with_morphed_masses(
 def with_skin_masses(
     model: Model, skin: Surface, mass: float | None = None
 ) -> tuple[Model, tuple[str, ...]]:
-    """The model with masses of points that fill a skin, closed and in the ground, and belong to the
-    nearest bones ([D] eq. 3.5 to 3.8); by default volume times `DENSITY` [kg].
+    """Give the model masses of points that fill a skin ([D] eq. 3.5 to 3.8).
+
+    The skin is closed and in the ground; each point belongs to the nearest bone. By default the
+    total is volume times `DENSITY` [kg].
     """
     checked = check_skin(skin)
     fitted = pose_model_to_skin(model, checked)

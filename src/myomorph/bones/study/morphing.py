@@ -1,5 +1,6 @@
-"""A model in other bones, from files: bones laid on bones, muscles carried over, and the model of
-that body.
+"""A model in other bones, from files.
+
+Bones are laid on bones, muscles transferred, and the model of that body written.
 """
 
 from __future__ import annotations
@@ -60,9 +61,7 @@ POOR_AGREEMENT = 0.95
 
 @dataclass(frozen=True)
 class MorphSettings(SettingGroup):
-    """What the steps of a morph are told: how bones are matched, how space is mapped, what is made
-    of muscles.
-    """
+    """Settings of a morph's steps: match of bones, map of space, and parameters of muscles."""
 
     match: MatchOptions = field(default_factory=MatchOptions)
     map: MapOptions = field(default_factory=MapOptions)
@@ -80,7 +79,7 @@ class Morphed:
 
 
 def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None = None) -> Morphed:
-    """The source model in the target's bones."""
+    """Transfer the source model to the target's bones."""
     model = reading.open_model(files.source) if model is None else model
     warnings = list(model.warnings)
     with reading.about(files.source):
@@ -125,9 +124,10 @@ def map_bones(
     settings: MorphSettings,
     together: bool = False,
 ) -> dict[str, BoneMap]:
-    """The map of every bone that the target has a surface or landmarks of, by body; the largest
-    first. `ours` and `theirs` are surfaces of source and target; `together` these share one frame,
-    so that those found tell where the next one lies.
+    """Map every bone that the target has a surface or landmarks of, by body; the largest first.
+
+    `ours` and `theirs` are surfaces of source and target; `together` these share one frame, so that
+    those found show where the next one lies.
     """
     wanted = [body for body in model.body_names if body in theirs or body in pairs]
     wanted.sort(key=lambda body: -spread(theirs[body]) if body in theirs else 0.0)
@@ -163,7 +163,7 @@ def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:
 
 
 def morph_subject(subject: SubjectInputs, output: FolderOutput) -> Morphed:
-    """The step `morph` of a study: a subject's bones into its model and tables."""
+    """Run the step `morph` of a study: a subject's bones into its model and tables."""
     files = subject.files.own[MorphFiles]
     settings = MorphSettings.of(subject.settings.get("morph", {}))
     morphed = morph_files(files, settings, subject.model)
@@ -179,9 +179,10 @@ def write_morphed(
     bones: Mapping[str, Surface] | None = None,
     page: str = "",
 ) -> tuple[str, ...]:
-    """Write the model, and beside it a folder with its bones (by default those that the maps lead
-    to), tables and report (`page` where it tells more than the morph alone); whole or not at all.
-    Returns what the model's file could not hold.
+    """Write the model, and beside it a folder with its bones, tables and report.
+
+    It is written whole or not at all. The bones are by default those that the maps lead to; `page`:
+    report where it shows more than the morph alone. Returns what the model's file could not hold.
     """
     from myomorph.bones.report.morph_page import morph_page
     from myomorph.bones.report.tables import morphing_tables
@@ -214,7 +215,7 @@ def write_morphed(
 
 
 def with_bones(model: Model, files: Mapping[str, str]) -> Model:
-    """The model with its bodies drawn by these files, which lie in the bodies' frames."""
+    """Draw the model's bodies by these files, which lie in the bodies' frames."""
     bodies = tuple(
         (
             replace(body, meshes=(Mesh(files[body.name], Transform.identity(), np.ones(3)),))
@@ -227,8 +228,9 @@ def with_bones(model: Model, files: Mapping[str, str]) -> Model:
 
 
 def _bone_files(bodies: Iterable[str]) -> dict[str, str]:
-    """A name of a file for each body, whose own name may hold anything; none twice, whatever the
-    case.
+    """Name a file for each body, whose own name may hold anything.
+
+    No two names are equal, whatever the case.
     """
     result: dict[str, str] = {}
     for body in bodies:
@@ -243,7 +245,10 @@ def _bone_files(bodies: Iterable[str]) -> dict[str, str]:
 
 
 def summary(morphed: Morphed) -> Iterable[str]:
-    """Findings as lines of text; all measures of a bone are in the report and in bones.csv."""
+    """Yield findings as lines of text.
+
+    All measures of a bone are in the report and in bones.csv.
+    """
     morph = morphed.morph
     for body, bone in morph.bones.items():
         text = f"size {bone.whole.scale:.3f}"
@@ -255,9 +260,7 @@ def summary(morphed: Morphed) -> Iterable[str]:
 
 
 def bone_notes(morphed: Morphed) -> tuple[str, ...]:
-    """What the maps of the bones that the target has had to say, one line each, with the bone's
-    name.
-    """
+    """Return the notes of the maps of the target's bones, one line each, with the bone's name."""
     measured = {
         body: bone
         for body, bone in morphed.morph.bones.items()

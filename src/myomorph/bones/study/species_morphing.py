@@ -1,5 +1,6 @@
-"""Muscles of one species on another's skeleton, from files: two models with their bones, and a
-species table.
+"""Muscles of one species on another's skeleton, from files.
+
+The files are two models with their bones, and a species table.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ def species_tables() -> tuple[str, ...]:
 
 
 def read_species(table: str | Path) -> SpeciesTable:
-    """The species table of a name, as `human-mouse`, or of a TOML file."""
+    """Read the species table of a name, as `human-mouse`, or of a TOML file."""
     known = species_tables()
     is_known = str(table) in known
     path = (
@@ -156,8 +157,9 @@ def _known(table: Table, keys: Iterable[str], what: str) -> None:
 
 
 def _row(kind: type[Row], table: Table, what: str) -> Row:
-    """A value of a dataclass from a table that has its fields; raises `KeyError` where one is
-    missing.
+    """Make a value of a dataclass from a table that has its fields.
+
+    Raises `KeyError` where one is missing.
     """
     kinds = get_type_hints(kind)
     _known(table, kinds, what)
@@ -168,8 +170,9 @@ def _row(kind: type[Row], table: Table, what: str) -> Row:
 
 
 def _value(kind: Any, value: Any) -> Any:
-    """What a table holds as a field has it: lists as tuples, numbers as `float`, tables as the
-    field's dataclasses.
+    """Convert a table's value to that of a field.
+
+    Lists become tuples, numbers `float`, and tables the field's dataclasses.
     """
     kinds = get_args(kind)
     if get_origin(kind) in (Union, UnionType):
@@ -195,7 +198,7 @@ def _architecture(table: Table) -> ArchitectureTable:
 
 
 def _muscle(table: Table) -> MuscleRow:
-    """A muscle's row: `force` [N] or `mass` [kg], `fiber` [m], `pennation` [degrees]."""
+    """Read a muscle's row: `force` [N] or `mass` [kg], `fiber` [m], `pennation` [degrees]."""
     _known(table, ROW_KEYS, "a muscle of the architecture")
     if ("force" in table) == ("mass" in table):
         raise BadData(f"architecture of '{table['name']}': expected either force or mass")
@@ -238,9 +241,10 @@ def _frame(table: Table) -> AnatomicalFrame:
 
 @dataclass(frozen=True)
 class SpeciesFiles:
-    """What a morph to another species is made from: the model whose muscles are carried over, that
-    of the skeleton whose joints stay, and the name or file of a species table; folders of their
-    meshes, by default beside them.
+    """Files and options of a morph to another species.
+
+    These are the model whose muscles are transferred, that of the skeleton whose joints stay, and
+    the name or file of a species table; folders of their meshes, by default beside them.
 
     `beside`: keep the target's own muscles too; `mirror`: the other side gets the mirror images of
     the muscles; segments get the species table's shares of `mass` [kg], or masses from `skin`,
@@ -263,7 +267,7 @@ class SpeciesFiles:
     postures: tuple[Path, ...] = ()
 
     def sources(self) -> tuple[Source, ...]:
-        """The files by their hashes."""
+        """Return the files with their hashes."""
         species = Path(self.species) if is_named_file(Path(self.species)) else None
         return file_sources(
             ("model", self.source),
@@ -277,8 +281,9 @@ class SpeciesFiles:
 def species_files(
     files: SpeciesFiles, settings: MorphSettings
 ) -> tuple[Morphed, Mapping[str, Surface]]:
-    """The source's muscles on the target's skeleton, and the target's bones by body, to be written
-    beside the model.
+    """Put the source's muscles on the target's skeleton.
+
+    Returns the morph, and the target's bones by body, to be written beside the model.
     """
     if files.target.suffix.lower() not in (".xml", ".mjcf", ".osim"):
         raise BadFile(
@@ -329,7 +334,7 @@ def species_files(
 
 
 def _whole_animal(morph: Morph, files: SpeciesFiles, table: SpeciesTable) -> Morph:
-    """The morph with its other side, its masses and the markers of a protocol."""
+    """Add the other side, masses and the markers of a protocol to a morph."""
     model = morph.model
     notes = list(morph.notes)
     if files.mirror:

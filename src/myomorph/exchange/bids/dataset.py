@@ -1,7 +1,6 @@
-"""A study as a dataset of BIDS: recordings of motion and EMG, and as derivatives what was computed
-of them.
+"""A study as a BIDS dataset: recordings of motion and EMG, and results as derivatives.
 
-BIDS specification 1.11 (motion, EMG, derivatives). What a derivative was made from stands in its
+BIDS specification 1.11 (motion, EMG, derivatives). What a derivative was derived from stands in its
 JSON file.
 """
 
@@ -140,8 +139,9 @@ class _Dataset:
         self._labels: dict[tuple[str, str], str] = {}
 
     def add(self, stored: Stored, place: tuple[str, ...]) -> None:
-        """Write a trial whose results lie at a place below those of the study: subject, session if
-        any, trial.
+        """Write a trial whose results lie at `place` below those of the study.
+
+        The place is subject, session if any, and trial.
         """
         subject = stored.facts.get("subject", "") or (place[0] if place else "1")
         trial = stored.facts.get("trial", "") or stored.path.stem
@@ -246,8 +246,10 @@ class _Dataset:
 
 
 def _recorded(stored: Stored) -> tuple[Recording, Series | None, list[Message]]:
-    """What was recorded, of the files that results were made from, y upwards where the vertical is
-    known; of files that are gone or have changed, what the results hold of them instead.
+    """Read what was recorded from the files that results were derived from.
+
+    y points upwards where the vertical is known. Of files that are gone or have changed, what the
+    results hold of them is returned instead.
     """
     sources = {
         source.role: source
@@ -258,7 +260,7 @@ def _recorded(stored: Stored) -> tuple[Recording, Series | None, list[Message]]:
     notes: list[Message] = []
 
     def of(role: str, read: Callable[[Path], Any]) -> Any:
-        """What a reader makes of a source, None where there is none, or no longer."""
+        """Read a source, None where there is none, or no longer."""
         if role not in sources:
             return None
         try:
@@ -285,8 +287,9 @@ def _recorded(stored: Stored) -> tuple[Recording, Series | None, list[Message]]:
 
 
 def _wrenches(path: Path) -> Wrenches | None:
-    """Forces of a file of loads, in ground; None for a recording with plates, and for steps that
-    measure force.
+    """Read forces of a file of loads, in ground.
+
+    None for a recording with plates, and for steps that measure force.
     """
     if path.suffix.lower() == ".xml":
         return read_external_loads(path)
@@ -332,9 +335,10 @@ def _conditions(home: Path) -> dict[tuple[str, str], str]:
 
 
 def read_bids(folder: Path) -> Mapping[str, BidsTrial]:
-    """Trials of a dataset by subject and trial, e.g. "s01/walk1": recordings, and the derivatives
-    of `export_bids`. Raises `BadFile` where it is no dataset of motion or EMG, `MissingPackage` for
-    EMG without edfio.
+    """Read trials of a dataset by subject and trial, e.g. "s01/walk1".
+
+    They are recordings, and the derivatives of `export_bids`. Raises `BadFile` where it is no
+    dataset of motion or EMG, `MissingPackage` for EMG without edfio.
     """
     if not (folder / DATASET).is_file():
         raise BadFile(

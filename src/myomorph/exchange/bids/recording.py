@@ -61,7 +61,7 @@ def marker_signals(markers: Markers, facts: Mapping[str, Any]) -> Signals:
 
 
 def force_signals(wrenches: Wrenches, facts: Mapping[str, Any]) -> Signals:
-    """Forces, their points of application and free torques as channels."""
+    """Write forces, their points of application and free torques as channels."""
     channels = [
         Channel(
             name=f"{name}_{part}_{axis}",
@@ -94,8 +94,9 @@ def write_events(stem: Path, events: Sequence[Event], start: float) -> None:
 
 
 def read_motion_trial(path: Path) -> Trial:
-    """Markers of a motion file, with the forces and events of the same recording in files beside
-    it.
+    """Read markers of a motion file, with the forces and events of the same recording.
+
+    Those are in files beside it.
     """
     signals = read_signals(path)
     parts = [
@@ -143,8 +144,9 @@ def read_motion_trial(path: Path) -> Trial:
 
 
 def markers_of(signals: Signals, path: Path) -> tuple[Markers | None, list[Message]]:
-    """Points of which a position is all that is known as markers [m], None without any, and what is
-    odd.
+    """Return points of which only a position is known as markers [m].
+
+    None without any. The second value reports what is odd.
     """
     groups = {
         point: [group["m", axis] for axis in AXES]
@@ -166,8 +168,9 @@ def markers_of(signals: Signals, path: Path) -> tuple[Markers | None, list[Messa
 
 
 def plates_of(signals: Signals) -> tuple[ForcePlate, ...]:
-    """Points with a force as plates; corners that the file does not know lie around the centers of
-    pressure.
+    """Return points with a force as plates.
+
+    Corners that the file does not know lie around the centers of pressure.
     """
     corners = _known_corners(signals.facts.get("ForcePlates"))
     plates = []
@@ -192,7 +195,7 @@ def plates_of(signals: Signals) -> tuple[ForcePlate, ...]:
 
 
 def _part(signals: Signals, group: Mapping[tuple[str, str], int], part: str) -> Array:
-    """A part of a force (frames, 3) by its name in `PARTS`."""
+    """Return a part of a force (frames, 3) by its name in `PARTS`."""
     _, unit = PARTS[part]
     return np.column_stack([_column(signals, group.get((unit, axis))) for axis in AXES])
 
@@ -260,9 +263,10 @@ FACTS: dict[str, Any] = {
 
 
 def write_emg(stem: Path, emg: Series, units: Sequence[str], facts: Mapping[str, Any]) -> None:
-    """Write STEM_emg.bdf, its channels and its facts. A value is rounded to a part in 2^23 of the
-    largest one of its channel. Raises `BadData` where samples are not evenly spaced,
-    `MissingPackage` without edfio.
+    """Write STEM_emg.bdf, its channels and its facts.
+
+    A value is rounded to a part in 2^23 of the largest one of its channel. Raises `BadData` where
+    samples are not evenly spaced, `MissingPackage` without edfio.
     """
     edfio = from_extra("bids", "edfio")
     rate = emg.rate
@@ -312,9 +316,10 @@ def write_emg(stem: Path, emg: Series, units: Sequence[str], facts: Mapping[str,
 
 
 def read_emg(path: Path) -> Analog:
-    """Channels of a BDF or EDF file (samples, channels) in V where they are volts; those that a
-    dataset calls EMG where it is of one, by the names and on the clock that files beside it state.
-    Raises `BadFile`, or `MissingPackage` without edfio.
+    """Read channels of a BDF or EDF file (samples, channels), in V where they are volts.
+
+    Of a file in a dataset, only channels of EMG are read, by the names and on the clock that files
+    beside it state. Raises `BadFile`, or `MissingPackage` without edfio.
     """
     edfio = from_extra("bids", "edfio")
     check_file(path, "EMG")

@@ -1,5 +1,4 @@
-"""Signals over time as BIDS has those of motion: a table without a heading, and what it holds in
-files beside it.
+"""Signals over time as BIDS has those of motion: a table without a heading, and files beside it.
 
 Of `A_tracksys-B_motion.tsv` the channels stand in `A_tracksys-B_channels.tsv`, all else in
 `A_tracksys-B_motion.json`, or in files higher up whose names have some of its parts (BIDS
@@ -74,8 +73,9 @@ class Channel:
 
 @read_only
 class Signals(Series):
-    """Columns of a motion file, values (frames, channels) in the channels' units, NaN where
-    unknown.
+    """Columns of a motion file.
+
+    Values (frames, channels) are in the channels' units, NaN where unknown.
     """
 
     channels: tuple[Channel, ...] = ()  # what each column is
@@ -97,7 +97,7 @@ class Signals(Series):
 def signals_of(
     series: Series, channels: Sequence[Channel], facts: Mapping[str, Any] | None = None
 ) -> Signals:
-    """A series (frames, channels) with what each column is."""
+    """Describe each column of a series (frames, channels)."""
     values = series.values.reshape(len(series), -1)
     return Signals(
         series.time,
@@ -109,8 +109,10 @@ def signals_of(
 
 
 def write_signals(stem: Path, signals: Signals, frame: str = "") -> None:
-    """Write STEM_motion.tsv, its channels and its facts; `frame`: the axes of what has components.
-    Numbers are written so that they are read back as they are.
+    """Write STEM_motion.tsv, its channels and its facts.
+
+    `frame`: the axes of what has components. Numbers are written so that they are read back as they
+    are.
     """
     start = float(signals.time[0]) if len(signals) else 0.0
     channels = (Channel("latency", LATENCY, "s"), *signals.channels)
@@ -154,7 +156,7 @@ def write_signals(stem: Path, signals: Signals, frame: str = "") -> None:
 
 
 def read_signals(path: Path) -> Signals:
-    """What a motion file holds, in m, rad, N and V; raises `BadFile`."""
+    """Read a motion file, in m, rad, N and V; raises `BadFile`."""
     if not path.name.endswith(MOTION):
         raise BadFile(path, "is no motion file of BIDS", f"its name would end in {MOTION}")
     channels = channels_of_file(path, COLUMNS[:5])
@@ -195,7 +197,7 @@ def read_signals(path: Path) -> Signals:
 
 
 def channels_of_file(path: Path, needed: Sequence[str]) -> tuple[Channel, ...]:
-    """The channels of a file of signals, as `needed` columns of its _channels.tsv have them."""
+    """Return the channels of a file of signals, with the `needed` columns of its _channels.tsv."""
     files = beside(path, CHANNELS)
     if not files:
         raise BadFile(
@@ -219,7 +221,7 @@ def channels_of_file(path: Path, needed: Sequence[str]) -> tuple[Channel, ...]:
 
 
 def facts_of_file(path: Path) -> dict[str, Any]:
-    """What JSON files say of a file of signals, those beside it last."""
+    """Return what JSON files state of a file of signals, those beside it last."""
     facts: dict[str, Any] = {}
     ending = "_" + path.stem.rsplit("_", 1)[-1] + ".json"
     for file in beside(path, ending):
@@ -231,14 +233,15 @@ def facts_of_file(path: Path) -> dict[str, Any]:
 
 
 def number_of(facts: Mapping[str, Any], name: str) -> float:
-    """A finite number of facts, 0 where it is none."""
+    """Return a finite number of facts, 0 where it is none."""
     value = facts.get(name)
     return float(value) if isinstance(value, int | float) and abs(value) < LARGEST else 0.0
 
 
 def beside(path: Path, ending: str) -> list[Path]:
-    """Files that belong to a file of a dataset by their ending and parts of its name, from the top
-    downwards.
+    """Return files that belong to a file of a dataset, from the top downwards.
+
+    They have its ending and parts of its name.
     """
     parts = set(path.stem.split("_")[:-1])
     homes = [path.parent, *path.parent.parents][:MAX_DEPTH]
@@ -278,7 +281,7 @@ def write_json(path: Path, facts: Mapping[str, Any]) -> None:
 
 
 def cell(value: object) -> str:
-    """A value as it stands in a table, n/a where it is not known."""
+    """Write a value as it stands in a table, n/a where it is not known."""
     if isinstance(value, float):
         return repr(value) if np.isfinite(value) else UNKNOWN
     return str(value) or UNKNOWN

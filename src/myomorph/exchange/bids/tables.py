@@ -52,9 +52,7 @@ FORMER_NAMES = {
 
 
 def label_of(name: str) -> str:
-    """Return the name of a quantity as a label, which has letters and digits only:
-    "muscleForce".
-    """
+    """Return the name of a quantity as a label of letters and digits only: "muscleForce"."""
     first, *others = name.split("_")
     return first + "".join(word.capitalize() for word in others)
 
@@ -81,8 +79,9 @@ class Columns(NamedTuple):
 
 
 def result_tables(stored: Stored) -> Iterator[tuple[str, Signals]]:
-    """Tables of a result by label, and the limits of those that have some; facts are what is known
-    of each.
+    """Yield tables of a result by label, and the interval bounds of those that have some.
+
+    Facts are what is known of each.
     """
     for quantity in TABLES:
         values = get_quantity(stored, quantity)
@@ -150,7 +149,7 @@ def _facts(stored: Stored, step: str, description: str) -> dict[str, Any]:
 
 
 def plain_provenance(made: Provenance) -> dict[str, Any]:
-    """What a result was made from, without folders of the machine that made it."""
+    """Return what a result was derived from, without folders of the machine that made it."""
     return {
         "Step": made.step,
         "Version": made.version,

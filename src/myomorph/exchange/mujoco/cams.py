@@ -1,11 +1,10 @@
-"""Cams: how a coordinate of a MuJoCo model follows another by a spline, which no polynomial of
-degree four can.
+"""Cams: a coordinate of a MuJoCo model follows another by a spline.
 
-A cam is a weighted sum of distances between sites that stays constant, held by MuJoCo's equality of
-two tendons with pulleys. One distance measures the follower; the others are multiquadrics of the
-leader, sqrt(e^2 + (q - q_k)^2) near the centers q_k, as a site of the leader's body passes sites of
-its parent at a distance e. Their weights are fitted to values and slopes over the leader's range. A
-cam adds neither bodies nor degrees of freedom.
+No polynomial of degree four can do so. A cam is a weighted sum of distances between sites that
+stays constant, held by MuJoCo's equality of two tendons with pulleys. One distance measures the
+follower; the others are multiquadrics of the leader, sqrt(e^2 + (q - q_k)^2) near the centers q_k,
+as a site of the leader's body passes sites of its parent at a distance e. Their weights are fitted
+to values and slopes over the leader's range. A cam adds neither bodies nor degrees of freedom.
 """
 
 from __future__ import annotations
@@ -47,8 +46,9 @@ def is_degree_four(coupler: Coupler, model: Model) -> bool:
 
 
 def cams_of(model: Model) -> tuple[tuple[Cam, ...], tuple[Coupler, ...]]:
-    """Cams of the couplers of a model of `mujoco_joints` that need one, and polynomials where the
-    joints forbid one.
+    """Return cams of the couplers of a model of `mujoco_joints` that need one.
+
+    Where the joints forbid a cam, the coupler's polynomial is returned.
     """
     joints = {name: joint for joint in model.joints for name in joint.coordinates}
     cams = []
@@ -80,7 +80,7 @@ class _Curve:
         self.high = max(high, self.low + 1e-3)
 
     def values(self, x: Array) -> dict[str, Array]:
-        """The leader and all that follow it alone, at values x of it."""
+        """Return the leader and all that follow it alone, at values x of it."""
         result = {self.leader.name: x}
         waiting = list(self.model.couplers)
         while ready := [coupler for coupler in waiting if set(coupler.independents) <= set(result)]:
@@ -113,7 +113,7 @@ class _Curve:
         )
 
     def polynomial(self) -> Coupler:
-        """The coupler by a polynomial of degree four about the leader's default."""
+        """Fit the coupler by a polynomial of degree four about the leader's default."""
         x = np.append(np.linspace(self.low, self.high, SAMPLES), self.leader.default)
         y = self.values(x)[self.coupler.dependent]
         powers = (x[:-1, None] - x[-1]) ** np.arange(1, DEGREE + 1)
@@ -127,7 +127,7 @@ class _Curve:
         )
 
     def cam(self) -> Cam:
-        """The cam that holds the follower to the leader."""
+        """Return the cam that holds the follower to the leader."""
         inside = np.linspace(self.low + 2.0 * STEP, self.high - 2.0 * STEP, SAMPLES)
         x = np.append(inside, self.leader.default)
         branches = [self._measure(), *self._centers()]
@@ -151,8 +151,9 @@ class _Curve:
         return Cam(self.coupler.dependent, float(offset), tuple(used))
 
     def _lengths(self, branches: list[Branch], x: Array) -> Array:
-        """(poses, branches) lengths: the first measures the follower, the others move with the
-        leader's body [m].
+        """Return lengths (poses, branches) [m].
+
+        The first measures the follower, the others move with the leader's body.
         """
         joints = [self.follower, *[self.joint] * (len(branches) - 1)]
         poses = {joint.name: self._poses(joint, x) for joint in (self.follower, self.joint)}
@@ -165,8 +166,9 @@ class _Curve:
         return np.column_stack(columns)
 
     def _measure(self) -> Branch:
-        """The distance that measures the follower, to a site that the leader's hinge leaves in
-        place where it can.
+        """Return the distance that measures the follower.
+
+        It goes to a site that the leader's hinge leaves in place where it can.
         """
         axis = next(
             axis for axis in self.follower.axes if axis.coordinates == (self.coupler.dependent,)

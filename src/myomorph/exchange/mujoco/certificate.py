@@ -1,9 +1,9 @@
-"""What MuJoCo's copy of a model differs by from the model, over the ranges of its coordinates and
-along recorded motion.
+"""Differences of MuJoCo's copy of a model from the model.
 
-The copy moves from pose to pose, so that what follows a coordinate is where MuJoCo has it, and not
-where the model does. Lengths by the rules of the version of MuJoCo that is not installed follow
-from kernels of our own, which are tested against both.
+They are taken over the ranges of its coordinates and along recorded motion. The copy moves from
+pose to pose, so that a dependent coordinate is where MuJoCo has it, and not where the model does.
+Lengths by the rules of the version of MuJoCo that is not installed follow from kernels of our own,
+which are tested against both.
 """
 
 from __future__ import annotations
@@ -145,8 +145,9 @@ class Certificate:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The certificate in words; its first line says where lengths or moment arms are not the
-        model's.
+        """Write the certificate in words.
+
+        Its first line states where lengths or moment arms are not the model's.
         """
         beyond = sorted(
             (one for one in self.differences if not one.within),
@@ -357,9 +358,10 @@ def _differences(
 
 
 def _off_slopes(paths: Paths, poses: Array, columns: list[int], arms: Array) -> Array:
-    """(muscles,) by how much each muscle's moment arm in its own pose differs from the slope of its
-    length. `poses`: (muscles, coordinates); `columns`: the coordinate of each of the moment arms
-    (muscles,).
+    """Compare each muscle's moment arm in its own pose with the slope of its length.
+
+    Returns their differences (muscles,). `poses`: (muscles, coordinates); `columns`: the coordinate
+    of each of the moment arms (muscles,).
     """
     step = np.zeros_like(poses)
     every = np.arange(len(poses))
@@ -377,8 +379,9 @@ def _place(model: Model, coordinates: Array, swept: Array, pose: int) -> tuple[s
 
 
 def _torques(copy: MujocoCopy, copied: Array) -> tuple[float, float]:
-    """Largest difference of inverse dynamics in made motions, and the largest generalized force [N
-    m or N].
+    """Return the largest difference of inverse dynamics in made motions.
+
+    The second value is the largest generalized force; both in N m or N.
     """
     poses = copied[-FRAMES:]
     random = np.random.default_rng(0)

@@ -1,5 +1,6 @@
-"""A written model as MuJoCo has it: its lengths, moment arms and generalized forces at our
-coordinates.
+"""A written model as MuJoCo has it.
+
+Lengths, moment arms and generalized forces are at our coordinates.
 """
 
 from __future__ import annotations
@@ -81,8 +82,9 @@ class MujocoCopy:
         return int(self.m.jnt_qposadr[number]), int(self.m.jnt_dofadr[number])
 
     def place(self, coordinates: Array) -> None:
-        """Put MuJoCo's copy into a pose, followers where its own constraints hold them nearest to
-        the model's.
+        """Put MuJoCo's copy into a pose.
+
+        Followers are where its own constraints hold them nearest to the model's.
 
         Parameters
         ----------
@@ -181,8 +183,16 @@ class MujocoCopy:
         return np.asarray(arms)
 
     def muscle_forces(self, lengths: Array, speeds: Array) -> tuple[Array, Array]:
-        """Active forces of full activation and passive ones, (samples, muscles), of tendons as long
-        and fast [N].
+        """Return active forces of full activation and passive forces.
+
+        Parameters
+        ----------
+        lengths : (samples, muscles) of tendons [m]
+        speeds : (samples, muscles) of tendons [m/s]
+
+        Returns
+        -------
+        (samples, muscles) active, and (samples, muscles) passive [N]
         """
         forces = np.zeros((2, *lengths.shape))
         for i in range(lengths.shape[1]):
@@ -198,9 +208,19 @@ class MujocoCopy:
         return forces[0], forces[1]
 
     def generalized_forces(self, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-        """(frames, `simple`) what moves MuJoCo's copy so, by `mj_inverse` without constraints and
-        armature [N m or N]. The motion, three times (frames, coordinates), is consistent; free and
-        ball joints do not turn.
+        """Return what moves MuJoCo's copy so, by `mj_inverse` without constraints and armature.
+
+        The motion is consistent; free and ball joints do not rotate.
+
+        Parameters
+        ----------
+        coordinates : (frames, coordinates) [rad or m]
+        speeds : (frames, coordinates) [rad/s or m/s]
+        accelerations : (frames, coordinates) [rad/s^2 or m/s^2]
+
+        Returns
+        -------
+        (frames, `simple`) generalized forces [N m or N]
         """
         m = self.m
         flags = int(m.opt.disableflags)
@@ -223,8 +243,9 @@ class MujocoCopy:
         return result
 
     def steps(self, count: int) -> bool:
-        """Whether MuJoCo takes steps from the default pose, all values finite and no coordinate
-        lost.
+        """Return whether MuJoCo takes steps from the default pose.
+
+        All values must stay finite, and no coordinate be lost.
         """
         with silent_mujoco():
             mujoco.mj_resetData(self.m, self.d)
@@ -245,8 +266,18 @@ def _depths(route: np.ndarray) -> np.ndarray:
 
 
 def tendon_jacobian(m: Any, d: Any) -> Array:
-    """(tendons, nv), from MuJoCo's rows: dense in small models before 3.6, where the pattern moved
-    to the model.
+    """Return the Jacobian of tendon lengths, from MuJoCo's rows.
+
+    Rows are dense in small models before 3.6, where the pattern moved to the model.
+
+    Parameters
+    ----------
+    m : MuJoCo's model
+    d : its data, of a pose for which tendons were evaluated
+
+    Returns
+    -------
+    (tendons, nv) [m/rad, or m/m]
     """
     if not hasattr(m, "ten_J_rownnz") and not mujoco.mj_isSparse(m):
         return np.array(np.reshape(d.ten_J, (m.ntendon, m.nv)))

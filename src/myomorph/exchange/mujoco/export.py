@@ -119,7 +119,7 @@ def _recorded(model: Model, copied: Model, motion: Motion) -> RecordedPoses:
 
 
 def _folders_of_meshes(model: Model, geometry: Sequence[str | os.PathLike[str]]) -> list[Path]:
-    """The folders given, and those beside the model's own file."""
+    """Return the folders given, and those beside the model's own file."""
     folders = [Path(folder) for folder in geometry]
     if model.source:
         beside = Path(model.source).parent
@@ -132,7 +132,7 @@ def _folders_of_meshes(model: Model, geometry: Sequence[str | os.PathLike[str]])
 
 
 def _without_path_functions(model: Model) -> tuple[Model, tuple[Message, ...]]:
-    """The model without muscles whose length a function gives, which no tendon has, and a note."""
+    """Leave out muscles whose length a function gives, which no tendon has, with a note."""
     names = [muscle.name for muscle in model.muscles if muscle.path.function is not None]
     if not names:
         return model, ()
@@ -145,7 +145,7 @@ def _without_path_functions(model: Model) -> tuple[Model, tuple[Message, ...]]:
 
 
 def _drawn_by(model: Model, document: MjcfDocument) -> Model:
-    """The model with the meshes that were written for MuJoCo."""
+    """Give the model the meshes that were written for MuJoCo."""
 
     def drawn(mesh: Mesh) -> Mesh:
         file = document.meshes.get(mesh.file)
@@ -158,7 +158,7 @@ def _drawn_by(model: Model, document: MjcfDocument) -> Model:
 
 
 def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], tuple[Message, ...]]:
-    """The model as MuJoCo can hold it, its cams, and notes."""
+    """Return the model as MuJoCo can hold it, its cams, and notes."""
     jointed = mujoco_joints(model)
     coordinates, _ = poses_over_ranges(model, FITTED_POSES, FITTED_SEED)
     notes = []
@@ -187,7 +187,18 @@ def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], tuple[Message, .
 
 
 def in_copy(copied: Model, model: Model, coordinates: Array) -> Array:
-    """Poses (poses, coordinates) of a model in the coordinates of one of `mujoco_joints`."""
+    """Convert poses of a model to the coordinates of one of `mujoco_joints`.
+
+    Parameters
+    ----------
+    copied : of `mujoco_joints`
+    model : from which it was made
+    coordinates : (poses, coordinates) of the model [rad or m]
+
+    Returns
+    -------
+    (poses, coordinates of the copied model) [rad or m]
+    """
     result = np.tile(
         [coordinate.default for coordinate in copied.coordinates], (len(coordinates), 1)
     )

@@ -45,9 +45,20 @@ def range_of(coordinate: Coordinate) -> tuple[float, float]:
 
 
 def poses_over_ranges(model: Model, count: int, seed: int = 0) -> tuple[Array, Array]:
-    """Coordinates (poses, coordinates) over their ranges, dependent ones consistent: first each
-    moved alone, then `count` poses of all together [rad or m]; and (poses,) number of the
-    coordinate that moves alone, -1 where all do.
+    """Return coordinates over their ranges, dependent ones consistent.
+
+    First each is moved alone, then all together at random.
+
+    Parameters
+    ----------
+    model : with the coordinates
+    count : of poses in which all coordinates move
+    seed : of the random poses
+
+    Returns
+    -------
+    (poses, coordinates) [rad or m], and (poses,) index of the coordinate that moves alone, -1 where
+    all do
     """
     tree = compile_tree(model)
     bounds = np.array([range_of(coordinate) for coordinate in model.coordinates])
@@ -97,13 +108,13 @@ OWN_KINDS = {"free", "ball", "hinge", "slide", "weld"}
 
 
 def mujoco_joints(model: Model) -> Model:
-    """The model with joints that MuJoCo can hold: unit axes, one coordinate each, in the child's
-    frame.
+    """Give the model joints that MuJoCo can hold.
 
-    The amount of each axis is its coordinate less that coordinate's default, so the default pose is
-    MuJoCo's `qpos0`. A coordinate that moves no axis one to one stays, without an axis, for those
-    that follow it. Raises `BadModel` where an independent coordinate moves no axis one to one, an
-    axis moves by two coordinates, or a body by too many.
+    These have unit axes, one coordinate each, in the child's frame. The amount of each axis is its
+    coordinate less that coordinate's default, so the default pose is MuJoCo's `qpos0`. A coordinate
+    that moves no axis one to one stays, without an axis, for those that depend on it. Raises
+    `BadModel` where an independent coordinate moves no axis one to one, an axis moves by two
+    coordinates, or a body by too many.
     """
     coordinates = {coordinate.name: coordinate for coordinate in _at_defaults(model)}
     points = _PointBodies(coordinates)
@@ -138,7 +149,7 @@ class _PointBodies:
         self.followers: list[tuple[Coordinate, Coupler]] = []
 
     def with_bodies(self, muscle: Muscle) -> Muscle:
-        """The muscle with each point that moves fixed to a body that does."""
+        """Fix each point of a muscle that moves to a body that does."""
         points = tuple(
             self._fixed(muscle, point) if isinstance(point, MovingPathPoint) else point
             for point in muscle.path.points
@@ -199,8 +210,9 @@ def _follower(
 
 
 def _at_defaults(model: Model) -> list[Coordinate]:
-    """Coordinates with defaults that keep to the couplers; MuJoCo's own stay, as their joints start
-    from them.
+    """Return coordinates with defaults that keep to the couplers.
+
+    MuJoCo's own stay, as their joints start from them.
     """
     values = {coordinate.name: coordinate.default for coordinate in model.coordinates}
     own = {name for joint in model.joints if _is_own(joint) for name in joint.coordinates}
@@ -230,7 +242,10 @@ def slope_of(function: Function) -> float | None:
 def _joint(
     joint: Joint, coordinates: dict[str, Coordinate], dependent: set[str]
 ) -> tuple[Joint, list[tuple[Coordinate, Coupler]]]:
-    """A joint with an axis a coordinate, and the coordinates that it has besides its own."""
+    """Return a joint with one axis per coordinate.
+
+    The second value holds the coordinates that it has besides its own.
+    """
     if _is_own(joint):
         return joint, []
     leading: dict[str, int] = {}

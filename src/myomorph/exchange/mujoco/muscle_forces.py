@@ -42,8 +42,9 @@ TIME_CONSTANTS = (0.01, 0.04)  # Activation and deactivation [s].
 
 @read_only
 class MuscleCurves:
-    """Curves of muscles by fiber length along the tendon and velocity, over the strength at optimal
-    length.
+    """Curves of muscles by fiber length along the tendon and velocity.
+
+    Forces are over the strength at optimal length.
     """
 
     active: Array  # active, passive: (lengths, muscles) at `LENGTHS`
@@ -53,7 +54,7 @@ class MuscleCurves:
 
 
 def curves_of(model: Model) -> MuscleCurves:
-    """What the muscles of a model pull with, sampled."""
+    """Sample the force curves of a model's muscles."""
     fiber, slack, fastest = _fibers(model)
     still = np.zeros((len(LENGTHS), len(fiber)))
     forces = hill_forces(model, slack + LENGTHS[:, None] * fiber, still)
@@ -82,7 +83,7 @@ def _fibers(model: Model) -> tuple[Array, Array, Array]:
 
 
 def mujoco_muscles(model: Model) -> tuple[Muscle, ...]:
-    """The muscles as MuJoCo's; those that are stay."""
+    """Return the muscles as MuJoCo's; those that are stay."""
     if not model.muscles:
         return ()
     curves = curves_of(model)
@@ -140,25 +141,35 @@ def mujoco_muscles(model: Model) -> tuple[Muscle, ...]:
 
 
 def _active(away: Array, half: Array) -> Array:
-    """(choices, lengths) of MuJoCo's active curve at lengths `away` from the optimum, half as
-    strong at `half`.
+    """Return MuJoCo's active curve (choices, lengths) at lengths `away` from the optimum.
+
+    It is half as strong at `half`.
     """
     x = away / half[:, None]
     return np.where(x < 1.0, 1.0 - 0.5 * x**2, 0.5 * np.maximum(2.0 - x, 0.0) ** 2)
 
 
 def _nearest(choices: Array, shapes: Array, wanted: Array) -> Array:
-    """(muscles,) the choice whose shape (choices, samples) has the least sum of squares to what is
-    wanted.
+    """Return for each muscle the choice (muscles,) whose shape is nearest to what is wanted.
+
+    It has the least sum of squares of the shapes (choices, samples).
     """
     costs = (shapes**2).sum(axis=1)[:, None] - 2.0 * shapes @ wanted
     return np.asarray(choices[costs.argmin(axis=0)])
 
 
 def force_differences(model: Model, copy: MujocoCopy) -> tuple[Array, Array]:
-    """(muscles,) largest differences of MuJoCo's forces from ours over each muscle's strength:
-    isometric, active and passive, at fiber lengths from 0.5 to 1.6, and active at the optimal
-    length at any velocity.
+    """Return the largest differences of MuJoCo's forces from ours over each muscle's strength.
+
+    Parameters
+    ----------
+    model : with muscles
+    copy : MuJoCo's copy of it
+
+    Returns
+    -------
+    (muscles,) isometric, active and passive, at fiber lengths from 0.5 to 1.6, and (muscles,)
+    active at the optimal length at any velocity
     """
     curves = curves_of(model)
     fiber, slack, fastest = _fibers(model)

@@ -1,5 +1,4 @@
-"""Sites and spheres in the place of what MuJoCo lacks, moved until lengths come nearest to the
-model's.
+"""Sites and spheres in the place of what MuJoCo lacks, moved until lengths fit the model's.
 
 Levenberg and Marquardt's steps, for all muscles at once: each has parameters of its own, so one
 evaluation of all paths gives the derivative in one parameter of every muscle.
@@ -37,9 +36,19 @@ class Movable:
 def fitted_paths(
     model: Model, movables: list[Movable], coordinates: Array, lengths: Array, weights: Array
 ) -> Model:
-    """The model with sites and spheres where lengths come nearest to those wanted. `coordinates`:
-    (poses, coordinates) of the model, consistent; `lengths`, `weights`: (poses, movables) wanted of
-    each movable's muscle [m], and how much each pose counts.
+    """Move sites and spheres of a model to where lengths come nearest to those wanted.
+
+    Parameters
+    ----------
+    model : with the paths
+    movables : sites and spheres of a muscle that may move
+    coordinates : (poses, coordinates) of the model, consistent [rad or m]
+    lengths : (poses, movables) wanted of each movable's muscle [m]
+    weights : (poses, movables) how much each pose counts
+
+    Returns
+    -------
+    model
     """
     if not movables:
         return model
@@ -106,7 +115,7 @@ def _parameters(model: Model, movable: Movable) -> list[float]:
 
 
 def _moved(model: Model, movables: list[Movable], values: Array) -> Model:
-    """The model with the parameters (movables, parameters) of its movable parts."""
+    """Give the movable parts of the model their parameters (movables, parameters)."""
     muscles = list(model.muscles)
     spheres = {}
     for movable, row in zip(movables, values, strict=True):

@@ -1,8 +1,8 @@
-"""Muscle paths by the rules of MuJoCo: one sphere or cylinder between two sites, with a side site
-where it needs one.
+"""Muscle paths by the rules of MuJoCo: one sphere or cylinder between two sites.
 
-A point that the path goes through only while a coordinate is in a range becomes a sphere too small
-to see, with a side site: the path catches on it as soon as it would pass on the other side.
+It has a side site where it needs one. A point that the path goes through only while a coordinate is
+in a range becomes a sphere too small to see, with a side site: the path catches on it as soon as it
+would pass on the other side.
 """
 
 from __future__ import annotations
@@ -47,9 +47,16 @@ SLACK = 1e-5
 
 
 def tendon_paths(model: Model, coordinates: Array) -> tuple[Model, dict[str, str]]:
-    """The model of `mujoco_joints` with its paths by MuJoCo's rules, as far as its surfaces are
-    MuJoCo's, and what was left out of each muscle whose path is another now. `coordinates`: (poses,
-    coordinates) over the coordinates' ranges.
+    """Replace paths of a model of `mujoco_joints` by MuJoCo's, as far as its surfaces are MuJoCo's.
+
+    Parameters
+    ----------
+    model : of `mujoco_joints`
+    coordinates : (poses, coordinates) over the coordinates' ranges [rad or m]
+
+    Returns
+    -------
+    model, and what was left out of each muscle whose path is another now, by muscle
     """
     fitted = _Translator(model, coordinates)
     plain = _Translator(model, coordinates, plain=True)
@@ -86,7 +93,7 @@ def tendon_paths(model: Model, coordinates: Array) -> tuple[Model, dict[str, str
 
 
 def _with_sides(model: Model, translator: _Translator, coordinates: Array) -> Model:
-    """The model with the side sites by which lengths come nearest to the original's.
+    """Choose the side sites by which lengths come nearest to the original's.
 
     All muscles try one direction after the other, and none, by the rules of side sites of MuJoCo 3
     and 4.
@@ -195,7 +202,7 @@ def _beside(translator: _Translator, muscle: Muscle, number: int, direction: Arr
 
 
 def _turned(muscle: Muscle, sided: dict[str, float], direction: Array | None) -> Muscle:
-    """The muscle with its side sites in one direction from their surfaces, or without."""
+    """Put a muscle's side sites in one direction from their surfaces, or leave them out."""
     wraps: list[TendonWrap] = []
     for wrap in muscle.path.wraps:
         assert isinstance(wrap, TendonWrap)
@@ -237,8 +244,9 @@ def _of_version(muscle: Muscle, version: int) -> Muscle:
 
 @read_only
 class _Touch:
-    """Where a surface touches a path: behind which fixed point, and in each pose the node and both
-    ends in ground.
+    """Contact of a surface with a path.
+
+    It has the fixed point behind which it is, and in each pose the node and both ends in ground.
     """
 
     wrap: PathWrap
@@ -247,9 +255,10 @@ class _Touch:
 
 
 class _Translator:
-    """Translates the paths of a model. `made`: the model with MuJoCo's paths; `changed`: what was
-    left out, by muscle; `movables`: what the fit may move of them, nothing where they are to be
-    `plain`.
+    """Translation of the paths of a model.
+
+    `made`: the model with MuJoCo's paths; `changed`: what was left out, by muscle; `movables`: what
+    the fit may move of them, nothing where they are to be `plain`.
     """
 
     def __init__(self, model: Model, coordinates: Array, plain: bool = False):
@@ -272,7 +281,7 @@ class _Translator:
         self.made = _in_agreement(_with_sides(made, self, coordinates), self, coordinates)
 
     def translated(self, m: int, muscle: Muscle) -> Muscle:
-        """The muscle with MuJoCo's path."""
+        """Give a muscle MuJoCo's path."""
         if isinstance(next(iter(muscle.path.wraps), None), TendonWrap):
             for wrap in muscle.path.wraps:
                 self.surfaces[wrap.wrap_object] = self.objects[wrap.wrap_object]
@@ -325,9 +334,7 @@ class _Translator:
         wraps: list[TendonWrap],
         between: dict[int, PathPoint],
     ) -> Muscle:
-        """The muscle with sites between surfaces that share a segment, all of which the fit may
-        move.
-        """
+        """Add sites between surfaces that share a segment, all of which the fit may move."""
         points = []
         placed = []
         moving = []
@@ -351,10 +358,10 @@ class _Translator:
     def _between(
         self, muscle: Muscle, first: _Touch | None, second: _Touch
     ) -> tuple[PathPoint, bool] | None:
-        """A site where the path goes from one surface to another, and whether the second comes
-        behind; None for none.
+        """Return a site where the path goes from one surface to another.
 
-        It lies on the body of the surface that is farther along.
+        The second value is whether the second surface comes behind; None for none. The site lies on
+        the body of the surface that is farther along.
         """
         both = sorted(set(first.ends) & set(second.ends)) if first is not None else []
         if first is None or not both or self.plain:
@@ -374,8 +381,9 @@ class _Translator:
         return PathPoint(f"{muscle.name}_between_{second.after}", body, local.mean(axis=0)), behind
 
     def usual(self, m: int) -> Array:
-        """(poses,) weight of each pose, which falls with the distance of a muscle's coordinates
-        from their defaults.
+        """Return the weight of each pose (poses,).
+
+        It falls with the distance of a muscle's coordinates from their defaults.
         """
         moving = self.paths.arm_coordinate[self.paths.arm_muscle == m]
         away = np.abs(self.coordinates[:, moving] - compile_tree(self.model).defaults[moving]).max(
@@ -388,7 +396,10 @@ class _Translator:
         self.changed[muscle.name] = f"{before}, {text}" if before else text
 
     def _always(self, point: PathPoint) -> PathPoint | None:
-        """The point without its condition where that always holds; None where it never does."""
+        """Return the point without its condition where that always holds.
+
+        None where it never does.
+        """
         if not point.coordinate:
             return point
         low, high = range_of(self.model.coordinate(point.coordinate))
@@ -406,7 +417,7 @@ class _Translator:
         return (values >= point.range[0] - SLACK) & (values <= point.range[1] + SLACK)
 
     def _catch(self, muscle: Muscle, point: PathPoint, after: int) -> TendonWrap:
-        """A small sphere at a point; `_with_sides` finds its side site."""
+        """Put a small sphere at a point; `_with_sides` finds its side site."""
         name = point.name if point.name.startswith(muscle.name) else f"{muscle.name}-{point.name}"
         pose = Transform(np.eye(3), point.location)
         self.surfaces[name] = WrapObject(
@@ -416,8 +427,9 @@ class _Translator:
         return TendonWrap(wrap_object=name, after=after, side_body=point.body, side=point.location)
 
     def _wrap(self, muscle: Muscle, touch: _Touch) -> TendonWrap:
-        """A surface between two points; where a half of it constrains the path, `_with_sides` finds
-        the side site.
+        """Put a surface between two points.
+
+        Where a half of it constrains the path, `_with_sides` finds the side site.
         """
         item = self.objects[touch.wrap.wrap_object]
         kind: Literal["cylinder", "sphere"] = "cylinder" if item.kind == "cylinder" else "sphere"
@@ -435,8 +447,9 @@ class _Translator:
         )
 
     def _sphere(self, muscle: Muscle, item: WrapObject, touch: _Touch) -> WrapObject:
-        """A sphere in the place of a surface that MuJoCo lacks, to be fitted for this muscle alone
-        unless `plain`.
+        """Put a sphere in the place of a surface that MuJoCo lacks.
+
+        It is to be fitted for this muscle alone unless `plain`.
         """
         radius = float(np.mean(item.size)) if item.kind == "ellipsoid" else item.size[0]
         if self.plain:

@@ -1,5 +1,5 @@
-"""OpenSim's setup files, run: scaling, inverse kinematics and dynamics, and the analyses of
-AnalyzeTool.
+"""OpenSim's setup files, run: scaling, inverse kinematics and dynamics, and analyses.
 
-Reading a setup is the work of `io.osim`; the computation is that of the rooms below.
+The analyses are those of AnalyzeTool. Reading a setup is the work of `io.osim`; the computation is
+that of the rooms below.
 """

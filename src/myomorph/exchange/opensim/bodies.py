@@ -1,5 +1,6 @@
-"""OpenSim's BodyKinematics, PointKinematics, Kinematics and MuscleAnalysis: how bodies and muscles
-move.
+"""OpenSim's BodyKinematics, PointKinematics, Kinematics and MuscleAnalysis.
+
+They report how bodies and muscles move.
 """
 
 from __future__ import annotations
@@ -112,9 +113,10 @@ def _moment_arms(
 def listed(
     analysis: Analysis, tag: str, kind: str, names: tuple[str, ...]
 ) -> tuple[tuple[str, ...], list[Message]]:
-    """The names that a list of an analysis asks for, in its order, and a note for each that the
-    model lacks. `tag`: of the list; empty or beginning with "all" it asks for all names; `kind`: of
-    what is listed, for the notes.
+    """Return the names that a list of an analysis requests, in its order.
+
+    The notes name what the model lacks. `tag`: of the list; empty or beginning with "all" it
+    requests all names; `kind`: of what is listed, for the notes.
     """
     asked = tuple(analysis.options.get(tag, "").split())
     if not asked or asked[0].lower() == "all":
@@ -128,9 +130,10 @@ def listed(
 
 
 def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
-    """Mass centers and orientations of bodies, and the center of mass of the model: pos, vel and
-    acc. In ground; velocities and accelerations in the bodies' own axes where the analysis says so.
-    Orientations are body-fixed X-Y-Z angles.
+    """Return centers of mass and orientations of bodies, and the model's center of mass.
+
+    The tables are pos, vel and acc, in ground; velocities and accelerations in the bodies' own axes
+    where the analysis requests so. Orientations are body-fixed X-Y-Z angles.
     """
     model = here.model
     known = (*model.body_names, WHOLE)
@@ -174,8 +177,9 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
 
 
 def point_kinematics(here: Analyzed, analysis: Analysis) -> Result:
-    """Position, velocity and acceleration of a point of a body, in ground or in the axes of another
-    body.
+    """Return position, velocity and acceleration of a point of a body.
+
+    They are in ground or in the axes of another body.
     """
     moved, numbers = _moved(here)
     body = analysis.options.get("body_name", GROUND).strip().rsplit("/", 1)[-1]

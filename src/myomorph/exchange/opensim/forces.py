@@ -1,5 +1,6 @@
-"""OpenSim's Actuation, ForceReporter, StatesReporter, JointReaction and (of OpenSim 3)
-InverseDynamics.
+"""OpenSim's Actuation, ForceReporter, StatesReporter, JointReaction and InverseDynamics.
+
+The last is of OpenSim 3.
 """
 
 from __future__ import annotations
@@ -66,8 +67,9 @@ def _speeds(here: Analyzed, names: tuple[str, ...]) -> Array:
 
 
 def _speed_on_bodies(actuator: Actuator, moved: BodyMotion, numbers: Mapping[str, int]) -> Array:
-    """OpenSim's speed of an actuator between bodies: of a point without sign, of a torque about its
-    axis in ground.
+    """Return OpenSim's speed of an actuator between bodies.
+
+    It is that of a point without sign, or of a torque about its axis in ground.
     """
     body = numbers[actuator.body or GROUND]
     other = numbers[actuator.other_body or GROUND]
@@ -95,7 +97,7 @@ def _speed_on_bodies(actuator: Actuator, moved: BodyMotion, numbers: Mapping[str
 
 
 def reported_forces(here: Analyzed, analysis: Analysis) -> Result:
-    """Forces of muscles, of what holds coordinates, of actuators, and external forces."""
+    """Return forces of muscles, of what holds coordinates, of actuators, and external forces."""
     names, values, notes = force_columns(here, here.forces)
     if analysis.flag("include_constraint_forces", False):
         notes = (SETUPS.message("forces of constraints are left out"), *notes)
@@ -107,9 +109,19 @@ def reported_forces(here: Analyzed, analysis: Analysis) -> Result:
 def force_columns(
     here: Analyzed, forces: Series | None
 ) -> tuple[tuple[str, ...], Array, tuple[Message, ...]]:
-    """All forces of muscles and actuators at each frame as OpenSim reports them: names, values
-    (frames, columns), and what is left out. External forces and torques are in ground, the points
-    that they act on in the frame of their body.
+    """Return all forces of muscles and actuators at each frame as OpenSim reports them.
+
+    External forces and torques are in ground, the points that they act on in the frame of their
+    body.
+
+    Parameters
+    ----------
+    here : model, motion and loads
+    forces : (frames, muscles and actuators) [N, or N m]; None without
+
+    Returns
+    -------
+    names, values (frames, columns) [N, N m or m], and notes of what is left out
     """
     model = here.model
     frames = len(here.motion)
@@ -177,7 +189,7 @@ def _external(here: Analyzed) -> dict[str, Array]:
 
 
 def reported_states(here: Analyzed, analysis: Analysis) -> Result:
-    """The states at every frame, as OpenSim 4 names them."""
+    """Return the states at every frame, as OpenSim 4 names them."""
     model = here.model
     arrays = here.arrays
     columns: dict[str, Array] = {}
@@ -206,8 +218,9 @@ def reported_states(here: Analyzed, analysis: Analysis) -> Result:
 
 
 def inverse_dynamics_analysis(here: Analyzed, analysis: Analysis) -> Result:
-    """Generalized forces that the motion needs: the InverseDynamics analysis of OpenSim 3, which 4
-    no longer has.
+    """Return the generalized forces that the motion needs.
+
+    It is the InverseDynamics analysis of OpenSim 3, which 4 no longer has.
     """
     reading.has_mass(here.model, "inverse dynamics")
     if analysis.flag("use_model_force_set", True):
@@ -221,7 +234,8 @@ def inverse_dynamics_analysis(here: Analyzed, analysis: Analysis) -> Result:
 
 
 def joint_reaction(here: Analyzed, analysis: Analysis) -> Result:
-    """The table `..._ReactionLoads.sto` of a JointReaction analysis, what was found, and warnings.
+    """Return the table `..._ReactionLoads.sto` of a JointReaction analysis, and warnings.
+
     As OpenSim, the analysis takes the accelerations that all forces together cause; those of the
     motion are not read. Without a forces_file, forces of muscles are those of their states.
     """
@@ -271,8 +285,9 @@ def _of_each(
     kept: Sequence[int],
     spelt: Callable[[str], str] = str,
 ) -> list[str]:
-    """The word of a list for each joint that is kept: one for all, or one a joint as they are
-    listed.
+    """Return the word of a list for each joint that is kept.
+
+    The list has one for all, or one per joint as they are listed.
     """
     words = [spelt(word) for word in analysis.options.get(tag, "").split()] or [default]
     if len(words) not in (1, len(names)):
@@ -284,8 +299,9 @@ def _of_each(
 
 
 def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[Message, ...]]:
-    """Forces of all muscles and actuators at the motion's times, between rows of the file along
-    straight lines.
+    """Read forces of all muscles and actuators at the motion's times.
+
+    Between rows of the file they follow straight lines.
     """
     model = here.model
     time = here.motion.time

@@ -70,7 +70,7 @@ def write_outputs(writers: Writers) -> tuple[Path, ...]:
 
 
 def needed(path: Path | None, tag: str, source: Path) -> Path:
-    """The path, or `BadData` that says which part of the setup is missing."""
+    """Return the path, or raise `BadData` that names the missing part of the setup."""
     if path is None:
         raise BadData(f"{source}: names no {tag}")
     return path

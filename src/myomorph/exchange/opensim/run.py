@@ -1,5 +1,6 @@
-"""OpenSim's tools run from their setup files: what `opensim-cmd run-tool` does, with the same names
-of results.
+"""OpenSim's tools run from their setup files, as by `opensim-cmd run-tool`.
+
+Results have the same names.
 """
 
 from __future__ import annotations
@@ -78,8 +79,9 @@ from myomorph.lab.study.trial.steps.id import torque_table
 
 
 def run_tool(source: Path) -> ToolResult:
-    """Run a setup file and write what it asks for, where it asks for it. Paths are relative to the
-    setup file's folder, as OpenSim takes them.
+    """Run a setup file and write what it requests, where it requests it.
+
+    Paths are relative to the setup file's folder, as OpenSim takes them.
     """
     setup = read_setup(source)
     if isinstance(setup, ScaleSetup):
@@ -92,8 +94,9 @@ def run_tool(source: Path) -> ToolResult:
 
 
 def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolResult:
-    """Inverse kinematics of a marker file: the motion, marker errors, and the model's markers where
-    asked for.
+    """Run inverse kinematics of a marker file.
+
+    Results are the motion, marker errors, and the model's markers where requested.
     """
     model_path = needed(setup.model, "model_file", source)
     markers_path = needed(setup.markers, "marker_file", source)
@@ -141,9 +144,10 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
 
 
 def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResult:
-    """Inverse dynamics of a table of coordinates: the table of generalized forces. External forces
-    are not filtered, and forces of the model's own that are not excluded are taken off, both as in
-    OpenSim.
+    """Run inverse dynamics of a table of coordinates, to a table of generalized forces.
+
+    External forces are not filtered, and forces of the model's own that are not excluded are taken
+    off, both as in OpenSim.
     """
     model_path = needed(setup.model, "model_file", source)
     motion_path = needed(setup.coordinates, "coordinates_file", source)
@@ -177,15 +181,16 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
 
 
 def table_writers(tables: dict[Path | None, Table]) -> Writers:
-    """What writes each table that has a path."""
+    """Return a writer of each table that has a path."""
     return {path: partial(write_sto, table) for path, table in tables.items() if path is not None}
 
 
 def net_torques(
     model: Model, motion: Motion, wrenches: Wrenches | None, excluded: tuple[str, ...]
 ) -> tuple[Series, list[Message]]:
-    """Generalized forces less those of the model's own springs and dampers that are not excluded,
-    and warnings.
+    """Return generalized forces less those of the model's own springs and dampers.
+
+    Those that are excluded are not taken off. The second value holds warnings.
     """
     words = {word.upper() for word in excluded}
     torques = inverse_dynamics(model, motion, wrenches)
@@ -203,8 +208,9 @@ def net_torques(
 
 
 def torques_in_order(model: Model, torques: Series) -> Series:
-    """Generalized forces in the order of OpenSim's InverseDynamicsTool: joints by their distance
-    from the ground.
+    """Return generalized forces in the order of OpenSim's InverseDynamicsTool.
+
+    Joints are in the order of their distance from the ground.
     """
     depth = {GROUND: 0}
     for joint in model.joints:
@@ -224,8 +230,9 @@ def nearest_frames(markers: Markers, span: tuple[float, float], path: Path) -> M
 
 
 def error_table(fit: KinematicsFit) -> Table:
-    """Marker errors as OpenSim's inverse kinematics reports them: of all markers of a frame
-    together.
+    """Return marker errors as OpenSim's inverse kinematics reports them.
+
+    They are those of all markers of a frame together.
     """
     total = np.nansum(fit.marker_error**2, axis=1)
     names = ("total_squared_error", "marker_error_RMS", "marker_error_max")
@@ -349,8 +356,10 @@ def static_optimization(
     actuators: Sequence[Actuator],
     name: str,
 ) -> tuple[Tables, str, list[Message]]:
-    """Activations and forces of muscles and actuators: OpenSim's problem, so without the muscles'
-    passive force; and what is missing where muscles are too weak.
+    """Return activations and forces of muscles and actuators, by OpenSim's problem.
+
+    So they are without the muscles' passive force. The text reports what is missing where muscles
+    are too weak.
     """
     if not settings.use_model_forces:
         raise BadData(

@@ -1,5 +1,6 @@
-"""OpenSim's ScaleTool: a generic model made as large and as heavy as a person, its markers where a
-trial shows them.
+"""OpenSim's ScaleTool: a generic model made as large and as heavy as a person.
+
+Its markers are placed where a trial shows them.
 """
 
 from __future__ import annotations
@@ -111,8 +112,23 @@ def _one_model(setup: ScaleSetup) -> bool:
 def scaled(
     model: Model, setup: ScalerSetup, mass: float | None, source: Path
 ) -> tuple[Model, dict[str, Array], list[Message]]:
-    """The scaled model, the factors (3,) of all its bodies and of the ground, and what is odd about
-    them.
+    """Scale a model as a setup requests.
+
+    Parameters
+    ----------
+    model : generic model
+    setup : of the ModelScaler
+    mass : of the person [kg]; None to keep the model's
+    source : setup file, for errors
+
+    Returns
+    -------
+    the scaled model, the factors (3,) of all its bodies and of the ground, and notes of what is odd
+    about them
+
+    Raises
+    ------
+    BadData : measurements without a marker file
     """
     notes: list[Message] = []
     factors: dict[str, Array] = {}
@@ -147,7 +163,7 @@ def scaled(
 
 
 def placed(model: Model, setup: PlacerSetup, source: Path) -> Placement:
-    """The model with its markers where a static trial shows them."""
+    """Place the model's markers where a static trial shows them."""
     if setup.markers is None:
         raise BadData(f"{source}: MarkerPlacer names no marker_file: expected a static trial")
     notes: list[Message] = []
@@ -171,8 +187,9 @@ def _markers(path: Path, model: Model, notes: list[Message]) -> Markers:
 
 
 def pose_table(motion: Motion, model: Model) -> Table:
-    """A pose as a table of states at rest, as OpenSim writes the static pose [rad, m]; muscles at
-    their defaults.
+    """Return a pose as a table of states at rest, as OpenSim writes the static pose [rad, m].
+
+    Muscles are at their defaults.
     """
     owner = {name: joint.name for joint in model.joints for name in joint.coordinates}
     paths = [f"/jointset/{owner[name]}/{name}" for name in motion.names]
@@ -219,8 +236,10 @@ def tasks_of_setup(
     model: Model,
     source: Path,
 ) -> InverseKinematicsOptions:
-    """Options with the tasks of a setup file, and the motion that coordinate tasks take their
-    values from: of a file that is not read where no task does.
+    """Return options with the tasks of a setup file.
+
+    Coordinate tasks take their values from the motion of a file, which is not read where there are
+    none.
     """
     options = with_tasks(options, tasks, model, str(source))
     wanted = [

@@ -1,5 +1,6 @@
-"""What OpenSim's AnalyzeTool knows at each frame: motion, states of muscles, forces and what these
-cause.
+"""State of OpenSim's AnalyzeTool at each frame.
+
+It consists of motion, states of muscles, forces and what these cause.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ class Analyzed:
     loads: Path | None = None  # the file of external forces
 
     def every(self, step: int) -> Analyzed:
-        """The frames that OpenSim takes of these, see `stepped`."""
+        """Return the frames that OpenSim takes of these, see `stepped`."""
         frames = stepped(self.first, len(self.motion), step)
         if len(frames) == len(self.motion):
             return self
@@ -93,7 +94,19 @@ class Analyzed:
     def table(
         self, names: Sequence[str], values: Array, title: str, in_degrees: bool = False
     ) -> Table:
-        """Values (frames, columns) of the motion's frames under OpenSim's column titles."""
+        """Return a table of the motion's frames under OpenSim's column titles.
+
+        Parameters
+        ----------
+        names : of the columns
+        values : (frames, columns)
+        title : of the table
+        in_degrees : whether angles are in degrees
+
+        Returns
+        -------
+        table
+        """
         facts = FrozenMap({"name": title})
         return Table(self.motion.time, tuple(names), values, in_degrees=in_degrees, facts=facts)
 
@@ -155,8 +168,9 @@ class Analyzed:
 
     @cached_property
     def forces(self) -> Series | None:
-        """Forces of muscles and actuators that are switched on; without controls actuators do
-        nothing.
+        """Return forces of muscles and actuators that are switched on.
+
+        Without controls actuators do nothing.
         """
         helpers = [
             actuator.name
@@ -174,8 +188,9 @@ class Analyzed:
 
     @cached_property
     def caused(self) -> Motion:
-        """The motion with the accelerations that all forces together cause, which is what OpenSim
-        reports.
+        """Return the motion with the accelerations that all forces together cause.
+
+        These are what OpenSim reports.
         """
         reading.has_mass(self.model, "accelerations")
         return caused_motion(self.model, self.motion, self.forces, self.wrenches, self.actuators)
@@ -184,9 +199,10 @@ class Analyzed:
 def analyzed(
     setup: AnalyzeSetup, model: Model, actuators: tuple[Actuator, ...], source: Path
 ) -> tuple[Analyzed, list[Message]]:
-    """The model in the motion that a setup names, and what was odd about it. OpenSim takes a file
-    of states row by row; of a file of coordinates it filters and differentiates, and its muscles
-    stand at their default states.
+    """Return the model in the motion that a setup names, and notes of what was odd about it.
+
+    OpenSim takes a file of states row by row; of a file of coordinates it filters and
+    differentiates, and its muscles stand at their default states.
     """
     path = needed(setup.states or setup.coordinates, "coordinates_file", source)
     notes = []
@@ -260,9 +276,18 @@ def analyzed(
 
 
 def even_times(time: Array) -> Array:
-    """The times where their steps are alike, else even ones, as OpenSim's filter has them [s].
+    """Return the times where their steps are equal, else even ones, as OpenSim's filter has them.
+
     Those start half the file's frames before it, mirrored, with its smallest step, and are at most
     `MAX_FRAMES`.
+
+    Parameters
+    ----------
+    time : (frames,) of the file [s]
+
+    Returns
+    -------
+    (n,) times within those of the file [s]
     """
     step = np.diff(time)
     if len(step) < 2 or step.max() - step.min() < 1e-3 * step.mean():
@@ -276,16 +301,36 @@ def even_times(time: Array) -> Array:
 
 
 def stepped(first: int, count: int, step: int) -> np.ndarray:
-    """The frames that OpenSim analyses of `count` from the file's frame `first` on: the ends, and
-    every `step`-th.
+    """Choose the frames that OpenSim analyses: the ends, and every `step`-th of the file.
+
+    Parameters
+    ----------
+    first : the file's index of the first of these frames
+    count : of frames
+    step : between frames of the file that are analysed
+
+    Returns
+    -------
+    (n,) indices of frames
     """
     frames = np.arange(count)
     return frames[(frames == 0) | (frames == count - 1) | ((frames + first) % step == 0)]
 
 
 def with_twins(motion: Motion, everything: Motion, kept: np.ndarray) -> Motion:
-    """The motion of the frames that were kept with the others back: their own values, derivatives
-    of their twins.
+    """Put frames that were left out back into a motion.
+
+    They have their own values, and derivatives of their twins.
+
+    Parameters
+    ----------
+    motion : of the frames that were kept
+    everything : motion of all frames
+    kept : (frames,) whether a frame was kept
+
+    Returns
+    -------
+    motion of all frames
     """
     if kept.all():
         return motion
@@ -307,7 +352,18 @@ def with_twins(motion: Motion, everything: Motion, kept: np.ndarray) -> Motion:
 
 
 def stored_states(table: Table, model: Model, frames: slice) -> dict[tuple[str, str], Array]:
-    """States of muscles in a table of states, as OpenSim 4 or 3 names them, at some frames."""
+    """Read states of muscles from a table of states, as OpenSim 4 or 3 names them.
+
+    Parameters
+    ----------
+    table : of states
+    model : with the muscles
+    frames : of the table to read
+
+    Returns
+    -------
+    (frames,) values by muscle and state
+    """
     columns = {name: index for index, name in enumerate(table.names)}
     result = {}
     for muscle in model.muscles:
@@ -324,9 +380,10 @@ def stored_states(table: Table, model: Model, frames: slice) -> dict[tuple[str, 
 
 
 def with_speeds(table: Table, model: Model, motion: Motion) -> Motion:
-    """The motion with the speeds that a table of states of the same frames holds; those that it
-    lacks stay. OpenSim's speeds of joints that turn freely are angular velocities and no rates:
-    theirs stay too.
+    """Give the motion the speeds that a table of states of the same frames holds.
+
+    Those that it lacks stay. OpenSim's speeds of joints that rotate freely are angular velocities
+    and no rates: theirs stay too.
     """
     assert motion.velocities is not None
     turning = {
@@ -352,7 +409,22 @@ def indexed_frames(motion: Motion, span: tuple[float, float], path: Path) -> Mot
 
 
 def overlap(span: tuple[float, float], time: Array, path: Path) -> tuple[float, float]:
-    """The part of a span [s] within the times of a file; raises `BadData` if there is none."""
+    """Return the part of a span within the times of a file.
+
+    Parameters
+    ----------
+    span : start and end [s]
+    time : (frames,) of the file [s]
+    path : of the file, for the error
+
+    Returns
+    -------
+    start and end [s]
+
+    Raises
+    ------
+    BadData : the file has no time within the span
+    """
     start = max(span[0], float(time[0]))
     end = min(span[1], float(time[-1]))
     if start > end:

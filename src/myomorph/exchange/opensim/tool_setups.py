@@ -1,5 +1,6 @@
-"""The setup files of OpenSim's tools: inverse kinematics, inverse dynamics and analyses; scaling
-has its own file.
+"""Setup files of OpenSim's tools: inverse kinematics, inverse dynamics and analyses.
+
+Scaling has its own file.
 """
 
 from __future__ import annotations
@@ -89,8 +90,9 @@ READ = {
 
 @dataclass(frozen=True)
 class InverseKinematicsSetup:
-    """Settings of an InverseKinematicsTool; paths are absolute or relative to the setup file's
-    folder.
+    """Settings of an InverseKinematicsTool.
+
+    Paths are absolute or relative to the setup file's folder.
     """
 
     name: str
@@ -174,8 +176,9 @@ Setup = ScaleSetup | InverseKinematicsSetup | InverseDynamicsSetup | AnalyzeSetu
 
 
 def read_setup(path: str | os.PathLike[str]) -> Setup:
-    """The settings in an OpenSim setup file: scaling, inverse kinematics, inverse dynamics or
-    analyses.
+    """Read the settings in an OpenSim setup file.
+
+    They are those of scaling, inverse kinematics, inverse dynamics or analyses.
     """
     node = read_document(path, (), "")
     kind = MISSPELT.get(node.kind, node.kind)

@@ -1,8 +1,7 @@
-"""What to look at before trusting a morphed model: paths through bones, moment arms, folds,
-surfaces, fibers, joints.
+"""Checks of a morphed model: paths through bones, moment arms, folds, surfaces, fibers, joints.
 
-Nothing is judged by itself: a source model has faults of its own, so every check compares the
-target with the source, grown to the target's size.
+No value is judged by itself: a source model has faults of its own, so every check compares the
+target with the source, scaled to the target's size.
 """
 
 from __future__ import annotations
@@ -136,8 +135,9 @@ def check_morph(
 
 
 def distinct_bones(morph: Morph) -> tuple[BoneMap, ...]:
-    """The bones, but of bodies that share one surface, as where bones are fused in the target, the
-    first alone.
+    """Return the bones, but of bodies that share one surface the first alone.
+
+    Bodies share a surface where bones are fused in the target.
     """
     bone_maps: list[BoneMap] = []
     for bone in morph.bones.values():
@@ -153,8 +153,9 @@ def distinct_bones(morph: Morph) -> tuple[BoneMap, ...]:
 
 
 def target_surface(bone: BoneMap) -> Surface | None:
-    """The target's bone, or the source's as its map transfers it where the target has none; None
-    without both.
+    """Return the target's bone, or the source's as its map transfers it where the target has none.
+
+    None without both.
     """
     if bone.target is not None:
         return bone.target

@@ -1,5 +1,6 @@
-"""Muscle paths that the map brought into a bone, brought out again: via points are moved, wrap
-objects grow.
+"""Muscle paths that the map brought into a bone are brought out again.
+
+Via points are moved and wrap objects grow.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class Clearance:
         return _growth(self.start, self.model)
 
     def without(self, muscles: Collection[str], ground: Ground) -> Clearance:
-        """The same, but for these muscles and the wrap objects they run around."""
+        """Return the same clearance, but for these muscles and the wrap objects they run around."""
         wraps = wraps_of(*map(self.start.muscle, muscles))
         model = _put_back(self.model, self.start, {*muscles, *wraps})
         return Clearance(
@@ -88,8 +89,10 @@ def cleared(
     points: Sequence[TransferredPoint],
     table: CoordinateTable | None = None,
 ) -> tuple[Model, tuple[TransferredPoint, ...], tuple[str, ...]]:
-    """The target with its paths out of the bones, its points where they are then, and what was
-    done. `table`: the target's coordinate of each of the source's; None where they are the same.
+    """Move the target's paths out of its bones.
+
+    Returns the target, its points where they are then, and a line for each correction. `table`: the
+    target's coordinate of each of the source's; None where they are the same.
     """
     donor = replace(source, muscles=tuple(source.muscle(muscle.name) for muscle in target.muscles))
     known = {bone.body: bone for bone in bones}
@@ -125,9 +128,7 @@ def cleared(
 def _beyond_interval(
     points: Iterable[TransferredPoint], shifts: Mapping[tuple[str, str], float]
 ) -> list[str]:
-    """Lines where points were brought out of bone further than they may have been wrong by, or
-    nobody knows by what.
-    """
+    """Report points that were moved out of bone by more than their interval, or that have none."""
     known = {(point.owner, point.name): point.within for point in points}
     far = {name: shift for name, shift in shifts.items() if shift > known.get(name, np.nan)}
     unknown = {
@@ -198,8 +199,9 @@ def clear_paths(target: Model, ground: Ground, weight: float = WEIGHT) -> Cleara
 def _taken_back(
     start: Model, end: Model, ground: Ground, left: Mapping[str, float], watched: Sequence[str]
 ) -> tuple[Model, Mapping[str, float]]:
-    """Every move as small as no path gets deeper than it is, by halving; and how much too deep
-    paths are then.
+    """Make every move as small as it can be without a deeper path, by halving.
+
+    Returns the model, and by how much paths are too deep then.
     """
     grown = _growth(start, end)
     units = {*grown, *(name for name, _ in _shifts(start, end))}
@@ -209,7 +211,7 @@ def _taken_back(
     most = dict.fromkeys(units, 1.0)
 
     def concerned(now: Mapping[str, float]) -> set[str]:
-        """Moves beside paths that are deeper."""
+        """Return the moves that touch paths which are deeper."""
         deeper = [end.muscle(name) for name in now if now[name] > left.get(name, 0.0) + SAME]
         return units & (wraps_of(*deeper) | {muscle.name for muscle in deeper})
 
@@ -228,9 +230,7 @@ def _taken_back(
 
 
 def _between(start: Model, model: Model, shares: Mapping[str, float]) -> Model:
-    """A model with its muscles' points and wrap objects so far on their way from one model to
-    another.
-    """
+    """Interpolate a muscle's points and wrap objects between two models, by the given shares."""
 
     def point(old: PathPoint, new: PathPoint, share: float) -> PathPoint:
         return replace(new, location=old.location + share * (new.location - old.location))
@@ -260,8 +260,9 @@ def _between(start: Model, model: Model, shares: Mapping[str, float]) -> Model:
 def without_worse(
     before: Model, after: Model, left: Mapping[str, float], now: Mapping[str, float]
 ) -> tuple[Model, frozenset[str]]:
-    """What was done less what made a path deeper, and the names of the wrap objects and muscles
-    this concerns.
+    """Take back the moves that made a path deeper.
+
+    Returns the model, and the names of the wrap objects and muscles whose moves were taken back.
     """
     deeper = {name for name in now if now[name] > left.get(name, 0.0) + SAME}
     worse = wraps_of(*map(after.muscle, deeper)) & _growth(before, after).keys()
@@ -273,7 +274,7 @@ def without_worse(
 
 
 def _put_back(after: Model, before: Model, names: Collection[str]) -> Model:
-    """A model with muscles and wrap objects of these names as they were before."""
+    """Restore muscles and wrap objects of these names as they were before."""
     muscles = (
         old if old.name in names else new
         for old, new in zip(before.muscles, after.muscles, strict=True)
@@ -288,8 +289,9 @@ def _put_back(after: Model, before: Model, names: Collection[str]) -> Model:
 def _new_oddities(
     source: Model, cleared: Clearance, pairs: Sequence[CoordinatePair], sizes: Mapping[str, float]
 ) -> frozenset[str]:
-    """Muscles whose moment arms turned to another sign than the source's, or jump, because paths
-    were moved.
+    """Return the muscles whose moment arms became odd because paths were moved.
+
+    Their sign differs from the source's, or they jump.
     """
     grown = cleared.grown.keys()
     around = {muscle.name for muscle in cleared.model.muscles if grown & wraps_of(muscle)}

@@ -1,6 +1,4 @@
-"""Moment arms over the ranges of coordinates, of two models side by side, and postures that both go
-through alike.
-"""
+"""Moment arms of two models over the ranges of their coordinates, and postures for both."""
 
 from __future__ import annotations
 
@@ -39,11 +37,13 @@ def paired_postures(
     pairs: CoordinateTable | None = None,
     defaults: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
 ) -> Postures:
-    """Postures that go through the ranges of both models alike. Every coordinate that both have
-    takes one of `LEVELS` values spread over its range, drawn independently of the others, so any
-    few of them meet in nearly all combinations; one evaluation then serves every muscle. The
-    target's coordinate stands at the same share of its own range, from the other end where the
-    pair's factor is negative. What only one of them has, and what is locked, stays.
+    """Return postures that go through the ranges of both models alike.
+
+    Every coordinate that both have takes one of `LEVELS` values spread over its range, drawn
+    independently of the others, so any few of them meet in nearly all combinations; one evaluation
+    then serves every muscle. The target's coordinate stands at the same share of its own range,
+    from the other end where the pair's factor is negative. What only one of them has, and what is
+    locked, stays.
     """
     if pairs is None:
         pairs = {name: (name, 1.0, 0.0) for name in source.coordinate_names}
@@ -114,9 +114,19 @@ class CoordinatePair:
         return -1.0 if self.factor < 0.0 else 1.0
 
     def values(self, source: Model, target: Model, count: int) -> tuple[Array, Array]:
-        """Values (count,) of the source's coordinate and of the target's, over the range that both
-        have. Where the ranges share less than a quarter, both run through their own, at equal
-        shares of it.
+        """Return values of both coordinates over the range that both have.
+
+        Where the ranges share less than a quarter, both run through their own, at equal shares of
+        it.
+
+        Parameters
+        ----------
+        source, target : models with the coordinates of the pair
+        count : of values
+
+        Returns
+        -------
+        (count,) values of the source's coordinate and (count,) of the target's [rad or m]
         """
         low, high = sorted(source.coordinate(self.source).range)
         theirs = sorted(target.coordinate(self.target).range)
@@ -133,8 +143,18 @@ class CoordinatePair:
 def paired_values(
     source: Model, target: Model, pairs: Sequence[CoordinatePair], count: int
 ) -> tuple[list[Array], list[Array]]:
-    """`CoordinatePair.values` (count,) of each pair: those of the source's coordinates and of the
-    target's.
+    """Return `CoordinatePair.values` of each pair.
+
+    Parameters
+    ----------
+    source, target : models with the coordinates of the pairs
+    pairs : coordinates that correspond to each other
+    count : of values
+
+    Returns
+    -------
+    values of each pair, (count,) of the source's coordinates and (count,) of the target's [rad or
+    m]
     """
     both = [pair.values(source, target, count) for pair in pairs]
     return [ours for ours, _ in both], [theirs for _, theirs in both]
@@ -222,8 +242,9 @@ def compared_coordinates(
 def compare_moment_arms(
     source: Model, target: Model, pairs: Sequence[CoordinatePair], samples: int = SAMPLES
 ) -> tuple[MomentArms, ...]:
-    """Moment arms r = -dl/dq of muscles that both models have, at `samples` poses over the range of
-    each coordinate.
+    """Compare the moment arms r = -dl/dq of muscles that both models have.
+
+    They are taken at `samples` poses over the range of each coordinate.
     """
     arms = []
     for pair in pairs:
@@ -264,8 +285,16 @@ def _compared(
 
 
 def target_arms(model: Model, arms: Sequence[MomentArms]) -> list[Array]:
-    """Moment arms (samples, muscles) of each table's `target` in another model of the same
-    coordinates and muscles.
+    """Return moment arms of another model with the target's coordinates and muscles.
+
+    Parameters
+    ----------
+    model : to evaluate
+    arms : tables that state coordinates, their values, and muscles
+
+    Returns
+    -------
+    (samples, muscles) of each table's `target` coordinate, of its sign [m, or m/m]
     """
     paths = compile_paths(model)
     counts = [len(moment_arms.target_values) for moment_arms in arms]
@@ -297,8 +326,10 @@ def _moved(model: Model, coordinate: str) -> set[str]:
 
 
 def _arms_of(model: Model, coordinate: str, muscles: Sequence[str]) -> Callable[[Array], Array]:
-    """Function from values of a coordinate (n,) to moment arms (n, muscles), the rest in its
-    default pose. Coordinates that follow this one do; loops that it would open are not closed.
+    """Return a function from values of a coordinate (n,) to moment arms (n, muscles).
+
+    The other coordinates are in their default pose, but for those that depend on this one. Loops
+    that it would open are not closed.
     """
     few = replace(model, muscles=tuple(model.muscle(name) for name in muscles))
     paths = compile_paths(few)
@@ -318,8 +349,9 @@ def _arms_of(model: Model, coordinate: str, muscles: Sequence[str]) -> Callable[
 
 
 def _jumps(arms: Callable[[Array], Array], values: Array, sampled: Array) -> tuple[Array, Array]:
-    """Largest discontinuity of each column (muscles,), and where it is, found by halving the oddest
-    interval.
+    """Find the largest discontinuity of each column, by halving the oddest interval.
+
+    Returns its size and the value at which it is, (muscles,) each.
     """
     jumps = np.zeros(sampled.shape[1])
     at = np.full(sampled.shape[1], np.nan)

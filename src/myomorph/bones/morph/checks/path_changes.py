@@ -1,5 +1,6 @@
-"""Moves of via points and wrap objects that bring paths out of bones and change lengths and moment
-arms the least.
+"""Moves of via points and wrap objects that bring paths out of bones.
+
+Of all moves, the one is chosen that changes lengths and moment arms the least.
 """
 
 from __future__ import annotations
@@ -25,16 +26,25 @@ STEP = 1e-3  # Of a difference, as a share of the muscle's path in the first pos
 
 @read_only
 class PathChange:
-    """How far a muscle's path is from that of another model, each the root mean square over the
-    poses.
-    """
+    """Difference of a muscle's path from another model's, root mean squares over the poses."""
 
     length: float  # its length [m]
     arm: float  # all its moment arms about turning coordinates together [m/rad]
 
 
 def moved_poses(model: Model, muscle: Muscle, poses: Poses) -> Array:
-    """Those poses (n, coordinates) whose coordinate moves a muscle, the default pose among them."""
+    """Return the poses whose coordinate moves a muscle, the default pose among them.
+
+    Parameters
+    ----------
+    model : with the muscle
+    muscle : whose coordinates count
+    poses : to choose from
+
+    Returns
+    -------
+    (n, coordinates) poses [rad or m]
+    """
     paths = compile_paths(model)
     coordinates = paths.arm_coordinate[paths.arm_muscle == model.muscle_names.index(muscle.name)]
     names = {"", *(model.coordinate_names[j] for j in coordinates)}
@@ -42,8 +52,9 @@ def moved_poses(model: Model, muscle: Muscle, poses: Poses) -> Array:
 
 
 def path_changes(before: Model, after: Model, poses: Poses) -> dict[str, PathChange]:
-    """Of each muscle whose path, or wrap object, differs between two models that are alike but for
-    these.
+    """Compare the muscles whose path, or wrap object, differs between two models.
+
+    Apart from these the models must be equal.
     """
     odd = {
         new.name
@@ -62,8 +73,21 @@ def path_changes(before: Model, after: Model, poses: Poses) -> dict[str, PathCha
 
 
 def point_effect(model: Model, muscle: Muscle, number: int, poses: Poses) -> Array:
-    """(n, 3) changes of lengths and moment arms with the place of a via point, so weighted that
-    their sum of squares is the mean over the poses that move the muscle [m/m, and m/rad/m].
+    """Return changes of lengths and moment arms with the position of a via point.
+
+    They are weighted so that their sum of squares is the mean over the poses that move the muscle.
+
+    Parameters
+    ----------
+    model : with the muscle
+    muscle : whose point moves
+    number : of the point in the muscle's path
+    poses : of which those that move the muscle count
+
+    Returns
+    -------
+    (n, 3) changes with each component of the position [m/m, and m/rad/m]; no rows where the point
+    is none that is fixed to one body
     """
     where = moved_poses(model, muscle, poses)
     points = muscle.path.points
@@ -88,7 +112,20 @@ def point_effect(model: Model, muscle: Muscle, number: int, poses: Poses) -> Arr
 
 
 def wrap_effect(model: Model, wrap: WrapObject, poses: Poses) -> Array:
-    """(n,) the same with the radius of a wrap object, of all muscles that run around it."""
+    """Return changes of lengths and moment arms with the radius of a wrap object.
+
+    They are weighted as `point_effect` does, for all muscles that run around the object.
+
+    Parameters
+    ----------
+    model : with the wrap object
+    wrap : whose radius grows
+    poses : of which those that move each muscle count
+
+    Returns
+    -------
+    (n,) changes [m/m, and m/rad/m]
+    """
     effects = [np.zeros(0)]
     for muscle in model.muscles:
         if wrap.name in wraps_of(muscle):
@@ -122,8 +159,9 @@ def _step(model: Model, muscle: Muscle, where: Array) -> float:
 
 
 def _lengths_and_arms(model: Model, where: Array) -> tuple[Array, Array]:
-    """Lengths (muscles, poses), and moment arms (muscles, poses, arms) about turning coordinates of
-    their own.
+    """Return lengths (muscles, poses), and moment arms (muscles, poses, arms).
+
+    The moment arms are those about independent rotational coordinates.
     """
     paths = compile_paths(model)
     lengths, _, arms = paths.evaluate(where)
@@ -168,8 +206,19 @@ class PathEnd:
 def part_at(
     paths: Paths, model: Model, muscle: Muscle, coordinates: Array, place: Array
 ) -> list[PathEnd]:
-    """Both ends of the straight part, or of the arc around a wrap object, that a place in ground
-    (3,) is on.
+    """Return both ends of the straight part, or of the arc around a wrap object, at a point.
+
+    Parameters
+    ----------
+    paths : compiled of the model
+    model : with the muscle
+    muscle : whose path it is
+    coordinates : (coordinates,) the pose [rad or m]
+    place : (3,) point on the path, in ground [m]
+
+    Returns
+    -------
+    the part's first end and its last
     """
     where = forward_kinematics(paths.tree, coordinates[None]).transforms()
     nodes = paths.nodes(coordinates[None])[0, model.muscle_names.index(muscle.name)]
@@ -245,10 +294,25 @@ def least_move(
     poses: Poses,
     weight: float,
 ) -> Move:
-    """Of all moves of one end that bring the place out by `over` [m], the one of least cost. With E
-    the changes of lengths and moment arms by the move d of a via point, and n the way out, the
-    least of |d|^2 + weight |E d|^2 with n d = over / lever is d = over / lever M^-1 n / (n M^-1 n),
-    M = 1 + weight E^T E.
+    """Return the move of least cost, of one end, that brings a point of a path out of a bone.
+
+    With E the changes of lengths and moment arms by the move d of a via point, and n the way out,
+    the least of |d|^2 + weight |E d|^2 with n d = over / lever is d = over / lever M^-1 n / (n M^-1
+    n), M = 1 + weight E^T E.
+
+    Parameters
+    ----------
+    model : with the muscle
+    muscle : whose path is too deep
+    ends : of the part of the path that is too deep
+    outward : (3,) unit vector out of the bone, in ground
+    over : distance to move the point by [m]
+    poses : at which lengths and moment arms count
+    weight : of their changes compared with the move
+
+    Returns
+    -------
+    the move, with its end and its cost
     """
     moves = []
     for end in ends:
@@ -277,8 +341,9 @@ def moved_once(
     muscles: Sequence[str],
     weight: float,
 ) -> Model | None:
-    """The model with every path that is too deep moved once, by its share of the way; None where
-    nothing can be.
+    """Move every path that is too deep once, by its share of the way.
+
+    Returns the model; None where nothing can be moved.
     """
     poses = ground.poses
     paths = compile_paths(model)
@@ -372,7 +437,7 @@ class Ground:
         pairs: Sequence[CoordinatePair],
         options: CheckOptions,
     ) -> Ground | None:
-        """The bones of which both surfaces are known; None where there is none."""
+        """Return the bones of which both surfaces are known; None where there is none."""
         known = {
             bone.body: bone for bone in bones if bone.source is not None and bone.target is not None
         }

@@ -1,6 +1,4 @@
-"""Muscle paths that run through bones: how deep, in the source and in the target, over the joints'
-ranges.
-"""
+"""Muscle paths that run through bones: how deep, in source and target, over the joints' ranges."""
 
 from __future__ import annotations
 
@@ -28,10 +26,11 @@ OPEN_EDGES = 0.01  # Share of a surface's edges without a second face above whic
 
 
 class Solid:
-    """A bone that can tell what is inside of it, open, flipped or in many pieces as its surface may
-    be: where the generalized winding number is above one half (Barill et al. 2018). Pieces are
-    turned outward first (`turned`: share of faces); `open`: more than a hundredth of its edges has
-    a face on one side only; `length`: greatest extent along an axis [m].
+    """A bone with an inside, even where its surface is open, flipped or in many pieces.
+
+    Inside is where the generalized winding number is above one half (Barill et al. 2018). Pieces
+    are turned outward first (`turned`: share of faces); `open`: more than a hundredth of its edges
+    has a face on one side only; `length`: greatest extent along an axis [m].
     """
 
     def __init__(self, surface: Surface):
@@ -50,26 +49,51 @@ class Solid:
         return Surface(self._boxes.vertices, self._boxes.faces)
 
     def depths(self, points: Array) -> Array:
-        """(n,) depth of each of the points (n, 3) under the surface, 0 outside [m]."""
+        """Return the depth of points under the surface.
+
+        Parameters
+        ----------
+        points : (n, 3) in the bone's frame [m]
+
+        Returns
+        -------
+        (n,) depths, 0 outside [m]
+        """
         within = self._boxes.holds(points)
         result = np.zeros(len(points))
         result[within] = self.distances(points[within])
         return result
 
     def distances(self, points: Array) -> Array:
-        """(n,) unsigned distances of points (n, 3) from the surface [m]."""
+        """Return unsigned distances of points from the surface.
+
+        Parameters
+        ----------
+        points : (n, 3) in the bone's frame [m]
+
+        Returns
+        -------
+        (n,) distances [m]
+        """
         return np.sqrt(self._boxes.nearest(points)[0])
 
     def way_out(self, point: Array) -> Array:
-        """(3,) unit vector from a point (3,) inside to the nearest point of the surface."""
+        """Return the direction from a point inside to the nearest point of the surface.
+
+        Parameters
+        ----------
+        point : (3,) in the bone's frame [m]
+
+        Returns
+        -------
+        (3,) unit vector
+        """
         way = self._boxes.nearest(point[None])[2][0] - point
         return way / max(float(np.linalg.norm(way)), np.finfo(float).tiny)
 
 
 def _merged(surface: Surface, nearness: float) -> tuple[Array, np.ndarray]:
-    """Vertices and faces with vertices that lie on each other made one, faces without area left
-    out.
-    """
+    """Return vertices and faces, coincident vertices merged and faces without area left out."""
     _, first, same = np.unique(
         np.round(surface.vertices / nearness).astype(np.int64),
         axis=0,
@@ -115,7 +139,18 @@ class Poses:
 
 
 def range_poses(model: Model, names: Sequence[str], values: Sequence[Array]) -> Poses:
-    """The default pose, and each coordinate at each of its values."""
+    """Return the default pose, and each coordinate at each of its values.
+
+    Parameters
+    ----------
+    model : with the coordinates
+    names : of the coordinates
+    values : of each coordinate, (count,) [rad or m]
+
+    Returns
+    -------
+    poses, with the name of the coordinate that each moves; the default pose has none
+    """
     default = compile_tree(model).defaults
     rows = [default]
     moved = [""]
@@ -173,11 +208,12 @@ NOWHERE = Depth(depth=0.0, pose=0, place=np.zeros(3), outward=np.zeros(3))
 def path_depths(
     model: Model, bones: Mapping[str, Solid], poses: Poses, muscles: Sequence[str] | None = None
 ) -> dict[tuple[str, str], Depth]:
-    """How deep each muscle's path runs under the surface of each bone, by muscle and body, where it
-    does. Paths are drawn around their wrap surfaces and sampled every hundredth of the smallest
-    bone's length. A muscle is looked at in the default pose and in those whose coordinate moves it,
-    and only against `bones_beside` it: two legs that are crossed run through each other in any
-    model.
+    """Measure how deep each muscle's path runs under the surface of each bone, by muscle and body.
+
+    Paths are drawn around their wrap surfaces and sampled every hundredth of the smallest bone's
+    length. A muscle is checked in the default pose and in those whose coordinate moves it, and only
+    against `bones_beside` it: two legs that are crossed run through each other in any model. Paths
+    that run through no bone are left out.
     """
     paths = compile_paths(model)
     tree = compile_tree(model)
@@ -215,8 +251,9 @@ def path_depths(
 
 
 def bones_beside(model: Model, muscle: Muscle) -> frozenset[str]:
-    """Bodies that a muscle is fixed to, those between them, and what ends on these, as a patella on
-    a femur.
+    """Return the bodies that a muscle is fixed to, and those between them.
+
+    What ends on these belongs to them, as a patella on a femur.
     """
     parents = {joint.child: joint.parent for joint in model.joints}
     chains = []

@@ -1,5 +1,6 @@
-"""Limits of the checks of a morphed model, and one line for each thing beyond them, with the muscle
-and the number.
+"""Limits of the checks of a morphed model, and one line for each value beyond them.
+
+A line names the muscle and has the number.
 """
 
 from __future__ import annotations
@@ -63,10 +64,10 @@ KINDS: Mapping[str, tuple[str, str, str]] = FrozenMap(
 
 @dataclass(frozen=True)
 class CheckOptions:
-    """From where on something is worth a warning; every limit is relative to size, so one serves
-    man and mouse.
+    """Limits beyond which a check warns.
 
-    Lengths are shares of the target's longest bone.
+    Every limit is relative to size, so one serves man and mouse. Lengths are shares of the target's
+    longest bone.
 
     Attributes
     ----------
@@ -157,8 +158,9 @@ def bone_warnings(
     options: CheckOptions,
     sliding: Collection[str] = (),
 ) -> Iterator[Finding]:
-    """Paths that run deeper through a bone than in the source; `longest`: bone of the target [m];
-    `sliding`: in mm.
+    """Yield paths that run deeper through a bone than in the source.
+
+    `longest`: bone of the target [m]; `sliding`: in mm.
     """
     for penetration in deep:
         if penetration.increase > options.deeper * longest:
@@ -181,8 +183,9 @@ def bone_warnings(
 def arm_warnings(
     source: Model, arms: Iterable[MomentArms], sizes: Mapping[str, float], options: CheckOptions
 ) -> Iterator[Finding]:
-    """Moment arms of another sign, with jumps, or of a size that the bones do not explain; `sizes`
-    of the muscles.
+    """Yield moment arms of another sign, with jumps, or of a size that the bones do not explain.
+
+    `sizes`: of the muscles.
     """
     lengths = dict(zip(source.muscle_names, default_path_lengths(source), strict=True))
     for arm in arms:
@@ -193,8 +196,9 @@ def arm_warnings(
 def _one_arm(
     moment_arms: MomentArms, index: int, size: float, least: float, options: CheckOptions
 ) -> Iterator[Finding]:
-    """Warnings on one muscle and coordinate, its moment arms in the target brought to the source's
-    size.
+    """Yield warnings on one muscle and coordinate.
+
+    Its moment arms in the target are brought to the source's size.
     """
     source = moment_arms.source[:, index]
     target = moment_arms.target[:, index] / size
@@ -296,8 +300,9 @@ def fiber_warnings(morph: Morph, options: CheckOptions) -> Iterator[Finding]:
 
 
 def joint_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Finding]:
-    """Joints whose center parent and child put in different places; `longest` bone of the target
-    [m].
+    """Yield joints whose center parent and child put in different positions.
+
+    `longest`: bone of the target [m].
     """
     for joint in morph.joints:
         if joint.gap > options.gap * longest:

@@ -38,11 +38,29 @@ class PointMap(Protocol):
     """What every map can do."""
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) of the source's frame in the target's [m]."""
+        """Map points of the source's frame into the target's.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame [m]
+
+        Returns
+        -------
+        (..., 3) in the target's frame [m]
+        """
         ...
 
     def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3) of mapped points: row by target axis, column by source axis."""
+        """Return the derivatives of the mapped points with the points.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame [m]
+
+        Returns
+        -------
+        (..., 3, 3) derivatives [m/m]: row by target axis, column by source axis
+        """
         ...
 
 
@@ -58,11 +76,29 @@ class PlacedMap:
     after: AffineMap
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) of the source's frame in the target's [m]."""
+        """Map points of the source's frame into the target's.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame [m]
+
+        Returns
+        -------
+        (..., 3) in the target's frame [m]
+        """
         return self.after.apply(self.map.apply(self.before.apply(points)))
 
     def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3) of the mapped points."""
+        """Return the derivatives of the mapped points with the points.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame [m]
+
+        Returns
+        -------
+        (..., 3, 3) derivatives [m/m]
+        """
         inner = self.map.jacobian(self.before.apply(points))
         return self.after.matrix @ inner @ self.before.matrix
 
@@ -105,7 +141,16 @@ class FeaturePoints:
         return len(self.names)
 
     def at(self, kept: np.ndarray) -> FeaturePoints:
-        """Some of them, by their numbers."""
+        """Return some of the features.
+
+        Parameters
+        ----------
+        kept : (n,) their indices
+
+        Returns
+        -------
+        features, in the order of the indices
+        """
         weights = None if self.weights is None else self.weights[kept]
         radii = None if self.radii is None else self.radii[kept]
         return FeaturePoints(
@@ -151,9 +196,10 @@ SAME_PLACE = 1e-6
 
 
 def fit_map(features: FeaturePoints, options: MapOptions | None = None) -> PointMap:
-    """The map through feature points, or nearest to them. Features at the same place are taken
-    together. What the features do not show (across the plane of flat ones) is that of the
-    similarity nearest to them; `feature_warnings` says when.
+    """Fit the map that goes through feature points, or nearest to them.
+
+    Features at the same position are taken together. What the features do not show (across the
+    plane of flat ones) is that of the similarity nearest to them; `feature_warnings` reports when.
     """
     options = options or MapOptions()
     merged = _merged(features)
@@ -176,7 +222,10 @@ def fit_map(features: FeaturePoints, options: MapOptions | None = None) -> Point
 
 
 def feature_warnings(features: FeaturePoints) -> tuple[str, ...]:
-    """What feature points leave open, one line each: too few or flat ones, two at one place."""
+    """Report what feature points leave open, in one line each.
+
+    There are too few, they are flat, or two are at one position.
+    """
     warnings = []
     merged = _merged(features)
     if len(merged) < len(features):
@@ -196,7 +245,17 @@ def feature_warnings(features: FeaturePoints) -> tuple[str, ...]:
 
 
 def inverted(mapping: PointMap, points: ArrayLike) -> NDArray[np.bool_]:
-    """(...) where a map turns space inside out: the determinant of its Jacobian is not positive."""
+    """Return where a map turns space inside out: the determinant of its Jacobian is not positive.
+
+    Parameters
+    ----------
+    mapping : from one space to another
+    points : (..., 3) to evaluate it at [m]
+
+    Returns
+    -------
+    (...) whether it is inverted there
+    """
     return np.linalg.det(mapping.jacobian(points)) <= 0.0
 
 
@@ -274,7 +333,16 @@ class BoneMap:
     overall: Array | None = None
 
     def shifted(self, by: Array) -> BoneMap:
-        """The map to places that lie further on in the target body by a vector (3,) [m]."""
+        """Return the map to positions that lie further on in the target body.
+
+        Parameters
+        ----------
+        by : (3,) vector in the target body's frame [m]
+
+        Returns
+        -------
+        map
+        """
         moved = PlacedMap(STAYS, self.map, AffineMap(np.eye(3), by))
         return replace(
             self, map=moved, whole=replace(self.whole, translation=self.whole.translation + by)
@@ -282,8 +350,19 @@ class BoneMap:
 
 
 def radii_around(places: Array, radii: Array | None, asked: Array) -> Array:
-    """Distances (n,) within which points `asked` (n, 3) of a surface belong with 90 % [m], from the
-    radii of the features around them; NaN where nothing is known.
+    """Return the distances within which points of a surface belong with 90 %.
+
+    They are interpolated from the radii of the features around each point.
+
+    Parameters
+    ----------
+    places : (features, 3) positions of the features [m]
+    radii : (features,) of the features, NaN where unknown [m]; None where none is known
+    asked : (n, 3) points of the surface [m]
+
+    Returns
+    -------
+    (n,) distances; NaN where nothing is known [m]
     """
     known = np.zeros(0, dtype=np.intp) if radii is None else np.flatnonzero(np.isfinite(radii))
     if radii is None or len(known) < AROUND:
@@ -303,9 +382,7 @@ def neighbors_of(model: Model) -> dict[str, list[str]]:
 
 
 def nearest_bones(model: Model, body: str, bones: Mapping[str, BoneMap]) -> tuple[str, ...]:
-    """Bones that are reached from a body through the tree without passing another, the nearest
-    first.
-    """
+    """Return bones reached from a body in the tree without passing another, nearest first."""
     ties = neighbors_of(model)
     reached: list[str] = []
     open_ = [body]
@@ -320,8 +397,9 @@ def nearest_bones(model: Model, body: str, bones: Mapping[str, BoneMap]) -> tupl
 
 
 def muscle_sizes(source: Model, bones: Mapping[str, BoneMap]) -> dict[str, float]:
-    """How many times larger the target is around each muscle: mean scale of the maps of its points'
-    bones.
+    """Return how many times larger the target is around each muscle.
+
+    It is the mean scale of the maps of its points' bones.
     """
     result: dict[str, float] = {}
     for muscle in source.muscles:

@@ -1,9 +1,9 @@
-"""Maps through feature points: radial basis functions, and skeletal subspace deformation ([D]
-chapter 2).
+"""Maps through feature points: radial basis functions and subspace deformation ([D] chapter 2).
 
 Radial functions stand on top of an affine map. In three dimensions |x| gives the biharmonic spline
 and |x|^3 the triharmonic one (Duchon 1977): they go through scattered points with the least bending
-of their kind. Subspace deformation blends local transforms of the feature points by their distance.
+of their kind. Skeletal subspace deformation blends local transforms of the feature points by their
+distance.
 """
 
 from __future__ import annotations
@@ -37,7 +37,16 @@ class RadialMap:
         freeze(self, points=(count, 3), coefficients=(count, 3))
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) transferred [m]."""
+        """Map points of the source's frame into the target's.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame [m]
+
+        Returns
+        -------
+        (..., 3) in the target's frame [m]
+        """
         array = np.asarray(points, dtype=np.float64)
         flat = array.reshape(-1, 3)
         moved = self.whole.apply(flat)
@@ -49,7 +58,18 @@ class RadialMap:
         return moved.reshape(array.shape)
 
     def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3); at a feature, where r has a corner, the mean of both sides."""
+        """Return the derivatives of the mapped points with the points.
+
+        At a feature, where r has a corner, they are the mean of both sides.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame [m]
+
+        Returns
+        -------
+        (..., 3, 3) derivatives [m/m]
+        """
         array = np.asarray(points, dtype=np.float64)
         flat = array.reshape(-1, 3)
         result = self.whole.jacobian(flat)
@@ -66,10 +86,23 @@ class RadialMap:
 def fit_radial(
     source: Array, target: Array, whole: AffineMap, kernel: Kernel, smoothing: float = 0.0
 ) -> RadialMap:
-    """Functions through feature points (features, 3), or past them by no more than a root mean
-    square distance [m]. With [[K + m I, P], [P^T, 0]] [c; a] = [y; 0] the map passes the features
-    by m c. `smoothing` fixes m: the root mean square of these distances, or that of the affine map
-    alone where this is less. What `whole` makes of an unknown direction is kept.
+    """Fit radial functions through feature points, or near them.
+
+    With [[K + m I, P], [P^T, 0]] [c; a] = [y; 0] the map passes the features by m c. `smoothing`
+    fixes m. What `whole` makes of an unknown direction is kept.
+
+    Parameters
+    ----------
+    source : (features, 3) points [m]
+    target : (features, 3) where they are mapped to [m]
+    whole : affine map below the functions
+    kernel : r or r^3
+    smoothing : root mean square distance by which the features are passed, or that of the affine
+        map alone where this is less [m]
+
+    Returns
+    -------
+    map
     """
     rest = target - whole.apply(source)
     middle = source.mean(axis=0)
@@ -127,8 +160,9 @@ class _System:
         return solution[:count], solution[count:]
 
     def penalty(self, rest: Array, smoothing: float, kernel: Kernel) -> float:
-        """With the sign that keeps the problem definite: r is negative definite on what polynomials
-        leave.
+        """Return m with the sign that keeps the problem definite.
+
+        The kernel r is negative definite on what polynomials leave.
         """
         sign = -1.0 if kernel == "r" else 1.0
 
@@ -166,8 +200,9 @@ AT_FEATURE = 1e-12  # A point this near to a feature, as a share of the bone, is
 
 @read_only
 class SubspaceMap:
-    """Every feature has a transform; a point goes where they send it, each counting by its
-    distance. Feature i sends x to T_i(x) = y_i + A_i (x - x_i), and the map is sum_i w_i(x) T_i(x)
+    """A map that blends the transforms of features, each weighted by its distance.
+
+    Feature i sends x to T_i(x) = y_i + A_i (x - x_i), and the map is sum_i w_i(x) T_i(x)
     with w_i = |x - x_i|^-p / sum_j |x - x_j|^-p. It goes through every feature, has the Jacobian
     A_i there, and is an affine map exactly where all A_i are that map's.
     """
@@ -183,7 +218,16 @@ class SubspaceMap:
         freeze(self, points=(count, 3), shifts=(count, 3), slopes=(count, 3, 3))
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) transferred [m]."""
+        """Map points of the source's frame into the target's.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame [m]
+
+        Returns
+        -------
+        (..., 3) in the target's frame [m]
+        """
         array = np.asarray(points, dtype=np.float64)
         flat = array.reshape(-1, 3)
         rest = np.empty_like(flat)
@@ -192,7 +236,12 @@ class SubspaceMap:
         return (self.whole.apply(flat) + rest).reshape(array.shape)
 
     def foreseen(self) -> Array:
-        """(n, 3) shifts of the features as all others have them."""
+        """Return the shifts of the features as all others predict them.
+
+        Returns
+        -------
+        (features, 3) shifts beyond the affine map [m]
+        """
         result = np.empty_like(self.shifts)
         for part in _chunks(len(self.points), len(self.points)):
             squared = self._squared(self.points[part])
@@ -201,7 +250,16 @@ class SubspaceMap:
         return result
 
     def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3): the weighted A_i and the change of the weights themselves."""
+        """Return the derivatives: the weighted A_i and the change of the weights themselves.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame [m]
+
+        Returns
+        -------
+        (..., 3, 3) derivatives [m/m]
+        """
         array = np.asarray(points, dtype=np.float64)
         flat = array.reshape(-1, 3)
         result = np.empty((len(flat), 3, 3))
@@ -255,12 +313,23 @@ class SubspaceMap:
 def fit_subspace(
     source: Array, target: Array, whole: AffineMap, exponent: float, smoothing: float = 0.0
 ) -> SubspaceMap:
-    """Local transforms of features (features, 3) from their neighbors. A_i minimizes sum_j |x_j -
-    x_i|^-q |y_j - y_i - A (x_j - x_i)|^2 + s |A - A_whole|^2, where s is `STIFFNESS` times the mean
-    over directions of sum_j |x_j - x_i|^(2
-    - q). `smoothing`: root mean square distance by which features are moved towards where the
-        others send them, or all
-    the way where this is less [m].
+    """Fit local transforms of features from their neighbors.
+
+    A_i minimizes sum_j |x_j - x_i|^-q |y_j - y_i - A (x_j - x_i)|^2 + s |A - A_whole|^2, where s is
+    `STIFFNESS` times the mean over directions of sum_j |x_j - x_i|^(2 - q).
+
+    Parameters
+    ----------
+    source : (features, 3) points [m]
+    target : (features, 3) where they are mapped to [m]
+    whole : affine map that the transforms are drawn to
+    exponent : p of `SubspaceMap`
+    smoothing : root mean square distance by which features are moved towards where the others send
+        them, or all the way where this is less [m]
+
+    Returns
+    -------
+    map
     """
     shifts: Array = target - whole.apply(source)
     subspace_map = SubspaceMap(

@@ -65,7 +65,7 @@ def mirrored(
     point: ArrayLike = (0.0, 0.0, 0.0),
     middle: Collection[str] | None = None,
 ) -> Model:
-    """The model with right and left exchanged: muscles of `femur_r` become those of `femur_l`.
+    """Exchange right and left of a model: muscles of `femur_r` become those of `femur_l`.
 
     Source: ours, described in docs/morphing.md.
 
@@ -111,9 +111,10 @@ def mirrored_motion(
     point: ArrayLike = (0.0, 0.0, 0.0),
     middle: Collection[str] | None = None,
 ) -> Motion:
-    """A motion of `model` as its mirrored model moves: names exchanged, signs of the middle's turns
-    changed. Columns keep their order where all names have their counterparts, as in the mirrored
-    model.
+    """Mirror a motion of `model` to the motion of its mirrored model.
+
+    Names are exchanged, and the signs of rotations in the middle changed. Columns keep their order
+    where all names have their counterparts, as in the mirrored model.
     """
     side = other_side_of(model, axis, point, middle)
     signs = np.array(side.of(motion.names))
@@ -144,9 +145,10 @@ def with_other_side(
     middle: Collection[str] | None = None,
     suffix: str = "_l",
 ) -> Model:
-    """A one-sided model with the missing side: what has no counterpart gets one (`suffix` behind
-    names that tell no side), bodies in the middle stay with their masses: a pelvis is taken to be
-    whole. The rest as of `mirrored`.
+    """Add the missing side to a one-sided model.
+
+    What has no counterpart gets one (`suffix` behind names without a side). Bodies in the middle
+    keep their masses: a pelvis is assumed to be whole. The rest as of `mirrored`.
     """
     side = other_side_of(model, axis, point, middle, suffix)
     copy = mirrored_parts(model, side)
@@ -213,8 +215,9 @@ def with_other_side(
 
 
 def _with_meshes(body: Body, other: Body) -> Body:
-    """A body of the middle with the other half of bones that are drawn one-sided, as a pelvis of
-    two.
+    """Add the other half of bones that are drawn one-sided to a body of the middle.
+
+    A pelvis of two halves is one.
     """
     files = {mesh.file for mesh in body.meshes}
     missing = tuple(
@@ -231,7 +234,7 @@ def _stem(file: str) -> str:
 
 
 def _in_order_of(model: Model, other: Model) -> Model:
-    """The other model with everything in the given one's order, where it has the same names."""
+    """Return the other model with everything in the given one's order, where names are the same."""
     ordered: dict[str, Any] = {}
     for what in PARTS:
         place = {part.name: index for index, part in enumerate(getattr(model, what))}
@@ -256,7 +259,8 @@ def with_mirrored_bones(
     together: bool = False,
     axis: str = "z",
 ) -> dict[str, BoneMap]:
-    """The maps, and the mirrored ones of bodies that have none while their other side has one.
+    """Add mirrored maps to bodies that have none while their other side has one.
+
     `together`: the target's bones share one frame, in which the plane of symmetry is that of a
     mapped bone in the middle.
     """
@@ -324,8 +328,9 @@ def _reflected(surface: Surface | None, plane: Reflection) -> Surface | None:
 
 
 def _unlike(body: str, twin: str, plane: Reflection, surfaces: Mapping[str, Surface]) -> list[str]:
-    """A note where the source's own two bones are no mirror images of each other in their bodies'
-    frames.
+    """Report a bone that is no mirror image of its other side in their bodies' frames.
+
+    Both bones are the source's own.
     """
     if body not in surfaces or twin not in surfaces:
         return []
@@ -345,11 +350,12 @@ SEATED = 1e-6  # Frames that differ by less are the same [m or rad].
 
 
 def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model, tuple[str, ...]]:
-    """The model with the mirror image of each muscle and marker that has no counterpart on the
-    other side, and what looks wrong. Where they lie is mirrored in ground with all coordinates at
-    zero; bodies of the other side are the model's own, in whatever frames it has them. Of a muscle
-    whose name has no side, its bodies tell it: `DELT1` on the right arm gets the counterpart
-    `DELT1_l`.
+    """Add the mirror image of each muscle and marker that has no counterpart on the other side.
+
+    Returns the model, and a line for whatever looks wrong. Positions are mirrored in ground with
+    all coordinates at zero; bodies of the other side are the model's own, in whatever frames it has
+    them. Of a muscle whose name has no side, its bodies define it: `DELT1` on the right arm gets
+    the counterpart `DELT1_l`.
     """
     copy = mirrored_parts(model, _naming_by_bodies(model, other_side_of(model, axis)))
     new = [muscle for muscle in copy.muscles if muscle.name not in model.muscle_names]
@@ -399,8 +405,9 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
 
 
 def _naming_by_bodies(model: Model, side: OtherSide) -> OtherSide:
-    """The other side, with names for muscles and wrap objects that have no side but lie on bodies
-    that do.
+    """Return the other side, with names for muscles and wrap objects that have no side.
+
+    The bodies on which they lie have one.
     """
     ends: dict[tuple[str, str], str] = {}
     for muscle in model.muscles:

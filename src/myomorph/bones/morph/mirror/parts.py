@@ -51,7 +51,7 @@ HINGE_AXIS = 2  # OpenSim's hinges turn about z of their frames, and go on doing
 
 
 def _renamed(part: Part, side: OtherSide, kind: str = "", /, **changes: Any) -> Part:
-    """A part with all names that it has or uses on the other side, and with further changes."""
+    """Rename a part and all that it uses to the other side, with further changes."""
     replaced: dict[str, Any] = {"name": side.named(kind, part.name)} if kind else {}
     for name in NAMED.keys() & {field.name for field in fields(part)}:
         value = getattr(part, name)
@@ -113,7 +113,7 @@ def _body(body: Body, side: OtherSide) -> Body:
 
 
 def _mesh(mesh: Mesh, plane: Reflection) -> Mesh:
-    """The same file, drawn with one factor of the other sign."""
+    """Return the same file, drawn with one factor of the other sign."""
     scale = np.array(mesh.scale, dtype=np.float64)
     if mesh.shape == "mesh":
         scale[plane.axis] *= -1.0

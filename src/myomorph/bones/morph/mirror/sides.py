@@ -1,6 +1,4 @@
-"""Reflections of points, vectors, poses and functions, and the plane of symmetry of a model with
-its two sides.
-"""
+"""Reflections of points, vectors, poses and functions, and a model's plane of symmetry."""
 
 from __future__ import annotations
 
@@ -54,39 +52,67 @@ class Reflection:
         return int(np.argmax(np.abs(self.normal)))
 
     def points(self, points: ArrayLike) -> Array:
-        """Points (..., 3) on the other side [m]."""
+        """Reflect points.
+
+        Parameters
+        ----------
+        points : (..., 3) in the plane's frame [m]
+
+        Returns
+        -------
+        (..., 3) on the other side [m]
+        """
         array = np.asarray(points, dtype=np.float64)
         return array - 2.0 * (array @ self.normal - self.offset)[..., None] * self.normal
 
     def vectors(self, vectors: ArrayLike) -> Array:
-        """Directions (..., 3), forces and velocities among them."""
+        """Reflect directions, forces and velocities among them.
+
+        Parameters
+        ----------
+        vectors : (..., 3) in the plane's frame
+
+        Returns
+        -------
+        (..., 3) in the same unit
+        """
         array = np.asarray(vectors, dtype=np.float64)
         return array - 2.0 * (array @ self.normal)[..., None] * self.normal
 
     def turns(self, turns: ArrayLike) -> Array:
-        """Axes of rotation (..., 3), as moments: the same angle turns the other way."""
+        """Reflect axes of rotation, or moments: the same angle rotates the other way.
+
+        Parameters
+        ----------
+        turns : (..., 3) in the plane's frame
+
+        Returns
+        -------
+        (..., 3) in the same unit
+        """
         return -self.vectors(turns)
 
     def pose(self, pose: Transform, inner: Reflection) -> Transform:
-        """The pose of a frame on the other side, itself reflected by `inner` so that it is
-        right-handed again.
+        """Reflect the pose of a frame.
+
+        The frame itself is reflected by `inner`, so that it is right-handed again.
         """
         return Transform(self.matrix @ pose.rotation @ inner.matrix, self.points(pose.translation))
 
     def seen_from(self, pose: Transform) -> Reflection:
-        """The same plane in the frame that has this pose."""
+        """Return the same plane in the frame that has this pose."""
         return Reflection(
             pose.rotation.T @ self.normal, self.offset - float(self.normal @ pose.translation)
         )
 
 
 def flip(axis: int) -> Reflection:
-    """The reflection in the plane across an axis of the frame."""
+    """Return the reflection in the plane across an axis of the frame."""
     return Reflection(np.eye(3)[axis])
 
 
 def backwards(function: Function, signs: tuple[float, ...], factor: float = 1.0) -> Function:
-    """The function factor f(signs[0] x_1, ...), each sign 1 or -1."""
+    """Return the function factor f(signs[0] x_1, ...), each sign 1 or -1."""
     if factor != 1.0:
         function = function.scaled(factor)
     if all(sign > 0.0 for sign in signs) or function.arity == 0:
@@ -137,10 +163,11 @@ def other_side_of(
     middle: Collection[str] | None = None,
     suffix: str = "",
 ) -> OtherSide:
-    """Find out what of a model is in the middle and what belongs to a side. `axis`: of ground
-    across the plane of symmetry; `point`: of the plane, with all coordinates at zero [m]; `middle`:
-    by default bodies whose name tells no side, on the plane and on no body of a side (where no name
-    tells a side, their mass center must lie on the plane too).
+    """Find out which parts of a model are in the middle and which belong to a side.
+
+    `axis`: of ground across the plane of symmetry; `point`: of the plane, with all coordinates at
+    zero [m]; `middle`: by default bodies whose name has no side, on the plane and on no body of a
+    side (where no name has a side, their center of mass must lie on the plane too).
     """
     known = {name: np.eye(3)[index] for name, index in AXES.items()}
     normal = (

@@ -74,8 +74,9 @@ class Way:
 
     @property
     def strain(self) -> float:
-        """How much longer it is in one direction than in another: deviation of the logarithms of
-        the stretches.
+        """Return the standard deviation of the logarithms of the stretches.
+
+        It is 0 where no direction becomes longer than another.
         """
         logs = np.log(np.linalg.svd(self.affine.matrix, compute_uv=False))
         return float(np.linalg.norm(logs - logs.mean()))
@@ -87,7 +88,16 @@ class Way:
 
 
 def hull_moments(points: Array) -> tuple[Array, Array]:
-    """Centroid (3,) and second central moments (3, 3) per volume of the hull of points (n, 3)."""
+    """Return centroid and second central moments per volume of the hull of points.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+
+    Returns
+    -------
+    centroid (3,) [m] and moments (3, 3) [m^2]
+    """
     center = points.mean(axis=0)
     corners = (points - center)[scipy.spatial.ConvexHull(points).simplices]
     volumes = np.abs(np.linalg.det(corners)) / 6.0
@@ -121,7 +131,7 @@ def _root_moments(shape: Shape) -> tuple[Array, Array]:
 
 
 def _normal(samples: Samples, middle: Array, root: Array) -> Samples:
-    """Samples of a surface brought to unit moments."""
+    """Bring samples of a surface to unit moments."""
     return Samples(
         (samples.points - middle) @ np.linalg.inv(root), unit(samples.normals @ root), samples.rim
     )
@@ -137,7 +147,7 @@ def _unlikely(matrices: Array) -> Array:
 def _rotations(
     samples: Samples, theirs: Samples, unlikely: Callable[[Array], Array]
 ) -> list[Array]:
-    """The few rotations (3, 3) that lay samples of unit moments on others, the best first."""
+    """Return the few rotations (3, 3) that lay samples of unit moments on others, best first."""
     tree = scipy.spatial.cKDTree(theirs.points)
 
     def found(rotations: Array, step: int) -> tuple[Array, np.ndarray, Array]:
@@ -182,7 +192,16 @@ def _distinct(rotations: Array, cost: Array, same: float, count: int) -> list[in
 
 
 def rotation_grid(count: int) -> Array:
-    """Rotations (count, 3, 3) spread evenly over all (super-Fibonacci spirals, Alexa 2022)."""
+    """Spread rotations evenly over all (super-Fibonacci spirals, Alexa 2022).
+
+    Parameters
+    ----------
+    count : of rotations
+
+    Returns
+    -------
+    (count, 3, 3)
+    """
     step = np.arange(count) + 0.5
     share = step / count
     turn = 2.0 * np.pi * step
@@ -204,8 +223,9 @@ def rotation_grid(count: int) -> Array:
 def lay_affinely(
     ours: Shape, goal: Shape, start: AffineMap, landmarks: FeaturePoints | None = None
 ) -> Way:
-    """The affine map near a start with which both surfaces are nearest to each other. `ours`,
-    `goal`: surfaces of about unit length; `landmarks`: pull beside the surfaces.
+    """Find the affine map near a start with which both surfaces are nearest to each other.
+
+    `ours`, `goal`: surfaces of about unit length; `landmarks`: pull beside the surfaces.
     """
     samples = ours.samples(POINTS)
     theirs = goal.samples(POINTS)
@@ -256,8 +276,9 @@ def lay_affinely(
 def _pairs(
     samples: Samples, theirs: Samples, ours: Shape, goal: Shape, laid: AffineMap
 ) -> tuple[Array, Array, Array, float]:
-    """Points (n, 3) of the source, where they belong and the normals there, both ways; root mean
-    square distance.
+    """Return points (n, 3) of the source, where they belong, and the normals there.
+
+    Pairs of both directions are among them. The last value is their root mean square distance.
     """
     back = np.linalg.inv(laid.matrix)
     here = laid.apply(samples.points)
@@ -281,7 +302,20 @@ def _pairs(
 
 
 def counting(away: Array, normals: Array, others: Array, cosine: float, share: float) -> np.ndarray:
-    """Pairs so far away (n,) that face each other, but for a share of them, the furthest."""
+    """Return the pairs that face each other, but for a share of them, the furthest.
+
+    Parameters
+    ----------
+    away : (n,) distances of the pairs
+    normals : (n, 3) of the one surface
+    others : (n, 3) of the other
+    cosine : least cosine between normals that face each other
+    share : of the pairs that face each other to keep
+
+    Returns
+    -------
+    (n,) whether a pair counts
+    """
     facing = np.einsum("ij,ij->i", normals, others) > cosine
     if facing.any():
         facing &= away <= np.quantile(away[facing], share)
@@ -289,6 +323,15 @@ def counting(away: Array, normals: Array, others: Array, cosine: float, share: f
 
 
 def unit(vectors: Array) -> Array:
-    """Vectors (..., 3) of length one; zero stays zero."""
+    """Scale vectors to length one; zero stays zero.
+
+    Parameters
+    ----------
+    vectors : (..., 3)
+
+    Returns
+    -------
+    (..., 3)
+    """
     sizes = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(sizes > 0.0, sizes, 1.0)

@@ -1,10 +1,9 @@
-"""How one whole bone lies on another before it deforms, and landmarks found by the same rule on
-both.
+"""Pose of one whole bone on another before it deforms, and landmarks by one rule on both.
 
 The alignment comes from landmarks, from a rough start, or from shape alone. Automatic landmarks are
 where both bones end in given directions, and centers of round surfaces: the target is laid on the
 source by a similarity first, so that a direction means the same on both, and a landmark is kept
-only where the rule tells one position on both bones, and about the same.
+only where the rule gives one position on both bones, and about the same.
 """
 
 from __future__ import annotations
@@ -103,10 +102,11 @@ def align_bones(
     start: Similarity | None = None,
     options: MatchOptions | None = None,
 ) -> Alignment:
-    """The affine map from a whole bone to another of about unit length, of which a part may be
-    missing. Every way that fits, and lies near the landmarks or the start where there are some, is
-    tried with a deformation. Of those that fit about equally well one that keeps the frame's axes
-    is taken, if nothing else says how the bones lie.
+    """Find the affine map from a whole bone to another of about unit length, maybe only a part.
+
+    Every pose that fits, and lies near the landmarks or the start where there are some, is tried
+    with a deformation. Of those that fit about equally well one that keeps the frame's axes is
+    chosen, if nothing else defines the pose.
     """
     ours = Shape(source)
     goal = Shape(target)
@@ -133,9 +133,11 @@ def align_bones(
 def mirrored_share(
     source: Surface, target: Surface, left: float, options: MatchOptions | None = None
 ) -> float:
-    """Distance that the mirrored source leaves at its likeliest, over that of the source: below 1
-    it fits better. How unlikely both deformations are does not count: between two persons' tali one
-    is a thousand times as unlikely as the other where the distances are alike.
+    """Return the distance that the mirrored source leaves at its likeliest, over the source's.
+
+    Below 1 the mirrored one fits better. How unlikely both deformations are does not count: between
+    two persons' tali one is a thousand times as unlikely as the other where the distances are
+    alike.
     """
     mirrored = Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1]))
     tried = _tried(mirrored, Shape(target), None, None, options or MatchOptions(), MIRRORED_WAYS)
@@ -150,14 +152,15 @@ def _tried(
     options: MatchOptions,
     most: int = WAYS,
 ) -> list[Alignment]:
-    """Ways to lie that fit, the nearest after a deformation first. Where hulls do not lead to a
-    good one, as those of a part, similarities are tried.
+    """Return poses that fit, the nearest after a deformation first.
+
+    Where hulls do not lead to a good one, as those of a part, similarities are tried.
     """
     points = ours.samples(ASKED).points
     quick = replace(options, match_points=min(QUICK, options.match_points))
 
     def deformed(ways: list[Way]) -> list[Alignment]:
-        """The likeliest ways after a deformation."""
+        """Return the likeliest poses after a deformation."""
         laid = [(way, procrustes(points, way.affine.apply(points), scale=True)) for way in ways]
         if start is not None:
             laid = [
@@ -196,8 +199,9 @@ def _tried(
 
 
 def _similar_ways(ours: Shape, goal: Shape) -> list[Way]:
-    """Ways to lie of a bone that may be a part, which the registration expects of what it lays on
-    something whole.
+    """Return poses of a bone that may be a part.
+
+    The registration expects something whole, on which it lays the part.
     """
     theirs = Surface(goal.vertices, goal.faces)
     source = Surface(ours.vertices, ours.faces)
@@ -206,7 +210,16 @@ def _similar_ways(ours: Shape, goal: Shape) -> list[Way]:
 
 
 def spans_a_plane(points: Array) -> bool:
-    """Whether points (n, 3) are three or more and not on a line."""
+    """Return whether points are three or more and not on a line.
+
+    Parameters
+    ----------
+    points : (n, 3)
+
+    Returns
+    -------
+    whether they are
+    """
     if len(points) < 3:
         return False
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
@@ -225,8 +238,9 @@ def turn_between(similarity: Similarity, other: Similarity) -> float:
 
 
 def _distance(ours: Shape, goal: Shape, fit: SmoothFit) -> float:
-    """Root mean square distance both ways after a deformation, between points that face the same
-    way.
+    """Return the root mean square distance both ways after a deformation.
+
+    It is taken between points that face the same way.
     """
     deformed = Shape(Surface(fit.apply(ours.vertices), ours.faces))
     away = []
@@ -271,10 +285,11 @@ of it.
 def automatic_landmarks(
     source: Surface, target: Surface, start: Similarity | None = None, rounds: bool = True
 ) -> FeaturePoints:
-    """Landmarks of two bones of one kind, facing outward, found without a hand, in the bones'
-    frames: ends along the source's principal axes ("axis 1 +") and its body's ("+x"), centers of
-    heads ("head 1") and sockets ("socket 1"); none twice, may be few. `start`: from source to
-    target, roughly; found from the surfaces if they tell it.
+    """Find landmarks of two bones of one kind by rule, without a hand, in the bones' frames.
+
+    The surfaces face outward. Landmarks are ends along the source's principal axes ("axis 1 +") and
+    its body's ("+x"), centers of heads ("head 1") and sockets ("socket 1"); none twice, may be few.
+    `start`: from source to target, roughly; found from the surfaces if they show it.
     """
     if start is None:
         aligned = align_bones(source, target)
@@ -301,7 +316,7 @@ def automatic_landmarks(
 
 
 def _ends(source: Surface, target: Surface, length: float) -> Iterator[tuple[str, Array, Array]]:
-    """Ends of both bones along the source's axes."""
+    """Yield ends of both bones along the source's axes."""
     ours = Shape(source).samples(POINTS).points
     theirs = Shape(target).samples(POINTS).points
     axes = np.linalg.svd(ours - ours.mean(axis=0), full_matrices=False)[2]
@@ -322,8 +337,9 @@ def _ends(source: Surface, target: Surface, length: float) -> Iterator[tuple[str
 
 
 def _utmost(points: Array, direction: Array, length: float) -> Array | None:
-    """Middle of what lies furthest in a direction; None where that is a flat stretch rather than a
-    point.
+    """Return the middle of what lies furthest in a direction.
+
+    None where that is a flat stretch rather than a point.
     """
     across = np.linalg.svd(direction[None])[2][1:]
     middles = []
@@ -355,7 +371,7 @@ def _rounds(source: Surface, target: Surface, length: float) -> Iterator[tuple[s
 
 
 def _steady(sphere_fit: SphereFit, surface: Surface) -> SphereFit | None:
-    """The sphere found from near another one; None where starts beside it lead elsewhere."""
+    """Find the sphere again from near it; None where starts beside it lead elsewhere."""
     try:
         result = articular_sphere(surface, sphere_fit.center, sphere_fit.radius, sphere_fit.hollow)
         if warning_of(result):

@@ -1,5 +1,6 @@
-"""A target's bone and its landmarks before they are used: unit, side, frame, triangles, places on
-the bone, order.
+"""Checks of a target's bone and its landmarks before they are used.
+
+They concern unit, side, frame, triangles, positions on the bone, and order.
 """
 
 from __future__ import annotations
@@ -55,8 +56,10 @@ def check_landmarks(
     source: Surface | None = None,
     target: Surface | None = None,
 ) -> tuple[Similarity | None, list[str]]:
-    """The similarity from source to target that fits landmarks, None where they are too few or on a
-    line, and what looks odd about them, alone and on the bones that they are said to be of.
+    """Fit the similarity from source to target to landmarks, and check them.
+
+    Returns the similarity, None where they are too few or on a line, and a line for whatever looks
+    odd about them, alone and on the bones to which they are assigned.
     """
     for side, points, surface in (
         ("source", landmarks.source, source),
@@ -78,7 +81,7 @@ def check_landmarks(
 
 
 def _fitted(body: str, landmarks: FeaturePoints, notes: list[str]) -> Similarity | None:
-    """The similarity between the two sides; refuses what none explains."""
+    """Fit the similarity between the two sides; refuse landmarks that none explains."""
     try:
         points = fit_points(landmarks.names, landmarks.source, landmarks.target, True)
     except BadData as error:
@@ -156,8 +159,9 @@ def _check_spread(body: str, landmarks: FeaturePoints) -> None:
 
 
 def _check_order(body: str, landmarks: FeaturePoints, enough: float, rms: float) -> None:
-    """Refuse landmarks that fit better than `enough` [m] in another order, naming those that are
-    interchanged.
+    """Refuse landmarks that fit better than `enough` [m] in another order.
+
+    The error names those that are interchanged.
     """
     if len(landmarks) < 4 or rms < 0.01 * _spread(landmarks.target):
         return
@@ -182,8 +186,9 @@ def _check_order(body: str, landmarks: FeaturePoints, enough: float, rms: float)
 
 
 def _orders(landmarks: FeaturePoints) -> list[np.ndarray]:
-    """Orders of the target to try: the one in which distances to all others agree, and the swaps
-    that help most.
+    """Return orders of the target to try.
+
+    These are the one in which distances to all others agree, and the swaps that help most.
     """
     count = len(landmarks)
     profiles = []
@@ -201,8 +206,9 @@ def _orders(landmarks: FeaturePoints) -> list[np.ndarray]:
 
 
 def _settled(landmarks: FeaturePoints, order: np.ndarray) -> tuple[np.ndarray, float]:
-    """An order improved by laying on and pairing in turn, and the root mean square distance it
-    leaves [m].
+    """Improve an order by laying on and pairing in turn.
+
+    Returns the order and the root mean square distance that it leaves [m].
     """
     left = _left(landmarks.source, landmarks.target[order])
     for _ in range(20):
@@ -274,9 +280,10 @@ def check_bone(
     landmarks: FeaturePoints | None = None,
     start: Similarity | None = None,
 ) -> list[str]:
-    """What looks odd in a target's bone, one line each; a bone that cannot be what it is said to be
-    is refused. The target is as `repaired_bone` gives it, in its file's frame; `start`: roughly,
-    where landmarks do not show it.
+    """Report what looks odd in a target's bone, one line each.
+
+    A bone that cannot be what its name states is refused. The target is as `repaired_bone` gives
+    it, in its file's frame; `start`: roughly, where landmarks do not show it.
     """
     _check_size(body, target, source)
     notes: list[str] = []
@@ -305,9 +312,10 @@ def check_bone(
 
 
 def check_units(lengths: Sequence[tuple[float, float]]) -> None:
-    """Refuse bones that are in other units than meters together: one by one a small bone in inches
-    looks like a larger in centimeters. `lengths`: of each bone of the target and of the source's
-    [m].
+    """Refuse bones that are in other units than meters together.
+
+    One by one, a small bone in inches looks like a larger one in centimeters. `lengths`: of each
+    bone of the target and of the source's [m].
     """
     ratio = (
         float(np.exp(np.median(np.log([target / source for target, source in lengths]))))
@@ -324,8 +332,9 @@ def check_units(lengths: Sequence[tuple[float, float]]) -> None:
 
 
 def check_exchange(body: str, target: Surface, bones: Mapping[str, Surface]) -> None:
-    """Refuse a target's bone on which another of the source's `bones` lies much better than that of
-    `body`.
+    """Refuse a target's bone on which another of the source's bones lies much better.
+
+    `bones`: of the source, by body; `body`: to which the target's bone is assigned.
     """
     length = bone_length(target)
     like = {
@@ -349,8 +358,10 @@ def bone_length(surface: Surface) -> float:
 
 
 def repaired_bone(surface: Surface, what: str, notes: list[str]) -> Surface:
-    """Equal vertices as one, faces without area left out, specks and inner surfaces dropped, faces
-    turned outward.
+    """Repair a surface, and note what was done.
+
+    Equal vertices are merged, faces without area left out, specks and inner surfaces dropped, and
+    faces turned outward.
     """
     before = len(notes)
     vertices, faces = _welded(surface, what, notes)

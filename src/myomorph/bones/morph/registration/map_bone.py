@@ -198,7 +198,7 @@ def _features(
     match: MatchOptions,
     map_options: MapOptions | None,
 ) -> FeaturePoints:
-    """The landmarks, and the first of the evenly spread pairs that are not too near to one."""
+    """Return the landmarks, and the first evenly spread pairs that are not too near to one."""
     if len(surface_match.pairs) < MIN_COUNT:
         raise BadData(
             f"the bones of '{body}' meet at {len(surface_match.pairs)} of {match.match_points}"
@@ -223,7 +223,10 @@ def _unfolded(
     source: Surface | None,
     options: MapOptions | None,
 ) -> tuple[FeaturePoints, PointMap]:
-    """The map and the features it needs, without the dense ones around which it would fold."""
+    """Fit a map without the dense features around which it would fold.
+
+    Returns the features that it needs, and the map.
+    """
     mapping = fit_map(features, options)
     first = 0 if landmarks is None else len(landmarks)
     if source is None or len(features) == first:

@@ -13,9 +13,10 @@ from myomorph.core.surfaces.linear_maps import Similarity
 def start_by_neighbors(
     model: Model, body: str, mapped: Mapping[str, BoneMap], poses: Mapping[str, Transform]
 ) -> Similarity | None:
-    """Where a body lies in the frame that the target's bones share, if it hangs on its nearest
-    mapped bone as in the source; None where no bone is mapped yet. `poses`: of the source's bodies
-    in ground, in the posture that the scan is most like.
+    """Return where a body lies in the frame of the target's bones, as its neighbors suggest.
+
+    It hangs on its nearest mapped bone as in the source. None where no bone is mapped yet. `poses`:
+    of the source's bodies in ground, in the posture that the scan is most like.
     """
     near = next(iter(nearest_bones(model, body, mapped)), None)
     if near is None:

@@ -70,7 +70,7 @@ class MatchQuality:
         }
 
     def warnings(self, tolerance: float) -> tuple[str, ...]:
-        """What looks wrong, one line each."""
+        """Report what looks wrong, one line each."""
         texts = []
         if self.residual95 > tolerance:
             texts.append(
@@ -126,7 +126,16 @@ def match_quality(
 
 
 def vertex_normals(shape: Shape) -> Array:
-    """Unit normals (vertices, 3), the faces' weighted by their areas."""
+    """Return unit normals of vertices, the faces' weighted by their areas.
+
+    Parameters
+    ----------
+    shape : surface with vertices and faces
+
+    Returns
+    -------
+    (vertices, 3)
+    """
     normals = np.zeros_like(shape.vertices)
     for corner in shape.faces.T:
         np.add.at(normals, corner, shape.areas[:, None] * shape.normals)
@@ -173,9 +182,11 @@ def place_bone(
     start: Similarity | None = None,
     options: MatchOptions | None = None,
 ) -> PlacedBone:
-    """Lay a whole bone on another, which may be cut off: by three or more landmarks that are not on
-    a line, or as its shape and its mirrored shape fit best. `start`: where the source roughly lies,
-    for want of such landmarks.
+    """Lay a whole bone on another, which may be cut off.
+
+    Three or more landmarks that are not on a line define the pose; else it is that in which the
+    bone's shape, or its mirrored shape, fits best. `start`: where the source roughly lies, for want
+    of such landmarks.
     """
     ours = _Unit(source)
     goal = _Unit(target)
@@ -200,8 +211,9 @@ def match_surfaces(
     options: MatchOptions | None = None,
     placed: PlacedBone | None = None,
 ) -> SurfaceMatch:
-    """For every point of a whole bone the same point of another's, which may be cut off. Three
-    landmarks that are not on a line say how the bones lie; fewer only pull. `placed`: what
+    """Find for every point of a whole bone the same point of another's, which may be cut off.
+
+    Three landmarks that are not on a line define how the bones lie; fewer only pull. `placed`: what
     `place_bone` finds, where it is known already.
     """
     options = options or MatchOptions()
@@ -241,14 +253,14 @@ def _in_units(landmarks: FeaturePoints, ours: _Unit, goal: _Unit) -> FeaturePoin
 
 
 def _between_units(similarity: Similarity, ours: float, theirs: float) -> Similarity:
-    """The same between bones grown by factors."""
+    """Return the same similarity between bones scaled by factors."""
     return Similarity(
         similarity.rotation, similarity.translation * theirs, similarity.scale * theirs / ours
     )
 
 
 def _begun(placed: PlacedBone, ours: _Unit, goal: _Unit, pulls: FeaturePoints | None) -> AffineMap:
-    """The affine map of a bone in units of its length."""
+    """Return the affine map of a bone in units of its length."""
     if placed.affine is not None:
         return _grown(placed.affine, ours.length, 1.0 / goal.length)
     start = _between_units(placed.similarity, 1.0 / ours.length, 1.0 / goal.length)
@@ -256,7 +268,7 @@ def _begun(placed: PlacedBone, ours: _Unit, goal: _Unit, pulls: FeaturePoints | 
 
 
 def _grown(affine: AffineMap, ours: float, theirs: float) -> AffineMap:
-    """The same with the source's lengths times a factor before, and the target's after."""
+    """Return the same map with the source's lengths times a factor before, the target's after."""
     return AffineMap(theirs * ours * affine.matrix, theirs * affine.offset)
 
 
@@ -268,7 +280,10 @@ def _pairs(
     pulls: FeaturePoints | None,
     options: MatchOptions,
 ) -> FeaturePoints:
-    """The evenly spread points of the source that have a place on the target, and how surely."""
+    """Return the evenly spread points of the source that have a position on the target.
+
+    Each has a weight and a radius.
+    """
     samples = spread_points(ours.shape, options.match_points)
     smooth = fit.apply(samples)
     normals = deformed.nearest(smooth, fine=True).normals

@@ -79,7 +79,17 @@ class MatchOptions:
 
 
 def spread_points(shape: Shape, count: int) -> Array:
-    """Points (count, 3) of a surface, each as far as can be from those before it."""
+    """Choose points of a surface, each as far as can be from those before it.
+
+    Parameters
+    ----------
+    shape : surface to sample
+    count : of points
+
+    Returns
+    -------
+    (count, 3) points, in the surface's unit
+    """
     points = shape.samples(OVERSAMPLED * count).points
     chosen = np.empty(count, dtype=np.intp)
     chosen[0] = 0
@@ -91,8 +101,17 @@ def spread_points(shape: Shape, count: int) -> Array:
 
 
 def onto(goal: Shape, points: Array, normals: Array) -> Samples:
-    """Nearest points of a surface that face the same way as normals (n, 3), so that a thin bone
-    keeps its sides.
+    """Find the nearest points of a surface that face the same way, so a thin bone keeps its sides.
+
+    Parameters
+    ----------
+    goal : surface
+    points : (n, 3) to find the nearest of, in the surface's unit
+    normals : (n, 3) unit vectors that the surface there should face along
+
+    Returns
+    -------
+    (n,) samples of the surface
     """
     result = goal.nearest(points, fine=True)
     wrong = np.flatnonzero(np.einsum("ij,ij->i", result.normals, normals) < FACING)
@@ -159,18 +178,37 @@ class SmoothFit:
     rms: float
 
     def apply(self, points: Array) -> Array:
-        """Points (n, 3) of the source on the target, or as near as is smooth."""
+        """Displace points of the source onto the target, or as near as is smooth.
+
+        Parameters
+        ----------
+        points : (n, 3) of the source, in shares of the bone's length
+
+        Returns
+        -------
+        (n, 3) on the target, in shares of its length
+        """
         return self.before.apply(points) + self.basis(points) @ self.coefficients
 
     @property
     def bending(self) -> float:
-        """How unlikely the displacement is: squares of the coefficients in their standard
-        deviations.
+        """Return how unlikely the displacement is.
+
+        It sums the squares of the coefficients in their standard deviations.
         """
         return float(np.sum(self.coefficients**2))
 
     def spread(self, points: Array) -> Array:
-        """Standard deviation (n,) of the targets of source points (n, 3), all axes together."""
+        """Return the standard deviation of the targets of source points, all axes together.
+
+        Parameters
+        ----------
+        points : (n, 3) of the source, in shares of the bone's length
+
+        Returns
+        -------
+        (n,) standard deviations, in shares of the bone's length
+        """
         rows = self.basis(points)
         inverse = np.linalg.inv(self.information).reshape(3, rows.shape[1], 3, rows.shape[1])
         return np.sqrt(
@@ -186,8 +224,9 @@ def fit_smoothly(
     options: MatchOptions,
     exactness: tuple[float, ...] = EXACTNESS,
 ) -> SmoothFit:
-    """The smooth displacement that brings a surface, laid on another, onto it; lengths in shares of
-    the bone's.
+    """Fit the smooth displacement that brings a surface, laid on another, onto it.
+
+    Lengths are shares of the bone's.
     """
     sparse = _Moving(ours.samples(options.match_points), before)
     dense = _Moving(ours.samples(2 * options.match_points), before)
@@ -289,8 +328,10 @@ class _Moving:
 
 @read_only
 class _Pairs:
-    """Points of the source (rows of the basis), planes that they are drawn to, what is left, and
-    how far they moved. `rms` is the root mean square distance of the source's points.
+    """Points of the source and the planes that they are drawn to.
+
+    Beside them are rows of the basis, distances that are left, and how far the points moved. `rms`
+    is the root mean square distance of the source's points.
     """
 
     rows: Array
@@ -368,8 +409,19 @@ def match_radii(
     landmarks: FeaturePoints | None,
     options: MatchOptions,
 ) -> Array:
-    """Distances (n,) within which points (n, 3) of the source belong with 90 %, in shares of the
-    bone's length.
+    """Return the distances within which points of the source belong with 90 %.
+
+    Parameters
+    ----------
+    ours, goal : surfaces of source and target, in shares of the bone's length
+    fit : between them
+    points : (n, 3) of the source
+    landmarks : that pulled; None without
+    options : of the match
+
+    Returns
+    -------
+    (n,) distances, in shares of the bone's length
     """
     few = replace(options, match_points=min(POINTS, options.match_points))
     narrow = max(0.5, NARROWER * options.match_kernel_width)

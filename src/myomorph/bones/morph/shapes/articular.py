@@ -1,5 +1,4 @@
-"""Articular surfaces found on bones: heads and sockets as spheres, condyles and trochleae as
-cylinders.
+"""Articular surfaces on bones: heads and sockets as spheres, condyles and trochleae as cylinders.
 
 From a center (or an axis) and a radius that are nearly right, as a registration of the source's
 bone gives them, the region of the surface that lies on the sphere is grown and fitted in turn until
@@ -63,13 +62,24 @@ class Corners:
         )
 
     def within(self, middle: Array, reach: float) -> Corners:
-        """Those near a point."""
+        """Return the corners near a point.
+
+        Parameters
+        ----------
+        middle : (3,) the point [m]
+        reach : distance from it [m]
+
+        Returns
+        -------
+        those corners
+        """
         away = self.points - middle
         return self._where(np.einsum("ij,ij->i", away, away) < reach**2)
 
     def some(self, count: int) -> Corners:
-        """So many of them or fewer, in a random order in which large areas come first, without
-        edges.
+        """Return so many corners or fewer, without edges.
+
+        They are in a random order in which large areas come first.
         """
         order = np.argsort(np.random.default_rng(0).random(len(self.points)) / self.areas)[:count]
         areas = self.areas[order]
@@ -82,8 +92,18 @@ class Corners:
         )
 
     def around(self, away: Array, radius: float, shell: float, hollow: bool) -> np.ndarray:
-        """Which face along the radius within a share of it, where `away` (n, 3) is from the center
-        or the axis.
+        """Return which corners face along the radius within a share of it.
+
+        Parameters
+        ----------
+        away : (n, 3) from the center or the axis [m]
+        radius : of the sphere or cylinder [m]
+        shell : allowed distance from it, as a share of the radius
+        hollow : whether the surface faces inward, as in a socket
+
+        Returns
+        -------
+        (n,) whether a corner does
         """
         reach = np.sqrt(np.einsum("ij,ij->i", away, away))
         facing = np.einsum("ij,ij->i", self.normals, away) * (-1.0 if hollow else 1.0)
@@ -98,8 +118,20 @@ class Corners:
         inside: np.ndarray | None = None,
         pieces: int = 1,
     ) -> np.ndarray:
-        """Those around that are inside, in the piece (or pieces) with the largest area that hangs
-        together.
+        """Return the corners around that are inside, in the largest connected piece or pieces.
+
+        Parameters
+        ----------
+        away : (n, 3) from the center or the axis [m]
+        radius : of the sphere or cylinder [m]
+        shell : allowed distance from it, as a share of the radius
+        hollow : whether the surface faces inward, as in a socket
+        inside : (n,) which corners may be chosen; all by default
+        pieces : number of pieces, those of largest area
+
+        Returns
+        -------
+        (n,) whether a corner is chosen
         """
         chosen = self.around(away, radius, shell, hollow)
         if inside is not None:
@@ -162,8 +194,9 @@ _Fit = TypeVar("_Fit", SphereFit, CylinderFit)
 def articular_sphere(
     surface: Surface, near: ArrayLike, radius: float, hollow: bool = False
 ) -> SphereFit:
-    """The sphere of a joint's head, or of a socket (`hollow`); `near`: its center within a third of
-    the radius [m].
+    """Fit the sphere of a joint's head, or of a socket (`hollow`).
+
+    `near`: its center within a third of the radius [m].
     """
     start = np.asarray(near, dtype=np.float64)
     return _sphere(_near(surface, start, 2.5 * radius), start, radius, hollow)
@@ -177,9 +210,11 @@ def articular_cylinder(
     width: float | None = None,
     hollow: bool = False,
 ) -> CylinderFit:
-    """The cylinder of a hinge's rollers: both condyles of a femur, the trochlea of a talus or a
-    humerus; `hollow`: of the notch that holds the roller. `near`: amid the joint [m]; `width`:
-    along the axis, 4 radii by default [m].
+    """Fit the cylinder of a hinge's rollers.
+
+    These are both condyles of a femur, or the trochlea of a talus or a humerus; `hollow`: of the
+    notch that holds the roller. `near`: amid the joint [m]; `width`: along the axis, 4 radii by
+    default [m].
     """
     start = np.asarray(near, dtype=np.float64)
     line = np.asarray(axis, dtype=np.float64)
@@ -235,10 +270,12 @@ def warning_of(fit: SphereFit | CylinderFit) -> str:
 def spherical_patches(
     surface: Surface, hollow: bool = False, most: int = 8
 ) -> tuple[SphereFit, ...]:
-    """Where a bone is round: spheres without `warning_of` that fit parts of its surface, those that
-    cover most of their sphere first; none of them meets another's center. Each of many vertices
-    proposes centers along its normal, for a ladder of radii from 1/100 to 1/4 of the bone's length;
-    the proposals with most surface on their sphere are fitted as in `articular_sphere`.
+    """Find where a bone is round.
+
+    Returns spheres without `warning_of` that fit parts of its surface, those that cover most of
+    their sphere first; none of them meets another's center. Each of many vertices proposes centers
+    along its normal, for a ladder of radii from 1/100 to 1/4 of the bone's length; the proposals
+    with most surface on their sphere are fitted as in `articular_sphere`.
     """
     corners = Corners.of(surface)
     length = float(np.ptp(corners.points, axis=0).max())
@@ -287,8 +324,9 @@ def _cylinder_starts(start: Array, line: Array, radius: float) -> list[tuple[Arr
 def _cylinder(
     corners: Corners, begin: tuple[Array, Array, float], window: tuple[Array, float], hollow: bool
 ) -> CylinderFit:
-    """Grown from a point, a direction and a radius, inside a window: its middle and half its width
-    along the axis.
+    """Grow a cylinder from a point, a direction and a radius, inside a window.
+
+    The window has its middle and half its width along the axis.
     """
     inside = np.abs((corners.points - window[0]) @ begin[1]) <= window[1]
 
@@ -376,7 +414,7 @@ def _near(surface: Surface, middle: Array, reach: float) -> Corners:
 
 
 def mm(length: float) -> str:
-    """A length [m] in millimeters."""
+    """Write a length [m] in millimeters."""
     return f"{1e3 * length:.3g} mm"
 
 

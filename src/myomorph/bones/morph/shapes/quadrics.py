@@ -74,9 +74,10 @@ class CylinderFit:
 
 
 def fit_sphere(points: ArrayLike, normals: ArrayLike, weights: ArrayLike) -> SphereFit:
-    """The sphere nearest to points. `points`: (n, 3) [m]; `normals`: (n, 3) outward: they start the
-    center, which little of a sphere needs, and tell a head from a socket; `weights`: (n,) area that
-    each point stands for [m^2].
+    """Fit the sphere nearest to points.
+
+    `points`: (n, 3) [m]; `normals`: (n, 3) outward: they start the center, which little of a sphere
+    needs, and tell a head from a socket; `weights`: (n,) area that each point stands for [m^2].
     """
     x, share, middle, size = _scaled(points, weights, 4, "sphere")
     center, radius = _sphere_start(x, normals, share)
@@ -112,8 +113,10 @@ def fit_sphere(points: ArrayLike, normals: ArrayLike, weights: ArrayLike) -> Sph
 def fit_cylinder(
     points: ArrayLike, normals: ArrayLike, weights: ArrayLike, axis: ArrayLike
 ) -> CylinderFit:
-    """The cylinder nearest to points (n, 3) [m]. `normals`: (n, 3) outward, tell a shaft from a
-    hole; `weights`: area of each point; `axis`: (3,) along which its axis is, about.
+    """Fit the cylinder nearest to points (n, 3) [m].
+
+    `normals`: (n, 3) outward, tell a shaft from a hole; `weights`: area of each point; `axis`: (3,)
+    along which its axis is, about.
     """
     x, share, middle, size = _scaled(points, weights, 6, "cylinder")
     first = np.asarray(axis, dtype=np.float64) / np.linalg.norm(axis)
@@ -174,8 +177,9 @@ class _Cylinder:
 
 
 def _circle_start(x: Array, share: Array, across: Array) -> tuple[Array, float]:
-    """Center and radius of the circle that fits the points seen along the axis, as squares (Kasa
-    1976). Points far off pull it.
+    """Fit a circle to the points seen along the axis, as squares (Kasa 1976).
+
+    Returns its center and radius. Points far off pull it.
     """
     flat = x @ across
     slopes = np.hstack([2.0 * flat, np.ones((len(x), 1))])
@@ -185,8 +189,9 @@ def _circle_start(x: Array, share: Array, across: Array) -> tuple[Array, float]:
 
 
 def _normals_start(normals: Array, x: Array, share: Array, across: Array) -> tuple[Array, float]:
-    """Where lines along the normals, seen along the axis, come nearest to each other, and the
-    mean distance from there.
+    """Return where lines along the normals, seen along the axis, come nearest to each other.
+
+    The second value is the mean distance from there.
     """
     flat = x @ across
     looks = normals @ across
@@ -200,8 +205,9 @@ def _normals_start(normals: Array, x: Array, share: Array, across: Array) -> tup
 def _cylinder_from(
     x: Array, share: Array, axis: Array, start: Callable[..., tuple[Array, float]]
 ) -> _Cylinder | None:
-    """Gauss-Newton over place (2), direction (2) and radius; None where the points leave one of
-    them open.
+    """Fit position (2), direction (2) and radius of a cylinder by Gauss-Newton.
+
+    None where the points leave one of them open.
     """
     counts = share
     try:
@@ -232,8 +238,9 @@ def _cylinder_from(
 def _scaled(
     points: ArrayLike, weights: ArrayLike, least: int, what: str
 ) -> tuple[Array, Array, Array, float]:
-    """Points about their middle in units of their spread, shares that sum to 1, the middle and the
-    spread.
+    """Center points about their middle in units of their spread.
+
+    Returns these, shares that sum to 1, the middle and the spread.
     """
     x = np.asarray(points, dtype=np.float64)
     if x.ndim != 2 or x.shape[1] != 3 or len(x) < least:
@@ -274,8 +281,9 @@ def _solved(slopes: Array, values: Array, weights: Array, what: str) -> Array:
 
 
 def _within(step: Array, radius: float) -> Array:
-    """The step, no longer than a quarter of the radius: with little of the turn seen the first ones
-    lead astray.
+    """Limit a step to a quarter of the radius.
+
+    Where little of the turn is seen, the first steps lead astray.
     """
     return step * min(1.0, 0.25 * radius / max(float(np.abs(step).max()), 1e-12))
 

@@ -1,16 +1,15 @@
-"""Strength and fiber length of a target species' muscles, from tables of anatomists ([D] chapter 6
-has only paths).
+"""Strength and fiber length of a target species' muscles, from tables of anatomists.
 
-A table holds what was measured on animals of one species: optimal fiber length l and maximum force
-F, or the muscle's mass, which is its strength W = F l over specific tension, times density. To
-another animal l goes by the length of its bones, F by its body mass to the power 2/3 (or the length
-squared where the table's body mass is not known): a cross-section that a skeleton of long legs does
-not change. The first table is the target species' own. Where it lacks a muscle, tables of relatives
-follow and then the source model itself, each at the level that the muscles in common with the first
-give it (the median ratio): so a relative tells how muscles compare with each other, not how strong
-the animal is. Intervals are what left-out muscles show: the spread of the ratios to the first
-table. Where a species has no table at all, the source's fibers and forces follow a law of scaling
-that other muscles of both species show.
+[D] chapter 6 has only paths. A table holds what was measured on animals of one species: optimal
+fiber length l and maximum force F, or the muscle's mass, which is its strength W = F l over
+specific tension, times density. To another animal l goes by the length of its bones, F by its body
+mass to the power 2/3 (or the length squared where the table's body mass is not known): a
+cross-section that a skeleton of long legs does not change. The first table is the target species'
+own. Where it lacks a muscle, tables of relatives follow and then the source model itself, each at
+the level that the muscles in common with the first give it (the median ratio): so a relative shows
+how muscles compare with each other, not how strong the animal is. Intervals are what left-out
+muscles show: the spread of the ratios to the first table. Where a species has no table at all, the
+source's fibers and forces follow a law of scaling that other muscles of both species show.
 """
 
 from __future__ import annotations
@@ -85,15 +84,16 @@ class ArchitectureTable:
             )
 
     def without(self, names: Sequence[str]) -> ArchitectureTable | None:
-        """The table without some of its muscles, None where nothing is left."""
+        """Return the table without some of its muscles, None where nothing is left."""
         rows = tuple(row for row in self.rows if row.name not in names)
         return replace(self, rows=rows) if rows else None
 
 
 @dataclass(frozen=True)
 class ScalingLaw:
-    """How the target's fibers and forces compare with the source's in its size, from muscles known
-    in both.
+    """Ratios of the target's fibers and forces to the source's in its size.
+
+    They come from muscles known in both.
     """
 
     citation: str  # which muscles, and where they were published
@@ -145,10 +145,11 @@ def architectures(
     sizes: Sequence[Size],
     muscles: Sequence[str],
 ) -> Mapping[str, Architecture]:
-    """Fiber length, force and pennation of all muscles wanted, by the source's names, or of none
-    without a table. `tables`: the target species' first, then the nearest relatives'; `sizes`: of
-    the target animal over each table's. Muscles that no table has follow the source at the level of
-    the others.
+    """Return fiber length, force and pennation of all muscles wanted, by the source's names.
+
+    Without a table there are none. `tables`: the target species' first, then the nearest
+    relatives'; `sizes`: of the target animal over each table's. Muscles that no table has follow
+    the source at the level of the others.
     """
     if not tables:
         return FrozenMap({})
@@ -193,8 +194,9 @@ def architectures(
 def scaled_architectures(
     source: Model, law: ScalingLaw, length: float, muscles: Sequence[str]
 ) -> Mapping[str, Architecture]:
-    """Fiber length and force of muscles by a law of scaling; `length`: of the target's bones over
-    the source's.
+    """Return fiber length and force of muscles by a law of scaling.
+
+    `length`: of the target's bones over the source's.
     """
     basis = f"{source.name}, scaled as {law.citation}"
     return FrozenMap(
@@ -218,7 +220,7 @@ def scaled_architectures(
 def _values(
     source: Model, table: ArchitectureTable, size: Size, tables: Sequence[ArchitectureTable]
 ) -> Values:
-    """What a table says of the source's muscles, in the target's size."""
+    """Return a table's values of the source's muscles, in the target's size."""
     volumes = {
         muscle.name: muscle.max_isometric_force * muscle.optimal_fiber_length
         for muscle in source.muscles
@@ -273,9 +275,10 @@ def _ratios(first: Values, other: Values) -> np.ndarray:
 
 
 def _level(first: Values, other: Values) -> tuple[np.ndarray, np.ndarray]:
-    """Factors of fiber length and strength that bring a table to the first one's level, and the
-    spread about them. Spreads are standard deviations of the logarithms of fiber length and force.
-    NaN with too little in common.
+    """Return factors that bring a table to the first one's level, and the spread about them.
+
+    Factors are of fiber length and strength, spreads standard deviations of the logarithms of fiber
+    length and force. NaN with too little in common.
     """
     ratios = _ratios(first, other)
     if len(ratios) < MIN_COUNT:
@@ -285,8 +288,9 @@ def _level(first: Values, other: Values) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _spread_within(tables: Sequence[ArchitectureTable], values: Sequence[Values]) -> np.ndarray:
-    """How far two anatomists of one species are apart, each from their middle: logarithms of fiber
-    length and force.
+    """Return how far two anatomists of one species differ, each from their middle.
+
+    Values are logarithms of fiber length and force.
     """
     for i, table in enumerate(tables):
         for other in range(i):

@@ -65,9 +65,10 @@ class RelativeBone:
 def with_attachments(
     source: Model, bones: Mapping[str, BoneMap], relatives: Sequence[RelativeBone]
 ) -> tuple[Model, Mapping[str, BoneMap], tuple[str, ...]]:
-    """The source with a body for each point that is moved, the maps of all, and what was moved, in
-    lines. A point whose path would then go back and forth along that bone stays where the map puts
-    it.
+    """Add a body to the source for each point that is moved.
+
+    Returns the source, the maps of all, and what was moved, in lines. A point whose path would then
+    go back and forth along that bone stays where the map puts it.
     """
     muscles = {muscle.name: muscle for muscle in source.muscles}
     result = dict(bones)
@@ -111,8 +112,9 @@ def with_attachments(
 
 
 def with_parts(source: Model, parts: Sequence[tuple[str, str]], muscles: Sequence[Muscle]) -> Model:
-    """The source with weightless bodies, by their names and the bodies that they are fixed to, and
-    with muscles.
+    """Add weightless bodies to the source, and muscles.
+
+    Each body has its name and the body that it is fixed to.
     """
     still = Transform.identity()
     return replace(
@@ -143,9 +145,7 @@ def with_parts(source: Model, parts: Sequence[tuple[str, str]], muscles: Sequenc
 
 
 def straightened(source: Model, names: Sequence[str]) -> Model:
-    """The source with only the first and last points of some muscles' paths, which wrap around
-    nothing.
-    """
+    """Keep only the first and last points of some muscles' paths, which wrap around nothing."""
     return replace(
         source,
         muscles=tuple(
@@ -167,7 +167,7 @@ def straightened(source: Model, names: Sequence[str]) -> Model:
 
 
 def _with_end(muscle: Muscle, index: int, point: PathPoint) -> Muscle:
-    """A muscle with another first (0) or last (-1) point."""
+    """Give a muscle another first (0) or last (-1) point."""
     points = list(muscle.path.points)
     points[index] = point
     return replace(muscle, path=replace(muscle.path, points=tuple(points)))
@@ -197,8 +197,9 @@ def _places(relative: RelativeBone, bone: BoneMap) -> Array:
 
 
 def _doubles_back(muscle: Muscle, each: Attachment, bone: BoneMap, goal: Array) -> bool:
-    """Whether the path's next point on that bone would lie the other way from the attachment than
-    before.
+    """Return whether the path doubles back at the attachment.
+
+    Its next point on that bone would lie the other way from the attachment than before.
     """
     points = muscle.path.points if each.end == "first" else muscle.path.points[::-1]
     ends = [

@@ -1,11 +1,10 @@
-"""What corresponds between two species: bones, landmarks, coordinates and muscles ([D] chapter 6),
-as a value.
+"""What corresponds between two species: bones, landmarks, coordinates and muscles ([D] chapter 6).
 
 Bones of two animals are compared in the directions of the anatomy, not in those of their files:
 proximal (for the trunk cranial, for the foot dorsal), anterior (for the trunk ventral, for the foot
-towards the toes) and right. A table is written once per pair of species;
+towards the toes) and right. A table is a value, written once per pair of species;
 `study.subject.species_morphing` reads it from a file. A bone of one may be several in the other:
-their bodies are looked at in postures in which the bones lie alike.
+their bodies are compared in postures in which the bones lie alike.
 """
 
 from __future__ import annotations
@@ -266,7 +265,16 @@ class Posed:
         return self._pose[other].inverse() @ self._pose[body]
 
     def joints(self, body: str) -> dict[str, Array]:
-        """Centers (3,) of all joints, by the body that hangs on them, in a body's frame [m]."""
+        """Return the centers of all joints, by the body that hangs on them.
+
+        Parameters
+        ----------
+        body : in whose frame they are expressed
+
+        Returns
+        -------
+        (3,) center of each joint [m], by child body
+        """
         return {
             joint.child: self.within(joint.child, body).apply(joint.child_frame.translation)
             for joint in self.model.joints
@@ -301,8 +309,9 @@ def _placed(
     before: Transform | None = None,
     after: Transform | None = None,
 ) -> BoneMap:
-    """The map of what is fixed at a pose of a bone's source body, to the body in which the target
-    has a pose.
+    """Return the map of what is fixed at a pose of a bone's source body.
+
+    It goes to the body in which the target has a pose.
     """
     before = before or Transform.identity()
     after = after or Transform.identity()
@@ -344,7 +353,7 @@ def part_name(body: str, target: str) -> str:
 
 
 def seated(bone: BoneMap, body: str, pair: BoneHomology, number: int, there: Posed) -> BoneMap:
-    """The map of a source body to another of its targets."""
+    """Return the map of a source body to another of its targets."""
     name = pair.targets[number]
     return _placed(bone, part_name(body, name), name, after=there.within(pair.targets[0], name))
 
@@ -356,8 +365,9 @@ def spread_over_targets(
     there: Posed,
     digits: frozenset[str] = frozenset(),
 ) -> Model:
-    """The source with a body for every target that a body's muscle points go to. `digits`: bodies
-    whose targets lie side by side: all of a muscle's points there go to the same.
+    """Add a body to the source for every target that a body's muscle points go to.
+
+    `digits`: bodies whose targets lie side by side: all of a muscle's points there go to the same.
     """
     shapes = {
         (targets[0], name): Shape(there.surface((name,), targets[0]))
@@ -367,7 +377,7 @@ def spread_over_targets(
     }
 
     def nearest(body: str, places: list[Array]) -> str:
-        """The target nearest to points of a muscle on a body."""
+        """Return the target nearest to points of a muscle on a body."""
         targets = parts[body]
         mapped = bones[body].map.apply(np.array(places))
         known = [name for name in targets if (targets[0], name) in shapes]

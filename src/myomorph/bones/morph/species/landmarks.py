@@ -20,9 +20,10 @@ Ints = NDArray[np.int64]
 
 
 class Parts:
-    """The connected parts of a bone's surface in the directions of the anatomy. `joint`: (3,) where
-    the bone's first joint landmark is [m]; `half`: only what lies to the right of the body's origin
-    counts.
+    """Connected parts of a bone's surface in the directions of the anatomy.
+
+    `joint`: (3,) where the bone's first joint landmark is [m]; `half`: only what lies to the right
+    of the body's origin counts.
     """
 
     def __init__(self, surface: Surface, frame: AnatomicalFrame, joint: Array | None, half: bool):
@@ -63,7 +64,20 @@ class Parts:
         return named
 
     def of(self, rule: LandmarkRule) -> tuple[Array, Ints]:
-        """Points (n, 3) along the anatomical directions, and faces, of the parts of a rule."""
+        """Return points and faces of the parts of a rule.
+
+        Parameters
+        ----------
+        rule : that names a part
+
+        Returns
+        -------
+        points (n, 3) along the anatomical directions [m], and faces (faces, 3), indices of these
+
+        Raises
+        ------
+        BadData : the bone has no such part
+        """
         wanted = self._names.get(rule.part, [])
         faces = self._faces[np.isin(self._label, wanted)]
         if not len(faces):
@@ -84,9 +98,25 @@ def landmarks_by_rules(
     of_source: bool,
     half: bool = False,
 ) -> tuple[Landmarks, tuple[str, ...]]:
-    """Landmarks of one bone by name, in its body's frame [m], and which rules found none and why.
-    `joints`: centers of joints by the body that hangs on them [m]; `half`: only what lies to the
-    right of the body's origin counts.
+    """Find landmarks of one bone by rules.
+
+    Parameters
+    ----------
+    rules : one per landmark, or pair of landmarks
+    surface : of the bone, in its body's frame [m]
+    frame : anatomical directions of the body
+    joints : (3,) centers of joints by the body that hangs on them [m]
+    of_source : whether the bone is the source's
+    half : only what lies to the right of the body's origin counts
+
+    Returns
+    -------
+    landmarks : by name, (3,) in the body's frame [m]
+    notes : which rules found none and why, one line each
+
+    Raises
+    ------
+    BadData : a rule names a joint that does not exist
     """
     landmarks: Landmarks = {}
     for rule in rules:
@@ -170,8 +200,17 @@ def _sections(rule: LandmarkRule, points: Array, faces: Ints) -> Landmarks:
 
 
 def section(points: Array, faces: Ints, height: float) -> Array:
-    """Straight pieces (n, 2, 2) in which a surface is cut across its first axis: ends, then the
-    other two axes.
+    """Cut a surface across its first axis into straight pieces.
+
+    Parameters
+    ----------
+    points : (n, 3) of the surface [m]
+    faces : (faces, 3) indices of points
+    height : of the cut along the first axis [m]
+
+    Returns
+    -------
+    (pieces, 2, 2) first and second end of each piece, in the other two axes [m]
     """
     above = points[:, 0] > height
     cut = faces[(above[faces].any(axis=1)) & ~(above[faces].all(axis=1))]

@@ -67,7 +67,7 @@ def species_bones(
     match: MatchOptions | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> SpeciesBones:
-    """A map for every bone of a species table whose bodies both models have.
+    """Map every bone of a species table whose bodies both models have.
 
     The target's bone is first given the source's proportions, by the affine map nearest to the
     landmarks, compared, and the map then brought to its own: so surfaces meet although one is
@@ -129,7 +129,7 @@ def _map(
     options: MapOptions | None,
     match: MatchOptions | None,
 ) -> tuple[BoneMap, tuple[str, ...]]:
-    """The map of a pair's first bodies."""
+    """Map a pair's first bodies."""
     pair = f"{bone.sources[0]} to {bone.targets[0]}"
     frames = table.frames(bone)
     places = []
@@ -194,9 +194,11 @@ def _map(
 def _consistent(
     names: tuple[str, ...], ours: Array, theirs: Array
 ) -> tuple[tuple[str, ...], Array, Array, tuple[str, ...]]:
-    """Landmarks without those that lie together in the source but not in the target, and which
-    these are. Rules that look for extremes may find one place twice on a bone and two places on
-    another's; a map through both would tear the space between them.
+    """Leave out landmarks that lie together in the source but not in the target.
+
+    Returns the others, and which these are. Rules that look for extremes may find one position
+    twice on a bone and two positions on another's; a map through both would tear the space between
+    them.
     """
     goal = fit_affine(theirs, ours).apply(theirs)
     kept = list(range(len(names)))
@@ -217,7 +219,7 @@ def _consistent(
 
 
 def _stretched(bone: BoneMap, source: Surface, target: Surface, back: AffineMap) -> BoneMap:
-    """The same with the target's bone in its own proportions."""
+    """Return the same map with the target's bone in its own proportions."""
     marks = bone.features
     assert marks is not None
     size = float(np.cbrt(np.linalg.det(back.matrix)))
@@ -251,10 +253,11 @@ def species_morph(
     name: str = "",
     progress: Callable[[str], None] | None = None,
 ) -> Morph:
-    """The target's skeleton, with its own joints and masses, and the source's muscles on it; its
-    `source` is that model with parts of bodies as bodies of their own where the table spreads one
-    over several. `beside`: keep the target's own muscles too; `progress`: called with a bone's name
-    before it is mapped, and with "muscles".
+    """Put the source's muscles on the target's skeleton, which keeps its own joints and masses.
+
+    Its `source` is that model with parts of bodies as bodies of their own where the table spreads
+    one over several. `beside`: keep the target's own muscles too; `progress`: called with a bone's
+    name before it is mapped, and with "muscles".
     """
     bones = species_bones(
         source, source_surfaces, target, target_surfaces, table, map_options, match, progress
@@ -304,8 +307,9 @@ def species_morph(
 def _less_sure(
     points: tuple[TransferredPoint, ...], unlike: float, surfaces: counterparts.Surfaces
 ) -> tuple[TransferredPoint, ...]:
-    """Points with intervals that hold how differently species attach their muscles, not only how
-    bones were matched.
+    """Widen the intervals of points by how differently species attach their muscles.
+
+    Before, they held only how bones were matched.
     """
     if not unlike:
         return points
@@ -355,8 +359,9 @@ def joint_distances(
     model: Model,
     whose: Literal["source", "target"],
 ) -> float:
-    """Sum over bones of the distance between the two joints that a species table has of each [m].
-    `bodies`: of the source, one of each bone; `model`: the source or the target, as `whose` says.
+    """Sum over bones the distance between the two joints that a species table has of each [m].
+
+    `bodies`: of the source, one of each bone; `model`: the source or the target, as `whose` states.
     """
     posed = counterparts.Posed(model, table.posture if whose == "source" else table.target_posture)
     total = 0.0

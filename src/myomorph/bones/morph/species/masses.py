@@ -1,6 +1,4 @@
-"""What a species table says of the target's skeleton: shares of segments in its mass, and markers
-of its recordings.
-"""
+"""A species table's data of the target's skeleton: shares of mass, and markers of recordings."""
 
 from __future__ import annotations
 
@@ -38,9 +36,10 @@ class SegmentShare:
 def with_segment_shares(
     model: Model, shares: Sequence[SegmentShare], mass: float | None = None
 ) -> tuple[Model, tuple[str, ...]]:
-    """The model with the segments' masses in these shares, all other bodies in proportion, and what
-    the shares are, one line each. Mass centers and radii of gyration stay; the total [kg] is the
-    model's by default.
+    """Give the segments' masses these shares, with all other bodies in proportion.
+
+    Returns the model and the shares, one line each. Centers of mass and radii of gyration stay; the
+    total [kg] is the model's by default.
     """
     total = model.mass if mass is None else mass
     if not (np.isfinite(total) and total > 0.0):
@@ -75,10 +74,11 @@ def with_segment_shares(
 def with_possible_inertias(
     model: Model, surfaces: Mapping[str, Surface]
 ) -> tuple[Model, tuple[Message, ...]]:
-    """The model without inertias that stand in a file for want of better ones, and how many were
-    replaced. A body whose radius of gyration is longer than its bone gets the inertia of a box
-    around the bone, evenly filled with its mass; one without a bone, where it is longer than any
-    bone, that of a cube as long as the longest.
+    """Replace inertias that stand in a file for want of better ones.
+
+    Returns the model, and how many were replaced. A body whose radius of gyration is longer than
+    its bone gets the inertia of a box around the bone, evenly filled with its mass; one without a
+    bone, where it is longer than any bone, that of a cube as long as the longest.
     """
     extents = {
         name: np.ptp(surface.vertices, axis=0)
@@ -159,8 +159,9 @@ class MarkerTable:
 def with_markers_of(
     model: Model, tables: tuple[MarkerTable, ...], name: str
 ) -> tuple[Model, tuple[str, ...]]:
-    """The model with the markers of one protocol instead of its own, and locked what they do not
-    show. Returns the model, and what was locked, one line each.
+    """Replace the model's markers by those of one protocol, and lock what these do not show.
+
+    Returns the model, and what was locked, one line each.
     """
     table = next((candidate for candidate in tables if candidate.name == name), None)
     if table is None:

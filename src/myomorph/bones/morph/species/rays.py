@@ -1,13 +1,12 @@
-"""Digits: a tendon belongs to one ray, from its metatarsal to its toe, and passes their joint on
-its own side.
+"""Digits: a tendon belongs to one ray, from its metatarsal to its toe.
 
-A source whose toes are one body does not show which toe a tendon goes to, and on a small foot the
-nearest toe is another one for every point. So a species table names the ray of each muscle, and
-whether it extends or flexes. What lies on the toes, or beside their joint on the foot, goes to that
-ray: about the joint, along the ray, in the size of its toe. Extensors stay dorsal of the joint by
-half of the toe's thickness, flexors plantar; the foot's points stay behind it and the toe's in
-front (a source whose via points lie beyond the joint has the signs of its moment arms wrong there:
-Rajagopal's long extensor of the toes flexes them).
+It passes their joint on its own side. A source whose toes are one body does not show which toe a
+tendon goes to, and on a small foot the nearest toe is another one for every point. So a species
+table names the ray of each muscle, and whether it extends or flexes. What lies on the toes, or
+beside their joint on the foot, goes to that ray: about the joint, along the ray, in the size of its
+toe. Extensors stay dorsal of the joint by half of the toe's thickness, flexors plantar; the foot's
+points stay behind it and the toe's in front (a source whose via points lie beyond the joint has the
+signs of its moment arms wrong there: Rajagopal's long extensor of the toes flexes them).
 """
 
 from __future__ import annotations
@@ -56,8 +55,9 @@ class Rays:
 
 @read_only
 class SidedMap:
-    """A similarity whose points stay on one side of a joint: along a ray at least `ahead`, dorsal
-    at least `above`.
+    """A similarity whose points stay on one side of a joint.
+
+    Along a ray they lie at least `ahead`, dorsal at least `above`.
     """
 
     whole: Similarity  # the similarity
@@ -71,7 +71,16 @@ class SidedMap:
     above: float
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) of the source's frame in the target's [m]."""
+        """Map points of the source's frame into the target's.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame [m]
+
+        Returns
+        -------
+        (..., 3) in the target's frame [m]
+        """
         result = self.whole.apply(points)
         for axis, least in ((self.along, self.ahead), (self.dorsal, self.above)):
             lacking = np.maximum(least - (result - self.center) @ axis, 0.0)
@@ -79,7 +88,16 @@ class SidedMap:
         return result
 
     def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3) of the mapped points."""
+        """Return the derivatives of the mapped points with the points.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source's frame [m]
+
+        Returns
+        -------
+        (..., 3, 3) derivatives [m/m]
+        """
         at = self.whole.apply(points) - self.center
         result = np.broadcast_to(self.whole.scale * self.whole.rotation, (*at.shape, 3)).copy()
         for axis, least in ((self.along, self.ahead), (self.dorsal, self.above)):
@@ -91,9 +109,10 @@ class SidedMap:
 def put_on_rays(
     source: Model, bone: BoneHomology, table: SpeciesTable, posed: tuple[Posed, Posed]
 ) -> Rays:
-    """The muscles of a bone's rays on them; what else lies on that bone is left as it is. `bone`:
-    with rays; its first source is the toes, whose parent in the source is the foot; `posed`: source
-    and target.
+    """Put the muscles of a bone's rays on them.
+
+    What else lies on that bone is left as it is. `bone`: with rays; its first source is the toes,
+    whose parent in the source is the foot; `posed`: source and target.
     """
     toes = bone.sources[0]
     joint = next((candidate for candidate in source.joints if candidate.child == toes), None)
@@ -152,9 +171,10 @@ def _on_parts(muscle: Muscle, parts: Mapping[str, str], near: set[tuple[str, str
 
 
 class _Laid:
-    """A ray of the target beside the source's toe. `knuckle`: (3,) where the source's joint is on
-    that toe, in the toes' frame [m]; `forward`: (3,) along the source's toes; `length`: of the
-    source's toe from the joint [m].
+    """A ray of the target beside the source's toe.
+
+    `knuckle`: (3,) where the source's joint is on that toe, in the toes' frame [m]; `forward`: (3,)
+    along the source's toes; `length`: of the source's toe from the joint [m].
     """
 
     def __init__(
@@ -202,7 +222,7 @@ class _Laid:
         self._half = 0.5 * float(np.ptp(bones[next_to] @ axes[0]))
 
     def map_of(self, body: str, target: str, side: str) -> BoneMap:
-        """The map of toes or foot to the ray's toe or metatarsal."""
+        """Return the map of toes or foot to the ray's toe or metatarsal."""
         here, there = self._posed
         knuckles = there.joints(target)
         joint = knuckles[self._ray.toe]
@@ -237,8 +257,9 @@ class _Laid:
 
 
 def _axes(along: Array, right: Array) -> Array:
-    """(3, 3) rows proximal (here dorsal), anterior (along the ray) and right; their determinant is
-    -1.
+    """Return (3, 3) rows proximal (here dorsal), anterior (along the ray) and right.
+
+    Their determinant is -1.
     """
     anterior = along / np.linalg.norm(along)
     side = right - anterior * (right @ anterior)

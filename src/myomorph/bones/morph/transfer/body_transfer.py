@@ -1,5 +1,4 @@
-"""A body on its way to other bones: its map, what that does to places, directions and sizes, and
-what is fixed to it.
+"""A body on its way to other bones: its map, and how that changes positions, directions and sizes.
 
 A body without a bone of its own is scaled with its neighbors. Mass, meshes, markers and points of
 forces go with it.
@@ -68,7 +67,16 @@ class Transfer:
             )
 
     def points(self, points: ArrayLike) -> Array:
-        """Points (..., 3) of the source body in the target body [m]."""
+        """Map points of the source body into the target body.
+
+        Parameters
+        ----------
+        points : (..., 3) in the source body's frame [m]
+
+        Returns
+        -------
+        (..., 3) in the target body's frame [m]
+        """
         return self.bone.map.apply(points)
 
     @cached_property
@@ -105,9 +113,18 @@ class Transfer:
         return float(np.linalg.det(self.linear))
 
     def within(self, points: ArrayLike) -> Array:
-        """Distances (n,) within which points (n, 3) of the source belong with 90 % [m]; NaN where
-        nothing is known. Those of the matched points around them, and what the map adds beside the
-        bone and where surface is missing.
+        """Return the distances within which points of the source belong with 90 %.
+
+        They are those of the matched points around them, and what the map adds beside the bone and
+        where surface is missing.
+
+        Parameters
+        ----------
+        points : (n, 3) in the source body's frame [m]
+
+        Returns
+        -------
+        (n,) distances [m]; NaN where nothing is known
         """
         asked = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         features = self.bone.features
@@ -127,7 +144,16 @@ class Transfer:
         return np.hypot(radii_around(features.source, features.radii, asked), self.size * beside)
 
     def near(self, place: ArrayLike) -> Array:
-        """(3, 3) of the affine map that comes nearest around a place (3,) of the source body."""
+        """Return the matrix of the affine map that comes nearest around a point.
+
+        Parameters
+        ----------
+        place : (3,) in the source body's frame [m]
+
+        Returns
+        -------
+        (3, 3) [m/m]; that of the whole bone where the map turns space inside out
+        """
         radius = NEIGHBORHOOD * self.length
         moved = self.points(np.asarray(place) + radius * _SPHERE)
         matrix: Array = 3.0 / (len(_SPHERE) * radius) * moved.T @ _SPHERE
@@ -135,19 +161,27 @@ class Transfer:
 
     @property
     def rotation(self) -> Array:
-        """(3, 3) by which directions fixed to the bone turn: that of the whole bone, so of a long
-        one's shaft.
+        """Rotation (3, 3) of directions fixed to the bone.
+
+        It is that of the whole bone, so of a long one's shaft.
         """
         return self.bone.whole.rotation
 
     def turn(self, place: ArrayLike) -> Array:
-        """Rotation (3, 3) of what is around a place (3,) of the source body: a condyle may turn
-        against the shaft.
+        """Return the rotation of what is around a point: a condyle may turn against the shaft.
+
+        Parameters
+        ----------
+        place : (3,) in the source body's frame [m]
+
+        Returns
+        -------
+        (3, 3)
         """
         return nearest_rotation(self.near(place))
 
     def pose(self, pose: Transform) -> Transform:
-        """A frame fixed to the source body, fixed to the target's."""
+        """Transfer a frame that is fixed to the source body to the target's."""
         return Transform(self.rotation @ pose.rotation, self.points(pose.translation))
 
     @cached_property
@@ -163,13 +197,22 @@ Transfers = Mapping[str, Transfer]
 
 
 def nearest_rotation(matrix: Array) -> Array:
-    """The rotation (3, 3) nearest to a matrix that keeps right right (its polar factor)."""
+    """Return the rotation nearest to a matrix that keeps right right (its polar factor).
+
+    Parameters
+    ----------
+    matrix : (3, 3) of positive determinant
+
+    Returns
+    -------
+    (3, 3)
+    """
     u, _, vt = np.linalg.svd(matrix)
     return (u * [1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
 
 
 def scaled_map(body: str, size: float) -> AffineMap:
-    """The map of a body that keeps its frame and changes its size."""
+    """Return the map of a body that keeps its frame and changes its size."""
     if not (np.isfinite(size) and size > 0.0):
         raise BadData(f"the size of '{body}' would be {size}: its neighbors' maps are no good")
     return AffineMap(size * np.eye(3), np.zeros(3))
@@ -179,9 +222,10 @@ Tie = TypeVar("Tie", Loop, Bushing)
 
 
 def transferred_body(body: Body, transfer: Transfer) -> Body:
-    """A body whose mass grows with its bone's volume, spread in it as the map of the whole bone
-    spreads it. The second moments of mass P = tr(I) / 2 - I become A P A^T, where A is the affine
-    map nearest over the bone.
+    """Transfer a body, whose mass grows with its bone's volume.
+
+    The mass is spread in it as the map of the whole bone spreads it. The second moments of mass
+    P = tr(I) / 2 - I become A P A^T, where A is the affine map nearest over the bone.
     """
     A = transfer.linear
     mass = body.mass * transfer.volume
@@ -197,7 +241,7 @@ def transferred_body(body: Body, transfer: Transfer) -> Body:
 
 
 def of_mass(bodies: tuple[Body, ...], mass: float | None) -> tuple[Body, ...]:
-    """The bodies with their masses in proportion, of a total mass [kg]."""
+    """Scale the bodies' masses in proportion, to a total mass [kg]."""
     if mass is None:
         return bodies
     total = sum(body.mass for body in bodies)
@@ -212,8 +256,9 @@ def of_mass(bodies: tuple[Body, ...], mass: float | None) -> tuple[Body, ...]:
 
 
 def transferred_mesh(mesh: Mesh, transfer: Transfer) -> Mesh:
-    """A mesh stretched along its own axes as its bone is: what can be shown where the target's bone
-    has no file.
+    """Stretch a mesh along its own axes as its bone is.
+
+    It can be shown where the target's bone has no file.
     """
     matrix = transfer.linear @ mesh.pose.rotation
     pose = Transform(nearest_rotation(matrix), transfer.points(mesh.pose.translation))
@@ -221,13 +266,13 @@ def transferred_mesh(mesh: Mesh, transfer: Transfer) -> Mesh:
 
 
 def transferred_marker(marker: Marker, transfers: Transfers) -> Marker:
-    """A marker, by its body's map."""
+    """Transfer a marker by its body's map."""
     transfer = transfers[marker.body]
     return replace(marker, body=transfer.body, location=transfer.points(marker.location))
 
 
 def transferred_tie(tie: Tie, transfers: Transfers) -> Tie:
-    """A closed loop or a bushing: both of its frames."""
+    """Transfer both frames of a closed loop or a bushing."""
     first = transfers[tie.body_1]
     second = transfers[tie.body_2]
     return replace(
@@ -257,8 +302,9 @@ def transferred_actuator(actuator: Actuator, transfers: Transfers) -> Actuator:
 
 
 def not_transferred(model: Model) -> list[str]:
-    """One line on each kind of thing that a file keeps with geometry of its own, and that stays as
-    it is.
+    """Return one line on each kind of part that stays as it is.
+
+    A file stores these with geometry of their own.
     """
     placed = ("Contact", "Path", "Force")
     kinds: dict[str, int] = {}
@@ -274,9 +320,11 @@ def not_transferred(model: Model) -> list[str]:
 
 
 def with_neighbors(model: Model, bones: Mapping[str, BoneMap]) -> dict[str, BoneMap]:
-    """Maps of all bodies and of the ground, in which a body without one takes the size of its
-    nearest neighbors. Such a body keeps its frame; its size is the geometric mean over the bodies
-    nearest in the tree that have a bone. The ground neither turns nor moves, whatever hangs on it.
+    """Complete the maps to all bodies and the ground.
+
+    A body without a map takes the size of its nearest neighbors. Such a body keeps its frame; its
+    size is the geometric mean over the bodies nearest in the tree that have a bone. The ground
+    neither turns nor moves, whatever hangs on it.
     """
     ties = neighbors_of(model)
     result = dict(bones)

@@ -1,5 +1,6 @@
-"""Joints in other bones: centers by the maps of parent and child or amid round surfaces, axes,
-travel of slides.
+"""Joints in other bones: centers, axes, and the travel of slides.
+
+Centers come from the maps of parent and child or lie amid round surfaces.
 """
 
 from __future__ import annotations
@@ -47,8 +48,9 @@ Round = Literal["sphere", "cylinder"]
 
 @read_only
 class _Fitted:
-    """A center in one of the target's bones, by a round surface or by the map, and whether it lies
-    inside the bone.
+    """A center in one of the target's bones, and whether it lies inside the bone.
+
+    It comes from a round surface or the map.
     """
 
     center: Array
@@ -66,13 +68,23 @@ class CenterFinder:
     together: bool  # the target's bones share a frame, so parent and child must agree
 
     def center(self, joint: Joint, in_parent: Array, in_child: Array) -> RebuiltJoint:
-        """Where a center (3,) known in the source's parent and child lies in the target's.
+        """Find in the target a center that is known in the source's parent and child.
 
         A ball joint (that turns by two coordinates or more) is centered in a sphere, a hinge on a
         cylinder, of either bone, if the source's joint is so in the source's bone: what is between
         the joint's center and the surface's in the source is kept. Bones that share a frame share
         the center: a fitted one before a mapped one, that of a bone that it lies in before that of
         one beside which it lies, else the middle.
+
+        Parameters
+        ----------
+        joint : of the source
+        in_parent : (3,) center in its parent's frame [m]
+        in_child : (3,) center in its child's frame [m]
+
+        Returns
+        -------
+        the joint in the target, with its center in parent and child
         """
         parent = self.transfers[joint.parent]
         child = self.transfers[joint.child]
@@ -123,7 +135,7 @@ class CenterFinder:
 
 
 def furthest_gap(parent: Transfer, child: Transfer) -> float:
-    """Allowed distance of the joint centers that two bones in one frame give [m]."""
+    """Return the allowed distance of the joint centers that two bones in one frame give [m]."""
     return APART * max(transfer.length * transfer.size for transfer in (parent, child))
 
 
@@ -137,8 +149,9 @@ def _shared(fitteds: list[_Fitted]) -> Array:
 
 
 def _depth(transfer: Transfer, place: Array) -> float:
-    """Of a place (3,) of the source over its bone's surface, negative inside, NaN without surfaces
-    [m].
+    """Return the height of a point (3,) of the source over its bone's surface [m].
+
+    Negative inside, NaN without surfaces.
     """
     return (
         float("nan")
@@ -152,8 +165,9 @@ def _mapped(transfer: Transfer, place: Array) -> _Fitted:
 
 
 def _fitted(transfer: Transfer, place: Array, axis: Array, shape: Round) -> _Fitted:
-    """A center (3,) of the source in the target's bone, by the round surface about it if there is
-    one.
+    """Find a center (3,) of the source in the target's bone.
+
+    The round surface about it gives the center if there is one.
     """
     mapped = _mapped(transfer, place)
     if transfer.shapes is None:
@@ -272,7 +286,10 @@ def transferred_joints(
 
 
 def _anchored(joint: Joint) -> Joint:
-    """The same joint with its frames at the first point that it turns about (MuJoCo's anchor)."""
+    """Return the same joint with its frames at the first point that it turns about.
+
+    That point is MuJoCo's anchor.
+    """
     anchor = next((axis.origin for axis in joint.axes if axis.kind == "rotation"), np.zeros(3))
     if not anchor.any():
         return joint
@@ -294,8 +311,9 @@ def _pose(axes: tuple[Axis, ...], values: Mapping[str, float]) -> Transform:
 
 
 def _scale_factors(joint: Joint, transfers: Transfers, values: Mapping[str, float]) -> list[float]:
-    """How much longer the parent becomes along each sliding axis, at the joint; 1 for axes of
-    rotation.
+    """Return how much longer the parent becomes along each sliding axis, at the joint.
+
+    It is 1 for axes of rotation.
     """
     amounts = [value_at(axis.function, axis.coordinates, values) for axis in joint.axes]
     result = [1.0] * len(joint.axes)
@@ -353,7 +371,7 @@ def _carried(
 
 
 def _hinge(joint: Joint) -> Array | None:
-    """The axis (3,) of a joint that turns by one coordinate alone, in its frames."""
+    """Return the axis (3,) of a joint that turns by one coordinate alone, in its frames."""
     turns = [axis for axis in joint.axes if axis.kind == "rotation" and axis.function.arity]
     if len({name for axis in turns for name in axis.coordinates}) != 1:
         return None
@@ -361,8 +379,9 @@ def _hinge(joint: Joint) -> Array | None:
 
 
 def _turned(transfer: Transfer, place: Array, frame: Transform, hinge: Array | None) -> Array:
-    """Rotation (3, 3) of a joint's frame in the target: of the whole bone, swung so that a hinge
-    follows its end.
+    """Return the rotation (3, 3) of a joint's frame in the target.
+
+    It is that of the whole bone, swung so that a hinge follows its end.
     """
     whole = transfer.rotation @ frame.rotation
     if hinge is None:
@@ -379,7 +398,7 @@ def _travelled(axis: Axis, scale_factor: float, travel: Mapping[str, float]) -> 
 
 
 def _torque(torque: PassiveTorque, factor: float) -> PassiveTorque:
-    """Forces along a sliding coordinate stay at the same share of the way."""
+    """Keep forces along a sliding coordinate at the same share of the way."""
     return replace(
         torque,
         torque=stretched(torque.torque, 1.0, factor),

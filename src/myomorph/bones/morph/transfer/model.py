@@ -1,6 +1,4 @@
-"""A model's muscles, and all that is fixed to its bones, transferred to other bones ([D] chapters 2
-and 6).
-"""
+"""A model's muscles, and all that is fixed to its bones, in other bones ([D] chapters 2 and 6)."""
 
 from __future__ import annotations
 
@@ -62,8 +60,7 @@ def morph_model(
     surrounding: Mapping[str, Sequence[str]] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Morph:
-    """The model in other bones: its joints, muscles and all that is fixed to its bodies transferred
-    by the bones' maps.
+    """Transfer a model to other bones: joints, muscles and all that is fixed to its bodies.
 
     Everything fixed to one body goes by that body's map alone. A body without a map takes its
     neighbors' size; one that has no bone at all, but muscle points, is mapped by the bones around
@@ -170,9 +167,10 @@ def _morph(
     postures: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
     architecture: Mapping[str, Architecture] | None = None,
 ) -> Morph:
-    """What comes of transferred paths (`moved`, and `donor` with the same muscles and ligaments of
-    the source): brought out of bones, with muscles of their lengths, and with all that there is to
-    note.
+    """Complete transferred paths to a morph.
+
+    Paths (`moved`, and `donor` with the same muscles and ligaments of the source) are brought out
+    of bones, muscles get their lengths, and whatever there is to note is noted.
     """
     solid = [transfer.bone for transfer in transfers.values()] if options.clear else []
     moved, points, clearing = cleared(donor, moved, solid, strings.points, table)
@@ -221,8 +219,7 @@ def graft_muscles(
     architecture: Mapping[str, Architecture] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Morph:
-    """The target's skeleton with the source's muscles on it, and their wrap objects and markers
-    ([D] chapter 6).
+    """Put the source's muscles, wrap objects and markers on the target's skeleton ([D] chapter 6).
 
     Several bodies of the source may lead to one of the target, where bones are fused. A muscle one
     of whose bodies has no counterpart is left out, and so is a wrap object. Joints, masses and
@@ -320,7 +317,7 @@ def graft_muscles(
 
 
 def _in_posture(model: Model, values: Mapping[str, float]) -> Model:
-    """The model with other default values of its coordinates."""
+    """Give the model other default values of its coordinates."""
     changed = (
         replace(coordinate, default=values.get(coordinate.name, coordinate.default))
         for coordinate in model.coordinates
@@ -329,8 +326,9 @@ def _in_posture(model: Model, values: Mapping[str, float]) -> Model:
 
 
 def _whole_ligaments(source: Model, transfers: Mapping[str, Transfer]) -> tuple[Ligament, ...]:
-    """Ligaments all of whose bodies have a counterpart; surfaces that have none they no longer go
-    around.
+    """Return the ligaments all of whose bodies have a counterpart.
+
+    They no longer go around surfaces that have none.
     """
     bodies = {wrap.name: wrap.body for wrap in source.wrap_objects}
     ligaments = []

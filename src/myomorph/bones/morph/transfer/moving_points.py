@@ -1,6 +1,4 @@
-"""Path points that depend on coordinates: in the coordinates of another model, and turned with a
-bone.
-"""
+"""Path points that depend on coordinates: in those of another model, and rotated with a bone."""
 
 from __future__ import annotations
 
@@ -23,10 +21,11 @@ from myomorph.core.model.paths import MovingPathPoint, Path, PathPoint, PathWrap
 def translated_path(
     path: Path, table: CoordinateTable, standing: Mapping[str, float]
 ) -> tuple[Path, list[str]]:
-    """A path whose conditional and moving points follow the target's coordinates, and what it lost.
-    A point that depends on a coordinate that the target does not have is as it is at `standing`,
-    the values of the source's coordinates [rad or m]: fixed there, or left out where the path does
-    not go through it.
+    """Let conditional and moving points of a path follow the target's coordinates.
+
+    Returns the path, and what it lost. A point that depends on a coordinate that the target does
+    not have is as it is at `standing`, the values of the source's coordinates [rad or m]: fixed
+    there, or left out where the path does not go through it.
     """
     kept: list[PathPoint | MovingPathPoint] = []
     dropped: list[int] = []
@@ -71,7 +70,7 @@ def _moving(
 
 
 def reparametrized(function: Function, factor: float, offset: float) -> Function:
-    """The g with g(factor x + offset) = f(x), of a function of one coordinate."""
+    """Return the g with g(factor x + offset) = f(x), of a function of one coordinate."""
     if isinstance(function, SineProduct):
         frequencies = function.frequencies / factor
         return replace(
@@ -98,12 +97,23 @@ def reparametrized(function: Function, factor: float, offset: float) -> Function
 
 
 def piece_about(function: PiecewisePolynomial, piece: int, place: float) -> np.ndarray:
-    """Coefficients of one of a function's pieces about another place."""
+    """Expand one of a function's pieces about another value.
+
+    Parameters
+    ----------
+    function : piecewise polynomial
+    piece : index of the piece
+    place : value of the variable to expand about
+
+    Returns
+    -------
+    (order,) coefficients, as in the function
+    """
     return substituted(function.coefficients[piece], place - function.breaks[piece])
 
 
 def _renumbered(path: Path, dropped: list[int]) -> tuple[PathWrap | TendonWrap, ...]:
-    """Wraps of a path without some of its points, which they count."""
+    """Return the wraps of a path without some of its points, which they count."""
     if not dropped:
         return path.wraps
     before = np.cumsum(np.isin(np.arange(len(path.points) + 1), dropped))

@@ -40,8 +40,17 @@ OWN_LENGTHS = (*FIBER_LENGTHS, "default_fiber_length")
 def path_lengths(
     source: Model, target: Model, postures: Postures, progress: Callable[[int], None] | None
 ) -> tuple[Array, Array]:
-    """Lengths (postures, muscles) of the paths of two models that have the same muscles, the
-    default posture first.
+    """Return lengths of the paths of two models that have the same muscles.
+
+    Parameters
+    ----------
+    source, target : models
+    postures : of both, the default posture first
+    progress : called with the number of postures just done
+
+    Returns
+    -------
+    (postures, muscles) lengths of the source and of the target [m]
     """
     of_source = compile_paths(source).evaluate(postures.source, progress=progress)[0]
     of_target = compile_paths(target).evaluate(postures.target, progress=progress)[0]
@@ -50,8 +59,9 @@ def path_lengths(
 
 @dataclass(frozen=True)
 class Growth:
-    """How a muscle's lengths change: path lengths l become slope l + shift, so fibers grow by
-    slope.
+    """Change of a muscle's lengths.
+
+    Path lengths l become slope l + shift, so fibers grow by slope.
     """
 
     slope: float
@@ -67,10 +77,22 @@ def transferred_muscles(
     mass_ratio: float,
     known_architectures: Mapping[str, Architecture] | None = None,
 ) -> tuple[tuple[Muscle, ...], tuple[MuscleChange, ...], list[str]]:
-    """Muscles (paths of the target, parameters of the source) with the parameters that the target's
-    bones ask for, what changed, and warnings. `lengths`: (postures, muscles) of source and target
-    [m]; `mass_ratio`: target over source; tendons of `known_architectures` keep the mean normalized
-    fiber length.
+    """Give muscles the parameters that the target's bones require.
+
+    Parameters
+    ----------
+    muscles : with paths of the target and parameters of the source
+    source : muscles of the source, by name
+    lengths : (postures, muscles) path lengths of source and target [m]
+    transfers : of the bodies
+    options : what is transferred how
+    mass_ratio : target over source
+    known_architectures : fiber lengths and forces, by muscle; tendons of these keep the mean
+        normalized fiber length
+
+    Returns
+    -------
+    muscles, what changed in each, and warnings
     """
     result = []
     changes = []
@@ -136,8 +158,18 @@ def transferred_muscles(
 
 
 def normalized_lengths(muscle: Muscle, lengths: Array) -> Array:
-    """Fiber lengths over the optimal one at path lengths [m], with a rigid tendon and fibers of
-    constant thickness.
+    """Return fiber lengths over the optimal one, with a rigid tendon.
+
+    The fibers keep their thickness.
+
+    Parameters
+    ----------
+    muscle : with its parameters
+    lengths : (...) path lengths [m]
+
+    Returns
+    -------
+    (...) normalized fiber lengths; NaN for a muscle without an optimal fiber length
     """
     if not muscle.optimal_fiber_length > 0.0:
         return np.full(np.shape(lengths), np.nan)
@@ -154,11 +186,11 @@ def _usual(muscle: Muscle, lengths: Array) -> np.ndarray:
 
 
 def _range_growth(muscle: Muscle, before: Array, after: Array, ratio: float) -> Growth | None:
-    """The growth that keeps normalized fiber lengths over the range of motion, None where the paths
-    do not tell.
+    """Return the growth that keeps normalized fiber lengths over the range of motion.
 
-    The fiber along the tendon, in optimal lengths, is (l(q) - l_T) / l_0 over postures q. l_0' and
-    l_T' of the target give it the mean and the standard deviation that the source's has:
+    None where the paths do not show it. The fiber along the tendon, in optimal lengths, is (l(q) -
+    l_T) / l_0 over postures q. l_0' and l_T' of the target give it the mean and the standard
+    deviation that the source's has:
 
         l_0' / l_0 = sd(l') / sd(l),   l_T' = mean(l') - (l_0' / l_0) (mean(l) - l_T)
 
@@ -183,8 +215,9 @@ def _range_growth(muscle: Muscle, before: Array, after: Array, ratio: float) -> 
 
 
 def _given_growth(muscle: Muscle, before: Array, after: Array, fiber: float) -> Growth:
-    """The growth to a known fiber length, with the tendon that keeps the mean normalized fiber
-    length over postures.
+    """Return the growth to a known fiber length.
+
+    The tendon keeps the mean normalized fiber length over postures.
     """
     usual = _usual(muscle, before)
     slope = fiber / muscle.optimal_fiber_length
@@ -192,7 +225,7 @@ def _given_growth(muscle: Muscle, before: Array, after: Array, fiber: float) -> 
 
 
 def with_lengths(muscle: Muscle, growth: Growth) -> Muscle:
-    """The muscle with fibers and tendon, and what its class has of both, after a growth."""
+    """Scale fibers and tendon of a muscle, and what its class has of both, by a growth."""
     parameters = dict(muscle.parameters)
     for name in OWN_LENGTHS:
         if name in parameters:
@@ -207,7 +240,9 @@ def with_lengths(muscle: Muscle, growth: Growth) -> Muscle:
 
 
 def _with_pennation(muscle: Muscle, before: Muscle, options: MorphOptions, size: float) -> Muscle:
-    """Thickness is optimal fiber length times the sine of pennation; it grows with the bones if
+    """Set the pennation that fits the muscle's thickness.
+
+    Thickness is optimal fiber length times the sine of pennation; it grows with the bones if
     that is wanted.
     """
     if options.pennation == "keep" or not muscle.optimal_fiber_length > 0.0:
@@ -226,7 +261,9 @@ def _with_pennation(muscle: Muscle, before: Muscle, options: MorphOptions, size:
 def _force_ratio(
     options: MorphOptions, transfers: Transfers, bodies: set[str], fiber: float, mass_ratio: float
 ) -> float:
-    """Force is volume over fiber length times a stress that stays; the bones' volume stands for the
+    """Return the factor of a muscle's force.
+
+    Force is volume over fiber length times a stress that stays; the bones' volume stands for the
     muscle's.
     """
     if options.force == "keep":
@@ -239,7 +276,10 @@ def _force_ratio(
 
 
 def _with_force(muscle: Muscle, ratio: float, fiber: float) -> Muscle:
-    """A damper along the path resists as its muscle pulls, at speeds in fiber lengths."""
+    """Scale a muscle's force.
+
+    A damper along the path resists as its muscle pulls, at speeds in fiber lengths.
+    """
     parameters = dict(muscle.parameters)
     for name in ("F0", "force"):
         if parameters.get(name, -1.0) > 0.0:

@@ -33,8 +33,9 @@ Pairs = Mapping[str, tuple[WrapObject, WrapObject]]  # Wrap objects of source an
 def points_left_outside(
     muscles: Iterable[Muscle], points: Iterable[TransferredPoint], wraps: Pairs
 ) -> tuple[dict[str, tuple[WrapObject, WrapObject]], list[str]]:
-    """Wrap objects small enough to leave outside what was outside, and a line on those that are
-    smaller for it.
+    """Shrink wrap objects so far that they leave outside what was outside.
+
+    Returns those that are smaller for it, and a line on each.
     """
     shrunk: dict[str, float] = {}
     queue = iter(points)
@@ -72,7 +73,7 @@ def points_left_outside(
 
 
 def _share(before: float, after: float) -> float:
-    """What is left of a size so that a point that was outside is so again."""
+    """Return what is left of a size so that a point that was outside is so again."""
     if before < 1.0 or after >= (1.0 - SAME) * min(before, OUTSIDE[0]):
         return 1.0
     return after / min(before, OUTSIDE[1])
@@ -90,11 +91,12 @@ _BALL = np.concatenate([np.cos(a) * _RING + [0.0, 0.0, np.sin(a)] for a in _LATI
 
 
 def transferred_wrap(wrap: WrapObject, transfer: Transfer) -> WrapObject:
-    """A wrap object that lies in the target's bone as it did in the source's. Points of its surface
-    go where the map sends them. The affine map nearest to that gives the middle and how the object
-    turns (a cylinder's axis stays along the same line of the bone); radii are the mean distances of
-    the points from the middle or the axis, so a similarity is met exactly. Sides that constrain the
-    path turn with the object.
+    """Transfer a wrap object, so that it lies in the target's bone as it did in the source's.
+
+    Points of its surface go where the map sends them. The affine map nearest to that gives the
+    middle and the rotation of the object (a cylinder's axis stays along the same line of the bone);
+    radii are the mean distances of the points from the middle or the axis, so a similarity is met
+    exactly. Sides that constrain the path rotate with the object.
     """
     points = surface_points(wrap, LONGEST * transfer.length)
     moved = transfer.points(wrap.pose.apply(points))
@@ -115,8 +117,16 @@ def transferred_wrap(wrap: WrapObject, transfer: Transfer) -> WrapObject:
 
 
 def surface_points(wrap: WrapObject, longest: float) -> Array:
-    """Points (n, 3) spread evenly over a wrap object's surface, in its frame, the middle their mean
-    [m]. `longest`: how far a cylinder counts to either side of its middle [m].
+    """Spread points evenly over a wrap object's surface.
+
+    Parameters
+    ----------
+    wrap : object
+    longest : how far a cylinder counts to either side of its middle [m]
+
+    Returns
+    -------
+    (n, 3) points in the object's frame, the middle their mean [m]
     """
     if wrap.kind == "cylinder":
         radius, length = wrap.size
@@ -136,7 +146,7 @@ def surface_points(wrap: WrapObject, longest: float) -> Array:
 
 
 def _axis_along(rotation: Array, axis: Array) -> Array:
-    """The rotation turned as little as needed to have its z axis along a direction."""
+    """Swing a rotation as little as needed to have its z axis along a direction."""
     z = axis / np.linalg.norm(axis)
     x = rotation[:, 0] - (rotation[:, 0] @ z) * z
     x /= np.linalg.norm(x)
@@ -161,8 +171,9 @@ def _growth(points: Array, moved: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class LinesOfAction:
-    """Paths of muscles and ligaments in the target's bones; forces and fibers are still the
-    source's.
+    """Paths of muscles and ligaments in the target's bones.
+
+    Forces and fibers are still the source's.
     """
 
     muscles: tuple[Muscle, ...]
@@ -181,10 +192,11 @@ def transferred_lines(
     travel: Mapping[str, float],
     within: float,
 ) -> LinesOfAction:
-    """Paths by the maps of the bodies that their points are fixed to, and the source's wrap objects
-    on those bodies. `travel`: how much further a coordinate that slides goes in the target;
-    `within`: distance from the surface up to which a point belongs to it, as a share of the bone's
-    length.
+    """Transfer paths by the maps of the bodies that their points are fixed to.
+
+    The source's wrap objects on those bodies go with them. `travel`: how much further a coordinate
+    that slides goes in the target; `within`: distance from the surface up to which a point belongs
+    to it, as a share of the bone's length.
     """
     muscles = tuple(muscles)
     ligaments = tuple(ligaments)

@@ -49,11 +49,22 @@ class SurfacePoints:
 
 
 def put_on_surface(transfer: Transfer, points: Array, within: float) -> SurfacePoints:
-    """Points (n, 3) of a body transferred, those within a share of its bone's length of the surface
-    at their height above the target's [m]. The point of the surface nearest to such a point goes
-    where the map sends it, and from there to the nearest point of the target's surface that faces
-    the same way: what the map missed the surface by is added to the point itself. So nothing moves
-    where the map brings surface onto surface, and a point stays on its side of a thin bone.
+    """Transfer points of a body, those near its bone's surface at their height above the target's.
+
+    The point of the surface nearest to such a point goes where the map sends it, and from there to
+    the nearest point of the target's surface that faces the same way: what the map missed the
+    surface by is added to the point itself. So nothing moves where the map brings surface onto
+    surface, and a point stays on its side of a thin bone.
+
+    Parameters
+    ----------
+    transfer : of the body
+    points : (n, 3) in the source body's frame [m]
+    within : distance from the surface up to which a point is near, as a share of the bone's length
+
+    Returns
+    -------
+    points in the target body's frame, and how they were moved [m]
     """
     mapped = transfer.points(points)
     shapes = transfer.shapes
@@ -115,8 +126,19 @@ def _lifted(
 
 
 def nearest_facing(shape: Shape, points: Array, facing: Array) -> tuple[Array, Array]:
-    """Nearest points (n, 3) of a surface on the side that faces a direction (n, 3), and their
-    normals (n, 3). Where no triangle near by faces that way, the nearest of all is taken.
+    """Find the nearest points of a surface on the side that faces a direction.
+
+    Where no triangle near by faces that way, the nearest of all is taken.
+
+    Parameters
+    ----------
+    shape : surface
+    points : (n, 3) to find the nearest of [m]
+    facing : (n, 3) directions
+
+    Returns
+    -------
+    (n, 3) points of the surface [m], and their normals (n, 3)
     """
     places, faces = shape.closest(points)
     normals = shape.normals[faces]
@@ -160,10 +182,11 @@ class Setting:
 def transferred_paths(
     owned: Iterable[tuple[str, Path]], transfers: Transfers, setting: Setting, within: float
 ) -> tuple[list[Path], tuple[TransferredPoint, ...], list[str]]:
-    """Paths of muscles or ligaments, all of their points and notes: every point by the map of the
-    body that it is fixed to. A moving point follows the affine map nearest around the middle of its
-    way, which is exact where the bone's map is affine. `within`: distance up to which a point
-    belongs to the surface, as a share of the bone's length.
+    """Transfer paths of muscles or ligaments, each point by the map of its body.
+
+    Returns paths, all of their points, and notes. A moving point follows the affine map nearest
+    around the middle of its way, which is exact where the bone's map is affine. `within`: distance
+    up to which a point belongs to the surface, as a share of the bone's length.
     """
     owned = list(owned)
     places = [place_of(point, setting.coordinates) for _, path in owned for point in path.points]
@@ -225,7 +248,17 @@ def _transferred_points(
 
 
 def place_of(point: PathPoint | MovingPathPoint, coordinates: Mapping[str, Coordinate]) -> Array:
-    """Where a point is in its body, (3,), in the middle of its way if it moves [m]."""
+    """Return where a point is in its body, in the middle of its way if it moves.
+
+    Parameters
+    ----------
+    point : of a path
+    coordinates : of the model, by name
+
+    Returns
+    -------
+    (3,) position in the body's frame [m]
+    """
     if isinstance(point, PathPoint):
         return point.location
     ways = [
@@ -284,8 +317,9 @@ def _point(
 
 
 def _names(point: MovingPathPoint, matrix: Array) -> tuple[str, str, str]:
-    """The coordinate of each axis: its own where axes do not mix, else the one that they all
-    follow.
+    """Return the coordinate of each axis.
+
+    It is its own where axes do not mix, else the one that they all follow.
     """
     if np.count_nonzero(matrix - np.diag(np.diag(matrix))) == 0:
         return point.coordinates
@@ -294,7 +328,22 @@ def _names(point: MovingPathPoint, matrix: Array) -> tuple[str, str, str]:
 
 
 def combined(functions: list[Function], factors: Array, offset: float) -> Function:
-    """sum_i factors[i] functions[i](x) + offset, of functions of one coordinate."""
+    """Return sum_i factors[i] functions[i](x) + offset, of functions of one coordinate.
+
+    Parameters
+    ----------
+    functions : of one coordinate, or constant
+    factors : (functions,)
+    offset : added to the sum
+
+    Returns
+    -------
+    function of the coordinate
+
+    Raises
+    ------
+    TypeError : a product of sines, and another function
+    """
     used = [(f, float(a)) for f, a in zip(functions, factors, strict=True) if a != 0.0 and f.arity]
     offset += sum(
         float(a) * float(f(0.0)) for f, a in zip(functions, factors, strict=True) if not f.arity
@@ -318,7 +367,10 @@ def combined(functions: list[Function], factors: Array, offset: float) -> Functi
 
 
 def _all_breaks(functions: list[PiecewisePolynomial]) -> Array:
-    """Breaks of all, the first twice if a function has a piece of its own to their left."""
+    """Return the breaks of all functions.
+
+    The first is there twice if a function has a piece of its own to their left.
+    """
     if all(np.array_equal(f.breaks, functions[0].breaks) for f in functions):
         return functions[0].breaks
     breaks = np.unique(np.concatenate([f.breaks for f in functions]))
@@ -326,8 +378,9 @@ def _all_breaks(functions: list[PiecewisePolynomial]) -> Array:
 
 
 def _pieces_at(function: PiecewisePolynomial, breaks: Array) -> Array:
-    """(breaks, degree + 1) the function's coefficients about each break, the first break's to its
-    left.
+    """Expand a function about each break, (breaks, degree + 1) coefficients.
+
+    The first break's are those to its left.
     """
     if np.array_equal(function.breaks, breaks):
         return function.coefficients
@@ -339,8 +392,9 @@ def _pieces_at(function: PiecewisePolynomial, breaks: Array) -> Array:
 
 
 def _side(wrap: TendonWrap, transfers: Transfers, setting: Setting) -> TendonWrap:
-    """A side site keeps its place relative to the surface: inside stays inside. On another body it
-    goes by its map.
+    """Keep a side site's position relative to the surface: inside stays inside.
+
+    On another body it goes by its map.
     """
     if wrap.side is None:
         return wrap
@@ -359,8 +413,9 @@ ASKED = 3  # Places that are asked for, at most.
 
 
 def uncertain_notes(points: Iterable[TransferredPoint], transfers: Transfers) -> list[str]:
-    """A line for each bone with points that may belong far from where they were put, with landmarks
-    to give.
+    """Report each bone with points that may belong far from where they were put.
+
+    A line names landmarks to add.
     """
     notes = []
     for body, here in grouped((point.body, point) for point in points).items():

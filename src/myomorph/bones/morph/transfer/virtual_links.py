@@ -1,8 +1,7 @@
-"""Virtual links: bodies without a bone on which muscles branch, mapped by the bones around them
-([D] chapter 2).
+"""Virtual links: bodies without a bone on which muscles branch ([D] chapter 2).
 
-Where the bones' maps put a branching point, its lines of action need not hold it: it is moved to
-where their tensions balance.
+They are mapped by the bones around them. Where the bones' maps put a branching point, its lines of
+action need not hold it: it is moved to where their tensions balance.
 """
 
 from __future__ import annotations
@@ -95,8 +94,9 @@ def riders_of(model: Model, link: str) -> Riders:
 
 
 def branch_load(model: Model, link: str) -> BranchLoad:
-    """The tensions that hold a branching point `link` where the model has it, nearest to those of
-    equal activation.
+    """Return the tensions that hold a branching point `link` where the model has it.
+
+    They are the nearest to those of equal activation.
     """
     freed = _FreeLink(model, link, riders_of(model, link))
     force = np.array([model.muscle(name).max_isometric_force for name in freed.muscles])
@@ -117,10 +117,22 @@ def branch_load(model: Model, link: str) -> BranchLoad:
 def branch_places(
     model: Model, load: BranchLoad, motion: Motion | None = None, riders: Riders | None = None
 ) -> tuple[Array, Array]:
-    """How far a branching point moves until its lines of action balance: (frames, 3) from where the
-    model has it, in the link's frame [m], NaN where there is no balance; and (frames,) whether
-    there is one. Source: [D] chapter 2, virtual links; the balance is that of a massless body (see
-    docs/bone-maps.md). `riders`: by default all that the body has.
+    """Return how far a branching point moves until its lines of action balance.
+
+    Source: [D] chapter 2, virtual links; the balance is that of a massless body (see
+    docs/bone-maps.md).
+
+    Parameters
+    ----------
+    model : with the link
+    load : tensions of the lines of action, and what holds the point at rest
+    motion : frames to balance in; the default pose by default
+    riders : parts of the model that move with the link; by default all that the body has
+
+    Returns
+    -------
+    (frames, 3) from where the model has it, in the link's frame, NaN where there is no balance [m],
+    and (frames,) whether there is one
     """
     for name in load.muscles:
         check_name("muscle", name, model.muscle_names)
@@ -160,8 +172,9 @@ def branch_places(
 def _state(
     freed: _FreeLink, moved: Array, tensions: Array, rest: Array, size: float
 ) -> tuple[Array, Array, Array]:
-    """Energy (frames,), its slope (frames, 3) and second derivatives (frames, 3, 3) by the point's
-    place.
+    """Return energy (frames,), its slope (frames, 3) and second derivatives (frames, 3, 3).
+
+    The derivatives are with the point's position.
     """
     steps = STEP * size * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
     lengths, slopes = freed.slopes((moved[:, None] + steps).reshape(-1, 3), len(steps))
@@ -226,8 +239,10 @@ class _FreeLink:
         self.frames = len(self._values)
 
     def slopes(self, moved: Array, each: int = 1) -> tuple[Array, Array]:
-        """Lengths (frames, lines) and their derivatives (frames, 3, lines) by the point's place in
-        the link. `moved`: (frames x each, 3) places, `each` of them a frame [m].
+        """Return lengths (frames, lines) and their derivatives (frames, 3, lines).
+
+        The derivatives are with the point's position in the link. `moved`: (frames x each, 3)
+        positions, `each` of them per frame [m].
         """
         values = np.repeat(self._values, each, axis=0)
         values[:, self._columns] = moved
@@ -260,9 +275,10 @@ FEATURES = 60  # Of each bone around a virtual link count, spread over those it 
 def bones_around(
     model: Model, bones: Mapping[str, BoneMap], stated: Mapping[str, Sequence[str]] | None = None
 ) -> dict[str, tuple[str, ...]]:
-    """The bones that surround each virtual link: those given, and those found in the tree. A body
-    is taken for a virtual link where it has muscle points, but neither a mesh nor a bone of the
-    target, and lies between at least two bones.
+    """Return the bones that surround each virtual link: those given, and those found in the tree.
+
+    A body is taken for a virtual link where it has muscle points, but neither a mesh nor a bone of
+    the target, and lies between at least two bones.
     """
     result: dict[str, tuple[str, ...]] = {}
     for link, around in (stated or {}).items():
@@ -297,8 +313,10 @@ def surrounded_map(
     source: Mapping[str, Transform],
     target: Mapping[str, Transform],
 ) -> BoneMap:
-    """The map of a virtual link, whose points are fixed to `there`, from the features of the bones
-    around it, each where it lies in one posture of both models.
+    """Map a virtual link from the features of the bones around it.
+
+    Its points are fixed to `there`. Each feature counts where it lies in one posture of both
+    models.
     """
     names: list[str] = []
     before = []
@@ -323,8 +341,9 @@ def surrounded_map(
 
 
 def _features(transfers: Transfers, bone: str) -> FeaturePoints:
-    """Features of a bone, at most `FEATURES`; of a bone that has none, points of it and where they
-    go.
+    """Return features of a bone, at most `FEATURES`.
+
+    Of a bone that has none, points of it and where they go.
     """
     features = transfers[bone].bone.features
     if features is None or len(features) < 3:
@@ -352,8 +371,9 @@ def link_carriers(
     target: Mapping[str, Transform],
     targets: Mapping[str, str],
 ) -> dict[str, Transfer]:
-    """Transfers of virtual links onto `targets`, by the bones around each as they lie in a pose of
-    both models.
+    """Return transfers of virtual links onto `targets`.
+
+    They go by the bones around each as these lie in a pose of both models.
     """
     return {
         link: Transfer(
@@ -369,9 +389,10 @@ def balanced_links(
     transfers: Transfers,
     transferred: Callable[[Transfers], Model],
 ) -> dict[str, Transfer]:
-    """The transfers, those of links moved to where their line tensions balance in the target as in
-    the source, both in the posture in which bones are compared; `transferred`: the target with the
-    source's muscles.
+    """Move links to where their line tensions balance in the target as in the source.
+
+    Returns the transfers. Both balances are those of the posture in which bones are compared;
+    `transferred`: the target with the source's muscles.
     """
     result = dict(transfers)
     branches = {link: riders_of(source, link).points for link in links}
@@ -416,8 +437,9 @@ def link_notes(bones: Mapping[str, BoneMap]) -> list[str]:
 def _to_balance(
     source: Model, target: Model, there: Transfer, load: BranchLoad
 ) -> tuple[Array, bool]:
-    """(3,) how far the link's points have to move in the target body's frame [m], and whether they
-    can rest there.
+    """Return how far the link's points have to move, (3,) in the target body's frame [m].
+
+    The second value is whether they can rest there.
     """
     link_riders = riders_of(source, load.link)
     known = frozenset(item.name for item in target.wrap_objects)
@@ -436,7 +458,7 @@ def _to_balance(
 
 
 def _with_balance(transfer: Transfer, load: BranchLoad, away: float, kept: bool) -> Transfer:
-    """The transfer with what is to be known of its balance in measures and notes."""
+    """Add the measures and notes of its balance to a transfer."""
     tensions = f"the tensions of its {len(load.muscles)} lines of action"
     rest = f"{100.0 * load.share:.0f} % of them is held by no line of action, in the source too"
     if kept:
