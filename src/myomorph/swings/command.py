@@ -58,8 +58,9 @@ def viscosity_command(
     options: ViscositySettings | None = None,  # type: ignore[valid-type]
     running: RunOptions = AS_USUAL,
 ) -> int:
-    """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and
-    without muscles, or of a relaxed living limb that is dropped.
+    """Identify viscosity of a joint and its muscles from swings of a limb on a force plate.
+
+    The limb swings with and without muscles, or is a relaxed living one that is dropped.
 
     Parameters
     ----------

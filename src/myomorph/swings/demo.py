@@ -1,5 +1,6 @@
-"""The example study of [S]: six virtual shoulders as a laboratory would hand them over, with their
-truth beside.
+"""Example study of [S]: six virtual shoulders as a laboratory would hand them over.
+
+Their truth is stored beside them.
 """
 
 from __future__ import annotations
@@ -46,8 +47,9 @@ ARM_OFFSET = 0.0014
 
 
 def run_shoulder_demo(out: Path, said: Callable[[Outcome], None]) -> list[Outcome]:
-    """Write the example study into a folder's `RECORDINGS`, identify it, and write tables and
-    `report.html`.
+    """Write the example study into a folder's `RECORDINGS` and identify it.
+
+    Tables and `report.html` are written.
     """
     return run_viscosity(read_viscosity_plan(write_shoulder_study(out / RECORDINGS)), out, said)
 
@@ -115,8 +117,9 @@ def write_shoulder_study(
 
 
 def base_loads(number: int) -> tuple[BaseLoad, BaseLoad]:
-    """Of a specimen: its scapula, and the muscles that were weighed but do not swing by [S] table
-    II.
+    """Return the loads on the base of a specimen.
+
+    They are its scapula, and the muscles that were weighed but do not swing by [S] table II.
     """
     row = SPECIMENS[number - 1]
     stays = row.measured_muscle_mass - row.estimated_muscle_mass
@@ -163,8 +166,9 @@ def _write_laboratory(
     place: Path,
     modelled: Callable[[Array], Array] | None,
 ) -> str:
-    """Write a specimen's swings as C3D of a plate that lies elsewhere than they say, a rod's pushes
-    and a CT.
+    """Write a specimen's swings as C3D, a rod's pushes and a CT.
+
+    The plate lies elsewhere than the C3D files state.
     """
     random = np.random.default_rng(int(made.published.name))
     center = made.specimen.stand.apply(made.specimen.center)
@@ -182,7 +186,7 @@ def _write_laboratory(
 
 
 def truth_of(made: VirtualSpecimen) -> dict[str, float]:
-    """What a virtual specimen truly is, by the names of `cohort.QUANTITIES`."""
+    """Return the true values of a virtual specimen, by the names of `cohort.QUANTITIES`."""
     return {
         "mass_muscles_removed": made.without.mass,
         "com_muscles_removed": made.without.com,

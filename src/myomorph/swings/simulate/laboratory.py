@@ -1,5 +1,6 @@
-"""A virtual laboratory: swings in MuJoCo as markers and a force plate measure them, a rod on the
-plate, and a CT.
+"""A virtual laboratory: swings in MuJoCo as markers and a force plate measure them.
+
+A rod is pushed onto the plate, and a CT made.
 """
 
 from __future__ import annotations
@@ -94,9 +95,22 @@ class VirtualTrial:
 
 
 def simulate(compiled: Any, qpos: Array, qvel: Array, seconds: float, step: float) -> Sampled:
-    """The swing of a compiled model with the `SENSORS` from a state, by the Runge-Kutta method of
-    order 4. That method leaves joint and tendon dampers as they are; MuJoCo's others treat them
-    implicitly, by which a step of finite length alters them.
+    """Simulate the swing of a compiled model from a state, by the Runge-Kutta method of order 4.
+
+    That method leaves joint and tendon dampers as they are; MuJoCo's others treat them implicitly,
+    by which a step of finite length alters them.
+
+    Parameters
+    ----------
+    compiled : MuJoCo's model with the `SENSORS`
+    qpos : (nq,) positions at the start, as MuJoCo has them
+    qvel : (nv,) velocities at the start, as MuJoCo has them
+    seconds : of the swing [s]
+    step : of time [s]
+
+    Returns
+    -------
+    the sensors' values at each step
     """
     compiled.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     compiled.opt.timestep = step
@@ -112,7 +126,18 @@ def simulate(compiled: Any, qpos: Array, qvel: Array, seconds: float, step: floa
 
 
 def sampled(compiled: Any, time: Array, sensed: Array) -> Sampled:
-    """The sensors' values (frames, sensors) as arrays in our order and frames."""
+    """Return the sensors' values in our order and frames.
+
+    Parameters
+    ----------
+    compiled : MuJoCo's model with the `SENSORS`
+    time : (frames,) [s]
+    sensed : (frames, sensors' values) as MuJoCo has them
+
+    Returns
+    -------
+    values of each sensor
+    """
 
     def values(name: str) -> Array:
         sensor = compiled.sensor(name)
@@ -133,7 +158,16 @@ def sampled(compiled: Any, time: Array, sensed: Array) -> Sampled:
 
 
 def matrices(quaternions: Array) -> Array:
-    """(frames, 3, 3) of unit quaternions (frames, 4), w first."""
+    """Convert unit quaternions to rotation matrices.
+
+    Parameters
+    ----------
+    quaternions : (frames, 4), w first
+
+    Returns
+    -------
+    (frames, 3, 3)
+    """
     return Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
 
 
@@ -145,8 +179,20 @@ def measured_markers(
     noise: Noise,
     random: np.random.Generator,
 ) -> Markers:
-    """Markers at rest in ground (`base`) and on the limb (`limb`, from the joint's center), with
-    noise.
+    """Return markers of base and limb as cameras measure them, with noise.
+
+    Parameters
+    ----------
+    exact : the swing
+    center : (3,) of the joint, in ground [m]
+    base : (3,) markers at rest, in ground, by name [m]
+    limb : (3,) markers on the limb, from the joint's center in its axes, by name [m]
+    noise : of the instruments
+    random : generator of the noise
+
+    Returns
+    -------
+    markers of base and limb
     """
     seen = exact.every(round(1.0 / (MARKER_RATE * (exact.time[1] - exact.time[0]))))
     fixed = np.broadcast_to(np.array(list(base.values())), (len(seen.time), len(base), 3))
@@ -165,8 +211,20 @@ def measured_wrench(
     noise: Noise,
     random: np.random.Generator,
 ) -> Wrenches:
-    """The wrench on `body` as the plate measures it on its own clock: force and moment at its
-    origin `plate`.
+    """Return the wrench on a body as the plate measures it on its own clock.
+
+    Parameters
+    ----------
+    exact : the swing
+    center : (3,) of the joint, in ground [m]
+    plate : (3,) origin of the plate, about which the moment is taken, in ground [m]
+    body : that the wrench acts on
+    noise : of the instruments
+    random : generator of the noise
+
+    Returns
+    -------
+    force and moment at the plate's origin
     """
     scale = 1.0 + noise.drift
     first = noise.offset + scale * exact.time[0]
@@ -191,7 +249,16 @@ def measured_wrench(
 
 
 def inertial(parameters: Array) -> str:
-    """MJCF of inertial parameters (10,) about the body's origin, [D] order."""
+    """Write inertial parameters as MJCF.
+
+    Parameters
+    ----------
+    parameters : (10,) about the body's origin, [D] order
+
+    Returns
+    -------
+    element `inertial`
+    """
     center = parameters[1:4] / parameters[0]
     about = inertia_matrices(parameters) - parameters[0] * (
         center @ center * np.eye(3) - np.outer(center, center)
@@ -204,8 +271,9 @@ def inertial(parameters: Array) -> str:
 
 
 def write_recording(trial: VirtualTrial, stem: Path) -> None:
-    """`<stem>.trc` with the markers and `<stem>.mot` with force, point and torque on the base, in
-    ground.
+    """Write `<stem>.trc` with the markers and `<stem>.mot` with the load on the base.
+
+    The load is force, point and torque, in ground.
     """
     write_trc(trial.markers, stem.with_suffix(".trc"))
     write_sto(loads_table(trial.wrenches), stem.with_suffix(".mot"))
@@ -241,8 +309,9 @@ BONES = {
 
 
 class VirtualPlate:
-    """A plate that lies elsewhere than its file says: by some millimeters and a degree or two, at
-    random.
+    """A plate that lies elsewhere than its file states.
+
+    It is off by some millimeters and a degree or two, at random.
     """
 
     def __init__(self, true: Transform, random: np.random.Generator) -> None:
@@ -253,8 +322,16 @@ class VirtualPlate:
         )
 
     def recording(self, force: Array, moment: Array) -> PlateRecording:
-        """What the plate stores of forces (samples, 3) and moments about its center, both in ground
-        [N, N m].
+        """Return what the plate stores.
+
+        Parameters
+        ----------
+        force : (samples, 3) in ground [N]
+        moment : (samples, 3) about the plate's center, in ground [N m]
+
+        Returns
+        -------
+        recording of the plate, whose corners are where its file states them
         """
         origin = np.array([0.0, 0.0, -DEPTH])
         plate_force = force @ self.true.rotation
@@ -271,8 +348,9 @@ class VirtualPlate:
 
 
 def write_swing_c3d(trial: VirtualTrial, plate: VirtualPlate, path: Path) -> None:
-    """A swing's markers and plate in one C3D file, from the first to the last frame that both
-    clocks count.
+    """Write a swing's markers and plate in one C3D file.
+
+    It runs from the first to the last frame that both clocks count.
     """
     markers = trial.markers
     wrenches = trial.wrenches
@@ -289,14 +367,25 @@ def write_swing_c3d(trial: VirtualTrial, plate: VirtualPlate, path: Path) -> Non
 
 
 def at_center(wrenches: Wrenches, center: Array) -> tuple[Array, Array]:
-    """Force and moment about a point (3,), (samples, 3) each."""
+    """Return force and moment about a point.
+
+    Parameters
+    ----------
+    wrenches : of one plate
+    center : (3,) point, in ground [m]
+
+    Returns
+    -------
+    (samples, 3) force [N] and (samples, 3) moment [N m]
+    """
     force = wrenches.forces[:, 0]
     return force, wrenches.torques[:, 0] + np.cross(wrenches.points[:, 0] - center, force)
 
 
 def write_rod(plate: VirtualPlate, noise: Noise, random: np.random.Generator, path: Path) -> None:
-    """A rod with two markers pushed onto the plate at `PLACES`, in directions that go round, with
-    pauses.
+    """Write the recording of a rod with two markers that is pushed onto the plate at `PLACES`.
+
+    The directions go round, with pauses.
     """
     every = int(FORCE_RATE / MARKER_RATE)
     frames = round(len(PLACES) * (PUSH + REST) * MARKER_RATE)
@@ -324,11 +413,23 @@ def write_scans(
     random: np.random.Generator,
     modelled: Callable[[Array], Array] | None = None,
 ) -> str:
-    """A CT of every bone with its cluster, in a frame of its own; the entries of a study file's
-    `ct`. Of each bone: the model's surface `<bone>_model.stl` [m], the scan `<bone>.stl` (refined,
-    turned, shifted, 0.2 mm of noise), the cluster `<bone>_cluster.stl` of three balls [mm], and
-    five picked points, 0.5 mm off. `modelled`: points (..., 3) of the specimen's bones as the bones
-    of the model have them; by default they are the same [m].
+    """Write a CT of every bone with its cluster, in a frame of its own.
+
+    Of each bone: the model's surface `<bone>_model.stl` [m], the scan `<bone>.stl` (refined,
+    rotated, shifted, 0.2 mm of noise), the cluster `<bone>_cluster.stl` of three balls [mm], and
+    five picked points, 0.5 mm off.
+
+    Parameters
+    ----------
+    specimen : with bones and markers
+    folder : to write into
+    random : generator of poses and noise
+    modelled : maps points (..., 3) of the specimen's bones to those of the bones that the model
+        has; by default they are the same [m]
+
+    Returns
+    -------
+    entries of a study file's `ct`
     """
     modelled = modelled or (lambda points: points)
     entries = []
@@ -374,7 +475,7 @@ def write_scans(
 
 
 def bone_of(specimen: Specimen, bone: str) -> Surface:
-    """The surface of a bone in its body's frame [m], from the package of the model."""
+    """Return the surface of a bone in its body's frame [m], from the package of the model."""
     for mesh in specimen.model.body(bone).meshes:
         if mesh.file.endswith(f"/{BONES[bone]}"):
             surface = read_mesh(Path(specimen.model.source).parent / mesh.file)

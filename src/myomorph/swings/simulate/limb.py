@@ -41,21 +41,28 @@ class HeldLimb:
 
     @cached_property
     def poses(self) -> dict[str, Transform]:
-        """Of every bone of the limb: the limb's frame has its origin at the joint's center, the
-        first bone's axes.
+        """Return the pose of every bone in the limb's frame.
+
+        That frame has its origin at the joint's center, and the first bone's axes.
         """
         return limb_poses(self.specimen, self.held)
 
     def centered(self, body: str) -> Transform:
-        """Pose of a body in the limb's frame or, of the base, in one of its own axes about the
-        joint's center.
+        """Return the pose of a body in the limb's frame.
+
+        That of the base is in its own axes about the joint's center.
         """
         if body == self.specimen.base:
             return Transform(np.eye(3), -self.specimen.center)
         return self.poses[body]
 
     def markers(self) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Positions (3,) of the markers on base and limb, in the frames of `centered` [m]."""
+        """Return the positions of the markers on base and limb.
+
+        Returns
+        -------
+        (3,) by marker on the base, and (3,) by marker on the limb, in the frames of `centered` [m]
+        """
         on_base: dict[str, Array] = {}
         on_limb: dict[str, Array] = {}
         for marker in self.specimen.model.markers:
@@ -64,9 +71,23 @@ class HeldLimb:
         return on_base, on_limb
 
     def parameters(self, mass: float, com: float) -> Array:
-        """(10,) of the limb without muscles: total mass [kg] and distance of its mass center from
-        the joint [m]. The masses of humerus, forearm and hand are those nearest to `SHARES` that
-        give both.
+        """Return the inertial parameters of the limb without muscles.
+
+        The masses of humerus, forearm and hand are those nearest to `SHARES` that give mass and
+        center of mass.
+
+        Parameters
+        ----------
+        mass : of the limb [kg]
+        com : distance of its center of mass from the joint [m]
+
+        Returns
+        -------
+        (10,) in the limb's frame, [D] order
+
+        Raises
+        ------
+        BadModel : no positive masses give both
         """
         rows = dict(
             zip(
@@ -96,8 +117,17 @@ class HeldLimb:
         return masses @ lumps
 
     def with_muscle_mass(self, parameters: Array, mass: float, com: float) -> Array:
-        """(10,) with a cylinder of muscles along the humerus that brings mass and mass center to
-        new values.
+        """Add a cylinder of muscles along the humerus that changes mass and center of mass.
+
+        Parameters
+        ----------
+        parameters : (10,) of the limb without muscles, [D] order
+        mass : of limb and muscles [kg]
+        com : distance of their center of mass from the joint [m]
+
+        Returns
+        -------
+        (10,) of limb and muscles, [D] order
         """
         elbow = self.poses[self.specimen.limb[1]].translation
         along = elbow / np.linalg.norm(elbow)
@@ -115,16 +145,24 @@ class HeldLimb:
 
 @dataclass(frozen=True)
 class BaseLoad:
-    """What rests on the base and does not swing: `mass` [kg], `place` of its center in the base's
-    frame [m].
+    """Load that rests on the base and does not swing.
+
+    `mass` [kg]; `place` of its center in the base's frame [m].
     """
 
     mass: float
     place: tuple[float, float, float]
 
     def mjcf(self, center: Array) -> str:
-        """Its inertia on the base's body, whose origin is the joint's center (3,) in the base's
-        frame.
+        """Write its inertia on the base's body, whose origin is the joint's center.
+
+        Parameters
+        ----------
+        center : (3,) of the joint in the base's frame [m]
+
+        Returns
+        -------
+        element `inertial`
         """
         size = text(np.full(3, 0.4 * self.mass * LOAD_RADIUS**2))
         place = text(np.array(self.place) - center)
@@ -132,9 +170,10 @@ class BaseLoad:
 
 
 def with_scaled_muscles(limb: HeldLimb, factor: float) -> Specimen:
-    """The specimen whose muscles, with the surfaces they wrap around, are scaled about the joint's
-    center. In the held pose this homothety scales lengths and moment arms about the joint exactly
-    by the factor.
+    """Scale the specimen's muscles, with the surfaces they wrap around, about the joint's center.
+
+    In the held pose this homothety scales lengths and moment arms about the joint exactly by the
+    factor.
     """
     specimen = limb.specimen
 
@@ -168,8 +207,9 @@ def with_scaled_muscles(limb: HeldLimb, factor: float) -> Specimen:
 
 
 def fixed_points(muscle: Muscle) -> tuple[PathPoint, ...]:
-    """Points of a path that stays as it is; raises `BadModel` of moving points, conditions and
-    pulleys.
+    """Return the points of a path that stays as it is.
+
+    Raises `BadModel` of moving points, conditions and pulleys.
     """
     points = tuple(
         point
@@ -205,12 +245,24 @@ def swing_mjcf(
     clamp: str = "",
     joint: str = "",
 ) -> str:
-    """MJCF of a limb on a base, with its muscles as tendons where `muscle` is positive.
-    `parameters`: (10,) of the limb in its frame; `stand`: pose of the base in ground; `rest`: (3,
-    3) of the limb in ground at which the ball's angles are zero; `damping`: of the ball joint, the
-    same about every axis [N m s/rad]; `muscle`: viscosity of every muscle [N s/m]; `load`: on the
-    base; `loose`: bodies on the limb that `parameters` do not include; `clamp`: joints by which the
-    base gives way against the plate, none where it is fixed; `joint`: in place of the ball.
+    """Write a limb on a base as MJCF, with its muscles as tendons where `muscle` is positive.
+
+    Parameters
+    ----------
+    limb : in its held pose
+    parameters : (10,) inertial, of the limb in its frame, [D] order
+    stand : pose of the base in ground
+    rest : (3, 3) of the limb in ground at which the ball's angles are zero
+    damping : of the ball joint, the same about every axis [N m s/rad]
+    muscle : viscosity of every muscle [N s/m]
+    load : on the base
+    loose : bodies on the limb that `parameters` do not include
+    clamp : joints by which the base gives way against the plate, none where it is fixed
+    joint : in place of the ball
+
+    Returns
+    -------
+    MJCF
     """
     specimen = limb.specimen
     center = stand.apply(specimen.center)
@@ -254,8 +306,9 @@ def swing_mjcf(
 def _muscles_mjcf(
     model: Model, frame: Callable[[str], Transform]
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Sites and surfaces by body, and each muscle's path; `frame`: pose of a body in what stands
-    for it.
+    """Write sites and surfaces by body, and each muscle's path.
+
+    `frame`: pose of a body in what stands for it.
     """
     inside: dict[str, list[str]] = {name: [] for name in model.body_names}
     paths: dict[str, str] = {}
@@ -294,14 +347,24 @@ def _pose(pose: Transform) -> str:
 
 
 def quaternion(rotation: Array) -> Array:
-    """(4,) of a rotation (3, 3), w first."""
+    """Convert a rotation to a quaternion.
+
+    Parameters
+    ----------
+    rotation : (3, 3)
+
+    Returns
+    -------
+    (4,) w first
+    """
     return Rotation.from_matrix(rotation).as_quat(scalar_first=True)
 
 
 def specimen_mjcf(specimen: Specimen) -> str:
-    """The specimen as an MJCF model: bones, joints, markers as sites, muscles on tendons. The base
-    stands in the world; wires, clusters' places and viscosities are not in it, as a laboratory
-    would not know them.
+    """Write the specimen as an MJCF model: bones, joints, markers as sites, muscles on tendons.
+
+    The base stands in the world; wires, positions of clusters and viscosities are not in it, as a
+    laboratory would not know them.
     """
     model = specimen.model
     children: dict[str, list[str]] = {name: [] for name in ("ground", *model.body_names)}
@@ -342,8 +405,9 @@ def specimen_mjcf(specimen: Specimen) -> str:
 
 
 def _joint(joint: Joint) -> tuple[Transform, str]:
-    """Where a body is when its joint does not turn, and the joint's axes as MuJoCo's, one after
-    another.
+    """Return where a body is when its joint does not turn, and the joint's axes as MuJoCo's.
+
+    The axes follow one after another.
     """
     pose = joint.parent_frame @ joint.child_frame.inverse()
     back = joint.child_frame
@@ -373,8 +437,9 @@ PIN = 0.06  # Distance of a cluster from its bone's line [m].
 
 
 def with_clusters(specimen: Specimen, arm: float = 0.05) -> Specimen:
-    """The specimen with three made markers, "<bone>_1" to "_3", on every bone and no others. A
-    cluster stands on a pin at the middle of its bone, beside the line from joint to joint; its
+    """Give the specimen three made markers, "<bone>_1" to "_3", on every bone and no others.
+
+    A cluster stands on a pin at the middle of its bone, beside the line from joint to joint; its
     markers are at 1, 0.6 and 0.8 of `arm` from the pin [m].
     """
     markers: list[Marker] = []
@@ -390,8 +455,9 @@ def with_clusters(specimen: Specimen, arm: float = 0.05) -> Specimen:
 
 
 def _line(specimen: Specimen, bone: str) -> tuple[Array, Array]:
-    """Two points of a bone in its own frame: its joint, and the farther of next joint and mass
-    center [m].
+    """Return two points of a bone in its own frame [m].
+
+    They are its joint, and the farther of next joint and center of mass.
     """
     model = specimen.model
     poses = standing_poses(model)

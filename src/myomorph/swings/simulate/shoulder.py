@@ -1,11 +1,11 @@
-"""Six virtual specimens with the masses, mass centers and viscosities of [S] tables I and II, swung
-in MuJoCo.
+"""Six virtual specimens with the values of [S] tables I and II, swung in MuJoCo.
 
-Their bones and muscles are those of the arm that comes with `myo-sim`. The tables' viscosities
-cannot all hold with muscles of that size: (d_{M+J} - d_J) / d_M is the mean square of the moment
-arms, about 3.3 mm, where the model's are some 20 mm. So the muscles are scaled about the joint's
-center (`VirtualSpecimen.factor`) until the total viscosity over the true swing is that of table II;
-or they keep their size and d_M is made to fit.
+The values are masses, centers of mass and viscosities. Bones and muscles are those of the arm that
+is bundled with `myo-sim`. The tables' viscosities cannot all hold with muscles of that size:
+(d_{M+J} - d_J) / d_M is the mean square of the moment arms, about 3.3 mm, where the model's are
+some 20 mm. So the muscles are scaled about the joint's center (`VirtualSpecimen.factor`) until the
+total viscosity over the true swing is that of table II; or they keep their size and d_M is made to
+fit.
 """
 
 from __future__ import annotations
@@ -103,14 +103,15 @@ class VirtualSpecimen:
 
 @lru_cache(maxsize=1)
 def arm_model() -> Model:
-    """The arm that comes with `myo-sim`."""
+    """Return the arm that is bundled with `myo-sim`."""
     return composed_model("myoarm")
 
 
 @lru_cache(maxsize=1)
 def arm_specimen() -> Specimen:
-    """The specimen of [S] out of that arm: five bones with three markers each, the muscles of
-    figure 1.
+    """Return the specimen of [S] from that arm.
+
+    It has five bones with three markers each, and the muscles of figure 1.
     """
     model = arm_model()
     names = SpecimenNames(base=BASE, first=FIRST, bones=FURTHER, muscles=fig1_muscles(model))
@@ -127,10 +128,11 @@ def virtual_specimen(
     seed: int | None = None,
     loads: tuple[BaseLoad | None, BaseLoad | None] = (None, None),
 ) -> VirtualSpecimen:
-    """One of the six (the row of the tables), swung without muscles and with them. `noise`: by
-    default 0.3 mm, 0.3 N, and clocks apart by tens of milliseconds and of millionths; `full_size`:
-    muscles of the model's size, and d_M such that the total viscosity is the table's; `loads`: on
-    the base, muscles removed and intact.
+    """Simulate one of the six specimens (the row of the tables) without muscles and with them.
+
+    `noise`: by default 0.3 mm, 0.3 N, and clocks apart by tens of milliseconds and of millionths;
+    `full_size`: muscles of the model's size, and d_M such that the total viscosity is the table's;
+    `loads`: on the base, muscles removed and intact.
     """
     if not 1 <= number <= len(SPECIMENS):
         raise BadData(f"there is no specimen {number}: [S] has 1 to {len(SPECIMENS)}")
@@ -194,8 +196,10 @@ def _sized(
     seconds: float,
     full_size: bool,
 ) -> tuple[HeldLimb, float, float]:
-    """The limb, its muscles' scale and viscosity that give the total viscosity; one of the two is
-    sought. By fixed point: the swing that weighs the arms depends on them too.
+    """Return the limb, and its muscles' scale and viscosity that give the total viscosity.
+
+    One of the two is sought, by fixed point: the swing that weighs the moment arms depends on them
+    too.
     """
     excess = row.total_viscosity - row.joint_viscosity
     factor, muscle = (1.0, excess / USUAL_ARM**2) if full_size else (0.1, row.muscle_viscosity)
@@ -212,8 +216,9 @@ def _sized(
 
 
 def _mean_square_arm(swings: Sequence[Sampled]) -> float:
-    """What a common muscle viscosity is to be multiplied by to give the nearest viscosity of the
-    joint [m^2].
+    """Return the factor from a common muscle viscosity to that of the joint [m^2].
+
+    The joint's viscosity is the nearest one.
     """
     speeds = sum(float(np.sum(swing.lengthening**2)) for swing in swings)
     return speeds / sum(float(np.sum(swing.rates**2)) for swing in swings)
@@ -242,8 +247,18 @@ def _swings(
 
 
 def hanging(limb: HeldLimb, parameters: Array) -> Array:
-    """(3, 3) of the limb in ground where it hangs at rest, turned the shortest way from the model's
-    default pose.
+    """Return the orientation of the limb where it hangs at rest.
+
+    It is rotated the shortest way from the model's default pose.
+
+    Parameters
+    ----------
+    limb : in its held pose
+    parameters : (10,) of the limb, [D] order
+
+    Returns
+    -------
+    (3, 3) of the limb in ground
     """
     model = limb.specimen.model
     joint = next(joint for joint in model.joints if joint.child == limb.specimen.first)
@@ -254,8 +269,15 @@ def hanging(limb: HeldLimb, parameters: Array) -> Array:
 
 
 def released(random: np.random.Generator) -> tuple[Array, Array]:
-    """Rotation vector from hanging [rad] and angular velocity [rad/s] of a release by hand, in
-    ground.
+    """Draw a release by hand.
+
+    Parameters
+    ----------
+    random : generator
+
+    Returns
+    -------
+    (3,) rotation vector from hanging [rad] and (3,) angular velocity [rad/s], in ground
     """
     azimuth = random.uniform(0.0, 2.0 * np.pi)
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
@@ -265,7 +287,7 @@ def released(random: np.random.Generator) -> tuple[Array, Array]:
 
 
 def mounted(stand: Transform, random: np.random.Generator) -> Transform:
-    """The base as it stands on the plate, some degrees and centimeters from the model's place."""
+    """Return the base as it stands on the plate, some degrees and centimeters from the model's."""
     turn = Rotation.from_rotvec(random.uniform(-0.15, 0.15, 3)).as_matrix()
     return Transform(turn @ stand.rotation, stand.translation + random.uniform(-0.1, 0.1, 3))
 

@@ -1,6 +1,4 @@
-"""The dynamics of one specimen in three steps: inertia, joint viscosity, muscle viscosity ([S]
-section II).
-"""
+"""Dynamics of one specimen in three steps: inertia, joint and muscle viscosity ([S] section II)."""
 
 from __future__ import annotations
 
@@ -225,8 +223,9 @@ class SpecimenViscosity:
     def changed(
         self, conditions: Mapping[str, Condition], notes: Iterable[str] = (), **parts: Any
     ) -> SpecimenViscosity:
-        """The same with other conditions, by "without" and "with", with further notes and with
-        other parts.
+        """Return the same with other conditions, by "without" and "with".
+
+        Further notes are added, and other parts replaced.
         """
         named: dict[str, Any] = {
             "intact" if name == "with" else name: condition
@@ -340,7 +339,7 @@ def identify_specimen(
 def _solved(
     recordings: Sequence[SwingRecording], options: ViscosityOptions
 ) -> ConditionSolution | str:
-    """Steps 1 and 2 of a condition, or the reason why they failed."""
+    """Run steps 1 and 2 of a condition, or return the reason why they failed."""
     has_spring = options.stiffness is not False
     try:
         sums = swing_sums(recordings, options.block, options.min_relative_speed)
@@ -354,7 +353,7 @@ def _solved(
 def _sums_about_neutral(
     recordings: Sequence[SwingRecording], sums: SwingSums, options: ViscosityOptions
 ) -> SwingSums:
-    """Sums of a ball joint with angles counted from the neutral position of its spring.
+    """Return sums of a ball joint with angles counted from the neutral position of its spring.
 
     Torques of a spring are linear in the angles about that position alone, and the position
     follows from the spring: they are found in turn as long as the misfit falls.
@@ -446,8 +445,18 @@ def _both(
 
 
 def muscle_masses(bare: LimbInertia, full: LimbInertia) -> Array:
-    """(2,) mass of the muscles by the constant forces, and the least that their first moment and
-    inertia weigh [kg].
+    """Return the mass of the muscles by the constant forces, and the least mass.
+
+    The least is that which their first moment and inertia weigh.
+
+    Parameters
+    ----------
+    bare : limb with muscles removed
+    full : limb with muscles intact
+
+    Returns
+    -------
+    (2,) masses [kg]
     """
     return np.array(
         [full.mass - bare.mass, least_mass(full.parameters - bare.parameters, full.hinge)]
@@ -532,7 +541,7 @@ def _shares(names: tuple[str, ...], pcsa: Mapping[str, float] | None) -> Array:
 
 
 def _warnings(solved: ConditionSolution) -> list[str]:
-    """What a reader should know of steps 1 and 2."""
+    """Return the warnings that concern steps 1 and 2."""
     result = []
     sums = solved.sums
     inertia = solved.whole.inertia

@@ -57,8 +57,9 @@ def trusted(
     arms: MomentArmOptions,
     compared: Mapping[str, PassiveComparison] = FrozenMap({}),
 ) -> reports.SpecimenReport:
-    """The report with what tells how far to trust its values; what cannot be told is named in its
-    notes.
+    """Add to the report what shows how far its values can be trusted.
+
+    What is unknown is named in its notes.
     """
     steps = [
         partial(
@@ -81,7 +82,7 @@ def with_laws(
     options: PassiveOptions,
     compared: PassiveComparison | None = None,
 ) -> reports.SpecimenReport:
-    """The report with alternatives to plain viscosity for one condition."""
+    """Add alternatives to plain viscosity for one condition to the report."""
     if np.isnan(condition.mass.high):
         options = replace(options, tare="unknown")
     compared = compared or compare_passive_laws(condition.recordings, options)
@@ -119,8 +120,9 @@ def with_cutoffs(
     options: identify.ViscosityOptions,
     hidden: Collection[str] = (),
 ) -> reports.SpecimenReport:
-    """The report with what other cut-offs would have given; the mass of conditions in `hidden` is
-    not shown.
+    """Add what other cut-offs would have given to the report.
+
+    The mass of conditions in `hidden` is not shown.
     """
     values: dict[str, Array] = {}
     for name, condition_tracked in tracked.items():
@@ -138,7 +140,7 @@ def with_cutoffs(
 def with_arms(
     report: reports.SpecimenReport, specimen_viscosity: SpecimenViscosity, options: MomentArmOptions
 ) -> reports.SpecimenReport:
-    """The report with the spread of the common muscle viscosity under errors of the moment arms."""
+    """Add the spread of the common muscle viscosity under errors of the moment arms."""
     intact = specimen_viscosity.intact
     without = specimen_viscosity.without
     if specimen_viscosity.muscles is None or intact is None or without is None:
@@ -173,9 +175,7 @@ IDENTIFYING = 0.25  # Shares of a specimen's time, for the bar.
 
 @dataclass(frozen=True, eq=False)
 class Studied:
-    """A specimen that could be done: what was found, what the report shows of it, its model with
-    it, and its swings.
-    """
+    """An identified specimen: results, its report, its model with them, and its swings."""
 
     found: SpecimenViscosity
     report: reports.SpecimenReport
@@ -184,8 +184,9 @@ class Studied:
 
 
 def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance) -> Studied:
-    """Identify one specimen; an unusable condition is named in its notes. `advance` gets shares of
-    the work done.
+    """Identify one specimen; an unusable condition is named in its notes.
+
+    `advance` gets shares of the work done.
     """
     opened, conditions, lost = _opened(files, options, advance)
     specimen = opened.specimen
@@ -230,8 +231,7 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
 def read_swings(
     files: SpecimenFiles, cutoff: float | None = None
 ) -> Mapping[str, tuple[SwingRecording, ...]]:
-    """The recordings of a specimen as linear equations, from files to what `identify_specimen`
-    takes.
+    """Read the recordings of a specimen as linear equations, which `identify_specimen` takes.
 
     Bones are tracked and the plate is calibrated as in a study; errors of instruments that the
     swings themselves show stay in.
@@ -277,7 +277,10 @@ def read_swings(
 def _opened(
     files: SpecimenFiles, options: StudyOptions, advance: Advance
 ) -> tuple[OpenedSpecimen, dict[str, Prepared], list[str]]:
-    """The specimen, its conditions tracked, and why the others cannot be used, a line each."""
+    """Open the specimen and track its conditions.
+
+    The third value holds why the others cannot be used, a line each.
+    """
     opened = open_specimen(files, recorded_markers((*files.without, *files.intact)[0]))
     notes = (*opened.specimen.notes, *opened.notes)
     residuals = opened.residuals
@@ -330,8 +333,9 @@ def _judged(
     conditions: Mapping[str, Prepared],
     notes: list[str],
 ) -> tuple[reports.SpecimenReport, SpecimenViscosity]:
-    """The specimen without what its recordings cannot tell, faults as notes; small swings judged by
-    `by_swings`.
+    """Return the specimen without what its recordings cannot show, faults as notes.
+
+    Small swings are judged by `by_swings`.
     """
     lacking: set[str] = set()
     for name in CONDITIONS:
@@ -370,8 +374,9 @@ def _with_model(
     tracked: Mapping[str, TrackedSpecimen],
     cutoff: float,
 ) -> tuple[reports.SpecimenReport, Model | None]:
-    """The specimen's model with what was found, for OpenSim; none of MJCF, whose tendons `.osim`
-    cannot hold.
+    """Write the results into the specimen's model, for OpenSim.
+
+    None of MJCF, whose tendons `.osim` cannot hold.
     """
     known = "joint_viscosity" in report.row
     condition_tracked = tracked.get("with", tracked.get("without"))
@@ -416,7 +421,7 @@ def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[reports.Resid
 
 
 def input_sources(files: SpecimenFiles) -> tuple[Source, ...]:
-    """The files that a specimen is made from, by their hashes."""
+    """Return the files that a specimen is made from, with their hashes."""
     sources = [file_source("model", files.model)]
     for name, entries in files.recordings.items():
         for entry in entries:

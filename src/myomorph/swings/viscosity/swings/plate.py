@@ -1,5 +1,6 @@
-"""The plate under a swinging limb: its wrench about the joint's center and its clock, found
-although hands hold it.
+"""The plate under a swinging limb: its wrench about the joint's center and its clock.
+
+The clock is found although hands hold the limb.
 """
 
 from __future__ import annotations
@@ -49,8 +50,18 @@ MIN_CLOCK_ERROR = 5e-4  # Largest lag of a recording that is left as it is [s].
 
 
 def wrench_about(wrenches: Wrenches, center: Array) -> Array:
-    """(samples, 6) moment about a point (3,) in ground and force of all wrenches together; NaN
-    where one lacks. A point of application that is unknown counts only where there is a force.
+    """Return the moment about a point and the force of all wrenches together.
+
+    A point of application that is unknown counts only where there is a force.
+
+    Parameters
+    ----------
+    wrenches : to sum
+    center : (3,) point, in ground [m]
+
+    Returns
+    -------
+    (samples, 6) moment [N m] and force [N] in ground; NaN where one is missing
     """
     still = (wrenches.forces == 0.0).all(axis=2)[..., None]
     arms = np.where(still & ~np.isfinite(wrenches.points), 0.0, wrenches.points - center)
@@ -61,9 +72,24 @@ def wrench_about(wrenches: Wrenches, center: Array) -> Array:
 
 
 def on_clock(time: Array, values: Array, frames: Array) -> Array:
-    """(frames, columns) values (samples, columns) at other times; NaN outside the samples and at
-    their gaps. Samples that come faster than the frames pass a zero-lag low-pass at `ANTI_ALIAS` of
-    the frames' rate first.
+    """Interpolate values to other times.
+
+    Samples that come faster than the frames pass a zero-lag low-pass at `ANTI_ALIAS` of the frames'
+    rate first.
+
+    Parameters
+    ----------
+    time : (samples,) [s]
+    values : (samples, columns)
+    frames : (frames,) times wanted [s]
+
+    Returns
+    -------
+    (frames, columns); NaN outside the samples and at their gaps
+
+    Raises
+    ------
+    BadData : fewer than four finite samples
     """
     known = np.isfinite(values).all(axis=1)
     if known.sum() < 4:
@@ -93,8 +119,19 @@ def on_clock(time: Array, values: Array, frames: Array) -> Array:
 
 
 def lowpass_runs(values: Array, rate: float, cutoff: float | None) -> Array:
-    """Every gap-free run of rows filtered by itself; runs shorter than six are lost, as those of
-    the motion.
+    """Filter every gap-free run of rows by itself.
+
+    Runs shorter than six are lost, as those of the motion.
+
+    Parameters
+    ----------
+    values : (samples, columns), NaN in gaps
+    rate : of the samples [Hz]
+    cutoff : of the low-pass [Hz]; None for none
+
+    Returns
+    -------
+    (samples, columns)
     """
     if cutoff is None:
         return values
@@ -114,15 +151,31 @@ def wrench_clock(
     used: np.ndarray | None = None,
     turned: Array | None = None,
 ) -> Clock:
-    """The plate's clock: offset and drift that leave the least of wrench = rows phi + constant, phi
-    and constant unknown.
+    """Fit the plate's clock: offset and drift that leave the least of wrench = rows phi + constant.
 
-    The wrench (samples, 6) knows the motion it comes from, whatever the masses are ([S] step 1), so
-    it is its own synchronisation signal. The constant takes what the plate was tared with. Rows
-    (frames, 6, parameters, as `SwingRecording.wrench_rows`) and wrench are low-pass filtered alike,
-    so neither needs to be filtered before (`ClockOptions.cutoff`); `used` is False in frames in
-    which the limb is touched. `turned` (frames, 6, turns) is what small turns of the plate's axes
-    make of the wrench: they are left open too, since they would pass for an offset.
+    phi and the constant are unknown. The wrench knows the motion it comes from, whatever the masses
+    are ([S] step 1), so it is its own synchronisation signal. The constant takes what the plate was
+    tared with. Rows and wrench are low-pass filtered alike, so neither needs to be filtered before
+    (`ClockOptions.cutoff`).
+
+    Parameters
+    ----------
+    time : (frames,) of the rows [s]
+    rows : (frames, 6, parameters) as `SwingRecording.wrench_rows`
+    wrench_time : (samples,) on the plate's clock [s]
+    wrench : (samples, 6) moment [N m] and force [N]
+    options : of the fit
+    used : (frames,) False in frames in which the limb is touched
+    turned : (frames, 6, turns) what small rotations of the plate's axes make of the wrench: they
+        are left open too, since they would pass for an offset
+
+    Returns
+    -------
+    clock
+
+    Raises
+    ------
+    BadData : rows or wrench of another shape
     """
     if rows.ndim != 3 or rows.shape[1] != 6 or wrench.shape[1:] != (6,):
         raise BadData(
@@ -137,7 +190,7 @@ def wrench_clock(
 
 
 def _of_turned_axes(wrench: Array, origin: Array) -> Array:
-    """What small turns of a plate's axes make of the wrench that it measures.
+    """Return the change of the wrench with small rotations of a plate's axes.
 
     Parameters
     ----------
@@ -146,7 +199,7 @@ def _of_turned_axes(wrench: Array, origin: Array) -> Array:
 
     Returns
     -------
-    (frames, 6, 3) of a turn about each axis [1/rad]
+    (frames, 6, 3) of a rotation about each axis [1/rad]
     """
     axes = np.eye(3)
     force = wrench[:, None, 3:]
@@ -166,15 +219,26 @@ def plate_clock(
     origin: Array,
     share: float,
 ) -> tuple[Clock, list[str]]:
-    """Offset and drift of the plate, or the clock as it is where nothing speaks against it; and
-    warnings.
+    """Return offset and drift of the plate, or the clock as it is where nothing speaks against it.
 
-    Frames in which a hand carries the limb mislead the fit, and can be told only once the clocks
-    agree. So the clock as given is tried first; where the motion then does not explain the wrench,
-    the lag at which most frames agree (least median mismatch of the force) is the start. `slow` are
-    the rows filtered at `CUTOFF`, `whole` the frames out of the reach of the filter's ends,
-    `origin` (3,) what the plate's moments are about, from the joint's center [m], `share` as
-    `TrackingOptions.touch`.
+    Frames in which a hand carries the limb mislead the fit, and can be recognized only once the
+    clocks agree. So the clock as given is tried first; where the motion then does not explain the
+    wrench, the lag at which most frames agree (least median mismatch of the force) is the start.
+
+    Parameters
+    ----------
+    time : (frames,) of the motion [s]
+    rows : (frames, 6, parameters) as `SwingRecording.wrench_rows`
+    slow : (frames, 6, parameters) the rows filtered at `CUTOFF`
+    whole : (frames,) whether a frame is out of the reach of the filter's ends
+    wrench_time : (samples,) on the plate's clock [s]
+    wrench : (samples, 6) moment [N m] and force [N]
+    origin : (3,) what the plate's moments are about, from the joint's center [m]
+    share : as `TrackingOptions.touch`
+
+    Returns
+    -------
+    clock, and warnings
     """
     known = np.asarray(np.isfinite(wrench).all(axis=1))
     start, end = np.flatnonzero(known)[[0, -1]]
@@ -223,7 +287,7 @@ def _fitted(
     share: float,
     lag: float,
 ) -> Clock:
-    """The clock from the frames that nobody touches if the plate lags by `lag` [s]."""
+    """Fit the clock to the frames that nobody touches if the plate lags by `lag` [s]."""
     seen, force = _filtered(time, whole, plate_time + lag, wrench)
     if seen.sum() < 6:
         return Clock()
@@ -248,10 +312,10 @@ def _refined(
     share: float,
     lag: float,
 ) -> Clock:
-    """The clock near a lag [s] that brings motion and wrench together, with the plate's axes open.
+    """Fit the clock near a lag [s] that brings motion and wrench together, with the axes open.
 
-    Noise of differentiated markers moves an offset, by more the faster what is compared. So what
-    half the cutoff would give counts as an error too.
+    The axes are the plate's. Noise of differentiated markers moves an offset, by more the faster
+    what is compared. So what half the cutoff would give counts as an error too.
     """
     seen, force = _filtered(time, whole, plate_time + lag, wrench)
     carried = CarriedLimb(time=time, rows=slow, wrench=force, candidates=seen)
@@ -280,8 +344,9 @@ def _refined(
 def _filtered(
     time: Array, whole: np.ndarray, plate_time: Array, wrench: Array
 ) -> tuple[np.ndarray, Array]:
-    """Frames on which motion and wrench are known, and the wrench there, through the filter of the
-    motion.
+    """Return frames on which motion and wrench are known, and the wrench there.
+
+    It has passed the filter of the motion.
     """
     force = on_clock(plate_time, wrench, time)
     known = np.asarray(np.isfinite(force).all(axis=1))
@@ -294,8 +359,9 @@ def _filtered(
 def _best_lag(
     time: Array, slow: Array, whole: np.ndarray, plate_time: Array, wrench: Array
 ) -> float:
-    """The lag at which the median frame's force is explained best, relative to how the force varies
-    [s].
+    """Return the lag at which the median frame's force is explained best [s].
+
+    What is left is taken relative to how the force varies.
     """
     lags = LAG * np.arange(-round(SEARCH / LAG), round(SEARCH / LAG) + 1)
     thin = whole & (np.arange(len(time)) % max(1, len(time) // MAX_LAG_FRAMES) == 0)

@@ -1,5 +1,6 @@
-"""Clusters that slip on their bones: the bone's joints then stand apart, which a loose wire or base
-never does.
+"""Clusters that slip on their bones.
+
+The bone's joints then stand apart, which a loose wire or base never does.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ in a row.
 def without_slips(
     specimen: Specimen, markers: Sequence[Markers], names: Sequence[str], threshold: float
 ) -> tuple[list[Markers], list[list[Slip]]]:
-    """The markers of all trials with clusters that slipped put back to where they were before, and
-    the slips of each trial.
+    """Put markers of clusters that slipped back to where they were before.
+
+    Returns the markers of all trials, and the slips of each trial.
 
     A cluster that moves by more than `threshold` [m] on its bone moves all joints of the bone away
     from those of the bones beside it, at one time, and they stay there. A wire that slips turns
@@ -74,8 +76,9 @@ def without_slips(
 
 
 def _gap(joint: Joint, poses: dict[str, Poses]) -> Array:
-    """(frames, 3) from where the parent has a joint to where the child has it, along the parent's
-    axes [m].
+    """Return the vector from the parent's joint to the child's, (frames, 3) [m].
+
+    It is in the parent's axes.
     """
     above, origin = poses[joint.parent]
     below, place = poses[joint.child]
@@ -107,7 +110,7 @@ def _slipped(
     poses: dict[str, Poses],
     threshold: float,
 ) -> str | None:
-    """The bone all of whose joints come apart, of several the one with most joints."""
+    """Return the bone all of whose joints come apart, of several the one with most joints."""
     known: dict[str, list[float]] = {bone: [] for bone in specimen.model.body_names}
     for joint in specimen.model.joints:
         if joint.child in steps:
@@ -127,8 +130,9 @@ def _slipped(
 
 
 def _reference(specimen: Specimen, bone: str, steps: dict[str, tuple[int, float]]) -> str | None:
-    """The bone that shows where another was: one that wires hold on it, "" for the ground that
-    holds the base.
+    """Return the bone that shows where another was.
+
+    It is one that wires hold on it, "" for the ground that holds the base.
     """
     if bone == specimen.base:
         return ""
@@ -151,8 +155,9 @@ def _put_back(
     markers: list[Markers],
     starts: np.ndarray,
 ) -> list[Markers]:
-    """The markers with those of a bone, from the frame `at` on, where they would be had its cluster
-    stayed as it was before in a frame that is `still`, ground where None.
+    """Put markers of a bone, from the frame `at` on, where they would be without the slip.
+
+    Its cluster is then as it was before in a frame that is `still`, ground where None.
     """
     rotations, origins = pose
     if still is not None:

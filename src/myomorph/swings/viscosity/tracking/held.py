@@ -24,9 +24,10 @@ SWAY = 5.0
 
 @dataclass(frozen=True)
 class Slip:
-    """A coordinate that is held, or the "base", that moved in a trial, fastest at `time` [s], by
-    `amount` between its extremes, each the mean over `WINDOW`, or against the other trials, in
-    `unit` "rad" or "m".
+    """A held coordinate, or the "base", that moved in a trial, fastest at `time` [s].
+
+    It moved by `amount` between its extremes, each the mean over `WINDOW`, or against the other
+    trials, in `unit` "rad" or "m".
 
     `lasting`: it stays where it went (a wire slipped), instead of going to and fro (a wire is
     loose); `before`: it moved before this trial, and stands still in it; `center_off`: it goes to
@@ -80,8 +81,16 @@ class Slip:
 
 
 def mean_rotation(rotations: Array, weights: Array | None = None) -> Array:
-    """(3, 3) the rotation nearest to all of rotations (frames, 3, 3), in the mean of squared
-    chords.
+    """Return the rotation nearest to all of several, in the mean of squared chords.
+
+    Parameters
+    ----------
+    rotations : (frames, 3, 3)
+    weights : (frames,) of each; equal by default
+
+    Returns
+    -------
+    (3, 3)
     """
     return nearest_rotations(
         np.einsum("f,fij->ij", np.ones(len(rotations)) if weights is None else weights, rotations)
@@ -89,8 +98,15 @@ def mean_rotation(rotations: Array, weights: Array | None = None) -> Array:
 
 
 def nearest_rotations(matrices: Array) -> Array:
-    """(..., 3, 3) the rotations nearest to matrices (..., 3, 3), as of sums of products of vectors
-    (Kabsch 1976).
+    """Return the rotations nearest to matrices, as of sums of products of vectors (Kabsch 1976).
+
+    Parameters
+    ----------
+    matrices : (..., 3, 3)
+
+    Returns
+    -------
+    (..., 3, 3)
     """
     left, _, right = np.linalg.svd(matrices)
     left[..., 2] *= np.linalg.det(left @ right)[..., None]
@@ -98,9 +114,16 @@ def nearest_rotations(matrices: Array) -> Array:
 
 
 def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
-    """Rotations (frames, 3, 3) and origins (frames, 3) that bring a bone's markers (markers, 3)
-    onto those seen (frames, markers, 3): least squares (Kabsch 1976) [m]; NaN where fewer than
-    three are seen.
+    """Return the poses that bring a bone's markers onto those seen: least squares (Kabsch 1976).
+
+    Parameters
+    ----------
+    places : (markers, 3) in the bone's frame [m]
+    seen : (frames, markers, 3) in ground, NaN where hidden [m]
+
+    Returns
+    -------
+    rotations (frames, 3, 3) and origins (frames, 3) [m]; NaN where fewer than three are seen
     """
     finite = np.asarray(np.isfinite(seen).all(axis=2))
     weight = finite.astype(float)[..., None]
@@ -119,8 +142,18 @@ def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
 
 
 def bone_poses(model: Model, bone: str, trials: Sequence[Markers]) -> tuple[Array, Array]:
-    """`cluster_poses` of a bone's markers as the model has them, all trials in a row; NaN in a
-    trial that recorded fewer than three.
+    """Return `cluster_poses` of a bone's markers as the model has them.
+
+    Parameters
+    ----------
+    model : with the markers
+    bone : that carries them
+    trials : recordings
+
+    Returns
+    -------
+    rotations (frames, 3, 3) and origins (frames, 3) [m], all trials in a row; NaN in a trial that
+    recorded fewer than three
     """
     poses = []
     for trial in trials:
@@ -134,10 +167,19 @@ def bone_poses(model: Model, bone: str, trials: Sequence[Markers]) -> tuple[Arra
 
 
 def rotation_center(base: tuple[Array, Array], limb: tuple[Array, Array]) -> tuple[Array, Array]:
-    """The point of a limb that stays nearest to one of the base: (3,) in the base and (3,) in the
-    limb [m]. min sum |R_b c_b + p_b - R_l c_l - p_l|^2 over all frames (SCoRE: Ehrig et al. 2006,
-    Journal of Biomechanics 39:2798), of finite rotations (frames, 3, 3) and origins (frames, 3) in
-    ground.
+    """Return the point of a limb that stays nearest to one of the base.
+
+    min sum |R_b c_b + p_b - R_l c_l - p_l|^2 over all frames (SCoRE: Ehrig et al. 2006,
+    Journal of Biomechanics 39:2798).
+
+    Parameters
+    ----------
+    base : finite rotations (frames, 3, 3) and origins (frames, 3) in ground [m]
+    limb : the same of the limb
+
+    Returns
+    -------
+    (3,) in the base and (3,) in the limb [m]
     """
     rows = np.concatenate([base[0], -limb[0]], axis=2).reshape(-1, 6)
     both = np.linalg.lstsq(rows, (limb[1] - base[1]).ravel(), rcond=None)[0]
@@ -145,8 +187,16 @@ def rotation_center(base: tuple[Array, Array], limb: tuple[Array, Array]) -> tup
 
 
 def base_poses(specimen: Specimen, motion: Motion) -> tuple[Array, Array]:
-    """Rotations (frames, 3, 3) and origins (frames, 3) of the base in ground, of its six
-    coordinates [m].
+    """Return the poses of the base in ground, of its six coordinates.
+
+    Parameters
+    ----------
+    specimen : with the base
+    motion : with its coordinates
+
+    Returns
+    -------
+    rotations (frames, 3, 3) and origins (frames, 3) [m]
     """
     columns = [motion.names.index(name) for name in specimen.base_coordinates]
     places = motion.values[:, columns[:3]]
@@ -159,7 +209,18 @@ def base_poses(specimen: Specimen, motion: Motion) -> tuple[Array, Array]:
 
 
 def mean_base(specimen: Specimen, motions: Sequence[Motion], weights: Sequence[Array]) -> Transform:
-    """The one pose of the base over all trials of a condition."""
+    """Return the one pose of the base over all trials of a condition.
+
+    Parameters
+    ----------
+    specimen : with the base
+    motions : of the trials
+    weights : (frames,) of each trial
+
+    Returns
+    -------
+    pose in ground
+    """
     poses = [base_poses(specimen, motion) for motion in motions]
     rotations, origins = map(np.concatenate, zip(*poses, strict=True))
     weight = np.concatenate(weights) * np.isfinite(origins).all(axis=1)
@@ -174,8 +235,21 @@ def mean_held(
     weights: Sequence[Array],
     slipped: Sequence[Sequence[str]] = (),
 ) -> dict[str, float]:
-    """The one value of every held coordinate over all trials; of angles, the mean on the circle
-    [rad or m]. What slipped in a trial does not count unless it slipped in all.
+    """Return the one value of every held coordinate over all trials.
+
+    Of angles, it is the mean on the circle. What slipped in a trial does not count unless it
+    slipped in all.
+
+    Parameters
+    ----------
+    specimen : with the coordinates
+    motions : of the trials
+    weights : (frames,) of each trial
+    slipped : coordinates that slipped, of each trial
+
+    Returns
+    -------
+    value by coordinate [rad or m]
     """
     means = {}
     for name in specimen.held_coordinates:
@@ -198,8 +272,9 @@ def mean_held(
 def slips_within(
     specimen: Specimen, name: str, motion: Motion, turned: float, moved: float
 ) -> list[Slip]:
-    """Held coordinates and the base, where they move by more than `turned` [rad] or `moved` [m] in
-    a trial.
+    """Return held coordinates and the base that move in a trial.
+
+    They move by more than `turned` [rad] or `moved` [m].
     """
     slips = []
     for held in specimen.held_coordinates:
@@ -222,8 +297,21 @@ def base_slips(
     turned: float,
     moved: float,
 ) -> list[Slip]:
-    """The base where it turns by more than `turned` [rad], or the joint's center by `moved` [m], in
-    a trial.
+    """Return the base where it rotates, or the joint's center moves, in a trial.
+
+    Parameters
+    ----------
+    specimen : with the base
+    name : of the trial
+    time : (frames,) [s]
+    rotations : (frames, 3, 3) of the base in ground
+    origins : (frames, 3) of the base in ground, NaN where unknown [m]
+    turned : rotation from which on it is a slip [rad]
+    moved : displacement from which on it is a slip [m]
+
+    Returns
+    -------
+    at most one slip
     """
     seen = np.isfinite(origins).all(axis=1)
     if not seen.any():
@@ -246,8 +334,21 @@ def slips_before(
     turned: float,
     moved: float,
 ) -> list[Slip]:
-    """What stands elsewhere in a trial than in the mean of all, coordinates and center [m]: moved
-    in between.
+    """Return what stands elsewhere in a trial than in the mean of all: it moved in between.
+
+    Parameters
+    ----------
+    specimen : with the coordinates
+    name : of the trial
+    motion : of the trial
+    held : mean of each coordinate over all trials [rad or m]
+    center : (3,) mean of the joint's center, in ground [m]
+    turned : rotation from which on it is a slip [rad]
+    moved : displacement from which on it is a slip [m]
+
+    Returns
+    -------
+    slips of coordinates and of the base
     """
     result = []
     start = float(motion.time[0])
@@ -286,8 +387,18 @@ def slips_before(
 
 
 def center_course(specimen: Specimen, time: Array, rotations: Array, origins: Array) -> Array:
-    """(frames, 3) where a base carries the joint's center in ground, as a running median over
-    `WINDOW` [m].
+    """Return where a base carries the joint's center, as a running median over `WINDOW`.
+
+    Parameters
+    ----------
+    specimen : with the joint
+    time : (frames,) [s]
+    rotations : (frames, 3, 3) of the base in ground
+    origins : (frames, 3) of the base in ground [m]
+
+    Returns
+    -------
+    (frames, 3) in ground [m]
     """
     return median_filter(
         _filled(rotations @ specimen.center + origins), (_window(time), 1), mode="nearest"
@@ -295,8 +406,18 @@ def center_course(specimen: Specimen, time: Array, rotations: Array, origins: Ar
 
 
 def base_sway(specimen: Specimen, motion: Motion, stand: Transform) -> Array:
-    """(frames, 6) of a base that goes to and fro: displacement of the joint's center and rotation
-    vector of the base from where it stands, in ground and below `SWAY` [m], [rad].
+    """Return the motion below `SWAY` of a base that goes to and fro.
+
+    Parameters
+    ----------
+    specimen : with the base
+    motion : with its coordinates
+    stand : where it stands, in ground
+
+    Returns
+    -------
+    (frames, 6) displacement of the joint's center [m] and rotation vector of the base [rad], in
+    ground
     """
     rotations, origins = base_poses(specimen, motion)
     angles = np.full((len(motion), 3), np.nan)
@@ -311,8 +432,16 @@ def _unit(specimen: Specimen, name: str) -> str:
 
 
 def course(motion: Motion, name: str) -> Array:
-    """(frames,) a held coordinate that slipped: the running median over `WINDOW`, gaps bridged [rad
-    or m].
+    """Return a held coordinate that slipped: the running median over `WINDOW`, gaps bridged.
+
+    Parameters
+    ----------
+    motion : with the coordinate
+    name : of the coordinate
+
+    Returns
+    -------
+    (frames,) [rad or m]
     """
     values = np.unwrap(_filled(motion[name]))
     return median_filter(values, _window(motion.time), mode="nearest")

@@ -65,8 +65,10 @@ def track(
     options: TrackingOptions | None = None,
     progress: Progress | None = None,
 ) -> TrackedSpecimen:
-    """Motion of the joint and wrench on the base in every trial of one condition, between which the
-    specimen stays on the plate and its wires in place; `progress` counts each frame twice.
+    """Return motion of the joint and wrench on the base in every trial of one condition.
+
+    Between its trials the specimen stays on the plate and its wires in place; `progress` counts
+    each frame twice.
 
     Labels are checked by the distances within clusters. Inverse kinematics with everything free
     then gives the one pose of the base and the one value of every held joint over all trials; with
@@ -171,9 +173,10 @@ def _held_still(
     weights: Sequence[Array],
     options: TrackingOptions,
 ) -> tuple[Transform, dict[str, float], list[list[Slip]]]:
-    """Pose of the base, value of what is held, and what moved all the same, of each trial, in it or
-    before it. A base that its own markers show at rest is only drawn along by a joint whose center,
-    or by markers whose places, do not fit the motion.
+    """Return pose of the base, value of what is held, and what moved all the same.
+
+    Slips are those of each trial, in it or before it. A base that its own markers show at rest is
+    only drawn along by a joint whose center, or by markers whose positions, do not fit the motion.
     """
     limits = options.slip, options.shift
     slips = [
@@ -198,7 +201,7 @@ def _held_still(
 
 
 def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
-    """The specimen with coordinates zero in its hanging pose, far from singular angles."""
+    """Set coordinates to zero in the specimen's hanging pose, far from singular angles."""
     rotations, origins = bone_poses(specimen.model, specimen.base, trials)
     seen = np.isfinite(origins).all(axis=1)
     if not seen.any():
@@ -217,9 +220,10 @@ def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
 def _centered(
     specimen: Specimen, trials: Sequence[Markers], options: TrackingOptions
 ) -> tuple[Specimen, tuple[str, ...]]:
-    """The specimen about the center that was asked for, and how far the limb's own center is from
-    the model's. A hinge, and a limb that hardly turns or of which fewer than three markers are
-    seen, tell no center.
+    """Return the specimen about the center that the options request.
+
+    The second value reports how far the limb's own center is from the model's. A hinge, and a limb
+    that hardly turns or of which fewer than three markers are seen, show no center.
     """
     if not _turns_enough(specimen, trials):
         return specimen, ()
@@ -258,8 +262,10 @@ def _turns_enough(specimen: Specimen, trials: Sequence[Markers]) -> bool:
 
 
 def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
-    """(frames,) weight in means: 1 where all markers are seen that the trial ever shows, `PARTIAL`
-    where two of each bone are, else 0; `PARTIAL` wherever any is seen if that is nowhere so.
+    """Return the weight of each frame in means (frames,).
+
+    It is 1 where all markers are seen that the trial ever shows, `PARTIAL` where two of each bone
+    are, else 0; `PARTIAL` wherever any is seen if that is nowhere so.
     """
     seen = np.isfinite(fit.marker_error)
     ever = seen.any(axis=0)
@@ -274,7 +280,7 @@ def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
 
 
 def _posed(specimen: Specimen, held: Mapping[str, float]) -> Specimen:
-    """The specimen with base and held joints locked."""
+    """Lock base and held joints of the specimen."""
     still = dict.fromkeys(specimen.base_coordinates, 0.0) | dict(held)
     coordinates = tuple(
         (
@@ -295,8 +301,10 @@ def _joint_alone(
     slips: Sequence[Slip],
     progress: Progress | None,
 ) -> KinematicsFit:
-    """Inverse kinematics of the joint; what slipped follows its course in this trial instead of the
-    mean. A joint whose base moved is brought back by how far its center was `away` (frames, 3) [m].
+    """Run inverse kinematics of the joint alone.
+
+    What slipped follows its course in this trial instead of the mean. A joint whose base moved is
+    brought back by how far its center was `away` (frames, 3) [m].
     """
     markers = replace(markers, values=markers.values - away[:, None])
     slipped = [slip.what for slip in slips if slip.what != "base" and not slip.cluster]
@@ -324,8 +332,9 @@ def _joint_alone(
 
 
 def _plate_origin(specimen: Specimen, trial: SwingTrial) -> Array:
-    """(3,) mean point that the plate's wrench is about, from the joint's center [m]; zeros where it
-    has none.
+    """Return the mean point that the plate's wrench is about, (3,) from the joint's center [m].
+
+    It is zeros where the plate has none.
     """
     points = trial.wrenches.points.reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)]
@@ -340,7 +349,7 @@ def _wrench(
     motion: Motion,
     options: TrackingOptions,
 ) -> tuple[Array, Clock, list[str]]:
-    """The wrench about the center at the motion's times, the plate's clock, and warnings."""
+    """Return the wrench about the center at the motion's times, the plate's clock, and warnings."""
     center = specimen.center_in_ground
     time = trial.wrenches.time
     raw = wrench_about(trial.wrenches, center)
@@ -375,9 +384,11 @@ def _wrench(
 
 
 def _rows(specimen: Specimen, motion: Motion, sway: Array) -> tuple[Array, Array, np.ndarray]:
-    """(frames, 6, 10) rows, and those at the cutoff that looks for hands, and the frames out of
-    reach of its ends. Rows are filtered as the wrench is, after the motion has passed a filter that
-    leaves fast twists as they are: what is then left of wrench - rows phi is no matter of filters.
+    """Return rows (frames, 6, 10), and those at the cutoff that looks for hands.
+
+    The third value holds the frames out of reach of its ends. Rows are filtered as the wrench is,
+    after the motion has passed a filter that leaves fast twists as they are: what is then left of
+    wrench - rows phi is no matter of filters.
     """
     quick = differentiate_joint(specimen, motion, QUICK)
     rows = swung_limb(specimen, quick, sway, QUICK).wrench_rows
