@@ -1,7 +1,7 @@
-"""`python -m benchmarks NAME [--save] [--json FILE]`: run one comparison and print its medians and
-ratios.
+"""Run one comparison and print its medians and ratios.
 
-With `--save` its rows become the table of docs/results/performance that docs/performance.md shows.
+`python -m benchmarks NAME [--save] [--json FILE]`: with `--save` its rows become the table of
+docs/results/performance that docs/performance.md shows.
 """
 
 from __future__ import annotations

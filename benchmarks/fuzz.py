@@ -21,7 +21,7 @@ AT_ONCE = 2
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options of the command line."""
+    """Add the options of the command line."""
     parser.add_argument("--seconds", type=float, default=30.0, help="for each reader")
     parser.add_argument(
         "--reader", action="append", help="only those whose names begin so; may be repeated"

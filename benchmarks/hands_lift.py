@@ -1,5 +1,6 @@
-"""One man who lifts a box of 15 kg: his motion on a calibrated model, the box's, and what was
-measured.
+"""One man who lifts a box of 15 kg.
+
+His motion is on a calibrated model; the box's motion, and what was measured, go with it.
 """
 
 from __future__ import annotations
@@ -101,8 +102,9 @@ def _markers(path: Path) -> mm.Markers:
 
 @lru_cache(maxsize=2)
 def lifter(folder: Path) -> Calibration:
-    """The Rajagopal model with Plug-in Gait's markers, calibrated on standing and both lifts, of
-    the man's mass.
+    """Calibrate the Rajagopal model with Plug-in Gait's markers on standing and both lifts.
+
+    It has the man's mass.
     """
     generic = with_plug_in_gait(mm.read_model(folder / GENERIC))
     trials = [recorded(folder, lift).markers for lift in LIFTS]
@@ -122,7 +124,7 @@ def tracked(folder: Path, lift: str) -> KinematicsFit:
 
 
 def with_joint_torques(model: mm.Model) -> mm.Model:
-    """The model with torques of `JOINT_TORQUES` in place of its own actuators."""
+    """Return the model with torques of `JOINT_TORQUES` in place of its own actuators."""
     torques = {one.name: JOINT_TORQUES.get(split_side(one.name)[0]) for one in model.coordinates}
     return replace(
         model,
@@ -142,14 +144,14 @@ def with_joint_torques(model: mm.Model) -> mm.Model:
 
 
 def man(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
-    """The man's model and his motion with derivatives."""
+    """Return the man's model and his motion with derivatives."""
     return with_joint_torques(lifter(folder).model), mm.differentiate(
         tracked(folder, lift).motion, CUTOFF
     )
 
 
 def box(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
-    """The box and its motion: recorded in the plane of the lift, at rest across it."""
+    """Return the box and its motion: recorded in the plane of the lift, at rest across it."""
     forward, up, pitch = recorded(folder, lift).box.T
     model = free_object("body", BOX_MASS, BOX_SIZE, gravity=lifter(folder).model.gravity)
     values = np.zeros((len(up), 6))
@@ -207,7 +209,10 @@ Places are those of the model's own markers where it has the landmark, else read
 
 
 def with_plug_in_gait(model: mm.Model) -> mm.Model:
-    """A model in Rajagopal's frames with these markers alone, the left as the right mirrored."""
+    """Return a model in Rajagopal's frames with these markers alone.
+
+    The left ones are the right ones mirrored.
+    """
     markers: list[Marker] = []
     for name, body, place, _ in PLUG_IN_GAIT:
         markers.append(Marker(name, body, np.array(place)))

@@ -1,5 +1,6 @@
-"""The force that lifts the box, hidden and found again: from body and plate, with the box, and
-without the plate.
+"""The force that lifts the box, hidden and estimated.
+
+It is estimated from body and plate, with the box, and without the plate.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def both(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
 
 
 def plate_on_feet(record: Recorded, time: Array) -> mm.Wrenches:
-    """The plate's force, given to one foot: what it does to the rest of the body is the same."""
+    """Assign the plate's force to one foot: what it does to the rest of the body is the same."""
     return mm.Wrenches(
         time,
         ("plate",),
@@ -88,7 +89,7 @@ def left_floor(folder: Path, lift: str) -> float:
 
 @lru_cache(maxsize=8)
 def holding(folder: Path, lift: str) -> tuple[tuple[Site, ...], Array]:
-    """The hands' sites on the box, and how surely each holds it (frames, 2)."""
+    """Return the hands' sites on the box, and how surely each holds it (frames, 2)."""
     model, motion = both(folder, lift)
     sites = tuple(
         replace(one, against="box_body", group="hands") for one in body_sites(model, HANDS)
@@ -109,7 +110,7 @@ class Task:
 
 
 def task(folder: Path, lift: str, way: str) -> Task:
-    """The problem of a way in `WAYS`, "newton" excepted."""
+    """Return the problem of a way in `WAYS`, "newton" excepted."""
     body, motion = man(folder, lift)
     record = recorded(folder, lift)
     sites, held = holding(folder, lift)
@@ -153,8 +154,16 @@ def task(folder: Path, lift: str, way: str) -> Task:
 
 
 def soles_of(model: mm.Model, motion: mm.Motion) -> tuple[tuple[Site, ...], Array, Array]:
-    """Sites under the feet, how ready each is (frames, sites), and which way its force leans
-    (frames, sites, 3).
+    """Return sites under the feet, their activations, and the preferred directions of their forces.
+
+    Parameters
+    ----------
+    model : with the feet
+    motion : of the model
+
+    Returns
+    -------
+    Sites; (frames, sites) contact activations; (frames, sites, 3) preferred directions
     """
     feet, floor = rest_on_floor(model, motion, foot_sites(model))
     touches = mm.find_contacts(model, motion, feet, ContactStateOptions(floor=floor.height))
@@ -164,7 +173,7 @@ def soles_of(model: mm.Model, motion: mm.Motion) -> tuple[tuple[Site, ...], Arra
 
 @lru_cache(maxsize=16)
 def found(folder: Path, lift: str, way: str) -> Lift:
-    """The hands' force in one of `WAYS`."""
+    """Estimate the hands' force in one of `WAYS`."""
     if way == "newton":
         body, motion = man(folder, lift)
         plate = recorded(folder, lift).plate
@@ -183,7 +192,7 @@ def found(folder: Path, lift: str, way: str) -> Lift:
 
 
 def left_open(asked: Task, frames: Sequence[int]) -> ContactIntervals:
-    """What the data leave open of contact forces in some frames."""
+    """Return what the data leave undetermined of contact forces in some frames."""
     problem = tension_problem(
         TensionInputs(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
     )

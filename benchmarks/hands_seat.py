@@ -64,7 +64,7 @@ class Chair:
 
 @lru_cache(maxsize=1)
 def chair(folder: Path) -> Chair:
-    """The trial STS1 on the expert's model, its mass that of standing on the plates."""
+    """Read the trial STS1 on the expert's model, its mass that of standing on the plates."""
     here = folder / FOLDER
     given = mm.read_model(here / "models" / "manually_scaled.osim")
     standing = (
@@ -114,7 +114,7 @@ def chair(folder: Path) -> Chair:
 
 
 def task(folder: Path, plates: bool, first: bool = False) -> Task:
-    """The problem of the seat's force; the feet's is known by plates, or hidden too.
+    """Return the problem of the seat's force; the feet's is known by plates, or hidden too.
 
     `first` finds contact forces before muscles instead of both together.
     """
@@ -160,7 +160,10 @@ class Leaving:
 
 
 def leavings(one: Chair) -> tuple[Leaving, ...]:
-    """Times of rising and sitting down on which the three signs agree within half a second."""
+    """Return times of rising and sitting down.
+
+    On these the three signs agree within half a second.
+    """
     time = one.motion.time
     up = one.newton[:, 1] / one.weight
     feet = one.feet.forces[:, :, 1].sum(axis=1) / one.weight
@@ -188,7 +191,7 @@ def leavings(one: Chair) -> tuple[Leaving, ...]:
 
 
 def _nearest(time: Array, state: np.ndarray, frame: int, rising: bool) -> float:
-    """The nearest time at which a state ends (rising) or begins."""
+    """Return the nearest time at which a state ends (rising) or begins."""
     edges = [stop if rising else first for first, stop in runs(state)]
     inside = [one for one in edges if 0 < one < len(time)]
     return float(time[min(inside, key=lambda one: abs(one - frame))]) if inside else np.inf

@@ -39,8 +39,15 @@ class Spine:
 
 
 def regressed_point(model: mm.Model) -> Array:
-    """L5/S1 (3,) in the pelvis's frame, by the places of the pelvis's markers on the calibrated
-    model [m].
+    """Return L5/S1 by the positions of the pelvis's markers on the calibrated model.
+
+    Parameters
+    ----------
+    model : calibrated, with markers RASI, LASI, RPSI and LPSI
+
+    Returns
+    -------
+    (3,) in the pelvis's frame [m]
     """
     right = model.marker("RASI").location
     left = model.marker("LASI").location
@@ -56,7 +63,18 @@ def regressed_point(model: mm.Model) -> Array:
 
 
 def spine(folder: Path, lift: str, point: Array | None = None) -> Spine:
-    """What passes at a point of the pelvis (3,), by default the regressed L5/S1."""
+    """Return what passes at a point of the pelvis.
+
+    Parameters
+    ----------
+    folder : of the collection
+    lift : name of the recording
+    point : (3,) in the pelvis's frame [m], by default the regressed L5/S1
+
+    Returns
+    -------
+    Force and moment at the point
+    """
     model, motion = man(folder, lift)
     record = recorded(folder, lift)
     place = regressed_point(lifter(folder).model) if point is None else point
@@ -79,8 +97,16 @@ def spine(folder: Path, lift: str, point: Array | None = None) -> Spine:
 
 
 def carried_moment(passing: Spine, found: Lift) -> Array:
-    """Moment (frames, 3) that the forces found at the hands add from above, in the pelvis's axes [N
-    m].
+    """Return the moment that the estimated forces at the hands add from above.
+
+    Parameters
+    ----------
+    passing : point of the pelvis
+    found : estimate of the hands' forces
+
+    Returns
+    -------
+    (frames, 3) in the pelvis's axes [N m]
     """
     assert found.tension is not None
     assert found.tension.contacts is not None
@@ -93,11 +119,19 @@ def carried_moment(passing: Spine, found: Lift) -> Array:
 
 
 def point_of_laboratory(folder: Path, lift: str) -> tuple[Array, Array]:
-    """The point of the pelvis (3,) about which our moment from below is nearest to the
-    laboratory's, and what is left.
+    """Return the point about which our moment from below is nearest to the laboratory's.
 
     A moment about another point differs by the force across the way, so the point is a linear
     least-squares problem.
+
+    Parameters
+    ----------
+    folder : of the collection
+    lift : name of the recording
+
+    Returns
+    -------
+    (3,) in the pelvis's frame [m], and (frames, 3) the difference of moments that is left [N m]
     """
     origin = spine(folder, lift, np.zeros(3))
     measured = of_laboratory(recorded(folder, lift))[0]
@@ -112,11 +146,18 @@ def point_of_laboratory(folder: Path, lift: str) -> tuple[Array, Array]:
 
 
 def of_laboratory(record: Recorded) -> tuple[Array, Array]:
-    """The laboratory's moments of the trunk on the pelvis, from below and from above (frames, 3) [N
-    m].
+    """Return the laboratory's moments of the trunk on the pelvis, from below and from above.
 
     They are taken to be along the pelvis's axes: along the ground's, or the trunk's, they differ
     from ours by a part about the vertical that grows with the moment.
+
+    Parameters
+    ----------
+    record : measured values
+
+    Returns
+    -------
+    (frames, 3) from below, and (frames, 3) from above [N m]
     """
     return record.bottom_up, -record.top_down
 

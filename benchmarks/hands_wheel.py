@@ -49,7 +49,7 @@ class Wheel:
 
 
 def wheels(folder: Path) -> tuple[Wheel, ...]:
-    """The recordings with pushes: over ground, and a sprint on a basketball court."""
+    """Read the recordings with pushes: over ground, and a sprint on a basketball court."""
     here = folder / FOLDER
     return (
         _over_ground(here / "pushrimkinetics"),
@@ -58,8 +58,9 @@ def wheels(folder: Path) -> tuple[Wheel, ...]:
 
 
 def _over_ground(here: Path) -> Wheel:
-    """The rim's weight, which turns with the wheel, is told by a trial that an operator pushed
-    (Chenier 2017).
+    """Read the recording over ground (Chenier 2017).
+
+    The rim's weight, which turns with the wheel, is known by a trial that an operator pushed.
     """
     tables = [
         np.genfromtxt(here / f"sample_swl_overground_{kind}_withrubber.csv", delimiter=",")
@@ -103,10 +104,10 @@ def _wheel(name: str, time: Array, angle: Array, load: Array) -> Wheel:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A moment from the wheel's angle: inertia times acceleration plus resistance, tested where it
-    was not fitted.
+    """A moment from the wheel's angle, tested where it was not fitted.
 
-    `inertia`, `resistance`: mean of both halves [kg m^2], [N m]; `predicted`, `measured`: [N m].
+    It is inertia times acceleration plus resistance. `inertia`, `resistance`: mean of both halves
+    [kg m^2], [N m]; `predicted`, `measured`: [N m].
     """
 
     inertia: float
@@ -148,7 +149,7 @@ def at_each_time(wheel: Wheel) -> Prediction:
 
 
 def of_each_cycle(wheel: Wheel) -> Prediction:
-    """The mean moment from push to push, by which the trunk's swing has come back."""
+    """Predict the mean moment from push to push, by which the trunk's swing has come back."""
     starts = np.array([first for first, _ in wheel.pushes])
     acceleration = np.diff(wheel.rate[starts]) / np.diff(wheel.time[starts])
     moment = np.array([wheel.moment[a:b].mean() for a, b in itertools.pairwise(starts)])
@@ -156,8 +157,9 @@ def of_each_cycle(wheel: Wheel) -> Prediction:
 
 
 def directions(wheel: Wheel) -> dict[str, float]:
-    """Mean force of the pushes [N]: along the rim, which is what the wheel can tell, and what it
-    leaves open.
+    """Return the mean force of the pushes by its direction [N].
+
+    Along the rim it is what the wheel can show. The rest is undetermined.
     """
     pushing = np.concatenate([np.arange(a, b) for a, b in wheel.pushes])
     force = wheel.forces[pushing]
@@ -174,8 +176,9 @@ def directions(wheel: Wheel) -> dict[str, float]:
 
 
 def hands_off(wheel: Wheel, told: Prediction) -> float:
-    """What that fit tells of a moment while no hand is at the rim, between the pushes, root mean
-    square [N m].
+    """Return the moment of that fit while no hand is at the rim, root mean square [N m].
+
+    Those times are between the pushes.
     """
     free = np.concatenate([np.arange(a, b) for (_, a), (b, _) in itertools.pairwise(wheel.pushes)])
     return float(np.sqrt(np.mean((told.inertia * wheel.acceleration[free] + told.resistance) ** 2)))

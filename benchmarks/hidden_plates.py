@@ -1,5 +1,6 @@
-"""Recordings whose measured ground forces are hidden and estimated: what they are made of, and who
-solves them.
+"""Recordings whose measured ground forces are hidden and estimated.
+
+It has what they are made of, and solves them.
 """
 
 from __future__ import annotations
@@ -130,7 +131,10 @@ class Hidden:
 
 @cache
 def subject_model(folder: Path, case_model: str, mass: float, calibrated: bool) -> mm.Model:
-    """The model at the subject's mass; a generic one calibrated on all recordings that use it."""
+    """Return the model at the subject's mass.
+
+    A generic one is calibrated on all recordings that use it.
+    """
     model = mm.read_model(folder / case_model)
     if calibrated:
         trials = [read_markers(folder / one.markers) for one in CASES if one.model == case_model]
@@ -139,8 +143,9 @@ def subject_model(folder: Path, case_model: str, mass: float, calibrated: bool) 
 
 
 def cutoff_of(model: mm.Model, motion: mm.Motion) -> float:
-    """The rule for the low-pass filter: `QUICK` where the center of mass falls freely for 50 ms,
-    else `CALM`.
+    """Choose the cutoff of the low-pass filter.
+
+    It is `QUICK` where the center of mass falls freely for 50 ms, else `CALM`.
     """
     carried = site_motion(model, mm.differentiate(motion, CALM), foot_sites(model)).carried
     flies = steady(carried < ContactStateOptions().carried, motion.time, 0.05)
@@ -149,8 +154,9 @@ def cutoff_of(model: mm.Model, motion: mm.Motion) -> float:
 
 @cache
 def opened(folder: Path, case: HiddenCase) -> Hidden:
-    """Kinematics, contacts and activations of a recording; the plates tell the height of the floor
-    and nothing else.
+    """Read kinematics, contacts and activations of a recording.
+
+    The plates show the height of the floor and nothing else.
     """
     model = subject_model(folder, case.model, case.mass, case.calibrated)
     recorded = tracked(folder, case, model)
@@ -206,7 +212,7 @@ def tracked(folder: Path, case: HiddenCase, model: mm.Model) -> mm.Motion:
 
 
 def _forces(path: Path) -> mm.Wrenches:
-    """Forces as recorded, with 0 where a table has no number."""
+    """Read forces as recorded, with 0 where a table has no number."""
     if path.suffix == ".xml":
         return read_external_loads(path)
     names = mm.read_sto(path).names
@@ -216,7 +222,7 @@ def _forces(path: Path) -> mm.Wrenches:
 
 
 def _bodies(owned: mm.Wrenches, raw: mm.Wrenches) -> tuple[str, ...]:
-    """The body that took most of each plate's force."""
+    """Return the body that took most of each plate's force."""
     found = []
     for name in raw.names:
         mine = [k for k, one in enumerate(owned.names) if one == name or one.startswith(f"{name}_")]
@@ -257,8 +263,15 @@ def estimated(
 
 
 def feet_of(hidden: Hidden) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Side, measured force (frames, 3) and moment about the ground's origin of each foot that
-    plates carried.
+    """Yield the measured wrench of each foot that plates carried.
+
+    Parameters
+    ----------
+    hidden : recording
+
+    Yields
+    ------
+    Side, (frames, 3) force [N], and (frames, 3) moment about the ground's origin [N m]
     """
     moments = hidden.measured.torques + np.cross(hidden.measured.points, hidden.measured.forces)
     for side, body in (("right", "calcn_r"), ("left", "calcn_l")):

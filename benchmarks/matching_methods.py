@@ -1,9 +1,9 @@
-"""Ways to match two bones point by point, from the same start: errors along the surface, distance
-to it, seconds.
+"""Ways to match two bones point by point, from the same start.
 
-Bones are those of the persons of LLP26, whose correspondence is the truth as far as their fitted
-meshes are, and real bones of `myo-sim` in a made smooth deformation, whose truth is exact. Each
-way's points are put on the surface after.
+Measured are errors along the surface, distance to it, and seconds. Bones are those of the persons
+of LLP26, whose correspondence is the truth as far as their fitted meshes are, and real bones of
+`myo-sim` in a known smooth deformation, whose truth is exact. Each way's points are put on the
+surface after.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PAIRS = ((0, 5), (3, 11), (14, 2))
 
 
 def run() -> list[dict[str, object]]:
-    """A row a way and kind of case."""
+    """Return a row for each way and kind of case."""
     rows: list[dict[str, object]] = []
     for kind, cases in (("persons of LLP26", list(persons())), ("made deformations", list(made()))):
         for name, way in ways().items():
@@ -62,7 +62,7 @@ def persons() -> Iterator[tuple[mm.Surface, mm.Surface, np.ndarray]]:
 
 
 def made() -> Iterator[tuple[mm.Surface, mm.Surface, np.ndarray]]:
-    """The same of bones in a deformation that is known."""
+    """Yield the same of bones in a deformation that is known."""
     for name in ("humerus", "r_pelvis"):
         bone = real_bone(name, 0.012)
         yield bone, made_target(bone), deformed(bone.vertices, bone)

@@ -1,5 +1,6 @@
-"""The morphed mouse on recordings of mice: a man's leg muscles on both sides of it, with its marker
-tables.
+"""The morphed mouse on recordings of mice.
+
+It has a man's leg muscles on both sides, with the mouse's marker tables.
 """
 
 from __future__ import annotations
@@ -115,7 +116,7 @@ def whole_mouse(folder: Path) -> mm.Model:
 
 
 def with_arms(folder: Path, legs: mm.Model) -> mm.Model:
-    """The same mouse with both arms' muscles too."""
+    """Return the same mouse with both arms' muscles too."""
     arms, _ = with_other_muscles(from_arm(folder, "SSD").model, "x")
     return replace(
         legs,
@@ -126,8 +127,9 @@ def with_arms(folder: Path, legs: mm.Model) -> mm.Model:
 
 @lru_cache(maxsize=8)
 def followed(folder: Path, path: Path) -> Followed:
-    """A recording through calibration and inverse kinematics, markers checked as the commands check
-    them.
+    """Calibrate on a recording and fit its motion by inverse kinematics.
+
+    Markers are checked as the commands check them.
     """
     table = "mouse-treadmill" if path == folder / TREADMILL else "mouse-gait"
     model, _ = with_markers_of(whole_mouse(folder), read_species("human-mouse").markers, table)
@@ -167,11 +169,10 @@ def lengths_of(one: Followed) -> LengthAnalysis | None:
 
 
 def stride_units(one: Followed) -> tuple[Animal, ...]:
-    """Each whole stride as a unit of a comparison, in the order of time: excursions and lengths of
-    its limb's muscles.
+    """Return each whole stride as a unit of a comparison, in the order of time.
 
-    What such units tell is whether two animals differ in these recordings, not whether two kinds of
-    animals do.
+    A unit has excursions and lengths of its limb's muscles. What such units show is whether two
+    animals differ in these recordings, not whether two kinds of animals do.
     """
     found = lengths_of(one)
     units: list[tuple[float, Animal]] = []
@@ -248,7 +249,7 @@ class OnOnePaw:
         return found
 
     def share(self) -> float:
-        """The same of all joints together."""
+        """Return the same of all joints together."""
         names = [self.coordinate(joint) for joint in JOINTS]
         columns = [self.tension.reserve_names.index(f"reserve_{name}") for name in names]
         asked = np.stack([self.torques[name] for name in names])
@@ -266,8 +267,9 @@ class OnOnePaw:
         return int(np.argmax(np.linalg.norm(self.tension.actuator_force[:, names], axis=1)))
 
     def full(self, model: mm.Model) -> tuple[str, ...]:
-        """Muscles of that leg that are fully active where reserves are largest, with their
-        normalized fiber lengths.
+        """List muscles of that leg that are fully active where reserves are largest.
+
+        Each is named with its normalized fiber length.
         """
         pose = part_of(self.motion, np.array([self.worst]))
         lengths = mm.muscle_kinematics(
@@ -295,9 +297,10 @@ class OnOnePaw:
 
 
 def on_one_paw(one: Followed, at_toes: bool = False) -> OnOnePaw | None:
-    """The longest run of loaded frames in which by geometry one hind paw bears the plate's force.
+    """Find the longest run of loaded frames in which one hind paw alone bears the plate's force.
 
-    `at_toes`: the force acts at the toes' joint, not at the plate's center of pressure.
+    That is decided by geometry. `at_toes`: the force acts at the toes' joint, not at the plate's
+    center of pressure.
     """
     if not one.trial.plates:
         return None

@@ -95,7 +95,7 @@ included, hangs [s].
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options of the command line."""
+    """Add the options of the command line."""
     parser.add_argument("--rooms", nargs="+", choices=ROOMS, default=list(ROOMS), metavar="ROOM")
     parser.add_argument("--count", type=int, default=40, help="mutants of all rooms together")
     parser.add_argument("--seed", type=int, default=0)
@@ -137,8 +137,9 @@ def run(
 
 
 def sample(rooms: list[str], count: int, seed: int) -> Iterator[WorkItem]:
-    """Random mutants of rooms of the tree stood in: first the kind, then the place; no two on one
-    line.
+    """Yield random mutants of rooms of the tree in the working folder.
+
+    First the kind is drawn, then the position; no two are on one line.
     """
     sites: dict[str, list[MutationSpec]] = {kind: [] for kind in KINDS}
     for path in sorted(path for room in rooms for path in Path("src/myomorph", room).rglob("*.py")):
@@ -182,8 +183,9 @@ def _is_drawn(node: object) -> bool:
 
 
 def noticed(graph: grimp.ImportGraph, item: WorkItem, budget: float, work: Path) -> WorkResult:
-    """What the first test file says that notices a mutant, or the last of those that the budget
-    allows.
+    """Return the result of the first test file that notices a mutant.
+
+    Where none notices it, it is that of the last one that the budget allows.
     """
     result = WorkResult(
         worker_outcome=WorkerOutcome.NO_TEST, output="", test_outcome=TestOutcome.SURVIVED, diff=""
@@ -209,8 +211,9 @@ def _link(kernel: str, place: str) -> None:
 
 
 def nearest_tests(graph: grimp.ImportGraph, path: Path) -> list[str]:
-    """Test files of a module's room that lead to it: those of its name, then by the imports
-    between.
+    """List test files of a module's room that lead to it.
+
+    First come those of its name, then the others by the number of imports between.
     """
     module = ".".join(path.relative_to("src").with_suffix("").parts).removesuffix(".__init__")
     steps = {}
@@ -224,8 +227,9 @@ def nearest_tests(graph: grimp.ImportGraph, path: Path) -> list[str]:
 
 
 def usual_seconds(file: str, work: Path) -> float | None:
-    """Processor seconds of a test file without a change, its kernels compiled; None where it fails
-    so.
+    """Return processor seconds of a test file without a change, its kernels compiled.
+
+    The result is None where it fails so.
     """
     store = work / "seconds.json"
     known = json.loads(store.read_text()) if store.exists() else {}
@@ -251,7 +255,7 @@ def _imported(file: Path, modules: set[str]) -> set[str]:
 
 
 def pytest_of(file: str) -> str:
-    """The command that runs the tests of a file until one fails."""
+    """Return the command that runs the tests of a file until one fails."""
     return f"{sys.executable} -m pytest -x -q --tb=no -p no:cacheprovider -m 'not long' {file}"
 
 

@@ -1,5 +1,6 @@
-"""OpenSim's own fiber dynamics, integrated under given activations and path lengths, each muscle on
-a slider.
+"""OpenSim's own fiber dynamics, each muscle on a slider.
+
+They are integrated under known activations and path lengths.
 """
 
 from __future__ import annotations
@@ -61,7 +62,19 @@ class SliderMuscles:
     def rates(
         self, lengths: Array, speeds: Array, activations: Array, states: Array
     ) -> tuple[Array, Array]:
-        """Derivatives of the states, and tendon forces [N] (muscles,)."""
+        """Return derivatives of the states, and tendon forces.
+
+        Parameters
+        ----------
+        lengths : (muscles,) of the paths [m]
+        speeds : (muscles,) of the paths [m/s]
+        activations : (muscles,)
+        states : (muscles,)
+
+        Returns
+        -------
+        (muscles,) derivatives, and (muscles,) forces [N]
+        """
         state = self._state
         model = self._model
         for k, muscle in enumerate(self._muscles):
@@ -82,11 +95,20 @@ def forward_forces(
     activations: Array,
     start: Array,
 ) -> Array:
-    """Tendon forces (frames, muscles) [N] that OpenSim's muscles give from their states `start` at
-    the first frame.
+    """Integrate OpenSim's muscles, and return their tendon forces.
 
-    `lengths`, `speeds`: (frames, muscles) of the paths [m], [m/s], cubic between frames;
-    `activations`: (frames - 1, muscles) in the middle between frames, straight between them.
+    Parameters
+    ----------
+    sliders : the muscles
+    time : (frames,) [s]
+    lengths : (frames, muscles) of the paths [m], cubic between frames
+    speeds : (frames, muscles) of the paths [m/s]
+    activations : (frames - 1, muscles) in the middle between frames, straight between them
+    start : (muscles,) states at the first frame
+
+    Returns
+    -------
+    (frames, muscles) [N]
     """
     length = CubicHermiteSpline(time, lengths, speeds)
     clock = np.concatenate([time[:1], 0.5 * (time[1:] + time[:-1]), time[-1:]])

@@ -1,9 +1,8 @@
-"""OpenSim's MocoInverse on elastic tendons, for the same muscles, motion and loads as ours, with
-fitted paths.
+"""OpenSim's MocoInverse on elastic tendons, with fitted paths.
 
-It takes many minutes, so what it found is kept in a folder outside the repository (the environment
-variable `MYOMORPH_MOCO_RESULTS`, else a folder in the system's temporary one) and read from there
-by later calls.
+Muscles, motion and loads are the same as ours. It takes many minutes, so its results are stored in
+a folder outside the repository (the environment variable `MYOMORPH_MOCO_RESULTS`, else a folder in
+the system's temporary one) and read from there by later calls.
 """
 
 from __future__ import annotations
@@ -55,8 +54,7 @@ class MocoFound:
 
 
 def moco_inverse(folder: Path, start: float, end: float, dynamics: bool = False) -> MocoFound:
-    """Solve `rajagopal-walk-emg` from `start` to `end` [s] by MocoInverse, or read what was found
-    before.
+    """Solve `rajagopal-walk-emg` from `start` to `end` [s] by MocoInverse, or read earlier results.
 
     `folder`: of the recording; `dynamics`: whether activations follow excitations; the cost is then
     that of excitations.
@@ -119,8 +117,9 @@ def _solve(folder: Path, place: Path, start: float, end: float, dynamics: bool) 
 
 
 def _model(folder: Path, dynamics: bool, functions: bool = True) -> object:
-    """The recording's model with De Groote's muscles without passive force, as MocoInverse can
-    solve it.
+    """Return the recording's model with De Groote's muscles without passive force.
+
+    MocoInverse can solve that.
     """
     processor = opensim.ModelProcessor(str(folder / "subject_walk_scaled.osim"))
     welded = opensim.StdVectorString()

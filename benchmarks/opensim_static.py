@@ -1,5 +1,6 @@
-"""OpenSim's static optimization and joint reactions (AnalyzeTool) on our cases: forces, and the
-seconds they took.
+"""OpenSim's static optimization and joint reactions (AnalyzeTool) on our cases.
+
+Their results are forces, and the seconds they took.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ def _result(path: Path, seconds: float) -> ToolResult:
 
 
 def load(path: Path) -> opensim.Model:
-    """The model, its system built."""
+    """Read a model, and build its system."""
     model = opensim.Model(str(path))
     model.initSystem()
     return model
@@ -58,8 +58,9 @@ def inverse_kinematics(
     end: float,
     accuracy: float | None = None,
 ) -> ToolResult:
-    """OpenSim's InverseKinematicsTool; degrees as it writes them; its own accuracy (1e-5) unless
-    another is given.
+    """Run OpenSim's InverseKinematicsTool; degrees as it writes them.
+
+    Its accuracy is its own (1e-5) unless another is specified.
     """
     model = load(model_path)
     tool = opensim.InverseKinematicsTool()
@@ -114,9 +115,9 @@ EARTH = (-np.pi / 2, 0.0, 0.0)
 
 
 def imu_placement(model_path: Path, placement: Path, base: tuple[str, str], placed: Path) -> None:
-    """The model with a frame for each sensor, placed by a calibration pose.
+    """Write the model with a frame for each sensor, placed by a calibration pose.
 
-    `base`: sensor that tells the heading, and its axis that points forward.
+    `base`: sensor that shows the heading, and its axis that points forward.
     """
     placer = opensim.IMUPlacer()
     placer.set_model_file(str(model_path))
@@ -129,7 +130,7 @@ def imu_placement(model_path: Path, placement: Path, base: tuple[str, str], plac
 
 
 def without_couplers(model_path: Path, out: Path) -> None:
-    """The model with every coordinate that follows another locked at its default."""
+    """Write the model with every dependent coordinate locked at its default."""
     model = opensim.Model(str(model_path))
     constraints = model.updConstraintSet()
     coordinates = model.updCoordinateSet()

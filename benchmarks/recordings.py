@@ -1,5 +1,6 @@
-"""Recordings of the data collection by short names: `recordings.toml` names their files, this opens
-them.
+"""Recordings of the data collection by short names.
+
+`recordings.toml` names their files, this opens them.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ RECORDINGS = {
 
 
 def read_markers(path: Path) -> mm.Markers:
-    """The markers of a TRC file."""
+    """Read the markers of a TRC file."""
     markers = read_trc(path).markers
     assert markers is not None
     return markers

@@ -1,5 +1,6 @@
-"""What a release needs: sdist and wheel build clean, hold what they should, and work where nothing
-else is installed.
+"""Check what a release needs.
+
+Sdist and wheel build clean, hold what they should, and work where nothing else is installed.
 
 `python -m benchmarks.release [--python PROGRAM ...] [--without-demo]`, with `build` and `twine`
 installed (`pip install -e ".[release]"`). Every Python named gets a fresh environment with the
@@ -48,7 +49,7 @@ def run() -> list[dict[str, object]]:
 
 
 def checked(pythons: Sequence[str], demo: bool) -> Iterable[dict[str, object]]:
-    """A row for every check that passed; `NotReady` at the first that does not."""
+    """Yield a row for every check that passed; raise `NotReady` at the first that does not."""
     with tempfile.TemporaryDirectory(prefix="myomorph release é ") as folder:
         dist = Path(folder) / "dist"
         start = time.monotonic()
@@ -171,7 +172,7 @@ def _installed(python: str, wheel: Path, folder: Path, demo: bool) -> tuple[str,
 
 
 def _said(command: Sequence[str], folder: Path) -> str:
-    """What a program prints; `NotReady` where it fails."""
+    """Return what a program prints; raise `NotReady` where it fails."""
     environment = {
         name: value
         for name, value in os.environ.items()

@@ -26,7 +26,7 @@ Table = list[dict[str, str]]
 
 
 def path_of(table: str) -> Path:
-    """The file of a table."""
+    """Return the file of a table."""
     return FOLDER / f"{table}.csv"
 
 
@@ -40,8 +40,9 @@ def load(table: str) -> Table:
 
 
 def save(table: str, rows: Sequence[Mapping[str, object]], command: str) -> None:
-    """Write a table, its columns in the order in which rows name them, and log the command that
-    made it.
+    """Write a table, its columns in the order in which rows name them.
+
+    The command that made it is logged.
     """
     columns = dict.fromkeys(column for row in rows for column in row)
     _write(
@@ -63,7 +64,7 @@ def _write(table: str, columns: Sequence[str], rows: Iterable[Mapping[str, str]]
 
 
 def cell(value: object) -> str:
-    """A value as it stands in a table."""
+    """Format a value for a table."""
     if isinstance(value, float):
         return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
     # Pages show cells in Markdown tables, whose columns a bar divides.

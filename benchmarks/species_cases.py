@@ -81,20 +81,21 @@ class Bodies:
 
 
 def man(data: Path) -> Bodies:
-    """The leg model of the data collection, with OpenSim's bones scaled as it says."""
+    """Read the leg model of the data collection, with OpenSim's bones scaled as it specifies."""
     model = mm.read_model(data / MAN)
     return Bodies(model, source_bones(model, data / BONES))
 
 
 def mouse(data: Path) -> Bodies:
-    """The skeleton of stac-mjx."""
+    """Read the skeleton of stac-mjx."""
     model = mm.read_model(data / MOUSE)
     return Bodies(model, source_bones(model))
 
 
 def scaling_table(table: SpeciesTable) -> SpeciesTable:
-    """The same bones, scaled by their extents along the directions of the anatomy: with an affine
-    map.
+    """Return the same bones with an affine map.
+
+    They are scaled by their extents along the directions of the anatomy.
     """
     box = (LandmarkRule("extent", "box"),)
     bones = tuple(replace(one, landmarks=box, match="landmarks", rays=()) for one in table.bones)
@@ -112,7 +113,7 @@ METHODS: Mapping[str, tuple[MapKind, str]] = {
 
 @cache
 def bones_of_man(data: Path, features: str) -> SpeciesBones:
-    """The mouse's bones and the man's, with what corresponds on them."""
+    """Return the mouse's bones and the man's, with what corresponds on them."""
     source = man(data)
     target = mouse(data)
     table = read_species("human-mouse")
@@ -129,8 +130,9 @@ def bones_of_man(data: Path, features: str) -> SpeciesBones:
 
 @cache
 def from_man(data: Path, method: str) -> Morph:
-    """The man's leg muscles on the mouse's skeleton; maps of one kind of features are made from the
-    same ones.
+    """Transfer the man's leg muscles to the mouse's skeleton.
+
+    Maps of one kind of features are derived from the same ones.
     """
     kind, features = METHODS[method]
     found = bones_of_man(data, features)
@@ -158,7 +160,7 @@ def from_man(data: Path, method: str) -> Morph:
 
 @cache
 def from_arm(data: Path, method: str) -> Morph:
-    """The man's arm muscles on the mouse's skeleton."""
+    """Transfer the man's arm muscles to the mouse's skeleton."""
     kind, features = METHODS[method]
     table = read_species("human-mouse-arm")
     target = mouse(data)
@@ -257,7 +259,7 @@ class Alignment:
         return replace(seated, translation=seated.translation + self.onto_bone(body, seated))
 
     def shape(self, body: str) -> Shape:
-        """The skeleton's bones that a body of the anatomist's stands for."""
+        """Return the skeleton's bones that a body of the anatomist's stands for."""
         target = SEGMENTS[body][0]
         return Shape(self._there.surface((target, *FUSED.get(target, ()))))
 
@@ -273,8 +275,16 @@ class Alignment:
         )
 
     def onto_bone(self, body: str, laid: Similarity) -> np.ndarray:
-        """(3,) how far a segment is to be moved for its attachments to come nearest to its bone
-        [m].
+        """Return the displacement of a segment that brings its attachments nearest to its bone.
+
+        Parameters
+        ----------
+        body : of the segment
+        laid : alignment of the segment
+
+        Returns
+        -------
+        (3,) [m]
         """
         body = "Pelvis" if body == "Torso" else body
         shape = self.shape(body)
@@ -285,8 +295,9 @@ class Alignment:
         return moved
 
     def residual(self) -> float:
-        """How far three joints of the pelvis stay apart when they are laid on each other, root mean
-        square [m].
+        """Return how far three joints of the pelvis stay apart when they are laid on each other.
+
+        It is their root mean square [m].
         """
         laid = procrustes(*self._pelvis, scale=True)
         apart = np.linalg.norm(laid.apply(self._pelvis[0]) - self._pelvis[1], axis=1)
@@ -306,7 +317,7 @@ def segment_frame(along: np.ndarray, across: np.ndarray) -> np.ndarray:
 
 
 def given_map(body: str, target: str, whole: Similarity) -> BoneMap:
-    """A bone that is laid on another by one similarity."""
+    """Return a bone that is laid on another by one similarity."""
     return BoneMap(
         body=body,
         target_body=target,
@@ -318,7 +329,7 @@ def given_map(body: str, target: str, whole: Similarity) -> BoneMap:
 
 @cache
 def anatomist_on_skeleton(data: Path, rule: str = "joints") -> Morph:
-    """The anatomist's muscles on the mouse's skeleton: what a transfer is held against."""
+    """Return the anatomist's muscles on the mouse's skeleton, with which a transfer is compared."""
     anatomist = mouse_hindlimb_model(data / "mouse-hindlimb-muscles/mouse_hindlimb.json")
     skeleton = mouse(data).model
     laid = Alignment(
@@ -331,10 +342,11 @@ def anatomist_on_skeleton(data: Path, rule: str = "joints") -> Morph:
 
 @cache
 def from_man_by_joints(data: Path) -> Morph:
-    """The man's leg muscles on the anatomist's own model, by nothing but the joints of both.
+    """Transfer the man's leg muscles to the anatomist's own model by the joints of both.
 
-    The pelvis is laid by both hips and the lumbosacral joint, a segment between two joints by these
-    and the flexion axis, the toes by their joint in the size of the foot.
+    Nothing else is used. The pelvis is laid by both hips and the lumbosacral joint. A segment
+    between two joints is laid by these and the flexion axis, the toes by their joint in the size of
+    the foot.
     """
     table = read_species("human-mouse")
     source = man(data).model

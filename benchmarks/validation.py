@@ -1,5 +1,6 @@
-"""Tables of accuracy: `python -m benchmarks.validation [TABLE ...]` measures some, or all, and
-writes them.
+"""Measure tables of accuracy, and write them.
+
+`python -m benchmarks.validation [TABLE ...]` measures some, or all.
 """
 
 from __future__ import annotations

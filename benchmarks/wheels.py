@@ -43,7 +43,7 @@ SYSTEMS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
 
 
 def run() -> list[dict[str, object]]:
-    """Number of dependencies, and those without a wheel, per system and group."""
+    """Return the number of dependencies, and those without a wheel, per system and group."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     groups = {"core": project["dependencies"], **project["optional-dependencies"]}
     rows: list[dict[str, object]] = []
@@ -65,7 +65,7 @@ def run() -> list[dict[str, object]]:
 
 
 def wanted_on(requirements: list[str], facts: dict[str, str]) -> Iterator[str]:
-    """Requirements, without their markers, that hold on a system."""
+    """Yield requirements, without their markers, that hold on a system."""
     for text in requirements:
         one = Requirement(text)
         if one.marker is None or one.marker.evaluate({**facts, "python_version": PYTHON}):
@@ -93,8 +93,9 @@ def runs_anywhere(name: str) -> bool:
 
 
 def versions(name: str, tags: tuple[str, ...]) -> set[str]:
-    """Versions of which pip finds a wheel with one of the tags; it says so in its log alone, but
-    downloads nothing.
+    """Return versions of which pip finds a wheel with one of the tags.
+
+    pip prints that in its log alone, but downloads nothing.
     """
     command = [
         *(sys.executable, "-m", "pip", "index", "versions", "-vv", "--disable-pip-version-check"),

@@ -1,3 +1,4 @@
-"""How the documentation site is made of `docs/`, checked and illustrated; nothing here is part of
-the package.
+"""Build, check and illustrate the documentation site from `docs/`.
+
+Nothing here is part of the package.
 """

@@ -1,15 +1,15 @@
-"""Examples of the documentation that run: what a page marks is done in its order, in a folder of
-its own.
+"""Examples of the documentation that run.
 
-Marks are comments, which no reader sees, on the line before a fenced block:
+What a page marks is run in the order of the page, in a folder of its own. Marks are comments,
+which no reader sees, on the line before a fenced block:
 
     <!-- data: NAME -->      copies a data set of the collection into the folder
     <!-- runs -->            a `sh` block of `myomorph` commands, or a `python` block
     <!-- file: NAME -->      the block is written to the file
     <!-- printed -->         lines that the block before printed, numbers within 2 %
 
-`python -m docs_build.examples PAGE FOLDER` shows all that is printed; data sets lie where
-`MYOMORPH_DATA` says.
+`python -m docs_build.examples PAGE FOLDER` shows all that is printed. `MYOMORPH_DATA` names the
+folder of the data sets.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Part:
 
 
 def parts_of(page: Path) -> list[Part]:
-    """What a page marks, in its order."""
+    """Return what a page marks, in the order of the page."""
     text = page.read_text(encoding="utf-8")
     found = []
     for mark in MARK.finditer(text):
@@ -190,7 +190,7 @@ def _alike(line: str, other: str) -> bool:
 
 @contextlib.contextmanager
 def working_in(folder: Path) -> Iterator[None]:
-    """The working folder for a while."""
+    """Change the working folder for a while."""
     before = Path.cwd()
     os.chdir(folder)
     try:

@@ -1,8 +1,7 @@
-"""The public face as data: what `import myomorph as mm` reaches, by namespace, and the tables of it
-in the docs.
+"""Tables of the public names: what `import myomorph as mm` reaches, by namespace.
 
-A line `<!-- names: mm.morph -->` of a page stands for the table of that namespace, a row a name
-with the first sentence of its docstring, when the site is built.
+A line `<!-- names: mm.morph -->` of a page stands for the table of that namespace. When the site
+is built, the table replaces it: one row per name, with the first sentence of its docstring.
 """
 
 from __future__ import annotations
@@ -52,13 +51,13 @@ def public() -> dict[str, Any]:
 
 
 def first_sentence(value: object) -> str:
-    """What a docstring says first, up to its first full stop or blank line."""
+    """Return a docstring up to its first full stop or blank line."""
     paragraph = inspect.cleandoc(value.__doc__ or "").split("\n\n")[0].replace("\n", " ")
     return re.split(r"(?<=[^.])\.(?:\s|$)", paragraph, maxsplit=1)[0]
 
 
 def table(namespace: str) -> str:
-    """The names of a namespace as a table of Markdown.
+    """Return the names of a namespace as a table of Markdown.
 
     Raises
     ------
@@ -75,7 +74,7 @@ def table(namespace: str) -> str:
 
 
 def with_names(markdown: str) -> str:
-    """A page with the tables of names in place."""
+    """Return a page with the tables of names in place."""
     return TABLE.sub(lambda line: table(line["namespace"]), markdown)
 
 
@@ -91,8 +90,9 @@ def types_in_signature(function: Any) -> dict[str, set[Definition]]:
 
 
 def types_in_fields(kind: type) -> dict[str, set[Definition]]:
-    """Classes of the package in the fields of a dataclass, by field; fields that `repr` hides are
-    the package's own.
+    """Return the classes of the package in the fields of a dataclass, by field.
+
+    Fields that `repr` hides are the package's own.
     """
     if not dataclasses.is_dataclass(kind):
         return {}
@@ -106,8 +106,9 @@ def types_in_fields(kind: type) -> dict[str, set[Definition]]:
 
 
 def _classes(module: str, annotation: object) -> Iterator[Definition]:
-    """Classes of the package that an annotation of a module names, aliases replaced by what they
-    stand for.
+    """Yield the classes of the package that an annotation of a module names.
+
+    Aliases are replaced by what they stand for.
     """
     text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
     for node in ast.walk(_Plain().visit(ast.parse(text, mode="eval"))):
@@ -125,7 +126,7 @@ class _Plain(ast.NodeTransformer):
     """Annotations without what `Annotated` adds to a type."""
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
-        """The type alone."""
+        """Return the type alone."""
         self.generic_visit(node)
         annotated = isinstance(node.value, ast.Name) and node.value.id == "Annotated"
         return node.slice.elts[0] if annotated and isinstance(node.slice, ast.Tuple) else node

@@ -1,5 +1,6 @@
-"""Docstrings of this project for the API reference: after a field's colon stands what it is, its
-type is annotated.
+"""Docstrings of this project for the API reference.
+
+Behind the colon of a field stands its meaning. Its type is annotated.
 """
 
 from __future__ import annotations

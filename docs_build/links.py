@@ -1,6 +1,6 @@
-"""Checks a built site: every link and anchor leads somewhere in it, and no page needs anything from
-elsewhere.
+"""Check a built site for broken links.
 
+Every link and anchor leads somewhere in the site, and no page needs anything from elsewhere.
 `python -m docs_build.links FOLDER` prints what does not, and ends with status 1 then.
 """
 
@@ -46,7 +46,7 @@ class _Page(HTMLParser):
 
 @cache
 def page_of(file: Path) -> _Page:
-    """A page, read once."""
+    """Read a page, once."""
     page = _Page()
     page.feed(file.read_text(encoding="utf-8"))
     return page
@@ -86,7 +86,7 @@ def _wrong(link: str, file: Path) -> str:
 
 
 def foreign_files(site: Path) -> list[str]:
-    """What pages and style sheets would fetch from other machines, one line each."""
+    """List what pages and style sheets would fetch from other machines, one line each."""
     found = []
     for file in sorted(site.rglob("*.html")):
         foreign = [one for one in page_of(file).fetched if urlsplit(one).netloc]

@@ -1,5 +1,6 @@
-"""The navigation of the site, as docs/index.md lists pages: its headings are the groups, headings
-below them parts of a group, its links their pages.
+"""Navigation of the site, as docs/index.md lists pages.
+
+Its headings are the groups, headings below them parts of a group, its links their pages.
 
 Of a folder the index page is linked there and lists the others in its turn, without those that
 docs/index.md puts into another group. A page that no index lists comes last: in the group of its
@@ -25,7 +26,7 @@ Navigation = list[dict[str, list]]
 
 
 def navigation() -> Navigation:
-    """Groups and their pages, in the form of mkdocs' `nav`."""
+    """Return the groups and their pages, in the form of mkdocs' `nav`."""
     groups: Navigation = [{"Home": ["index.md"]}]
     text = (DOCS / "index.md").read_text(encoding="utf-8")
     listed = frozenset(LINK.findall(text))
@@ -53,7 +54,7 @@ def _parts(text: str, marks: str) -> list[Part]:
 
 
 def _task(part: Part, listed: frozenset[str]) -> dict[str, list | str]:
-    """A part of a group; a single page stands for it."""
+    """Return a part of a group, or its page where it has only one."""
     pages = _pages(part.text, listed)
     return {part.heading: pages[0] if len(pages) == 1 else pages}
 
@@ -87,8 +88,9 @@ def pages_of(entries: list) -> list[str]:
 
 
 def with_listed(markdown: str, page: str) -> str:
-    """A page, given by its path under docs, in which the other pages of its folder are listed by
-    their headings.
+    """List in a page the other pages of its folder, by their headings.
+
+    The page is specified by its path under docs.
     """
 
     def lines(_: re.Match[str]) -> str:
@@ -108,8 +110,9 @@ def with_listed(markdown: str, page: str) -> str:
 
 
 def _inside(index: str, listed: frozenset[str]) -> list[str]:
-    """The pages of a folder: its index, those that the index lists, then the others by name,
-    without those that the index of the site lists.
+    """Return the pages of a folder, without those that the index of the site lists.
+
+    First comes the index of the folder, then the pages that it lists, then the others by name.
     """
     folder = PurePosixPath(index).parent
     own = [f"{folder}/{link}" for link in LINK.findall((DOCS / index).read_text(encoding="utf-8"))]

@@ -1,10 +1,11 @@
-"""Tutorials as Jupyter notebooks: made of the pages' own marked blocks, and run as a user would run
-them.
+"""Tutorials as Jupyter notebooks.
 
-`python -m docs_build.notebooks write FOLDER` writes one `.ipynb` a tutorial. `python -m
+They are made of the pages' own marked blocks, and run as a user would run them.
+
+`python -m docs_build.notebooks write FOLDER` writes one `.ipynb` per tutorial. `python -m
 docs_build.notebooks run FOLDER [NAME ...]` runs those that are quick, or those named, each in a
-kernel and a folder of its own, holds what the cells print against the pages, and says which were
-left out and why. Recordings lie where `MYOMORPH_DATA` says.
+kernel and a folder of its own. It compares what the cells print with the pages, and prints which
+tutorials were left out and why. `MYOMORPH_DATA` names the folder of the recordings.
 """
 
 from __future__ import annotations
@@ -48,12 +49,12 @@ STATUS = "assert _exit_code == 0, f'exit status {_exit_code}'"
 
 
 def tutorials() -> list[Path]:
-    """The pages that become notebooks, in the order of their names."""
+    """Return the pages that become notebooks, in the order of their names."""
     return [page for page in sorted(TUTORIALS.glob("*.md")) if page.name != "index.md"]
 
 
 def notebook_of(page: Path) -> dict[str, Any]:
-    """A page as a notebook of format 4.5: its text as it stands, its marked blocks as cells.
+    """Return a page as a notebook of format 4.5: its text unchanged, its marked blocks as cells.
 
     What a block prints on the page stands in the text, and in the metadata of the block's cell for
     `run_notebook`.
@@ -81,7 +82,7 @@ def notebook_of(page: Path) -> dict[str, Any]:
 
 
 def notebook_text(page: Path) -> str:
-    """A page as the text of a notebook file."""
+    """Return a page as the text of a notebook file."""
     return json.dumps(notebook_of(page), indent=1, ensure_ascii=False) + "\n"
 
 
@@ -93,7 +94,7 @@ def _add_text(cells: list[dict[str, Any]], text: str) -> None:
 
 
 def _code(part: Part) -> dict[str, Any]:
-    """A marked block as a cell."""
+    """Return a marked block as a cell."""
     if part.kind == "data":
         source = DATA.format(name=part.name)
     elif part.kind == "file":

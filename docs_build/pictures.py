@@ -1,8 +1,7 @@
-"""Pictures of the tutorials, drawn from what their commands write: `python -m docs_build.pictures
-[NAME...]`.
+"""Pictures of the tutorials: `python -m docs_build.pictures [NAME...]`.
 
-Every tutorial runs in a folder of its own, as in the tests, with data sets from the folder that
-`MYOMORPH_DATA` names.
+They are drawn from what the commands of the tutorials write. Every tutorial runs in a folder of
+its own, as in the tests, with data sets from the folder that `MYOMORPH_DATA` names.
 """
 
 from __future__ import annotations
@@ -218,7 +217,7 @@ def shoulder() -> Figure:
 
 
 def whole_study() -> Figure:
-    """The runner's right knee over the stride at both speeds."""
+    """Draw the runner's right knee over the stride at both speeds."""
     with Path("results/condition_curves.csv").open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["curve"].startswith("knee_angle_r")]
     figure, axes = plt.subplots(1, 2, figsize=(7.0, 3.0))
@@ -239,8 +238,9 @@ def whole_study() -> Figure:
 
 
 def live() -> Figure:
-    """Knee torque as it was told while frames arrived, at the instant when it was told, and as
-    computed afterwards.
+    """Draw the torque of a knee, as estimated live and as computed afterwards.
+
+    The live estimate is drawn at the instant when it was reported, while frames arrived.
     """
     told = xarray.open_dataset("live/live.nc")
     delay = json.loads(Path("live/session.json").read_text(encoding="utf-8"))["filter_delay_s"]
@@ -269,8 +269,9 @@ def live() -> Figure:
 
 
 def how_sure() -> Figure:
-    """Moment and force of a knee with their limits, usual and with better joint centers, and what
-    contributes.
+    """Draw moment and force of a knee with their intervals, and what contributes to them.
+
+    The intervals are those of the usual and of better joint centers.
     """
     columns = (
         ("torques", "generalized_force", "knee_angle_l_moment", 1.0),

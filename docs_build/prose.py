@@ -1,15 +1,13 @@
-"""Numbers in the prose of results, which pages must not hold: measured numbers stand in tables that
-commands write.
+"""Numbers in the prose of results, which pages must not hold.
 
-`python -m docs_build.prose PAGE ...` prints the numbers of pages that are not allowed there. What
-is allowed:
+Measured numbers stand in tables that commands write. `python -m docs_build.prose PAGE ...` prints
+the numbers of pages that are not allowed there. What is allowed:
 
 - a number of a table by its name, `{{ table | row | column }}` (`docs_build/tables.py`), and what
     stands in code;
 - paragraphs and list items that begin with a label in bold: what was set (**Setup:**), what was
-    wanted (**Target:**),
-  what others have published (**Published:**); also from such a label within a paragraph to that
-  paragraph's end;
+    wanted (**Target:**), what others have published (**Published:**); also from such a label
+    within a paragraph to that paragraph's end;
 - numbers that are names: versions, years, decisions, equations, figures, tables and sections of
     sources.
 
@@ -56,8 +54,9 @@ def numbers_of(markdown: str) -> list[str]:
 
 
 def numbers_beside_results(markdown: str) -> list[str]:
-    """Sentences of any page that point to the pages of results and hold a number, which the table
-    there has.
+    """List sentences of any page that hold a number and point to the pages of results.
+
+    The tables of those pages have the number.
     """
     found = []
     for paragraph in re.split(

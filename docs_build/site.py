@@ -1,5 +1,7 @@
-"""Hooks of mkdocs: navigation, tables of results, equations as MathML, a reference of every module,
-the changelog.
+"""Hooks of mkdocs: what the site has beyond the pages of `docs/`.
+
+Those are navigation, tables of results, equations as MathML, a reference of every module, and the
+changelog.
 """
 
 from __future__ import annotations
@@ -49,8 +51,9 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Pages that are made of the package and of files beside `docs/`, and the notebooks of
-    tutorials.
+    """Add pages that are derived from the package and from files outside `docs/`.
+
+    The notebooks of the tutorials are added too.
     """
     made = {
         # It lies beside docs/, and in the site among its pages.
@@ -119,7 +122,7 @@ def module_page(module: Path) -> str:
 
 
 def room_index(room: str) -> str:
-    """A room's modules, each with its first line."""
+    """List the modules of a room, each with the first line of its docstring."""
     lines = [
         f"# {room}",
         "",
@@ -135,7 +138,7 @@ def room_index(room: str) -> str:
 
 
 def reference_index() -> str:
-    """The wings, from the main job outwards."""
+    """List the wings, from the main job outwards."""
     lines = [
         "# Modules",
         "",

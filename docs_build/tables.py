@@ -36,7 +36,7 @@ NUMBER = re.compile(r"\{\{ (?P<words>[^{}]+?) \}\}")
 
 
 def rendered(markdown: str, page: str) -> str:
-    """A page with its tables and numbers in place.
+    """Return a page with its tables and numbers in place.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def pages_of_tables() -> dict[str, str]:
 
 
 def number(words: str) -> str:
-    """The cell that "table | row | column" names.
+    """Return the cell that "table | row | column" names.
 
     Raises
     ------
@@ -95,8 +95,9 @@ def _shown(line: re.Match[str], page: str) -> str:
 
 
 def chosen(rows: Table, choice: str) -> Table:
-    """Rows "with COLUMN", "with COLUMN = CELL" or "without COLUMN", without columns that are empty
-    in all of them.
+    """Return the rows "with COLUMN", "with COLUMN = CELL" or "without COLUMN".
+
+    Columns that are empty in all of these rows are left out.
 
     Raises
     ------
@@ -128,7 +129,7 @@ def as_markdown(rows: Table) -> str:
 
 
 def _linked(row: dict[str, str], page: str) -> dict[str, str]:
-    """A claim whose cell "table" leads to the page that shows that table."""
+    """Return a claim whose cell "table" leads to the page that shows that table."""
     target = pages_of_tables()[f"validation/{row['table']}"]
     up = "../" * page.count("/")
     return {**row, "table": f"[{row['table']}]({up}{target})"}

@@ -1,3 +1,4 @@
-"""Comparisons of accuracy, a module a subject; each returns the rows of the tables in
-docs/validation.
+"""Comparisons of accuracy, one module per subject.
+
+Each returns the rows of the tables in docs/validation.
 """

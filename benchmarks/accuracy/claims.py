@@ -1,7 +1,7 @@
-"""What the front page of docs/validation claims: for each claim the number, the target, the
-comparison and its table.
+"""Claims of the front page of docs/validation.
 
-Every number is computed from the other tables of results; none is typed.
+Each has its number, target, comparison and table. Every number is computed from the other tables
+of results; none is typed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Claim:
 
 
 def claims() -> tuple[Claim, ...]:
-    """The lines of the front page in their order."""
+    """List the lines of the front page in their order."""
     return (*_of_programs(), *_of_persons(), *_of_known_truths())
 
 
@@ -291,7 +291,7 @@ def _of_known_truths() -> tuple[Claim, ...]:
 
 
 def claim_rows() -> list[Row]:
-    """The claims with their numbers, from the tables as they are on disk."""
+    """Return the claims with their numbers, from the tables as they are on disk."""
     return [
         {
             "claim": claim.text,

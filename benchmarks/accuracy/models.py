@@ -23,7 +23,7 @@ DOCUMENT_ONLY = ("credits", "publications", "force_units", "length_units", "Mode
 
 
 def measure(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a model file: its parts, or the reason why it is not opened."""
+    """Yield a row for each model file: its parts, or the reason why it is not opened."""
     mjcf = (
         "mouse-arm-muscles/akira_muscle.xml",
         "mouse-skeleton-keypoints/mouse_with_meshes.xml",
@@ -104,10 +104,10 @@ def measure_kernels() -> Iterator[dict[str, object]]:
 
 
 def measure_curved_knee(folder: Path) -> Iterator[dict[str, object]]:
-    """Power of inverse dynamics against the rate of energy in a real walk, OpenSim's torques and
-    ours.
+    """Compare the power of inverse dynamics with the rate of energy in a real walk.
 
-    No external loads: they would add the same to both. OpenSim computes the energy.
+    The torques are OpenSim's and ours. No external loads: they would add the same to both. OpenSim
+    computes the energy.
     """
     import opensim
 

@@ -1,5 +1,6 @@
-"""Recordings of mice: marker residuals, strides, muscle lengths, plate and tensions; `validation`
-tabulates them.
+"""Recordings of mice: marker residuals, strides, muscle lengths, plate and tensions.
+
+`validation` tabulates them.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ JOINTS = ("Hip_flexion", "Knee_extension", "Ankle_flexion")
 
 
 def recordings(folder: Path) -> tuple[str, ...]:
-    """Recordings of markers, where the model for them is there too."""
+    """List recordings of markers, where the model for them is there too."""
     return names(folder) if (folder / FILE).is_file() else ()
 
 
@@ -66,7 +67,7 @@ def measure_markers(folder: Path) -> Iterator[Row]:
 
 
 def measure_keypoints(folder: Path) -> Iterator[Row]:
-    """The whole skeleton on clips of keypoints."""
+    """Fit the whole skeleton to clips of keypoints."""
     if not (folder / KEYPOINTS).is_file():
         return
     for k, one in enumerate(clip_fits(folder, whole_skeleton(folder))):
@@ -124,7 +125,7 @@ MUSCLES = ("ILI", "RF", "VL", "BFP_cranial", "SM", "ST", "CF", "TA", "LG", "MG",
 
 
 def measure_lengths(folder: Path) -> Iterator[Row]:
-    """What muscles do in a stride, right and left, over all mice on the plate."""
+    """Summarize what muscles do in a stride, right and left, over all mice on the plate."""
     found = {name: lengths_of(folder, name) for name in recordings(folder) if name != "treadmill"}
     for muscle in MUSCLES:
         ranges = [
@@ -161,7 +162,10 @@ def measure_lengths(folder: Path) -> Iterator[Row]:
 
 
 def measure_plate(folder: Path) -> Iterator[Row]:
-    """Loadings of the plate, and what a paw that is alone on it asks of the muscles."""
+    """Summarize loadings of the plate.
+
+    The rows have what a paw that is alone on it requires of the muscles.
+    """
     for name in recordings(folder):
         if name == "treadmill":
             continue
@@ -217,8 +221,9 @@ def measure_plate(folder: Path) -> Iterator[Row]:
 
 
 def measure_commands(folder: Path) -> Iterator[Row]:
-    """Every recording by one study file: how much of each leg is solved, and what reserves give
-    there.
+    """Run every recording by one study file.
+
+    The rows have how much of each leg is solved, and what reserves give there.
     """
     if not recordings(folder):
         return
@@ -267,8 +272,9 @@ def _residual(tension: Tension, posed: np.ndarray) -> float:
 
 
 def _beside_markers(one: Mouse) -> Row:
-    """How far the center of pressure is from the markers' middle, as used and as the file counts
-    the corners.
+    """Return how far the center of pressure is from the markers' middle.
+
+    It is as used, and as the file counts the corners.
     """
     plate = one.trial.plates[0]
     markers = one.trial.markers
@@ -306,13 +312,14 @@ def measure_masses(folder: Path) -> Iterator[Row]:
 
 
 def _largest(values: np.ndarray) -> float:
-    """The value of the largest size, with its sign."""
+    """Return the value of the largest size, with its sign."""
     return float(values[int(np.argmax(np.abs(values)))])
 
 
 def _reserves(torques: mm.Series, tension: Tension, side: str) -> tuple[float, float]:
-    """Largest reserve of the leg's joints [N mm], and root mean square of reserves over that of
-    torques [%].
+    """Return the largest reserve of the leg's joints [N mm], and the size of reserves [%].
+
+    The latter is their root mean square over that of torques.
     """
     joints = [f"{joint}_{side}" for joint in JOINTS]
     given = np.stack(

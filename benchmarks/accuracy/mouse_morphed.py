@@ -1,5 +1,6 @@
-"""The morphed mouse: its fibers and forces against an anatomist's, and what it does on recordings
-of mice.
+"""The morphed mouse: its fibers and forces against an anatomist's.
+
+Its behavior on recordings of mice is measured too.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def _pairs(table: Mapping[str, Architecture]) -> Pairs:
 
 
 def measure_architecture(folder: Path) -> Iterator[Row]:
-    """Forces and fibers by what they come from, against the anatomist's table in its own size."""
+    """Compare forces and fibers, by their source, with the anatomist's table in its own size."""
     if not _there(folder):
         return
     source = man(folder)
@@ -78,8 +79,9 @@ def measure_architecture(folder: Path) -> Iterator[Row]:
 
 
 def _against(found: Mapping[str, Architecture], pairs: Pairs, truth: mm.Model) -> Row:
-    """Ranks, medians and ranges of force and fiber length over the anatomist's, and how often
-    intervals hold.
+    """Compare force and fiber length with the anatomist's.
+
+    The row has ranks, medians and ranges of their ratios, and how often intervals hold.
     """
     theirs = {one.name: one for one in truth.muscles}
     forces = np.array(
@@ -232,7 +234,7 @@ def astray(muscle: Muscle) -> bool:
 
 
 def measure_tension(folder: Path) -> Iterator[Row]:
-    """What a paw that bears the plate's force asks of the muscles."""
+    """Measure what a paw that bears the plate's force requires of the muscles."""
     if not _there(folder):
         return
     for path in recordings(folder):
@@ -266,8 +268,9 @@ def measure_tension(folder: Path) -> Iterator[Row]:
 
 
 def measure_reserves(folder: Path) -> Iterator[Row]:
-    """A row a joint of the recordings whose reserves are large: what the muscles lack there, muscle
-    by muscle.
+    """Yield a row for each joint of the recordings whose reserves are large.
+
+    It has what the muscles lack there, muscle by muscle.
     """
     if not _there(folder):
         return
@@ -321,8 +324,9 @@ LARGE = 0.1
 
 
 def measure_groups(folder: Path) -> Iterator[Row]:
-    """Real strides in two groups: of two animals, of one animal's earlier and later strides, of two
-    sessions.
+    """Compare real strides in two groups.
+
+    The groups are of two animals, of one animal's earlier and later strides, or of two sessions.
     """
     if not _there(folder):
         return
@@ -390,7 +394,7 @@ ARM = ("TRIlong", "TRIlat", "BIClong", "BRA")
 
 
 def measure_keypoints(folder: Path) -> Iterator[Row]:
-    """The morphed mouse on clips of keypoints: errors, and what its muscles do."""
+    """Fit the morphed mouse to clips of keypoints: errors, and what its muscles do."""
     if not _there(folder) or not (folder / KEYPOINTS).is_file():
         return
     generic = with_keypoints(with_arms(folder, whole_mouse(folder)))

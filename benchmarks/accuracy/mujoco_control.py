@@ -1,9 +1,9 @@
-"""Recorded walks in MuJoCo under our activations: what its muscles give beside ours, and where its
-steps lead.
+"""Recorded walks in MuJoCo under our activations.
 
-The steps of a recording give angles, torques and activations; the model is exported. MuJoCo's copy
-gets the recorded ground forces, our reserves and our activations, as they are and without dynamics
-of its own, and computes the forces of its muscles itself.
+Compared are the forces of its muscles with ours, and where its steps lead. The steps of a recording
+give angles, torques and activations; the model is exported. MuJoCo's copy gets the recorded ground
+forces, our reserves and our activations, as they are and without dynamics of its own, and computes
+the forces of its muscles itself.
 """
 
 from __future__ import annotations
@@ -56,8 +56,9 @@ COORDINATES = (
 
 
 class Activations(NamedTuple):
-    """Activations of some muscles, and the torques that those muscles give with them, by our
-    formulas.
+    """Activations of some muscles, and the torques that those muscles give with them.
+
+    The torques are by our formulas.
     """
 
     of: str
@@ -67,8 +68,10 @@ class Activations(NamedTuple):
 
 @dataclass(frozen=True)
 class Walk:
-    """A walk and the model's copy, its coordinates `there` and `rates` (frames, coordinates), our
-    moment arms `arms` (frames, muscles, free).
+    """A walk and the model's copy.
+
+    Its coordinates are `there` and their rates `rates` (frames, coordinates), our moment arms
+    `arms` (frames, muscles, free).
     """
 
     motion: mm.Motion
@@ -81,7 +84,10 @@ class Walk:
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row a walk and choice of activations: torques of muscles, and errors of MuJoCo's steps."""
+    """Yield a row for each walk and choice of activations.
+
+    It has torques of muscles, and errors of MuJoCo's steps.
+    """
     for name, walk in _walks(folder):
         yield _row(walk, name, "none, torques of our muscles", walk.activations[0], False)
         for choice in walk.activations:
@@ -89,8 +95,9 @@ def measure(folder: Path) -> Iterator[Row]:
 
 
 def measure_torques(folder: Path) -> Iterator[Row]:
-    """A row a walk and coordinate: torques of MuJoCo's muscles less those of ours, by the choice of
-    activations.
+    """Yield a row for each walk and coordinate.
+
+    It has torques of MuJoCo's muscles less those of ours, by the choice of activations.
     """
     for name, walk in _walks(folder):
         theirs = [_mujoco_torques(walk, choice.tension) for choice in walk.activations]
@@ -181,8 +188,9 @@ def _mujoco_torques(walk: Walk, tension: Tension) -> Array:
 
 
 def _start(walk: Walk, frame: int, muscles: bool = True) -> None:
-    """Put MuJoCo's copy into the recorded state of a frame, its muscles idle where they are not
-    wanted.
+    """Put MuJoCo's copy into the recorded state of a frame.
+
+    Its muscles are idle where they are not wanted.
     """
     copy = walk.copy
     flags = copy.m.opt.disableflags & ~IDLE

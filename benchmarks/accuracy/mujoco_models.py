@@ -30,7 +30,9 @@ Row = dict[str, object]
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row a model: muscles within the tolerance, the largest differences and where, torques and
+    """Yield a row for each model.
+
+    It has muscles within the tolerance, the largest differences and where they are, torques and
     masses.
     """
     for name in MODELS:

@@ -357,9 +357,12 @@ PAGES: dict[str, dict[str, str]] = {
 
 
 def measurement(table: str) -> Callable[[], Iterable[Row]]:
-    """What measures a table.
+    """Return what measures a table.
 
-    Raises KeyError where no page has the table.
+    Raises
+    ------
+    KeyError
+        where no page has the table
     """
     module, function = next(tables[table] for tables in PAGES.values() if table in tables).split(
         ":"

@@ -1,5 +1,6 @@
-"""Figures of contact forces: `python -m benchmarks.figures hidden-plates`, `contact-intervals`,
-`hands-lift`.
+"""Figures of contact forces.
+
+`python -m benchmarks.figures` draws `hidden-plates`, `contact-intervals`, `hands-lift`.
 """
 
 from __future__ import annotations
@@ -88,8 +89,9 @@ SPAN = 1.4
 
 
 def draw_intervals(file: Path) -> None:
-    """Measured and estimated force of each foot, what the data leave open around it, and solutions
-    near the optimum.
+    """Draw measured and estimated force of each foot.
+
+    What the data leave undetermined is drawn around it, with solutions near the optimum.
     """
     folder = data_folder()
     with page(file, len(ROWS), len(SHOWN_INTERVALS), (11.0, 4.8), sharex="col", sharey="row") as (

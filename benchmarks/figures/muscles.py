@@ -1,5 +1,6 @@
-"""Figures of muscles: `python -m benchmarks.figures knee-force`, `passive-tensions`,
-`mouse-lengths`.
+"""Figures of muscles.
+
+`python -m benchmarks.figures` draws `knee-force`, `passive-tensions`, `mouse-lengths`.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""How every figure is drawn: `python -m benchmarks.figures NAME [FILE]` writes
-docs/images/NAME.svg, or the file.
+"""How every figure is drawn.
+
+`python -m benchmarks.figures NAME [FILE]` writes docs/images/NAME.svg, or the file.
 """
 
 from __future__ import annotations
@@ -48,13 +49,18 @@ def page(
 
 
 def legend(figure: Figure, axes: Axes, columns: int, **more: Any) -> None:
-    """The legend of one of the axes, above all of them."""
+    """Draw the legend of one of the axes above all of them."""
     figure.legend(
         *axes.get_legend_handles_labels(), loc="upper center", ncols=columns, frameon=False, **more
     )
 
 
 def zero_lines(axes: np.ndarray) -> None:
-    """A thin line at zero in each."""
+    """Draw a thin line at zero in each.
+
+    Parameters
+    ----------
+    axes : array of `Axes`, in any shape
+    """
     for axis in np.ravel(axes):
         axis.axhline(0.0, color="#999999", lw=0.6)

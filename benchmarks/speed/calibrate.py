@@ -1,5 +1,6 @@
-"""Kinematic identification of 50, 500 and 2,000 simulated frames of a 39-coordinate model: seconds
-and peak memory.
+"""Kinematic identification of 50, 500 and 2,000 simulated frames of a 39-coordinate model.
+
+Measured are seconds and peak memory.
 """
 
 from __future__ import annotations
@@ -20,7 +21,10 @@ NOISE = 3e-4
 
 
 def run() -> list[dict[str, object]]:
-    """A row for each number of frames, in a process of its own so that memory is theirs alone."""
+    """Return a row for each number of frames.
+
+    Each is measured in a process of its own, so that memory is its alone.
+    """
     return in_own_process(_rows)
 
 

@@ -1,9 +1,8 @@
-"""Speed of muscle tensions and contact forces in one problem, and of maintained QP solvers on the
-same problems.
+"""Speed of muscle tensions and contact forces in one problem.
 
-`python -m benchmarks contacts`: frames a second of the QP step alone and of everything from
-coordinates to tensions, on all cores, then milliseconds a frame on one core beside other solvers.
-Walks are recorded, their plates hidden.
+Maintained QP solvers solve the same problems. `python -m benchmarks contacts`: frames a second of
+the QP step alone and of everything from coordinates to tensions, on all cores, then milliseconds
+per frame on one core next to other solvers. Walks are recorded, their plates hidden.
 """
 
 from __future__ import annotations
@@ -37,8 +36,9 @@ PATIENCE = 20.0
 
 @dataclass(frozen=True, eq=False)
 class ContactCase:
-    """A motion without measured forces, what may touch, frames a second asked for, frames that all
-    solvers solve.
+    """A motion without measured forces.
+
+    It has what may touch, frames a second requested, and frames that all solvers solve.
     """
 
     name: str
@@ -59,7 +59,7 @@ def at_rate(
 
 
 def walk(folder: Path, rate: float = RATE) -> tuple[mm.Model, mm.Motion]:
-    """The recorded walk of the Rajagopal model, filtered at 6 Hz."""
+    """Read the recorded walk of the Rajagopal model, filtered at 6 Hz."""
     model = mm.read_model(folder / (WALK + "subject_walk_scaled.osim"))
     whole = mm.differentiate(mm.read_motion(folder / (WALK + "coordinates.sto"), model), 6.0)
     return model, at_rate(whole, rate, 0.5, 1.75)
@@ -126,8 +126,9 @@ def two_walkers(folder: Path) -> ContactCase:
 
 
 def cyclist(folder: Path) -> ContactCase:
-    """The largest model on eight patches of four points, swinging slowly about its recorded static
-    pose.
+    """Return the largest model on eight patches of four points.
+
+    It swings slowly about its recorded static pose.
     """
     model = mm.read_model(folder / "fullbody-many-muscles/cyclistFullBodyMuscle.osim")
     recorded = read_markers(folder / "fullbody-many-muscles/s01_static.trc")
@@ -154,7 +155,7 @@ def _task(
 
 
 def quadratic(problem: TensionProblem, given: Balance, keep: np.ndarray) -> QuadraticFrames:
-    """Some frames as minimise sum x^2: every variable scaled by the root of its weight."""
+    """Write some frames as minimize sum x^2: every variable scaled by the root of its weight."""
     S = problem.separable
     root = np.sqrt(S.weight)
     columns = np.repeat(np.arange(len(root)), np.diff(S.start))
@@ -176,8 +177,9 @@ def solved(case: ContactCase, torques: mm.Series, task: ContactTask) -> mm.Tensi
 
 
 def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
-    """Frames a second on all cores: the QP step alone, everything, and everything with forces
-    smoothed.
+    """Measure frames a second on all cores.
+
+    They are of the QP step alone, everything, and everything with forces smoothed.
     """
     torques = mm.inverse_dynamics(case.model, case.motion)
     smooth = replace(

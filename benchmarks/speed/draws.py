@@ -49,7 +49,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(draws: int) -> list[dict[str, object]]:
-    """Rows: what is computed, its time, processor time and memory, and times over those without
+    """Measure a walk with and without draws.
+
+    Rows have what is computed, its time, processor time and memory, and times over those without
     draws.
     """
     count = ("--draws", str(draws))

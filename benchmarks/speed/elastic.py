@@ -1,8 +1,7 @@
-"""Tensions on elastic tendons: a stride of 110 frames and 60 s of walking, 80 muscles; seconds,
-memory, programs.
+"""Tensions on elastic tendons: a stride of 110 frames and 60 s of walking, 80 muscles.
 
-The long recording is the stride of rajagopal-walk-emg again and again, made to close, with the
-torques of the stride.
+Measured are seconds, memory and programs. The long recording is the stride of rajagopal-walk-emg
+again and again, made to close, with the torques of the stride.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def stride() -> tuple[mm.Model, mm.Motion, mm.Series]:
-    """A stride of the walk at 100 Hz and its torques."""
+    """Read a stride of the walk at 100 Hz and its torques."""
     folder = data_folder() / "rajagopal-walk-emg"
     model = mm.read_model(folder / "subject_walk_scaled.osim")
     whole = mm.differentiate(mm.read_motion(folder / "coordinates.sto", model), cutoff=6.0)
@@ -47,7 +46,7 @@ def stride() -> tuple[mm.Model, mm.Motion, mm.Series]:
 
 
 def with_degroote(model: mm.Model) -> mm.Model:
-    """The model with De Groote's muscles of the same parameters."""
+    """Return the model with De Groote's muscles of the same parameters."""
     kind = "DeGrooteFregly2016Muscle"
     return replace(
         model, muscles=tuple(replace(one, kind=kind, parameters={}) for one in model.muscles)
@@ -55,8 +54,9 @@ def with_degroote(model: mm.Model) -> mm.Model:
 
 
 def tiled(motion: mm.Motion, torques: mm.Series, seconds: float) -> tuple[mm.Motion, mm.Series]:
-    """The stride again and again, made to close: what the last frame differs from the first is
-    taken off evenly.
+    """Repeat the stride, made to close.
+
+    The difference of the last frame from the first is taken off evenly.
     """
     count = len(motion)
     frames = int(seconds * RATE)
@@ -71,7 +71,7 @@ def tiled(motion: mm.Motion, torques: mm.Series, seconds: float) -> tuple[mm.Mot
 
 
 def run(degroote: bool = False) -> list[dict[str, object]]:
-    """A row for the stride, one each for 15 and 60 s."""
+    """Return a row for the stride, one each for 15 and 60 s."""
     model, motion, torques = stride()
     if degroote:
         model = with_degroote(model)

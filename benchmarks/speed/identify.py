@@ -1,8 +1,8 @@
-"""Base parameters of 36,000 simulated frames: seconds and peak memory of the batch, frames a second
-of the recursion.
+"""Base parameters of 36,000 simulated frames.
 
-The bodies are a synthetic tree of the paper's size (53 links, 155 degrees of freedom) and the real
-one of 80 bodies.
+Measured are seconds and peak memory of the batch, and frames a second of the recursion. The bodies
+are a synthetic tree of the paper's size (53 links, 155 degrees of freedom) and the real one of 80
+bodies.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ EXACT_MOTION = BaseOptions(motion_sd=0.0)
 
 
 def run() -> list[dict[str, object]]:
-    """A row a model, each measured in a process of its own so that memory is its alone."""
+    """Return a row for each model, measured in a process of its own so that memory is its alone."""
     names = ("53 links, 155 DOF (synthetic tree)", "80 links, 171 coordinates (real model)")
     return [in_own_process(measure, name) for name in names]
 
@@ -68,8 +68,9 @@ def measure(name: str, frames: int = FRAMES) -> dict[str, object]:
 
 
 def recursion(model: mm.Model, base, given: Recording, frames: int) -> tuple[float, float]:
-    """Frames folded in a second, by the clock and by the processor; the regressor's rows are there
-    already.
+    """Return frames processed in a second, by the clock and by the processor.
+
+    The regressor's rows are there already.
     """
     fit = SequentialFit(model, base, NOISE)
     wrench = np.concatenate([given.wrenches.torques[:, 0], given.wrenches.forces[:, 0]], axis=1)
@@ -104,7 +105,7 @@ def of_the_papers_size() -> mm.Model:
 
 
 def real_model() -> mm.Model:
-    """The full body of 520 muscles."""
+    """Read the full body of 520 muscles."""
     return mm.read_model(data_folder() / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
 
 

@@ -1,5 +1,6 @@
-"""How late `live` is, on recordings played at their own speed, and frames a second that live
-identification takes.
+"""Latency of `live`, on recordings played at their own speed.
+
+Frames a second that live identification takes are measured too.
 
 `python -m benchmarks live-delay`: a walk and two runs at 100 and 200 Hz (frames between by lines),
 then the walk over streams from another process, and with the page open. The filter's delay comes on
@@ -121,7 +122,7 @@ def measured(
 def row_of(
     name: str, model: mm.Model, rate: float, delays: Sequence[Delays], filter_delay: float
 ) -> Row:
-    """What some plays say."""
+    """Summarize some plays in a row."""
     table = np.concatenate([one.table for one in delays])
     ages = Spread.of(table[:, 2])
     busy = Spread.of(table[:, 3])
@@ -142,7 +143,7 @@ def row_of(
 
 
 def with_limits(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Row:
-    """The same with limits of all results."""
+    """Measure the same with intervals of all results."""
     plays = max(1, round(SECONDS / (markers.time[-1] - markers.time[0])))
     sources = [Replay(markers, wrenches) for _ in range(plays)]
     return measured(f"walk, {DRAWS} draws", model, sources, draws=DRAWS)
@@ -153,7 +154,7 @@ BODIES = ("pelvis", "torso", "femur_r", "tibia_r", "calcn_r", "femur_l", "tibia_
 
 
 def run_sensors() -> list[Row]:
-    """The walk by simulated sensors in the place of markers, at 100 and 200 Hz."""
+    """Measure the walk by simulated sensors in the place of markers, at 100 and 200 Hz."""
     _, model_path, path, loads = CASES[0]
     data = data_folder()
     model = mm.read_model(data / model_path)
@@ -172,7 +173,7 @@ def run_sensors() -> list[Row]:
 
 
 def with_page(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Row:
-    """The same while a page draws it in another process."""
+    """Measure the same while a page draws it in another process."""
     plays = max(1, round(SECONDS / (markers.time[-1] - markers.time[0])))
     sources = [Replay(markers, wrenches) for _ in range(plays)]
     page = LivePage(
@@ -185,8 +186,9 @@ def with_page(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Ro
 
 
 def over_streams(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Row:
-    """The walk sent from another process, results sent on: from the sender's time stamp to the
-    result's being sent.
+    """Measure the walk sent from another process, its results sent on.
+
+    The latency is from the sender's time stamp to the result's being sent.
     """
     name = f"myomorph-benchmark-{time.time_ns()}"
     context = multiprocessing.get_context("spawn")

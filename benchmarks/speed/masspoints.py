@@ -1,9 +1,8 @@
-"""The mass-point problem of [D] eq. 3.10 at full size, general QP solvers as far as they get, and
-grids of points.
+"""The mass-point problem of [D] eq. 3.10 at full size, and grids of points.
 
-A made body: an ellipsoid of 70 kg, 53 links, 430 rows of random combinations of their parameters
-with noise. Every solver has a process of its own, and is given up where one size takes more than a
-minute or `MEMORY`.
+General QP solvers solve it as far as they get. A synthetic body: an ellipsoid of 70 kg, 53 links,
+430 rows of random combinations of their parameters with noise. Every solver has a process of its
+own, and is given up where one size takes more than a minute or `MEMORY`.
 """
 
 from __future__ import annotations
@@ -90,8 +89,9 @@ def made_links() -> Links:
 
 
 def measured(body: MassPoints) -> tuple[np.ndarray, np.ndarray]:
-    """A and b in units of noise: a true body whose points weigh 0 to 2 times the reference,
-    unevenly.
+    """Return A and b in units of noise of a true body.
+
+    Its points weigh 0 to 2 times the reference, unevenly.
     """
     random = np.random.default_rng(1)
     A = 30.0 * random.normal(size=(ROWS, 10 * LINKS))
@@ -118,7 +118,7 @@ def run() -> list[Row]:
 def alone(
     work: Callable[..., Iterator[Row | None]], arguments: tuple, patience: float = np.inf
 ) -> Row:
-    """The row of some work in a process of its own, or one that says why there is none.
+    """Return the row of some work in a process of its own, or one with the reason for its lack.
 
     The work first yields None, when its problem is set up: patience [s] runs from there.
     """
@@ -186,7 +186,7 @@ CONIC = {"pseudo-inertia, a body's wrench": 0.0, "pseudo-inertia, no body's wren
 
 
 def conic_size(words: str) -> Iterator[Row | None]:
-    """The pseudo-inertia method, for as many links."""
+    """Run the pseudo-inertia method for as many links."""
     body = made_body(20_000, bone_weights)
     A, b = measured(body)
     b += CONIC[words] * np.random.default_rng(2).normal(size=len(b))
@@ -227,8 +227,11 @@ def general_size(name: str, points: int) -> Iterator[Row | None]:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """minimise |B u - t|^2 / 2 + |u|^2 / 2 subject to u >= low, u the masses from the reference
-    over their prior SD.
+    """A bounded least-squares problem of the masses.
+
+    With u the masses from the reference over their prior SD,
+
+        minimize |B u - t|^2 / 2 + |u|^2 / 2 subject to u >= low
 
     `B`: (rows, points) a column for each point; `t`: (rows,); `low`, `sd`: (points,).
     """
@@ -242,7 +245,7 @@ class Program:
     def of(
         body: MassPoints, A: np.ndarray, b: np.ndarray, options: MassPointOptions | None = None
     ) -> Program:
-        """The problem with all that ours never forms."""
+        """Return the problem with all that ours never forms."""
         options = options or MassPointOptions()
         sd = np.sqrt(prior_variances(body, options))
         moments = point_moments(body.points).T

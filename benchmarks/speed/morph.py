@@ -1,8 +1,7 @@
-"""Maps of 53 synthetic bones with 2,000 features, a real model's muscles through them, a scanned
-femur, a mouse.
+"""Maps of 53 synthetic bones with 2,000 features, and a real model's muscles through them.
 
-3,000 points of 997 elements are carried with Jacobians. The femur is a man's of
-`bones-mri-two-adults` onto a woman's.
+A scanned femur and a mouse are mapped too. 3,000 points of 997 elements are carried with Jacobians.
+The femur is a man's of `bones-mri-two-adults` onto a woman's.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ ALL = (FEATURES // SYNTHETIC_BONES, "on all bones")
 
 
 def run() -> list[dict[str, object]]:
-    """A row a kind of map and number of features."""
+    """Return a row for each kind of map and number of features."""
     kinds: tuple[MapKind, ...] = ("ssd", "rbf", "affine")
     return [
         *(measure(kind, *features) for kind in kinds for features in (EACH, ALL)),
@@ -140,7 +139,7 @@ VERTICES = 20_000
 
 
 def run_registration() -> list[dict[str, object]]:
-    """A row in a process of its own, so that memory is its alone."""
+    """Return a row in a process of its own, so that memory is its alone."""
     return [in_own_process(measure_registration)]
 
 
@@ -168,7 +167,7 @@ def measure_registration() -> dict[str, object]:
 
 
 def fine(path) -> mm.Surface:
-    """A bone [m] with its longest edges cut until it has enough vertices."""
+    """Read a bone [m] with its longest edges cut until it has enough vertices."""
     bone = mm.read_mesh(path)
     vertices = 1e-3 * np.array(bone.vertices)
     faces = np.array(bone.faces)
@@ -183,8 +182,9 @@ ALLOWED = 300.0
 
 
 def run_species() -> list[dict[str, object]]:
-    """A row for the maps of the bones, one for bones and muscles, one for the whole way from files
-    to files.
+    """Return a row for the maps of the bones, and one for bones and muscles.
+
+    A third is for the whole way from files to files.
     """
     data = data_folder()
     table = read_species("human-mouse")

@@ -57,7 +57,7 @@ def run(rounds: int = 3) -> list[dict[str, object]]:
 def inverse_kinematics_row(
     name: str, folder: Path, files: Recording, rounds: int, *, end: float = np.inf
 ) -> dict[str, object]:
-    """A marker recording to its end, or to that time [s]; weights of OpenSim's task set."""
+    """Solve a marker recording to its end, or to that time [s]; weights of OpenSim's task set."""
     model_path = folder / files.model
     markers_path = folder / files.markers
     model = mm.read_model(model_path)
@@ -90,7 +90,7 @@ def inverse_kinematics_row(
 def inverse_dynamics_row(
     name: str, folder: Path, files: Recording, rounds: int
 ) -> dict[str, object]:
-    """Derivatives, external loads at the motion's times and generalized forces.
+    """Compute derivatives, external loads at the motion's times and generalized forces.
 
     Neither program's time counts the reading of the two tables: OpenSim's is measured and taken
     off.
@@ -142,7 +142,7 @@ def muscle_row(name: str, model_path: Path, motion_path: Path, rounds: int) -> d
 
 
 def opensim_muscles(model_path: Path, model: mm.Model, values: np.ndarray) -> Callable[[], None]:
-    """A loop over frames, muscles and coordinates, as OpenSim's users write it."""
+    """Return a loop over frames, muscles and coordinates, as OpenSim's users write it."""
     theirs = opensim.Model(str(model_path))
     state = theirs.initSystem()
     muscles = theirs.getMuscles()
@@ -164,11 +164,10 @@ def opensim_muscles(model_path: Path, model: mm.Model, values: np.ndarray) -> Ca
 
 
 def static_optimization_row(folder: Path, rounds: int) -> dict[str, object]:
-    """From coordinates to activations: derivatives, inverse dynamics, muscles and the tension
-    problem.
+    """Go from coordinates to activations.
 
-    Both read the same complete motion, loads and reserves; OpenSim stops at its own default
-    criterion.
+    The steps are derivatives, inverse dynamics, muscles and the tension problem. Both read the same
+    complete motion, loads and reserves; OpenSim stops at its own default criterion.
     """
     case = next(
         case for case in accuracy_tension.CASES if case.name == "walk, Rajagopal, 80 muscles"

@@ -1,7 +1,7 @@
-"""The tension problem by our dual Newton and by maintained QP solvers: same frames, one process,
-alternating.
+"""The tension problem by our dual Newton and by maintained QP solvers.
 
-Set-up of matrices is not timed; every solver gets the matrices in the form it likes best.
+They solve the same frames in one process, alternating. Set-up of matrices is not timed; every
+solver gets the matrices in the form it likes best.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ from myomorph.core.tension.terms.actuators import balanced_coordinates
 
 @dataclass(frozen=True)
 class QpCase:
-    """A model and a motion ("" for a made one), every `step`-th frame of [start, end] seconds,
-    filter [Hz].
+    """A model and a motion ("" for a synthetic one).
+
+    It has every `step`-th frame of [start, end] seconds, and the filter [Hz].
     """
 
     name: str
@@ -92,7 +93,7 @@ def made_motion(model: mm.Model, frames: int) -> mm.Motion:
 
 
 def frames_of(folder: Path, case: QpCase) -> QuadraticFrames:
-    """The quadratic programs of a case."""
+    """Return the quadratic programs of a case."""
     model = mm.read_model(folder / case.model)
     whole = (
         mm.differentiate(mm.read_motion(folder / case.motion, model), case.cutoff)
@@ -154,8 +155,9 @@ def by_piqp(frames: QuadraticFrames, sparse: bool) -> Callable[[], np.ndarray]:
 
 
 def by_proxqp(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
-    """ProxQP, dense (augmented Lagrangian); a new object each frame, as updating one crashes in
-    0.8.0.
+    """Solve by ProxQP, dense (augmented Lagrangian).
+
+    There is a new object for each frame, as updating one crashes in 0.8.0.
     """
     import proxsuite
 

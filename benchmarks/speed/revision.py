@@ -1,5 +1,6 @@
-"""Is this checkout as fast as a revision? Functions and whole commands of both in turns, by
-processor time.
+"""Speed of this checkout against a revision.
+
+Functions and whole commands of both run in turns, by processor time.
 
 `python -m benchmarks revision --before REVISION [--rounds N] [--save]`. The revision is unpacked
 into a temporary folder. Functions run on one thread in a process of each, the least of six times
@@ -42,7 +43,7 @@ COMMANDS = {
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options of the command line."""
+    """Add the options of the command line."""
     parser.add_argument(
         "--before", required=True, metavar="REVISION", help="the revision to compare with"
     )
@@ -61,7 +62,10 @@ def unpack_sources(revision: str, folder: Path) -> None:
 
 
 def run(before: str, rounds: int = 3) -> list[dict[str, object]]:
-    """A row a function and a command: processor seconds before and now, and now over before."""
+    """Return a row for each function and command.
+
+    It has processor seconds before and now, and now over before.
+    """
     with tempfile.TemporaryDirectory() as folder:
         unpack_sources(before, Path(folder))
         taken: dict[tuple[str, str], list[float]] = defaultdict(list)
@@ -87,8 +91,9 @@ def run(before: str, rounds: int = 3) -> list[dict[str, object]]:
 
 
 def _environment(tree: Path, folder: Path) -> dict[str, str]:
-    """The variables under which a tree runs, with its own kernels and compiled modules, and on one
-    thread.
+    """Return the variables under which a tree runs.
+
+    It runs with its own kernels and compiled modules, and on one thread.
     """
     threads = dict.fromkeys(("MYOMORPH_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
     kernels = str(folder / ("kernels now" if tree == ROOT else "kernels before"))
@@ -127,8 +132,9 @@ def _command(command: str, tree: Path, folder: Path) -> float:
 
 
 def functions(folder: Path) -> dict[str, float]:
-    """Least processor seconds of public functions that every revision has, by the package on the
-    path.
+    """Return the least processor seconds of public functions that every revision has.
+
+    They are of the package on the path.
     """
     import myomorph as mm
 

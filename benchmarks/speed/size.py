@@ -1,5 +1,6 @@
-"""36,000 frames of the 520-muscle, 171-coordinate model, simulated: milliseconds a frame of each
-step, memory.
+"""36,000 frames of the 520-muscle, 171-coordinate model, simulated.
+
+Measured are milliseconds per frame of each step, and memory.
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
-"""How long a user waits: import, the first command on a new machine with compilation, later
-commands, and where the time of a one-second trial goes; size on disk.
+"""How long a user waits.
 
-`python -m benchmarks start [--before REVISION]`: processor times of this checkout beside those of
+Measured are import, the first command on a new machine with compilation, later commands, where
+the time of a one-second trial goes, and size on disk.
+
+`python -m benchmarks start [--before REVISION]`: processor times of this checkout next to those of
 an earlier revision, in turns.
 """
 
@@ -66,7 +68,7 @@ def seconds(arguments: list[str], environment: dict[str, str]) -> float:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options of the command line."""
+    """Add the options of the command line."""
     parser.add_argument(
         "--before", default="", metavar="REVISION", help="the revision to compare commands with"
     )
@@ -113,7 +115,7 @@ def run(before: str = "") -> list[dict[str, object]]:
 
 
 def _trial_files(folder: Path) -> TrialPaths:
-    """A walk of the data collection, else the small example that comes along."""
+    """Return a walk of the data collection, else the small bundled example."""
     walk = data_folder() / "rajagopal-walk-emg"
     if walk.is_dir():
         return TrialPaths(

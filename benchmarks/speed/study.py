@@ -1,5 +1,6 @@
-"""A study of 1,000 short trials: workers side by side, memory over the run, and what a trial costs
-beside its steps.
+"""A study of 1,000 short trials.
+
+Measured are workers side by side, memory over the run, and what a trial costs besides its steps.
 
 A recorded walk is cut into short recordings, each a little different; by one worker, by two, once
 more where nothing has changed, and by two workers of a Dask cluster on the same machine.
@@ -75,8 +76,9 @@ def run(trials: int = TRIALS) -> list[Row]:
 
 
 def write_study(home: Path, trials: int, few: int = 4) -> Path:
-    """A study of short recordings, and beside it one of only a few of them; returns the file of the
-    first.
+    """Write a study of short recordings, and next to it one of only a few of them.
+
+    The file of the first is returned.
     """
     data = data_folder() / "opensim-gait-subject01"
     recorded = mm.read_recording(data / "experiment/subject01_walk1.trc").markers
@@ -105,8 +107,9 @@ class Memory:
     workers: list[int] = field(default_factory=list)
 
     def rows(self, last: float) -> Row:
-        """Memory when a fifth and when all of the trials had ended [MB], before the tables of the
-        study are made.
+        """Return memory when a fifth and when all of the trials had ended [MB].
+
+        That is before the tables of the study are made.
         """
         count = sum(1 for time in self.times if time <= last)
         told: Row = {}
@@ -146,7 +149,7 @@ def watched(hands: LocalWorkers | DaskWorkers) -> Iterator[Memory]:
 
 
 def measured(study: Path, out: Path, hands: LocalWorkers | DaskWorkers, few: bool = False) -> Row:
-    """A run by so many workers; the time that processes take to begin is told apart."""
+    """Run by so many workers; the time that processes take to begin is reported separately."""
     plan = mm.read_plan(study.with_name("few.toml") if few else study)
     count = hands.count
     ends: list[float] = []

@@ -15,8 +15,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Taken(Generic[T]):
-    """A result, seconds by the clock and by the processor, and memory [MB]: before, and its peak
-    beyond that.
+    """A result, and what it cost.
+
+    It has seconds by the clock and by the processor, and memory [MB]: before, and its peak beyond
+    that.
     """
 
     result: T
@@ -27,7 +29,7 @@ class Taken(Generic[T]):
 
 
 def clocked(work: Callable[[], T]) -> Taken[T]:
-    """What some work gives and takes."""
+    """Return the result of some work and what it cost."""
     before = resident()
     began = time.perf_counter()
     used = time.process_time()
@@ -44,7 +46,7 @@ def clocked(work: Callable[[], T]) -> Taken[T]:
 
 
 def in_own_process(work: Callable[..., T], *arguments: Any) -> T:
-    """The result of some work in a fresh process, so that memory is its alone."""
+    """Return the result of some work in a fresh process, so that memory is its alone."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         return pool.apply(work, arguments)
 
@@ -71,7 +73,7 @@ def alternate(
 def compared(
     step: str, model: str, frames: int, seconds: dict[str, float], theirs_frames: int | None = None
 ) -> dict[str, object]:
-    """A row of ms a frame of "ours" and the other program, and how many times faster ours is."""
+    """Return ms per frame of "ours" and the other program, and how many times faster ours is."""
     other = next(name for name in seconds if name != "ours")
     ours_ms = 1e3 * seconds["ours"] / frames
     theirs_ms = 1e3 * seconds[other] / (theirs_frames or frames)

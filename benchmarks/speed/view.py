@@ -1,7 +1,7 @@
-"""Seconds from the command to the first pose in a browser, and frames a second while the demo's
-jump plays.
+"""Seconds from the command to the first pose in a browser.
 
-The browser has no window and no graphics card. Without a browser its rows are left out.
+Frames a second while the demo's jump plays are measured too. The browser has no window and no
+graphics card. Without a browser its rows are left out.
 """
 
 from __future__ import annotations
@@ -71,8 +71,9 @@ def run() -> list[Row]:
 
 
 def started(result: Path, browser: Browser | None) -> list[Row]:
-    """Seconds from a fresh process to its address, to its page, and to the body in a browser that
-    is open already.
+    """Measure seconds from a fresh process to its address, to its page, and to the body.
+
+    The browser is open already.
     """
     waits: dict[str, list[float]] = {}
     for _ in range(ROUNDS):

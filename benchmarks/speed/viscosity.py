@@ -1,9 +1,8 @@
-"""One specimen of the shoulder experiment from raw recordings to its row of tables, and runs of
-virtual joints.
+"""One specimen of the shoulder experiment from raw recordings to its row of tables.
 
-The specimen is simulated in MuJoCo (not timed). Timed are tracking with the clocks, the cutoff, the
-equations of the swings with moment arms, and the identification with a bootstrap of 500; then 16
-virtual joints, in one process and two.
+Runs of virtual joints are timed too. The specimen is simulated in MuJoCo (not timed). Timed are
+tracking with the clocks, the cutoff, the equations of the swings with moment arms, and the
+identification with a bootstrap of 500; then 16 virtual joints, in one process and two.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ RUNS = 16
 
 
 def run() -> list[dict[str, object]]:
-    """A row for the specimen, a row for the runs."""
+    """Return a row for the specimen, and a row for the runs."""
     specimen_steps(virtual_specimen(1, seconds=6.0, trials=1))
     steps = specimen_steps(virtual_specimen(1, seconds=SECONDS, trials=TRIALS))
     one = joint_seconds(1)

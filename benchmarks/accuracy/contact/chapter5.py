@@ -1,4 +1,6 @@
-"""Chapter 5 of [D] by the files that `myomorph demo` writes and `myomorph run` runs, beside the
+"""Chapter 5 of [D], with simulated files whose truth is known.
+
+`myomorph demo` writes the files and `myomorph run` runs them. The results are compared with the
 truth.
 """
 
@@ -30,8 +32,12 @@ OF_ARMS = re.compile(r"(^|_)(arm|elbow)_")  # In names of coordinates.
 
 @cache
 def ran(name: str) -> tuple[Written, Path]:
-    """A demonstration and the folder of its results by default options; raises `RuntimeError` with
-    what was printed.
+    """Run a demonstration, and return it with the folder of its results by default options.
+
+    Raises
+    ------
+    RuntimeError
+        where a command fails, with what it printed
     """
     written = write_performance(name, Path(tempfile.mkdtemp(prefix="chapter5_")))
     out = written.study.parent / "results"
@@ -54,7 +60,7 @@ def measured(name: str) -> Iterator[Row]:
 
 
 def measure_judo() -> Iterator[Row]:
-    """The force of each foot and grip; torques and activations of both."""
+    """Measure the force of each foot and grip, and torques and activations of both fighters."""
     yield from measured("judo")
 
 
@@ -64,7 +70,7 @@ def measure_taichi() -> Iterator[Row]:
 
 
 def measure_tap() -> Iterator[Row]:
-    """The force of each end of each foot."""
+    """Measure the force of each end of each foot."""
     yield from measured("tap")
 
 
@@ -104,8 +110,10 @@ def measure_drum() -> Iterator[Row]:
 
 
 def compared(home: Path, written: Written) -> Row:
-    """RMS errors of the arms' torques and of the others beside standard deviations over time of the
-    truth, those of activations, and what the report warns of.
+    """Compare torques and activations with the truth, and count what the report warns of.
+
+    RMS errors of the arms' torques and of the others stand next to standard deviations over time of
+    the truth.
     """
     row: Row = {}
     torques = written.torques
@@ -125,19 +133,32 @@ def compared(home: Path, written: Written) -> Row:
 
 
 def _found(table: mm.Series, name: str, time: Array) -> Array:
-    """A coordinate's force or torque, by OpenSim's column, at other times (frames,)."""
+    """Return a coordinate's force or torque, by OpenSim's column, at other times (frames,)."""
     column = f"{name}_moment" if f"{name}_moment" in table.names else f"{name}_force"
     return at_times(table, column, time)
 
 
 def at_times(table: mm.Series, name: str, time: Array) -> Array:
-    """A column at other times (frames,), NaN outside."""
+    """Interpolate a column at other times, NaN outside.
+
+    Parameters
+    ----------
+    table : that has the column
+    name : of the column
+    time : (frames,) other times [s]
+
+    Returns
+    -------
+    (frames,) in the unit of the column
+    """
     return np.interp(time, table.time, table[name], left=np.nan, right=np.nan)
 
 
 def likeness(table: mm.Series, truth: mm.Series) -> Row:
-    """RMS error of activations, and the median over muscles that change of their correlation with
-    the truth.
+    """Compare activations with the truth.
+
+    The row has their RMS error, and the median of their correlation with the truth over muscles
+    that change.
     """
     errors = []
     alike = []

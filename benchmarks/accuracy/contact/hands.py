@@ -37,7 +37,7 @@ leaves open.
 
 
 def measure_lift(folder: Path) -> Iterator[Row]:
-    """The hands' force on the box against the measured one, by phase."""
+    """Compare the hands' force on the box with the measured one, by phase."""
     for lift in LIFTS:
         truth = hands_measured(folder, lift)
         during = _phases(folder, lift)
@@ -58,7 +58,7 @@ def measure_lift(folder: Path) -> Iterator[Row]:
 
 
 def measure_lift_open(folder: Path) -> Iterator[Row]:
-    """What the data leave open of the hands' force on the box."""
+    """Measure what the data leave undetermined of the hands' force on the box."""
     for lift in LIFTS:
         truth = hands_measured(folder, lift)[:, 1]
         during = _phases(folder, lift)
@@ -96,8 +96,9 @@ def _phases(folder: Path, lift: str) -> dict[str, NDArray[np.bool_]]:
 
 
 def measure_spine(folder: Path) -> Iterator[Row]:
-    """Moment at L5/S1: ours from below and, by the hands' forces found, from above, beside the
-    laboratory's.
+    """Compare the moment at L5/S1 with the laboratory's.
+
+    Ours is computed from below and, by the estimated hands' forces, from above.
     """
     for lift in LIFTS:
         time = recorded(folder, lift).markers.time
@@ -152,8 +153,9 @@ def measure_spine_point(folder: Path) -> Iterator[Row]:
 
 
 def measure_rim(folder: Path) -> Iterator[Row]:
-    """The hand's moment about the axle from the wheel's angle alone; cycles in turn fitted and
-    tested.
+    """Estimate the hand's moment about the axle from the wheel's angle alone.
+
+    Cycles are fitted and tested in turn.
     """
     for wheel in wheels(folder):
         for words, told in (
@@ -188,8 +190,9 @@ def measure_rim_directions(folder: Path) -> Iterator[Row]:
 
 
 def measure_seat(folder: Path) -> Iterator[Row]:
-    """The seat's force while sitting and standing: by Newton's law, and found with the feet known
-    or hidden.
+    """Measure the seat's force while sitting and standing.
+
+    It is computed by Newton's law, and estimated with the feet's forces known or hidden.
     """
     one = chair(folder)
     ways: dict[str, tuple[Array, Tension | None]] = {"Newton's law alone": (one.newton, None)}
@@ -223,7 +226,7 @@ def measure_seat(folder: Path) -> Iterator[Row]:
 
 
 def measure_seat_open(folder: Path) -> Iterator[Row]:
-    """What the data leave open of the seat's force while sitting."""
+    """Measure what the data leave undetermined of the seat's force while sitting."""
     one = chair(folder)
     frames = np.flatnonzero(one.ready[:, 0] > 0.5)[::SEATED].tolist()
     truth = one.newton[frames]
@@ -247,7 +250,7 @@ def measure_seat_open(folder: Path) -> Iterator[Row]:
 
 
 def _residuals(tension: Tension) -> Array:
-    """Forces that hold the body up and do not exist (frames, 3) [N]."""
+    """Return the forces that hold the body up and do not exist (frames, 3) [N]."""
     columns = [k for k, name in enumerate(tension.reserve_names) if name.startswith("residual_F")]
     return tension.actuator_force[:, columns]
 
@@ -257,8 +260,9 @@ def _millimetre(values: Array) -> float:
 
 
 def measure_seat_times(folder: Path) -> Iterator[Row]:
-    """When the seat is left and taken, by the seat's motion, by the force, and by the plates under
-    the feet.
+    """Compare the times at which the seat is left and reached.
+
+    They are shown by the seat's motion, by the force, and by the plates under the feet.
     """
     found_all = leavings(chair(folder))
     for words, rising in (("standing up", True), ("sitting down", False)):

@@ -1,5 +1,6 @@
-"""Measured ground forces hidden and estimated: with all plates, some, or one plate under both feet
-hidden.
+"""Measured ground forces that are hidden and estimated.
+
+All plates are hidden, some, or one plate under both feet.
 """
 
 from __future__ import annotations
@@ -52,11 +53,10 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_parts(folder: Path) -> Iterator[dict[str, object]]:
-    """What of the errors is the whole ground force's, and what is the sharing between the feet;
-    times of contact.
+    """Split the errors into those of the whole ground force and of its sharing between the feet.
 
-    Of errors e_r and e_l of the feet, the whole's is e_r + e_l, of masses and accelerations alone,
-    and that of the sharing, while both carry, (e_r - e_l) / 2.
+    The rows have times of contact too. Of errors e_r and e_l of the feet, the whole's is e_r + e_l,
+    of masses and accelerations alone, and that of the sharing, while both carry, (e_r - e_l) / 2.
     """
     for case in CASES:
         hidden = opened(folder, case)
@@ -83,8 +83,9 @@ def measure_parts(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_partial(folder: Path) -> Iterator[dict[str, object]]:
-    """The walk with three plates: times of contact known, one foot's force known, both feet's known
-    only together.
+    """Estimate forces in the walk with three plates from part of what they measure.
+
+    Known are the times of contact, one foot's force, or both feet's force only together.
     """
     hidden = opened(folder, CASES[0])
     right = [k for k, one in enumerate(hidden.measured.bodies) if one == "calcn_r"]
@@ -113,8 +114,9 @@ def measure_partial(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def force_errors(hidden: Hidden, force: np.ndarray, found: np.ndarray) -> dict[str, object]:
-    """Root mean square error of each component, over its peak-to-peak range and over the weight
-    [%].
+    """Return the root mean square error of each component [%].
+
+    It is divided by the component's peak-to-peak range, and by the weight.
     """
     use = hidden.use
     errors = np.sqrt(np.mean((found - force)[use] ** 2, axis=0))
@@ -147,8 +149,9 @@ def _center(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
 
 def timing(hidden: Hidden) -> dict[str, object]:
-    """Touchdown and lift-off of the estimated contacts after those of the plates, mean and standard
-    deviation [ms].
+    """Compare foot strike and foot off of the estimated contacts with those of the plates [ms].
+
+    The row has mean and standard deviation of their delay.
     """
     states = hidden.contacts.states(hidden.motion.time)
     found: dict[str, list[float]] = {"touchdown": [], "lift-off": []}
@@ -174,7 +177,7 @@ def timing(hidden: Hidden) -> dict[str, object]:
 
 
 def _events(state: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times at which a state (frames,) begins, and at which it has ended."""
+    """Return the times at which a state (frames,) begins, and at which it has ended."""
     change = np.diff(state.astype(np.int8))
     return time[1:][change > 0], time[1:][change < 0]
 
@@ -320,7 +323,7 @@ def _tension(out: Path, *typed: object) -> Table:
 
 
 def _added(plates: mm.Wrenches) -> Table:
-    """The force of all plates as one plate at height 0 would have it."""
+    """Add the forces of all plates, as one plate at height 0 would have measured them."""
     forces = np.nan_to_num(plates.forces)
     points = np.nan_to_num(plates.points)
     torques = np.nan_to_num(plates.torques)

@@ -1,5 +1,6 @@
-"""Forces from inertial sensors alone against force plates: simulated sensors on walks whose plates
-were recorded.
+"""Forces from inertial sensors alone against force plates.
+
+The sensors are simulated on walks whose plates were recorded.
 """
 
 from __future__ import annotations
@@ -46,8 +47,9 @@ KNEES = {"right": "knee_angle_r", "left": "knee_angle_l"}
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Errors of each foot's force and knee's torque without plates: by markers, and by sensors
-    alone.
+    """Measure errors of each foot's force and knee's torque without plates.
+
+    They are estimated by markers, and by sensors alone.
     """
     for case in WALKS:
         hidden = opened(folder, case)
@@ -61,8 +63,10 @@ def measure(folder: Path) -> Iterator[Row]:
 def by_sensors(
     folder: Path, case: HiddenCase, seed: int, accelerations: bool = True
 ) -> tuple[Hidden, SimulatedSensors]:
-    """The recording as sensors alone show it: joint angles, and where the feet have carried the
-    body, with the pelvis sensor's accelerations or without.
+    """Return the recording as sensors alone show it, with the sensors.
+
+    Those are joint angles, and where the feet have carried the body, with the pelvis sensor's
+    accelerations or without.
     """
     hidden = opened(folder, case)
     model = hidden.model
@@ -90,8 +94,9 @@ def by_sensors(
 
 
 def _rows(hidden: Hidden, how: str, tries: list[Hidden]) -> Iterator[Row]:
-    """Root mean square errors over the tries, foot by foot, in frames in which the plates measure
-    all contacts.
+    """Yield root mean square errors over the tries, foot by foot.
+
+    Only frames count in which the plates measure all contacts.
     """
     measured = mm.inverse_dynamics(hidden.model, hidden.motion, hidden.measured)
     errors: dict[str, list[np.ndarray]] = {}
@@ -132,8 +137,10 @@ def _speed(hidden: Hidden) -> float:
 
 
 def measure_intervals(folder: Path) -> Iterator[Row]:
-    """Share of what plates measured within the limits that a study of sensors alone writes, and how
-    wide they are; in samples in which the foot carries 5 % of the weight, or may.
+    """Measure how much of what plates measured lies within the intervals of sensors alone.
+
+    The intervals are those that a study writes; their widths stand in the rows too. Only samples
+    count in which the foot carries 5 % of the weight, or may.
     """
     for case in WALKS:
         hidden = opened(folder, case)

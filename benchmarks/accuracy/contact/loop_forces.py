@@ -1,5 +1,6 @@
-"""Forces on models that close loops against OpenSim 4.6: moment arms, inverse dynamics, static
-optimization.
+"""Forces on models that close loops against OpenSim 4.6.
+
+Compared are moment arms, inverse dynamics and static optimization.
 """
 
 from __future__ import annotations
@@ -62,8 +63,9 @@ class ArmCounts:
 
 
 def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
-    """Moment arms of all muscles about all coordinates, and the slope of length along the coupled
-    motion.
+    """Compare moment arms of all muscles about all coordinates.
+
+    The slope of length along the coupled motion is compared too.
     """
     if not (folder / FOLDER).exists():
         return
@@ -130,8 +132,9 @@ def _compare_arms(path: Path, tree: Tree, c: np.ndarray) -> ArmCounts:
 
 
 def _slopes(tree: Tree, c: np.ndarray) -> np.ndarray:
-    """(frames, muscles, coordinates) slope of length along each coordinate's coupled motion, by
-    differences.
+    """Return the slope of length along each coordinate's coupled motion, by differences.
+
+    It has the shape (frames, muscles, coordinates).
     """
     n = c.shape[1]
     along = np.tile(np.eye(n), (len(c), 1, 1))
@@ -213,8 +216,9 @@ def _tool(path: Path, model: mm.Model, motion: mm.Motion) -> np.ndarray:
 
 
 def _solver(path: Path, model: mm.Model, motion: mm.Motion, torques: np.ndarray) -> float:
-    """Greatest difference from InverseDynamicsSolver [N m or N], given angular velocities of the
-    scapula.
+    """Return the greatest difference from InverseDynamicsSolver [N m or N].
+
+    Angular velocities of the scapula are known.
     """
     names = model.coordinate_names
     theirs = opensim.Model(str(path))
@@ -252,8 +256,9 @@ def _solver(path: Path, model: mm.Model, motion: mm.Motion, torques: np.ndarray)
 
 
 def measure_static(folder: Path) -> Iterator[dict[str, object]]:
-    """Static optimization of two poses of an abduction: OpenSim's constraint against our null
-    space.
+    """Compare static optimization of two poses of an abduction.
+
+    OpenSim's constraint stands against our null space.
     """
     path = folder / FOLDER / MODELS[0].format("no")
     if not path.exists():

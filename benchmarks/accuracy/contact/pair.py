@@ -1,5 +1,6 @@
-"""Two simulated fighters whose forces are known: contact forces and tensions together, or one after
-the other.
+"""Two simulated fighters whose forces are known.
+
+Contact forces and tensions are estimated together, or one after the other.
 """
 
 from __future__ import annotations
@@ -72,8 +73,9 @@ KNOWN = (
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Root mean squares over time: of feet that were not measured and of grips [N], activations
-    [1], tensions [N].
+    """Root mean squares over time.
+
+    They are of feet that were not measured and of grips [N], activations [1], tensions [N].
     """
 
     feet: float
@@ -139,7 +141,7 @@ def estimate(
 
 
 def _plate(pair: VirtualPair, name: str) -> mm.Wrenches:
-    """What plates under a fighter measure, or the one under a foot."""
+    """Return what plates under a fighter measure, or the one under a foot."""
     if name in PARTS:
         return pair.plates[name]
     whole = pair.plates[name.split("_", 1)[0]]
@@ -147,7 +149,7 @@ def _plate(pair: VirtualPair, name: str) -> mm.Wrenches:
 
 
 def open_sites(pair: VirtualPair, known: Knowledge) -> tuple[Site, ...]:
-    """The sites whose forces are to be found."""
+    """Return the sites whose forces are unknown."""
     measured = tuple(f"{part}_foot" if part in PARTS else part for part in known.plates)
     return tuple(
         one
@@ -157,7 +159,7 @@ def open_sites(pair: VirtualPair, known: Knowledge) -> tuple[Site, ...]:
 
 
 def emg_target(pair: VirtualPair, channels: str) -> EmgTarget | None:
-    """Recorded envelopes as the estimate takes them."""
+    """Return recorded envelopes in the form that the estimate takes."""
     if channels == "none":
         return None
     stems = CHANNELS if channels == "16" else ("",)
@@ -211,8 +213,9 @@ def errors_over(
 
 
 def measure() -> Iterable[Row]:
-    """One row for each knowledge: both formulations, and how much nearer the simultaneous one
-    comes.
+    """Yield one row for each knowledge, with both formulations.
+
+    It has the ratio of their errors too: how much nearer the simultaneous one comes.
     """
     errors = errors_over(bouts(), KNOWN)
     for known in KNOWN:
@@ -232,7 +235,7 @@ def measure() -> Iterable[Row]:
 
 
 def measure_plates(bouts_of: Sequence[tuple[Kind, int]] = SHOWN_BY) -> Iterable[Row]:
-    """What would show the feet: one row for each thing more that a laboratory measures."""
+    """Yield one row for each further measurement that could determine the forces of the feet."""
     pairs = simulated(*(PairOptions(kind, seed) for kind, seed in bouts_of))
     wanted = {
         "motion alone": [Knowledge("")],
@@ -276,10 +279,9 @@ TOLD = {"motion alone": KNOWN[0], "directions, 16 channels": KNOWN[3]}
 
 
 def measure_emg(count: int = 1) -> Iterable[Row]:
-    """One row for each knowledge with EMG: errors with gains that are given, and with those that
-    are found.
+    """Yield one row for each knowledge with EMG.
 
-    `count`: of bouts.
+    It has errors with gains that are known, and with those that are estimated. `count`: of bouts.
     """
     pairs = simulated(*(PairOptions(kind, seed) for kind, seed in BOUTS[:count]))
     for known in (KNOWN[2], KNOWN[3], KNOWN[4], KNOWN[6]):

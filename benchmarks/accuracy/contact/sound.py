@@ -1,5 +1,6 @@
-"""Strokes heard in made-up recordings whose strokes are known: when, on which drum, and with which
-impulse.
+"""Impacts heard in synthetic recordings whose impacts are known.
+
+Compared are when, on which drum, and with which impulse.
 """
 
 from __future__ import annotations
@@ -48,7 +49,10 @@ SCENES = (
 def matched(
     truth: tuple[Truth, ...], heard: HeardImpacts
 ) -> tuple[list[tuple[Truth, HeardImpact]], int]:
-    """True strokes with what was heard of them, each used once, and how many others were heard."""
+    """Match true impacts to those that were heard, each used once.
+
+    Their pairs are returned with the number of others that were heard.
+    """
     left = list(heard.impacts)
     pairs = []
     for one in truth:
@@ -99,8 +103,9 @@ def measure() -> Iterator[dict[str, object]]:
 
 
 def measure_motion() -> Iterator[dict[str, object]]:
-    """Change of a tip's velocity as motion capture sees it, over the true one, at several frame
-    rates and filters.
+    """Compare the change of a tip's velocity in motion capture with the true one.
+
+    The ratio is measured at several frame rates and filters.
     """
     stick, tip = _stick()
     mass = effective_mass(
@@ -126,9 +131,9 @@ def measure_motion() -> Iterator[dict[str, object]]:
 def _seen(
     stick: mm.Model, tip: Site, rate: float, cutoff: float | None, rng: np.random.Generator
 ) -> float:
-    """One stroke: the tip comes at 5 m/s, leaves at 3.5 m/s, is turned round in 5 ms and heard up
-    to 2 ms late.
+    """Return the ratio of velocity changes of one impact.
 
+    The tip comes at 5 m/s, leaves at 3.5 m/s, is turned round in 5 ms and heard up to 2 ms late.
     Angles are 0.1 degrees rough.
     """
     fine = np.arange(-0.5, 0.5, 1e-5)
@@ -151,7 +156,7 @@ def _seen(
 
 
 def _stick() -> tuple[mm.Model, Site]:
-    """A drum stick of 60 g and 0.4 m that turns about its end, and its tip."""
+    """Return a drum stick of 60 g and 0.4 m that turns about its end, and its tip."""
     across = 0.06 * LENGTH**2 / 12.0
     body = Body(
         name="stick",

@@ -1,5 +1,6 @@
-"""Forces of a mouse on a ladder of load cells, recovered from channels of 1, 3 and 6 axes:
-simulated, forces known.
+"""Forces of a mouse on a ladder of load cells, recovered from channels of 1, 3 and 6 axes.
+
+They are simulated, so that the forces are known.
 """
 
 from __future__ import annotations
@@ -60,8 +61,9 @@ class Climb:
 
 @lru_cache(maxsize=1)
 def climb(folder: Path) -> Climb:
-    """The anatomist's hindlimb and its mirrored other side climb a ladder: paths of paws and forces
-    are made up.
+    """Simulate the anatomist's hindlimb and its mirrored other side on a ladder.
+
+    Paths of paws and forces are invented.
     """
     model = with_other_side(
         mouse_hindlimb_model(folder / "mouse-hindlimb-muscles/mouse_hindlimb.json")
@@ -135,8 +137,9 @@ def climb(folder: Path) -> Climb:
 
 
 def _followed(model: mm.Model, time: Array, body: Array, targets: dict[str, Array]) -> mm.Motion:
-    """Coordinates with which the pelvis and the paws go where they should, smooth to the second
-    derivative.
+    """Return coordinates with which the pelvis and the paws go where they should.
+
+    They are smooth to the second derivative.
     """
     corners = np.array([[0.0, 0.0, 0.0], [-0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.005]])
     own = [Marker(f"P{k}", "Pelvis", corner) for k, corner in enumerate(corners)]
@@ -165,8 +168,18 @@ def _on(step: Step, place: Array) -> Array:
 
 
 def channels(made: Climb, noise: float, cross: Array | None, seed: int = 0) -> mm.Series:
-    """What all cells read (frames, 6 x rungs), with white noise of `noise` body weights (moments:
-    times 10 mm).
+    """Return what all cells read.
+
+    Parameters
+    ----------
+    made : the climb
+    noise : standard deviation of white noise [body weights]; of moments, times 10 mm
+    cross : crosstalk
+    seed : of the noise
+
+    Returns
+    -------
+    Series of 6 columns per rung
     """
     rng = np.random.default_rng(seed)
     columns = []
@@ -207,7 +220,7 @@ def recovered(
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row for each kind of cell, noise and misplacement."""
+    """Yield a row for each kind of cell, noise and misplacement."""
     made = climb(folder)
     mixed = np.eye(6) + 0.03 * np.random.default_rng(1).standard_normal((6, 6)) * np.outer(
         [1, 1, 1, 0.01, 0.01, 0.01], [1, 1, 1, 100, 100, 100]

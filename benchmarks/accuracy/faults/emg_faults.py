@@ -32,7 +32,7 @@ def measure(folder: Path) -> Iterator[Row]:
 
 
 def measure_unseen(folder: Path) -> Iterator[Row]:
-    """The same of walks that no threshold of the checks was set with."""
+    """Measure the same of walks that no threshold of the checks was set with."""
     yield from map(_row, (implant(folder, stride) for stride in STRIDES))
 
 
@@ -41,8 +41,9 @@ def _row(walk: Walk) -> Row:
 
 
 def implant(folder: Path, stride: str) -> Walk:
-    """A stride of the man with an instrumented knee; one stride, so that it is calibrated and
-    tested alike.
+    """Return a stride of the man with an instrumented knee.
+
+    It is one stride, so that it is calibrated and tested alike.
     """
     model, motion, wrenches = inputs_of(folder, stride)
     motion = mm.differentiate(motion, CUTOFF)

@@ -1,7 +1,7 @@
-"""Faults that recordings have, put into clean ones: found, mended or missed, and what is called on
-clean ones.
+"""Faults that recordings have, put into clean ones.
 
-Each fault is a function from a trial's inputs to faulty ones, in a table: `FORCE_FAULTS`.
+Counted are those that are found, repaired or missed, and what is reported of clean ones. Each
+fault is a function from a trial's inputs to faulty ones, in a table: `FORCE_FAULTS`.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ CLEAN = (
 
 @cache
 def recorded(folder: Path, walk: Walk) -> Recorded:
-    """Inputs of a recording, forces on the feet that carry them."""
+    """Read the inputs of a recording, with forces on the feet that carry them."""
     model = mm.read_model(folder / walk.model)
     if walk.motion.endswith(".trc"):
         markers = mm.read_recording(folder / walk.motion).markers
@@ -120,7 +120,7 @@ def recorded(folder: Path, walk: Walk) -> Recorded:
 
 
 def of_its_mass(folder: Path, walk: Walk) -> Recorded:
-    """The same, the model as heavy as what the plates carry."""
+    """Read the same, with a model as heavy as what the plates carry."""
     one = recorded(folder, walk)
     return one if walk.mass is None else scaled_mass(walk.mass / one.model.mass)(one)
 
@@ -144,7 +144,7 @@ def one_foot(one: Recorded) -> Recorded | None:
 
 
 def mirrored(one: Recorded) -> Recorded | None:
-    """The axis to the side mirrored, in forces, points and moments."""
+    """Mirror the axis to the side, in forces, points and moments."""
     sign = np.array([1.0, 1.0, -1.0])
     wrenches = one.wrenches
     return _with(
@@ -156,7 +156,7 @@ def mirrored(one: Recorded) -> Recorded | None:
 
 
 def turned(one: Recorded) -> Recorded | None:
-    """Forces in axes turned by 90 degrees about the vertical."""
+    """Rotate the axes of forces by 90 degrees about the vertical."""
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     return _with(
         one,
@@ -191,7 +191,7 @@ def about_a_plate(one: Recorded) -> Recorded | None:
 
 
 def idle_plate(one: Recorded) -> Recorded | None:
-    """A further plate that nobody steps on and that reads noise, on a body that nobody named."""
+    """Add a plate that nobody steps on and that reads noise, on a body that nobody named."""
     wrenches = one.wrenches
     noise = np.random.default_rng(3).normal(0.0, 2.0, (len(wrenches), 1, 3))
     still = np.tile([0.4, 0.0, 0.9], (len(wrenches), 1, 1))
@@ -206,7 +206,7 @@ def idle_plate(one: Recorded) -> Recorded | None:
 
 
 def scaled_mass(factor: float) -> Callable[[Recorded], Recorded]:
-    """A model of another mass."""
+    """Return a fault: a model of another mass."""
 
     def change(one: Recorded) -> Recorded:
         return replace(
@@ -217,7 +217,7 @@ def scaled_mass(factor: float) -> Callable[[Recorded], Recorded]:
 
 
 def late(shift: float) -> Callable[[Recorded], Recorded]:
-    """Forces on a clock that is late [s]."""
+    """Return a fault: forces on a clock that is late [s]."""
 
     def change(one: Recorded) -> Recorded:
         return _with(one, time=one.wrenches.time + shift)
@@ -226,7 +226,7 @@ def late(shift: float) -> Callable[[Recorded], Recorded]:
 
 
 def swapped_sign(one: Recorded) -> Recorded | None:
-    """The force of the foot on the plate, not of the plate on the foot."""
+    """Replace the force of the plate on the foot by that of the foot on the plate."""
     return _with(one, forces=-one.wrenches.forces, torques=-one.wrenches.torques)
 
 
@@ -251,8 +251,9 @@ def one_plate(one: Recorded) -> Recorded | None:
 
 
 def mirrored_plate(one: Recorded) -> Recorded | None:
-    """Each plate mirrored about its own middle along the axis in which the body walks; None where
-    it does not walk.
+    """Mirror each plate about its own middle along the axis in which the body walks.
+
+    The result is None where it does not walk.
     """
     wrenches = one.wrenches
     points = np.array(wrenches.points)
@@ -306,8 +307,18 @@ def verdict(fault: Fault, findings: Sequence[Finding]) -> str:
 def torque_error(
     clean: Recorded, wrenches: mm.Wrenches, motion: mm.Motion, torques: np.ndarray
 ) -> float:
-    """Largest difference of a generalized force of a joint from that with the clean forces [N m or
-    N].
+    """Return the largest difference of a joint's generalized force from that with the clean forces.
+
+    Parameters
+    ----------
+    clean : recording without faults
+    wrenches : faulty forces
+    motion : of the faulty recording
+    torques : (frames, coordinates) inverse dynamics by the clean forces [N m or N]
+
+    Returns
+    -------
+    [N m or N]
     """
     found = mm.inverse_dynamics(
         clean.model, motion, mm.resample_wrenches(wrenches, motion.time, 6.0)
@@ -318,7 +329,7 @@ def torque_error(
 def _error_of(
     clean: Recorded, wrenches: mm.Wrenches, motion: mm.Motion, torques: np.ndarray
 ) -> float | str:
-    """The error of faulty forces, where each acts on a body."""
+    """Return the error of faulty forces, where each acts on a body."""
     return (
         torque_error(clean, wrenches, motion, torques) if all(wrenches.bodies) else "refused before"
     )
@@ -330,7 +341,7 @@ def injected_force_faults(folder: Path) -> Iterator[Row]:
 
 
 def counted_faults(faults: Sequence[Fault], recordings: Sequence[Recorded]) -> Iterator[Row]:
-    """A row a fault, put into every recording that can have it."""
+    """Yield a row for each fault, put into every recording that can have it."""
     for fault in faults:
         verdicts = []
         for clean in recordings:
@@ -342,7 +353,7 @@ def counted_faults(faults: Sequence[Fault], recordings: Sequence[Recorded]) -> I
 
 
 def counted(fault: str, verdicts: Sequence[tuple[str, str]]) -> Row:
-    """The row of a fault from what became of it (mended, found or missed) in each recording."""
+    """Return the row of a fault from its verdict (mended, found or missed) in each recording."""
     counts = {
         word: [name for given, name in verdicts if given == word]
         for word in ("mended", "found", "missed")
@@ -356,13 +367,14 @@ def counted(fault: str, verdicts: Sequence[tuple[str, str]]) -> Row:
 
 
 def texts_of(findings: Sequence[Finding], nothing: str = "none") -> str:
-    """What some findings say."""
+    """Join the texts of some findings."""
     return "; ".join(finding.text for finding in findings) or nothing
 
 
 def clean_forces(folder: Path) -> Iterator[Row]:
-    """What is called on the same recordings as they are, and on their models as heavy as the plates
-    say.
+    """List the findings on the same recordings without faults.
+
+    The second row of a recording is of its model as heavy as the plates show.
     """
     for walk in CLEAN:
         plain = recorded(folder, walk)

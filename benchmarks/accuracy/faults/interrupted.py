@@ -1,5 +1,6 @@
-"""Studies that are interrupted: killed, out of disk, out of workers, cut off; what is left, and
-whether it is equal.
+"""Studies that are interrupted: killed, out of disk, out of workers, or cut off.
+
+Counted are the results that are left, and whether they are equal.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ DOUBTS: list[str] = []
 
 
 def measure() -> Iterable[Row]:
-    """A row a kind of interruption."""
+    """Yield a row for each kind of interruption."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         many = make_study(folder / "many", TRIALS)
@@ -110,14 +111,14 @@ def end_of(process: Run) -> tuple[int, str]:
 
 
 def others_of(process: subprocess.Popen) -> list[psutil.Process]:
-    """The processes that a run has started."""
+    """List the processes that a run has started."""
     with suppress(psutil.Error):
         return psutil.Process(process.pid).children(recursive=True)
     return []
 
 
 def row(what: str, times: object, reference: Path, out: Path, half: int, said: str = "") -> Row:
-    """What became of a study in the end, held against one that nothing disturbed."""
+    """Compare the final results of a study with those of an undisturbed one."""
     files, unequal = differences(out, reference)
     twice = computed_twice(out)
     DOUBTS.extend(f"{what}: {one}" for one in (*unequal, *twice, *left_over(out)))
@@ -138,8 +139,9 @@ def row(what: str, times: object, reference: Path, out: Path, half: int, said: s
 def killed(
     study: Path, reference: Path, out: Path, took: float, times: int = KILLS
 ) -> Iterator[Row]:
-    """SIGKILL at random moments: of the program alone, whose workers must end themselves, or of all
-    its processes.
+    """Send SIGKILL at random moments.
+
+    It goes to the program alone, whose workers must end themselves, or to all its processes.
     """
     random = np.random.default_rng(20)
     kills = 0
@@ -235,7 +237,7 @@ def started_twice(study: Path, reference: Path, out: Path) -> Row:
 
 
 def disk_full(study: Path, reference: Path, out: Path) -> Row:
-    """A disk that holds a third of the results, then room is made."""
+    """Fill a disk that holds a third of the results, then make room."""
     size = sum(path.stat().st_size for path in finished(reference))
     out.mkdir()
     reason = mounted(out, f"size={size // 3}")
@@ -262,7 +264,7 @@ def disk_full(study: Path, reference: Path, out: Path) -> Row:
 
 
 def read_only(study: Path, reference: Path, out: Path) -> Row:
-    """A folder that cannot be written."""
+    """Write to a folder that cannot be written."""
     out.mkdir()
     reason = mounted(out, "ro")
     if reason:
@@ -290,8 +292,9 @@ def mounted(folder: Path, options: str) -> str:
 
 
 def machine_cut_off(study: Path, reference: Path, out: Path) -> Row:
-    """A scheduler and two workers, each on a machine of its own; one worker's cable is pulled in
-    the middle.
+    """Cut off one of two workers in the middle of a run.
+
+    The scheduler and the workers run each on a machine of its own.
     """
     what = "one of two machines cut off"
     reason = namespaces_work()
@@ -326,7 +329,7 @@ def _until(there: Callable[[], bool], process: subprocess.Popen) -> bool:
 
 
 def _one_line(said: str, out: Path) -> str:
-    """The last line, without what is different each time."""
+    """Return the last line, without what is different each time."""
     text = said.strip().splitlines()[-1].replace(str(out), "DIR")
     text = re.sub(r"process \d+ on \S+,", "process ... on ...,", text)
     return re.sub(r"since [\dT:+.-]+\d", "since ...", text)

@@ -1,8 +1,7 @@
-"""Faults of marker recordings put into clean ones: found, mended or missed, and what is called on
-clean ones.
+"""Faults of marker recordings put into clean ones.
 
-Each fault is a function from a model and its markers to faulty markers, in the table
-`MARKER_FAULTS`.
+Counted are those that are found, repaired or missed, and what is reported of clean ones. Each
+fault is a function from a model and its markers to faulty markers, in the table `MARKER_FAULTS`.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ ALSO_CLEAN = {
 
 @cache
 def opened(folder: Path, model: str, recording: str) -> tuple[mm.Model, mm.Markers]:
-    """A model and the first frames of a recording in its ground."""
+    """Read a model and the first frames of a recording in its ground."""
     body = mm.read_model(folder / model)
     markers = fitted_to(body, mm.read_recording(folder / recording)).markers
     assert markers is not None
@@ -137,7 +136,7 @@ def swapped_sides(part: bool) -> Change:
 
 
 def swapped_leg(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
-    """The markers of the limb that has most exchanged with the other side's."""
+    """Exchange the markers of the limb that has most with the other side's."""
     limbs = limb_pairs(model, _pairs(model, markers))
     most = max(limbs.values(), key=len, default=())
     return exchanged(markers, most) if len(most) > 1 else None
@@ -150,7 +149,7 @@ def front_and_back(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
 
 
 def displaced(which: float, distance: float = 0.05) -> Change:
-    """A marker moved towards another one on its body [m]."""
+    """Return a fault: a marker moved towards another one on its body [m]."""
 
     def change(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
         used = _used(model, markers)
@@ -173,7 +172,7 @@ def displaced(which: float, distance: float = 0.05) -> Change:
 
 
 def jumping(frames: int) -> Change:
-    """A marker that is 9 cm off for some frames."""
+    """Return a fault: a marker that is 9 cm off for some frames."""
 
     def change(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
         values = np.array(markers.values)
@@ -196,14 +195,14 @@ def mirrored(axis: int, model: mm.Model, markers: mm.Markers) -> mm.Markers:
 
 
 def turned(degrees: float, model: mm.Model, markers: mm.Markers) -> mm.Markers:
-    """The recording turned about the vertical."""
+    """Rotate the recording about the vertical."""
     c = np.cos(np.radians(degrees))
     s = np.sin(np.radians(degrees))
     return replace(markers, values=markers.values @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T)
 
 
 def far_away(model: mm.Model, markers: mm.Markers) -> mm.Markers:
-    """The laboratory's origin 30 m away."""
+    """Move the laboratory's origin 30 m away."""
     return replace(markers, values=markers.values + [30.0, 0.0, -12.0])
 
 
@@ -261,7 +260,7 @@ MARKER_FAULTS = (
 
 
 def findings_of(model: mm.Model, markers: mm.Markers) -> tuple[Finding, ...]:
-    """What the checks say, or that the recording is refused with a reason."""
+    """Return the findings of the checks, or that the recording is refused with a reason."""
     try:
         fitted_to(model, mm.Trial(markers=markers, source="markers.trc"))
     except mm.BadData as error:
@@ -270,8 +269,9 @@ def findings_of(model: mm.Model, markers: mm.Markers) -> tuple[Finding, ...]:
 
 
 def verdict(kinds: Sequence[str], findings: Sequence[Finding], before: Sequence[Finding]) -> str:
-    """Mended, found or missed; what is called besides, and not on the clean recording, follows in
-    brackets.
+    """Return whether a fault was mended, found or missed.
+
+    Other findings that the clean recording does not have follow in brackets.
     """
     known = {(one.kind, one.place) for one in before}
     new = [
@@ -336,7 +336,7 @@ def same_angles_word(
 
 
 def clean_markers(folder: Path) -> Iterator[Row]:
-    """What is called on clean recordings; facts about the model apart."""
+    """List the findings on clean recordings, without facts about the model."""
     recordings: Mapping[str, tuple[str, str]] = SCALED | ALSO_CLEAN
     for name, files in recordings.items():
         found = checked_kinematics(*opened(folder, *files)).findings
@@ -344,7 +344,7 @@ def clean_markers(folder: Path) -> Iterator[Row]:
 
 
 def called(findings: Sequence[Finding]) -> Row:
-    """What is called on a recording, facts about the model apart."""
+    """List the findings on a recording, without facts about the model."""
     about = [finding for finding in findings if finding.kind in ABOUT_THE_MODEL]
     return {
         "called": texts_of([finding for finding in findings if finding not in about], "nothing"),

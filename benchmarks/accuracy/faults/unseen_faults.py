@@ -1,9 +1,8 @@
-"""Faults of forces in recordings that no threshold was set with: raw C3D files, each through the
-commands of a user.
+"""Faults of forces in held-out recordings: raw C3D files, each through the commands of a user.
 
-`myomorph analyze --prepare` writes the study, whose steps are cut short after inverse dynamics, and
-`myomorph run` runs it. What it leaves is a model, a motion and forces on feet, into which the
-faults of `faults.FORCE_FAULTS` are put.
+No threshold was set with these recordings. `myomorph analyze --prepare` writes the study, whose
+steps are cut short after inverse dynamics, and `myomorph run` runs it. The results are a model, a
+motion and forces on feet, into which the faults of `faults.FORCE_FAULTS` are put.
 """
 
 from __future__ import annotations
@@ -75,15 +74,16 @@ name.
 
 
 def injected_unseen(folder: Path) -> Iterator[Row]:
-    """Faults of forces put into recordings that were not used before: how many were mended, found
-    and missed.
+    """Put faults of forces into held-out recordings.
+
+    The rows count how many were mended, found and missed.
     """
     found = (of_the_plates(folder, raw)[0] for raw in RAW)
     return counted_faults(FAULTS, [one for one in found if one is not None])
 
 
 def clean_unseen(folder: Path) -> Iterator[Row]:
-    """What is called on the same recordings with nothing put in, and why one took no part."""
+    """List the findings on the same recordings without faults, and why one took no part."""
     for raw in RAW:
         one, said = of_the_plates(folder, raw)
         found = () if one is None else on_feet(one.wrenches, one.model, one.motion).findings
@@ -99,8 +99,9 @@ def clean_unseen(folder: Path) -> Iterator[Row]:
 
 @cache
 def of_the_plates(folder: Path, raw: Raw) -> tuple[Recorded | None, str]:
-    """A recording whose model weighs what the plates carry, where they tell another mass than was
-    given.
+    """Return a recording whose model weighs what the plates carry.
+
+    Its mass changes only where the plates show another mass than was specified.
     """
     one, said = analyzed(folder, raw)
     if one is None:
@@ -114,8 +115,9 @@ def of_the_plates(folder: Path, raw: Raw) -> tuple[Recorded | None, str]:
 
 @cache
 def analyzed(folder: Path, raw: Raw) -> tuple[Recorded | None, str]:
-    """Model, motion and forces of a recording by the commands; None with the last line said where
-    there are none.
+    """Return model, motion and forces of a recording by the commands.
+
+    Where there are none, the result is None with the last line that was printed.
     """
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "out"
@@ -137,8 +139,9 @@ def analyzed(folder: Path, raw: Raw) -> tuple[Recorded | None, str]:
 
 
 def through_the_commands(out: Path, steps: Sequence[str], *words: object) -> tuple[int, str]:
-    """Exit status and all that is printed by `analyze --prepare` and by `run` of its study, cut
-    short to some steps.
+    """Return the exit status of the commands and all that they print.
+
+    They are `analyze --prepare` and `run` of its study, cut short to some steps.
     """
     status, said = typed("analyze", *words, "--prepare", "--out", out)
     if status:

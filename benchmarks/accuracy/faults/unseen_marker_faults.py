@@ -1,9 +1,8 @@
-"""Faults of markers in recordings that no threshold was set with, each through the commands of a
-user.
+"""Faults of markers in held-out recordings, each through the commands of a user.
 
-The faulty recording is written to a file, `myomorph analyze --prepare` makes a study of it, whose
-steps are cut short after inverse kinematics, and `myomorph run` runs it: protocol, axes,
-calibration and checks see the fault, as in use.
+No threshold was set with these recordings. The faulty recording is written to a file, `myomorph
+analyze --prepare` makes a study of it, whose steps are cut short after inverse kinematics, and
+`myomorph run` runs it: protocol, axes, calibration and checks see the fault, as in use.
 """
 
 from __future__ import annotations
@@ -73,8 +72,9 @@ ALIKE = 0.5
 
 @dataclass(frozen=True)
 class Raw:
-    """A recording as a laboratory has it, and one of the same person standing still where `analyze`
-    would find it.
+    """A recording as a laboratory has it.
+
+    With it goes one of the same person standing still where `analyze` would find it.
     """
 
     name: str
@@ -111,8 +111,9 @@ class Result:
 
 
 def injected_after_calibration(folder: Path) -> Iterator[Row]:
-    """Faults of markers in recordings whose model the commands calibrated before, on the clean
-    recording.
+    """Put faults of markers into recordings whose model is calibrated before.
+
+    The commands calibrated it on the clean recording.
     """
     cases = [one for one in (calibrated(folder, raw) for raw in OF_FORCES) if one is not None]
     before = [checked_kinematics(model, markers).findings for _, model, markers in cases]
@@ -131,7 +132,7 @@ def injected_after_calibration(folder: Path) -> Iterator[Row]:
 
 
 def clean_after_calibration(folder: Path) -> Iterator[Row]:
-    """What is called on the same recordings with nothing put in, facts about the model apart."""
+    """List the findings on the same recordings without faults, without facts about the model."""
     for raw in OF_FORCES:
         one = calibrated(folder, raw)
         if one is None:
@@ -150,16 +151,18 @@ def clean_after_calibration(folder: Path) -> Iterator[Row]:
 
 @cache
 def calibrated(folder: Path, raw: RawForces) -> tuple[str, mm.Model, mm.Markers] | None:
-    """Name, model as the commands calibrate it, and markers in its ground; None where the commands
-    refuse.
+    """Return a name, the model as the commands calibrate it, and markers in its ground.
+
+    The result is None where the commands refuse.
     """
     one, _ = unseen_faults.analyzed(folder, raw)
     return None if one is None else (raw.name, one.model, most_seen(folder / raw.file)[0])
 
 
 def injected_marker_faults(folder: Path) -> Iterator[Row]:
-    """Faults of markers put into recordings that were not used before: how many were mended, found
-    and missed.
+    """Put faults of markers into held-out recordings.
+
+    The rows count how many were mended, found and missed.
     """
     for fault in (one for one in MARKER_FAULTS if one.name in FROM_THE_BEGINNING):
         results = [
@@ -173,7 +176,7 @@ def injected_marker_faults(folder: Path) -> Iterator[Row]:
 
 
 def clean_markers(folder: Path) -> Iterator[Row]:
-    """What is called on the same recordings with nothing put in; facts about the model apart."""
+    """List the findings on the same recordings without faults, without facts about the model."""
     for raw in RAW:
         markers, one = clean(folder, raw)
         row: Row = {
@@ -185,8 +188,9 @@ def clean_markers(folder: Path) -> Iterator[Row]:
 
 
 def injected(folder: Path, raw: Raw, fault: MarkerFault) -> tuple[str, set[str]] | None:
-    """What becomes of a fault, and kinds that are called besides; None where the recording cannot
-    have it.
+    """Return the verdict on a fault, and the kinds of other findings.
+
+    The result is None where the recording cannot have the fault.
     """
     markers, before = clean(folder, raw)
     assert before.model is not None
@@ -249,7 +253,7 @@ def clean(folder: Path, raw: Raw) -> tuple[mm.Markers, Result]:
 
 
 def analyzed(folder: Path, markers: mm.Markers, static: str) -> Result:
-    """What `analyze` and `run` make of markers."""
+    """Return the result of `analyze` and `run` on markers."""
     with tempfile.TemporaryDirectory() as name:
         home = Path(name)
         out = home / "out"

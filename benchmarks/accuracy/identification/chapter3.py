@@ -1,8 +1,8 @@
-"""[D] chapter 3 by one study file: calibrate, transfer with the motion, identify on many links,
-predict another motion.
+"""[D] chapter 3 by one study file.
 
-`python -m benchmarks.accuracy.identification.chapter3 SET ...` runs some; the tables have all that
-were run.
+Its steps calibrate, transfer with the motion, identify on many links and predict another motion.
+`python -m benchmarks.accuracy.identification.chapter3 SET ...` runs some sets; the tables have
+all that were run.
 """
 
 from __future__ import annotations
@@ -127,8 +127,10 @@ TRUNK = {"Upper body": "Upper trunk", "Lower body": "Lower trunk"}
 
 @dataclass(frozen=True)
 class Case:
-    """A set of recordings. `trials`: name to markers, loads, and further keys of the study file;
-    `check`: which is only predicted; `truth`: the simulated person.
+    """A set of recordings.
+
+    `trials`: name to markers, loads, and further keys of the study file; `check`: which is only
+    predicted; `truth`: the simulated person.
     """
 
     name: str
@@ -142,7 +144,7 @@ class Case:
     truth: mm.Model | None = None
 
     def study(self, way: str) -> str:
-        """The study file."""
+        """Return the text of the study file."""
         trials = "".join(
             TRIAL.format(name=name, markers=markers, loads=loads, more=more)
             for name, (markers, loads, more) in self.trials.items()
@@ -160,8 +162,9 @@ class Case:
 
 
 def few_joints(model: mm.Model) -> mm.Model:
-    """The model with the joints inside its regions welded, as [D]'s model of few joints has the
-    others' places.
+    """Weld the joints inside the regions of a model.
+
+    Its regions correspond to those of [D]'s model of few joints.
     """
     regions = regions_of(model)
     gone = set[str]()
@@ -198,8 +201,9 @@ def few_joints(model: mm.Model) -> mm.Model:
 
 
 def bending_person(model: mm.Model, seed: int = 4) -> mm.Model:
-    """The 171-coordinate model as a person: every joint of the spine bends with the lowest, each by
-    a share of its own, which no step knows.
+    """Return the 171-coordinate model as a person whose spine bends.
+
+    Every joint of the spine bends with the lowest, each by a share of its own, which no step knows.
     """
     random = np.random.default_rng(seed)
     whole = many_coordinates(model)
@@ -264,8 +268,9 @@ def simulated(folder: Path, data: Path, durations: tuple[float, float] = DURATIO
 
 
 def real(data: Path) -> Iterator[Case]:
-    """Sets of the collection whose model has the regions of a whole body; two parts where there is
-    one recording.
+    """Yield sets of the collection whose model has the regions of a whole body.
+
+    Where there is one recording, it is split in two parts.
     """
     runs = {
         name: (data / RUN / name / "markers.trc", data / RUN / name / "grf.mot", "")
@@ -331,8 +336,10 @@ def _parts(markers: Path, loads: Path, share: float = 0.5) -> dict[str, tuple[Pa
 
 @dataclass(frozen=True)
 class Found:
-    """Tables of the step `identify` by way and name of the file, those of the step `transfer`, and
-    what `identify` noted; `truth`: masses of a simulated person's links [kg].
+    """Results of a set.
+
+    They are tables of the step `identify` by way and name of the file, those of the step
+    `transfer`, and what `identify` noted; `truth`: masses of a simulated person's links [kg].
     """
 
     tables: Mapping[str, Mapping[str, list[dict[str, str]]]]
@@ -381,7 +388,7 @@ SETS = (SIMULATED, "runner", "OpenCap", "walk", "gait2354")
 
 
 def found(name: str) -> Found:
-    """A set, run where it was not yet."""
+    """Return the results of a set, run where it was not yet."""
     folder = HOME / provenance()["commit"] / name
     data = data_folder()
     kept = folder / "found.json"
@@ -409,8 +416,9 @@ def sets() -> Iterator[tuple[str, Found]]:
 
 
 def measure_wrenches() -> Iterator[Row]:
-    """[D] figure 3.3: mean absolute error of each component of the base wrench on the motion that
-    was not used.
+    """Compare the base wrench on the motion that was not used, as in [D] figure 3.3.
+
+    The rows have the mean absolute error of each component.
     """
     for name, one in sets():
         for way, tables in one.tables.items():
@@ -438,8 +446,9 @@ def measure_wrenches() -> Iterator[Row]:
 
 
 def measure_measured() -> Iterator[Row]:
-    """Measured persons: errors of the wrench on the motion that was not used, the lightest link,
-    the first warning.
+    """Measure errors of the wrench of measured persons on the motion that was not used.
+
+    The rows have the lightest link and the first warning too.
     """
     for case in real(data_folder()):
         if not (HOME / case.name / "found.json").is_file():
@@ -553,8 +562,9 @@ def measure_spine() -> Iterator[Row]:
 
 
 def measure_segments() -> Iterator[Row]:
-    """[D] tables 3.4 and 3.5: shares of the body's mass of segments of the right side, and the
-    links of each.
+    """Compare masses of segments of the right side with [D] tables 3.4 and 3.5.
+
+    The rows have shares of the body's mass, and the links of each segment.
     """
     for name, one in sets():
         parts: dict[str, list[str]] = {}

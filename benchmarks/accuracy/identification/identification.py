@@ -1,5 +1,6 @@
-"""The base wrench on motion that identification did not see: generic, shape, least squares, and
-possible bodies.
+"""The base wrench on held-out motion.
+
+Compared are the generic model, shape, least squares, and possible bodies.
 """
 
 from __future__ import annotations
@@ -152,7 +153,7 @@ def splits(subject: Subject) -> Iterator[Split]:
 
 @cache
 def opened(folder: Path, subject: Subject) -> tuple[mm.Model, dict[str, Usable]]:
-    """The subject's model at its mass, and every trial with the frames that can be used."""
+    """Read the subject's model at its mass, and every trial with the frames that can be used."""
     model = mm.read_model(folder / subject.model)
     markers = {name: read_markers(folder / files[0]) for name, files in subject.trials.items()}
     weights = read_ik_tasks(folder / subject.tasks).marker_weights if subject.tasks else {}
@@ -183,7 +184,7 @@ def _loads(path: Path) -> mm.Wrenches:
 
 
 def part(trials: dict[str, Usable], name: str) -> Usable:
-    """A trial, or the first or second half of its usable frames."""
+    """Return a trial, or the first or second half of its usable frames."""
     trial, _, half = name.partition(" ")
     whole = trials[trial]
     if not half:
@@ -199,7 +200,7 @@ def part(trials: dict[str, Usable], name: str) -> Usable:
 def identified(
     folder: Path, subject: Subject, train: tuple[str, ...]
 ) -> tuple[Identification, dict[str, np.ndarray]]:
-    """The identification of a split, and parameters of every way of it."""
+    """Return the identification of a split, and parameters of every way of it."""
     model, trials = opened(folder, subject)
     body = BodyOptions(spacing=SPACING)
     points: dict[str, MassPoints] = {}
@@ -250,8 +251,10 @@ def misfit(
 
 
 def measure(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a split: force and moment error on the unseen motion, and their ratio to the generic
-    model's.
+    """Yield a row for each split.
+
+    It has the force and moment error on the held-out motion, and their ratio to that of the generic
+    model.
     """
     for subject in SUBJECTS:
         if not (folder / subject.model).exists():
@@ -262,7 +265,7 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def row(folder: Path, split: Split) -> dict[str, object]:
-    """What one split shows."""
+    """Return the row of one split."""
     model, trials = opened(folder, split.subject)
     found, parameters = identified(folder, split.subject, split.train)
     test = part(trials, split.test)

@@ -1,5 +1,6 @@
-"""Identified masses of simulated runners, whose markers move on soft tissue, and the coverage of
-intervals.
+"""Identified masses of simulated runners, and the coverage of intervals.
+
+The runners' markers move on soft tissue.
 """
 
 from __future__ import annotations
@@ -76,8 +77,9 @@ Row = dict[str, object]
 def too_large_coordinates(
     model: mm.Model, motion: mm.Motion, random: np.random.Generator
 ) -> mm.Markers:
-    """Markers on a body whose every coordinate is q - alpha q'', which 1 / (1 + alpha w^2) takes
-    back.
+    """Return markers on a body whose every coordinate is q - alpha q''.
+
+    A filter of the gain 1 / (1 + alpha w^2) undoes that.
     """
     alpha = np.maximum(ALPHAS + ALPHA_SD * random.normal(size=len(motion.names)), 0.0)
     return mm.marker_positions(
@@ -86,8 +88,9 @@ def too_large_coordinates(
 
 
 def sprung_markers(model: mm.Model, motion: mm.Motion, random: np.random.Generator) -> mm.Markers:
-    """Markers on damped springs, driven by the body below them: each body's resonate at a frequency
-    of its own.
+    """Return markers on damped springs, driven by the body below them.
+
+    The markers of each body resonate at a frequency of its own.
     """
     markers = mm.marker_positions(model, motion)
     step = float(np.median(np.diff(markers.time)))
@@ -127,7 +130,7 @@ class _Runner:
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def measure(folder: Path) -> Iterator[Row]:
-    """A row a kind of soft tissue and way to identify."""
+    """Yield a row for each kind of soft tissue and way to identify."""
     subject = next(subject for subject in SUBJECTS if subject.name == RUNNER)
     if not (folder / subject.model).exists():
         return
@@ -235,8 +238,9 @@ def _runner(
     moved: Tissue,
     random: np.random.Generator,
 ) -> _Runner:
-    """Recordings as the laboratory would have them: exact forces of the true motion, and markers
-    that move more.
+    """Return recordings as the laboratory would have them.
+
+    Forces are exact, of the true motion. Markers move more.
     """
     seen = {}
     recorded = {}
@@ -294,8 +298,9 @@ HEAVY = 0.003
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def measure_intervals(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a motion and noise: share of the parameters inside their interval, over bodies drawn at
-    random.
+    """Yield a row for each motion and noise.
+
+    It has the share of the parameters inside their interval, over bodies drawn at random.
     """
     for subject in SUBJECTS:
         if subject.name not in MOTIONS or not (folder / subject.model).exists():
@@ -334,8 +339,9 @@ def measure_intervals(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def drawn_body(model: mm.Model, heavy: np.ndarray, random: np.random.Generator) -> Array:
-    """Parameters of a possible body near the model: each link's distribution of mass stretched and
-    sheared.
+    """Return parameters of a possible body near the model.
+
+    Each link's distribution of mass is stretched and sheared.
     """
     generic = inertial_parameters(model)
     truth = generic.copy()
@@ -352,7 +358,10 @@ def drawn_body(model: mm.Model, heavy: np.ndarray, random: np.random.Generator) 
 def _recorded(
     model: mm.Model, truth: Array, one: Usable, sd: float, random: np.random.Generator
 ) -> Usable:
-    """The recording as it would be of that body: its exact forces, and its motion with noise."""
+    """Return the recording as it would be of that body.
+
+    It has the body's exact forces, and its motion with noise.
+    """
     motion = one.recording.motion
     wrench = base_regressor(model, motion) @ truth.ravel()
     points = reference_points(model, motion)[:, None]

@@ -1,6 +1,6 @@
-"""The mass-point problem against general solvers, its optimality, and what the grid and the weight
-map change.
+"""The mass-point problem against general solvers.
 
+Its optimality is measured, and what the grid and the weight map change.
 `python -m benchmarks.accuracy.identification.masspoints` measures this part alone.
 """
 
@@ -41,8 +41,10 @@ WEIGHTS: dict[str, WeightMap] = {"w_d": cog_weights, "w_n": nearest_weights}
 
 @dataclass(frozen=True)
 class Case:
-    """A problem of 1,000 points: how far the measurement is from what positive masses can do [units
-    of noise].
+    """A problem of 1,000 points.
+
+    It is named by how far the measurement is from what positive masses can produce [units of
+    noise].
     """
 
     name: str
@@ -104,8 +106,9 @@ PAPER = 1e3
 
 
 def measure_grid() -> Iterator[Row]:
-    """Masses of the links for one measurement, by the number of points; it is weak, so that the
-    prior matters.
+    """Compare masses of the links for one measurement, by the number of points.
+
+    The measurement is weak, so that the prior matters.
     """
     sizes = (2_000, 16_000, 128_000)
     finest = made_body(sizes[-1], bone_weights)
@@ -173,8 +176,9 @@ SEGMENTS = ("head", "upper_arm", "lower_arm", "hand", "thigh", "shank", "foot")
 
 
 def measure_maps(folder: Path) -> Iterator[Row]:
-    """Where a body's mass goes by each weight map: the 171-coordinate model in two bodies, and what
-    is published.
+    """Compare where a body's mass goes by each weight map.
+
+    The 171-coordinate model in two bodies stands next to what is published.
     """
     model = mm.read_model(folder / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
     taking = links_with_mass(model)
@@ -226,7 +230,7 @@ def measure_maps(folder: Path) -> Iterator[Row]:
 
 
 def _bodies(model: mm.Model) -> Iterator[tuple[str, Array, Array, Links]]:
-    """What the points fill, the points, their masses, and the links in the same pose."""
+    """Yield what the points fill, the points, their masses, and the links in the same pose."""
     values = np.array(
         [[OPEN.get(coordinate.name, coordinate.default) for coordinate in model.coordinates]]
     )

@@ -73,7 +73,7 @@ NINETY = 1.645
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row a trial: errors before and after, and predicted from the others."""
+    """Yield a row for each trial: errors before and after, and predicted from the others."""
     for name, trials in CASES:
         subject = next(one for one in SUBJECTS if one.name == name)
         if (folder / subject.model).exists():
@@ -81,7 +81,7 @@ def measure(folder: Path) -> Iterator[Row]:
 
 
 def refined(folder: Path, subject: Subject, trials: tuple[str, ...]) -> Refinement:
-    """A subject calibrated from the same trials, then refined."""
+    """Calibrate a subject, then refine it from the same trials."""
     markers = {name: read_markers(folder / subject.trials[name][0]) for name in trials}
     static = read_markers(folder / subject.static) if subject.static else None
     settings = mm.CalibrationOptions(mass=subject.mass, static=static)
@@ -128,7 +128,10 @@ def _text(one: Errors) -> str:
 
 
 def measure_simulated(seeds: tuple[int, ...] = (1, 2, 3), seconds: float = 8.0) -> Iterator[Row]:
-    """A row a simulated person: errors of lengths and masses of the legs, before and after."""
+    """Yield a row for each simulated person.
+
+    It has the errors of lengths and masses of the legs, before and after.
+    """
     for seed in seeds:
         person, given, found = simulated(seed, seconds)
         links = [f"{name}_{side}" for name in ("femur", "tibia") for side in "rl"]
@@ -237,8 +240,18 @@ def waving_skin(values: Array, time: Array, seed: int) -> Array:
 
 
 def with_skin(values: Array, time: Array, sd: float, seed: int) -> Array:
-    """Markers (frames, markers, 3) that move on the body by three waves each, with a root mean
-    square of `sd` [m].
+    """Return markers that move on the body by three waves each.
+
+    Parameters
+    ----------
+    values : (frames, markers, 3) positions on the bones [m]
+    time : (frames,) [s]
+    sd : root mean square of the movement [m]
+    seed : of the waves
+
+    Returns
+    -------
+    (frames, markers, 3) [m]
     """
     random = np.random.default_rng(100 + seed)
     pace = random.uniform(2.0, 9.0, (3, *values.shape[1:]))
@@ -386,8 +399,9 @@ def _implant(folder: Path) -> Recorded:
 def _analyzed(
     name: str, files: tuple[Path, ...], static: Path, mass: float, height: float | None, use: str
 ) -> Recorded:
-    """What `myomorph analyze` makes of raw recordings: its generic model, and markers and forces in
-    its axes.
+    """Return what `myomorph analyze` makes of raw recordings.
+
+    It is its generic model, and markers and forces in its axes.
     """
     with tempfile.TemporaryDirectory() as home:
         plan = mm.read_plan(mm.prepare_study(files, home, mass, height, static).study)
@@ -425,7 +439,10 @@ Part = tuple[str, mm.Markers, mm.Wrenches]
 
 
 def splits(person: Recorded) -> Iterator[tuple[list[Part], Part]]:
-    """Recordings to learn from and one to test on: each in turn, or the halves of a single one."""
+    """Yield recordings to learn from and one to test on.
+
+    Each is tested in turn, or the halves of a single one.
+    """
     parts: list[Part] = [(name, *one) for name, one in person.trials.items()]
     if len(parts) == 1:
         ((name, markers, forces),) = parts
@@ -441,8 +458,10 @@ def splits(person: Recorded) -> Iterator[tuple[list[Part], Part]]:
 
 
 def measure_held_out(folder: Path) -> Iterator[Row]:
-    """A row a split: marker error, residual force and moment of the unseen recording, and ratios to
-    the calibrated.
+    """Yield a row for each split.
+
+    It has marker error, residual force and moment of the held-out recording, and ratios to the
+    calibrated.
     """
     with threadpool_limits(limits=1, user_api="blas"):
         for person in people(folder):
@@ -493,8 +512,9 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
 def _identified(
     model: mm.Model, trials: list[SubjectTrial], mass: float
 ) -> tuple[mm.Model, SoftTissue | None] | None:
-    """The same by `identify` with its defaults, each link's own envelope filled with points; None
-    where it refuses.
+    """Identify the same by `identify` with its defaults.
+
+    Each link's own envelope is filled with points. The result is None where `identify` refuses.
     """
     points, _, _ = body_points(model, BodyShape(), mass, BodyOptions(spacing=SPACING))
     seen = [opened(model, one, RefineOptions()).usable for one in trials]

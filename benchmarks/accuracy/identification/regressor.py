@@ -1,5 +1,6 @@
-"""The base-link regressor, base parameters, and the batch and sequential fits, against other
-programs.
+"""The base-link regressor, base parameters, and the batch and sequential fits.
+
+They are compared with other programs.
 """
 
 from __future__ import annotations
@@ -145,8 +146,9 @@ def _against_opensim(path: Path, model: mm.Model) -> tuple[float, float]:
 
 
 def _against_dynamics(model: mm.Model) -> tuple[float, float]:
-    """What inverse dynamics leaves for the joints to the ground once the base has the regressor's
-    wrench.
+    """Return what inverse dynamics leaves for the joints to the ground.
+
+    The base has the regressor's wrench then.
     """
     motion = random_states(model, held_values(model, None), 5)
     wrench = base_regressor(model, motion) @ inertial_parameters(model).ravel()
@@ -170,7 +172,10 @@ def _opened(folder: Path, name: str) -> mm.Model | None:
 
 
 def measure_base_parameters(folder: Path) -> Iterator[Row]:
-    """Base parameters by the tree and by random states, and how clearly the latter separate."""
+    """Compare base parameters by the tree with those by random states.
+
+    The rows show how clearly the latter separate.
+    """
     for name in (*MODELS, "MyoFullBody"):
         model = load("MyoFullBody", None)[1] if name == "MyoFullBody" else _opened(folder, name)
         if model is None:
@@ -197,7 +202,10 @@ def measure_base_parameters(folder: Path) -> Iterator[Row]:
 
 
 def measure_figaroh() -> Iterator[Row]:
-    """Number and span of FIGAROH's base parameters on random trees, free and bolted down."""
+    """Compare FIGAROH's base parameters on random trees, free and bolted down, with ours.
+
+    The rows have their number and span.
+    """
     for fixed in (False, True):
         counts = []
         apart = []
@@ -265,7 +273,7 @@ def _folded(model: mm.Model, batch: BaseFit, given: Recording) -> SequentialFit:
 
 
 def recording(folder: Path, case: ForceCase) -> tuple[mm.Model, Recording]:
-    """A model and its recording, both through a low-pass of 6 Hz."""
+    """Return a model and its recording, both through a low-pass of 6 Hz."""
     model = mm.read_model(folder / case.model)
     motion = mm.read_motion(folder / case.motion, model)
     motion = cut(mm.differentiate(motion, 6.0), case.start, case.end)
@@ -274,8 +282,9 @@ def recording(folder: Path, case: ForceCase) -> tuple[mm.Model, Recording]:
 
 
 def measure_deviations(folder: Path, frames: int = 6000, recordings: int = 5) -> Iterator[Row]:
-    """Errors in standard deviations on a simulated motion of a real model, with white and with
-    filtered noise.
+    """Measure errors in standard deviations on a simulated motion of a real model.
+
+    The noise is white, or filtered.
     """
     model = mm.read_model(folder / "opencap-subject4-multitask/models/manually_scaled.osim")
     base = base_parameters(model)

@@ -46,7 +46,7 @@ PUBLISHED = {
 
 
 def measure_people() -> Iterator[dict[str, object]]:
-    """What was asked of the statistical shape, and what it has."""
+    """Compare the requested sizes of the statistical shape with those that it has."""
     for name, (height, chest, mass, sex) in PEOPLE.items():
         shape = body_shape(height, chest, mass, sex)
         yield {

@@ -117,8 +117,9 @@ def measure(folder: Path, size: Size | None = None, only: str = "") -> Iterator[
 
 
 def with_known_kinematics(case: Case, folder: Path, size: Size) -> Facts:
-    """Plate noise alone: the true coordinates of the true lengths are given, and every coordinate
-    moves.
+    """Identify with plate noise alone.
+
+    The true coordinates of the true lengths are known, and every coordinate moves.
     """
     got = trials(case, folder, free=True, size=size)
     person = got.subject.person
@@ -236,7 +237,7 @@ def _marker_facts(model: mm.Model, person: mm.Model, shift: tuple[Array, Array])
 
 
 def fitted(model: mm.Model, got: Trials) -> tuple[base.BaseFit, list[Usable]]:
-    """Base parameters from both noises; both motions and their forces are filtered alike."""
+    """Fit base parameters from both noises; both motions and their forces are filtered alike."""
     seen = []
     for one in (got.exciting, got.held_out):
         motion = mm.inverse_kinematics(model, one.markers).motion
@@ -279,7 +280,10 @@ def _base_facts(name: str, fit: base.BaseFit, truth: Array) -> Facts:
 def _held_out_facts(
     got: Trials, model: mm.Model, tables: Mapping[str, Array], other: least_squares.Recording
 ) -> Facts:
-    """The first table is the truth, whose error is that of the kinematics and the plate."""
+    """Compare tables with the first of them, which is the truth.
+
+    Its error is that of the kinematics and the plate.
+    """
     center = got.held_out.center
     sigma = got.held_out.sigma
     measured = base_wrench(model, other.motion, other.wrenches, center)[other.use]

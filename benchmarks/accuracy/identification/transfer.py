@@ -1,5 +1,6 @@
-"""A lower model's lengths, markers and masses in models with more joints: what they reproduce of
-it.
+"""A lower model's lengths, markers and masses in models with more joints.
+
+Measured is what these reproduce of it.
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ STEP = 10
 
 
 def higher_models(data: Path) -> dict[str, Path]:
-    """The models that take the lower one's body: 171 coordinates, and MyoFullBody where it is
-    installed.
+    """Return the models that take the lower one's body.
+
+    They are the one of 171 coordinates, and MyoFullBody where it is installed.
     """
     found = {"cyclistFullBodyMuscle": data / CYCLIST}
     spec = find_spec("musclemimic_models")
@@ -42,7 +44,7 @@ def higher_models(data: Path) -> dict[str, Path]:
 
 
 def with_centers(model: mm.Model, keys: tuple[str, ...]) -> mm.Model:
-    """The model with its joint centers as markers."""
+    """Return the model with its joint centers as markers."""
     centers = centers_of(model, regions_of(model))
     virtual = tuple(
         Marker(f"center {key}", centers[key].joint.child, centers[key].location) for key in keys
@@ -62,8 +64,9 @@ def marker_motion(model: mm.Model, motion: mm.Motion) -> mm.Markers:
 def same_movement(
     lower: mm.Model, motion: mm.Motion, found: Transfer
 ) -> tuple[mm.Motion, np.ndarray]:
-    """The higher model's motion that follows the lower one's markers and joint centers, and marker
-    errors [m].
+    """Return the higher model's motion that follows the lower one's markers and joint centers.
+
+    Marker errors [m] are returned with it.
     """
     keys = tuple(found.joint_errors)
     seen = marker_motion(with_centers(lower, keys), motion)
@@ -87,7 +90,7 @@ def wrench(model: mm.Model, motion: mm.Motion, points: np.ndarray) -> np.ndarray
 
 
 def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
-    """What one higher model reproduces of the lower one."""
+    """Measure what one higher model reproduces of the lower one."""
     lower = mm.read_model(data / LOWER)
     higher = mm.read_model(path)
     found = mm.transfer(lower, higher)
@@ -127,8 +130,9 @@ def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
 
 
 def _masses_of(higher: mm.Model, found: Transfer) -> mm.Model:
-    """The transferred model with the generic masses, grown to the same total: what lengths alone
-    would give.
+    """Return the transferred model with the generic masses, scaled to the same total.
+
+    That is what lengths alone would give.
     """
     growth = found.model.mass / higher.mass
     bodies = tuple(
@@ -146,8 +150,9 @@ def _masses_of(higher: mm.Model, found: Transfer) -> mm.Model:
 
 
 def _least_ratio(before: mm.Model, after: mm.Model) -> float:
-    """Least eigenvalue of any body's pseudo-inertia relative to before, of bodies that were
-    possible before.
+    """Return the least eigenvalue of any body's pseudo-inertia relative to before.
+
+    Only bodies count that were possible before.
     """
     least = [
         np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(model)))[:, 0]

@@ -1,9 +1,8 @@
-"""Whether limits hold what they say: simulated recordings with known truth, and an instrumented
-knee.
+"""Coverage of intervals: simulated recordings with known truth, and an instrumented knee.
 
 A simulated recording is made with a body, markers and plates that differ from what the user has, by
-errors of known sizes; then a study is run as a user would run it, and its limits are held against
-the truth.
+errors of known sizes. Then a study is run as a user would run it, and its intervals are compared
+with the truth.
 """
 
 from __future__ import annotations
@@ -103,7 +102,7 @@ def measure_assumed(folder: Path) -> Iterator[Row]:
 
 
 def measure_other(folder: Path) -> Iterator[Row]:
-    """The same with errors that the limits do not assume."""
+    """Measure the same with errors that the intervals do not assume."""
     yield from _shares(_simulated(folder, OTHER))
 
 
@@ -125,8 +124,9 @@ def measure_factors(folder: Path) -> Iterator[Row]:
 
 @lru_cache(maxsize=2)
 def _simulated(folder: Path, errors: Sources) -> dict[str, dict[str, tuple[Array, ...]]]:
-    """By motion and table, how far from the middle of its limits the truth lies, in half widths; of
-    each person.
+    """Return how far from the middle of its interval the truth lies, in half widths.
+
+    The values are of each person, by motion and table.
     """
     found: dict[str, dict[str, tuple[Array, ...]]] = {}
     for motion in MOTIONS:
@@ -155,7 +155,7 @@ def _inside(people: tuple[Array, ...], factor: float) -> float:
 
 
 def _factor(groups: list[tuple[Array, ...]]) -> float:
-    """The least factor by which limits hold 90 % of the values."""
+    """Return the least factor by which intervals hold 90 % of the values."""
     return max(
         1.0, float(np.quantile(np.concatenate([one for people in groups for one in people]), LEVEL))
     )
@@ -227,8 +227,9 @@ def distances_from_limits(
 def _recorded(
     folder: Path, motion: str, span: tuple[float, float]
 ) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
-    """A model, a smooth motion without derivatives, and the forces on it, each on the foot that it
-    acts on.
+    """Return a model, a smooth motion without derivatives, and the forces on it.
+
+    Each force is on the foot that it acts on.
     """
     home = folder / HOME
     coordinates = MotionFile(home / "ik_manual_scaling" / f"{motion}_ik.mot")
@@ -253,7 +254,7 @@ def _recorded(
 def _truth(
     model: mm.Model, body: mm.Model, moved: mm.Motion, wrenches: mm.Wrenches, draw: Draw
 ) -> dict[str, tuple[tuple[str, ...], Array]]:
-    """What is true of a body that the user does not know, by table: columns and values."""
+    """Return the truth of a body that the user does not know, by table: columns and values."""
     torques = mm.inverse_dynamics(body, moved, wrenches)
     options = drawn_criterion(mm.TensionOptions(), draw)
     costs = drawn_costs(RecruitmentOptions().settled(body, options, external=True), draw)
@@ -272,8 +273,7 @@ def _truth(
 
 
 def measure_knee(folder: Path) -> Iterator[Row]:
-    """Share of the samples of both strides at which the measured force of the knee lies inside its
-    limits.
+    """Measure the coverage of the measured force of the knee, in the samples of both strides.
 
     The implant's clock is its own: the last column has the total moved by the delay that fits the
     other stride best.
@@ -320,7 +320,7 @@ LIVE = (COORDINATE_VALUE, GENERALIZED_FORCE, MUSCLE_FORCE)
 
 
 def measure_live(folder: Path) -> Iterator[Row]:
-    """Standard deviations of both, of a recorded walk."""
+    """Compare standard deviations of both, of a recorded walk."""
     files = {
         name: str(folder / getattr(RECORDINGS["rajagopal"], name))
         for name in ("model", "markers", "loads")

@@ -1,8 +1,8 @@
-"""Whether limits hold measured truth: ground forces of hidden plates, angles by bone pins, the
-force that lifts a box.
+"""Coverage of measured truth by intervals.
 
-Studies and commands are those of a user, with all settings and sizes of errors as they are;
-measured values are seen by nothing but the comparison.
+The truth is ground forces of hidden plates, angles by bone pins, and the force that lifts a box.
+Studies and commands are those of a user, with all settings and sizes of errors as they are. Only
+the comparison reads the measured values.
 """
 
 from __future__ import annotations
@@ -187,7 +187,10 @@ def joined(parts: Sequence[Held]) -> Held:
 
 
 def held_at(time: Array, truth: Array, tables: Sequence[mm.Table], column: str) -> Held:
-    """A column of the tables of lower limits, values and upper limits, at times."""
+    """Compare a column of the tables of a study with the truth, at times.
+
+    The tables are those of lower bounds, values and upper bounds.
+    """
     low, found, high = tables
     return Held(
         truth=truth,
@@ -235,8 +238,9 @@ def limits(path: Path) -> tuple[mm.Table, mm.Table, mm.Table]:
 
 
 def measure_pins(folder: Path) -> Iterator[Row]:
-    """Angles of a shoulder by bone pins, found from fewer markers: share inside the limits, and
-    their widths.
+    """Measure the coverage of angles of a shoulder by bone pins.
+
+    The angles are estimated from fewer markers. The rows have the widths of the intervals too.
     """
     home = folder / PINS
     factor = FACTORS["coordinate_value"]
@@ -283,10 +287,11 @@ def measure_pins(folder: Path) -> Iterator[Row]:
 
 
 def _of_bones(folder: Path, markers: mm.Markers) -> tuple[Array, dict[str, Array]]:
-    """Times, and angles [deg] that the pins of each bone show by themselves.
+    """Return times, and angles [deg] that the pins of each bone show by themselves.
 
-    Those of the scapula from its own markers and the thorax's alone, without clavicle and humerus;
-    those of the humerus from the rotations of scapula and humerus, each of its own markers.
+    Those of the scapula are from its own markers and the thorax's alone, without clavicle and
+    humerus. Those of the humerus are from the rotations of scapula and humerus, each of its own
+    markers.
     """
     model = mm.read_model(folder / PINS / PIN_MODEL)
     some = np.flatnonzero(markers.time <= PIN_SPAN[1])[::PIN_EVERY]
@@ -335,8 +340,9 @@ def _without(markers: mm.Markers, names: tuple[str, ...]) -> mm.Markers:
 
 
 def measure_box(folder: Path) -> Iterator[Row]:
-    """Force of the hands on a box whose mass is known, from body and plate: share inside the
-    limits, their width.
+    """Measure the coverage of the force of the hands on a box whose mass is known.
+
+    The force is estimated from body and plate. The rows have the widths of the intervals too.
     """
     for lift in LIFTS:
         truth = hands_measured(folder, lift)

@@ -1,5 +1,7 @@
-"""Whether limits of torques hold at the root: nothing holds a pelvis, so force and moment on it are
-0 wherever plates measure all that touches the ground.
+"""Coverage of 0 by intervals of torques at the root.
+
+Nothing holds a pelvis, so force and moment on it are 0 wherever plates measure all that touches
+the ground.
 """
 
 from __future__ import annotations
@@ -19,8 +21,9 @@ Row = dict[str, object]
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Share of frames in which 0 lies inside the limits of each generalized force on the pelvis,
-    and their widths.
+    """Measure the share of frames in which 0 lies inside the interval of each force on the pelvis.
+
+    The forces are its generalized forces. The rows have the widths of the intervals too.
     """
     for case in (one for one in CASES if not one.seated):
         hidden = opened(folder, case)
@@ -54,8 +57,9 @@ TRUTHS = {
 
 
 def measure_truths(folder: Path) -> Iterator[Row]:
-    """What the other tables of this page say of each truth that was measured, means over
-    recordings.
+    """Summarize the other tables of this page by the truth that was measured.
+
+    The values are means over recordings.
     """
     for name, (truth, parts) in TRUTHS.items():
         rows = [row for row in load(f"validation/{name}") if row.get("sizes", "usual") == "usual"]

@@ -1,5 +1,6 @@
-"""Calibrated models against those of experts and of ScaleTool, on motions that calibration did not
-see.
+"""Calibrated models against those of experts and of ScaleTool, on held-out motions.
+
+Calibration did not see these motions.
 """
 
 from __future__ import annotations
@@ -63,8 +64,9 @@ class Split:
 
 
 def measure(folder: Path) -> Iterator[dict[str, object]]:
-    """For every split the marker errors of the peer's model and of the calibrated one on held-out
-    motions.
+    """Measure the marker errors of the peer's model and of the calibrated one on held-out motions.
+
+    The rows are of every split.
     """
     for split in splits(folder):
         found = mm.calibrate(split.generic, split.shown, mm.CalibrationOptions(static=split.static))
@@ -153,8 +155,9 @@ def splits(folder: Path) -> Iterator[Split]:
 
 
 def opencap(folder: Path) -> Iterator[Split]:
-    """The standing trial and one of three motions, tested on the other two, against an expert's
-    model.
+    """Yield splits of the standing trial and one of three motions, tested on the other two.
+
+    The peer is an expert's model.
     """
     trial = partial(recorded, folder / "markers")
     generic = mm.read_model(folder / "models/unscaled_generic.osim")
@@ -177,7 +180,7 @@ def opencap(folder: Path) -> Iterator[Split]:
 
 
 def gait(folder: Path) -> Iterator[Split]:
-    """The standing trial alone, and with half of the walk, against ScaleTool's model."""
+    """Yield the standing trial alone, and with half of the walk, against ScaleTool's model."""
     generic = mm.read_model(folder / "experiment/gait2354_simbody.osim")
     generic = generic.with_markers(
         read_marker_set(folder / "experiment/gait2354_Scale_MarkerSet.xml", generic)
@@ -198,8 +201,9 @@ def gait(folder: Path) -> Iterator[Split]:
 
 
 def rajagopal(folder: Path) -> Iterator[Split]:
-    """The standing trials alone, and with half of the walk, against the authors' model made with
-    ScaleTool.
+    """Yield the standing trials alone, and with half of the walk.
+
+    The peer is the authors' model made with ScaleTool.
     """
     generic = mm.read_model(folder / "raw/Rajagopal2016.osim")
     generic = generic.with_markers(
@@ -222,8 +226,9 @@ def rajagopal(folder: Path) -> Iterator[Split]:
 
 
 def hamner(folder: Path) -> Iterator[Split]:
-    """One speed of running, tested on the other; no expert's model exists, so marker pairs scale
-    the peer.
+    """Yield one speed of running, tested on the other.
+
+    No expert's model exists, so marker pairs scale the peer.
     """
     generic = mm.read_model(folder / "unscaled_generic.osim")
     runs = {name: recorded(folder / name, "markers.trc") for name in ("run200", "run500")}
@@ -241,8 +246,9 @@ def hamner(folder: Path) -> Iterator[Split]:
 
 
 def scaled_by_pairs(generic: mm.Model, markers: mm.Markers) -> mm.Model:
-    """ScaleTool's way without a static trial: mean marker distances scale, markers go to their mean
-    places.
+    """Scale a model as ScaleTool does without a static trial.
+
+    Mean marker distances scale, and markers go to their mean positions.
     """
     pairs = [
         Measurement(
@@ -294,6 +300,6 @@ def _halves(
 
 
 def recorded(folder: Path, name: str) -> mm.Markers:
-    """The markers of a TRC file."""
+    """Read the markers of a TRC file."""
     markers = read_markers(folder / name)
     return markers

@@ -1,5 +1,6 @@
-"""`calibrate` from a standing trial alone against OpenSim's ScaleTool from the same trial, on other
-motion.
+"""`calibrate` from a standing trial alone against OpenSim's ScaleTool from the same trial.
+
+Both are tested on other motion.
 """
 
 from __future__ import annotations
@@ -199,11 +200,11 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def scaled_by_opensim(one: Standing, scratch: Path) -> mm.Model:
-    """The generic model that OpenSim's ScaleTool scales by marker pairs and whose markers it
-    places.
+    """Scale the generic model by marker pairs with OpenSim's ScaleTool.
 
-    As experts do, the pose is that of the landmarks (markers that the generic model calls fixed),
-    all of weight 1; without such, that of the weights of the subject's own task file.
+    The tool places its markers too. As experts do, the pose is that of the landmarks (markers that
+    the generic model calls fixed), all of weight 1; without such, that of the weights of the
+    subject's own task file.
     """
     names = [name for name in one.generic.marker_names if name in one.static.names]
     kept = mm.Markers(
@@ -319,12 +320,12 @@ def _part(markers: mm.Markers, count: int = 200) -> mm.Markers:
 
 
 def implant_markers(given: mm.Markers) -> mm.Markers:
-    """A recording of the implant wearer with the markers' names of the generic model."""
+    """Return a recording of the implant wearer with the markers' names of the generic model."""
     return replace(given, names=tuple(IMPLANT_NAMES.get(name, name) for name in given.names))
 
 
 def implant_names(given: mm.Model) -> mm.Model:
-    """The implant wearer's model with the markers' names of the generic model."""
+    """Return the implant wearer's model with the markers' names of the generic model."""
     return given.with_markers(
         tuple(replace(one, name=IMPLANT_NAMES.get(one.name, one.name)) for one in given.markers)
     )

@@ -1,5 +1,6 @@
-"""Zero angles of calibrated models against experts', and lengths of simulated people of unequal
-legs.
+"""Zero angles of calibrated models against experts'.
+
+Lengths of simulated people of unequal legs are compared too.
 """
 
 from __future__ import annotations
@@ -71,8 +72,9 @@ def measure_zeros(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def compared_zeros(found: Calibration, expert: mm.Model, motion: mm.Markers) -> dict[str, object]:
-    """Angles of pelvis, trunk and legs: means less the expert's, and how many lie within 5 degrees
-    or the interval.
+    """Compare angles of pelvis, trunk and legs with the expert's.
+
+    The row has means less the expert's, and how many lie within 5 degrees or the interval.
     """
     rows = np.unique(np.linspace(0, len(motion) - 1, min(FRAMES, len(motion))).astype(int))
     part = mm.Markers(motion.time[rows], motion.names, motion.values[rows])
@@ -179,8 +181,9 @@ def _with_set(file: Path, markers: Path) -> mm.Model:
 
 
 def measure_unequal(folder: Path) -> Iterator[dict[str, object]]:
-    """Thighs and shanks of simulated people that walk like a recorded one, with equal and with
-    unequal legs.
+    """Measure thighs and shanks of simulated people with equal and with unequal legs.
+
+    They walk like a recorded person.
     """
     for one in scaled(folder):
         if one.name not in ("OpenCap walking1", "gait2354 walk"):
@@ -224,12 +227,11 @@ def measure_unequal(folder: Path) -> Iterator[dict[str, object]]:
 def walker(
     generic: mm.Model, motion: mm.Motion, longer: float, seed: int
 ) -> tuple[Array, mm.Markers]:
-    """Factors of the lengths of a random person, and markers on moving skin while it moves as
-    recorded.
+    """Return factors of the lengths of a random person, and markers while it moves as recorded.
 
-    Lengths vary by 4 % about the size, sides by 0.6 %, markers lie 12 mm (landmarks 6 mm) off their
-    places along each axis, and the skin moves by `SKIN` along each with the three lowest harmonics
-    of the recording.
+    Lengths vary by 4 % about the size, sides by 0.6 %. Markers lie 12 mm (landmarks 6 mm) off their
+    positions along each axis. The skin moves by `SKIN` along each axis with the three lowest
+    harmonics of the recording.
     """
     rng = np.random.default_rng(seed)
     values, person = _person(generic, longer, rng)
@@ -253,8 +255,9 @@ def _person(generic: mm.Model, longer: float, rng: np.random.Generator) -> tuple
 def _on_skin(
     person: mm.Model, motion: mm.Motion, rng: np.random.Generator, slides: bool = False
 ) -> mm.Markers:
-    """Markers while the person moves so; with `slides`, all skin of a segment also shifts and turns
-    as one piece.
+    """Return markers while the person moves so.
+
+    With `slides`, all skin of a segment also shifts and rotates as one piece.
     """
     tree = compile_tree(person)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
@@ -284,8 +287,9 @@ def _on_skin(
 
 
 def measure_simulated(folder: Path) -> Iterator[dict[str, object]]:
-    """Zero angles of simulated people whose skin slides as one piece, with and without a static
-    trial.
+    """Measure zero angles of simulated people whose skin slides as one piece.
+
+    They are calibrated with and without a static trial.
     """
     for one in scaled(folder):
         if one.name not in SIMULATED:

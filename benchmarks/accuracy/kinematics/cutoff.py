@@ -1,5 +1,6 @@
-"""The low-pass filter that a motion gets by default: against simulated truth, and by measured
-ground forces.
+"""The low-pass filter that a motion gets by default.
+
+It is compared with simulated truth, and judged by measured ground forces.
 """
 
 from __future__ import annotations
@@ -166,8 +167,9 @@ RULES: dict[str, Rule] = {
 
 
 def measure_truth(folder: Path) -> Iterator[Row]:
-    """Errors of joint torques over those at the best fixed cutoff, by movement and noise; then of
-    all together.
+    """Measure errors of joint torques over those at the best fixed cutoff.
+
+    The rows are by movement and noise; then of all together.
     """
     together: dict[bool, list[dict[str, float]]] = {True: [], False: []}
     exact: dict[bool, list[dict[str, float]]] = {True: [], False: []}
@@ -298,8 +300,9 @@ RECORDED = (
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Force and moment that have to hold the pelvis, over the least of any fixed cutoff; forces are
-    not filtered.
+    """Measure force and moment that have to hold the pelvis, over the least of any fixed cutoff.
+
+    Forces are not filtered.
     """
     for name in RECORDED:
         files = RECORDINGS[name]
@@ -331,8 +334,9 @@ def measure(folder: Path) -> Iterator[Row]:
 
 
 def _held(model: mm.Model, measured: mm.Wrenches, motion: mm.Motion) -> Array:
-    """Root mean square of force and moment on the floating joint over frames on the plates [N, N
-    m].
+    """Return the root mean square of force and moment on the floating joint [N, N m].
+
+    Only frames on the plates count.
     """
     loads = mm.resample_wrenches(measured, motion.time)
     torques = mm.inverse_dynamics(model, motion, loads)

@@ -1,5 +1,6 @@
-"""Inertial sensors: orientation filter against optics, joint angles against OpenSim's tool and
-against known truth.
+"""Inertial sensors: the orientation filter against optics, and joint angles.
+
+Joint angles are compared with OpenSim's tool and with known truth.
 
 Recordings from outside lie in a folder that the environment variable MYOMORPH_INERTIAL names:
 `broad/` has the files of data_mat of dlaidig/broad, `opensense/` those of OpenSim's tutorial
@@ -61,15 +62,16 @@ Z_90 = 1.6449
 
 
 def outside(name: str) -> Path | None:
-    """A folder of recordings that are not in the collection, None where it is absent."""
+    """Return a folder of recordings that are not in the collection, None where it is absent."""
     home = os.environ.get(FOLDER)
     folder = None if home is None else Path(home) / name
     return folder if folder is not None and folder.is_dir() else None
 
 
 def measure_filter() -> Iterator[Row]:
-    """BROAD by trial: errors while the sensor moves, with magnetometer and without, beside
-    published ones.
+    """Measure errors of BROAD's trials while the sensor moves.
+
+    They are with magnetometer and without, next to published ones.
     """
     folder = outside("broad")
     if folder is None:
@@ -134,8 +136,9 @@ def _errors(found: np.ndarray, optics: np.ndarray, headed: bool) -> tuple[float,
 
 
 def _within(found: np.ndarray, optics: np.ndarray) -> float:
-    """Share of errors about the three axes that are within 90 % limits of the source
-    `sensor_noise`.
+    """Return the share of errors about the three axes that the 90 % interval holds.
+
+    The interval is that of the source `sensor_noise`.
     """
     error = vector_from_rotation(
         rotation_from_quaternion(found) @ np.swapaxes(rotation_from_quaternion(optics), 1, 2)
@@ -144,8 +147,9 @@ def _within(found: np.ndarray, optics: np.ndarray) -> float:
 
 
 def measure_opensense() -> Iterator[Row]:
-    """OpenSim's walk with eight sensors: the same placement and orientations, by its tool and by
-    ours.
+    """Compare OpenSim's tool and ours on its walk with eight sensors.
+
+    Placement and orientations are the same.
     """
     folder = outside("opensense")
     if folder is None:
@@ -195,7 +199,7 @@ def _walk(folder: Path) -> tuple[mm.Model, mm.Motion]:
 
 
 def _longer(motion: mm.Motion, seconds: float) -> mm.Motion:
-    """A motion forwards and backwards, so that it goes on for longer."""
+    """Repeat a motion forwards and backwards, so that it goes on for longer."""
     step = float(np.median(np.diff(motion.time)))
     both = np.concatenate([motion.values, motion.values[-2:0:-1]])
     count = int(seconds / step)
@@ -229,7 +233,10 @@ def _changed(
 
 
 def measure_angles(folder: Path) -> Iterator[Row]:
-    """Simulated sensors on a walk: joint angles against the truth, by how the mounting is found."""
+    """Compare joint angles by simulated sensors on a walk with the truth.
+
+    The rows are by how the mounting is found.
+    """
     model, motion = _walk(folder)
     short = cut(motion, motion.time[0], motion.time[0] + SECONDS)
     long = _longer(motion, 600.0)
@@ -314,8 +321,9 @@ def measure_fusion(folder: Path) -> Iterator[Row]:
 
 
 def measure_intervals(folder: Path) -> Iterator[Row]:
-    """Share of true joint angles within the limits that `ik --imu --draws` writes, and how wide
-    these are.
+    """Measure the coverage of true joint angles by the intervals of `ik --imu --draws`.
+
+    The rows have the widths of the intervals too.
     """
     model_file = folder / RECORDINGS[WALK].model
     model, motion = _walk(folder)
@@ -375,10 +383,10 @@ def _limits(
 
 
 def measure_hidden() -> Iterator[Row]:
-    """A recorded walk with markers and a sensor on each shank: knees while markers below them are
-    hidden for a second.
+    """Estimate knees while markers below them are hidden for a second.
 
-    The truth is inverse kinematics of all markers.
+    The recorded walk has markers and a sensor on each shank. The truth is inverse kinematics of all
+    markers.
     """
     folder = outside("vicon")
     if folder is None:

@@ -76,8 +76,9 @@ SLIP = np.radians(20.0)
 
 
 def measure_steps() -> Iterator[Row]:
-    """Joint angles of two persons' steps by sensors alone, against the same by markers, ours beside
-    OpenSim's tool.
+    """Compare joint angles of two persons' steps by sensors alone with those by markers.
+
+    The rows are of ours and of OpenSim's tool.
     """
     for name, known, unseen, columns in _people():
         with tempfile.TemporaryDirectory() as home:
@@ -86,8 +87,10 @@ def measure_steps() -> Iterator[Row]:
 
 
 def measure_forces() -> Iterator[Row]:
-    """Vertical force under the right foot in the same steps, by sensors alone and by markers alone,
-    against the treadmill's right plate: a study with default options.
+    """Compare the vertical force under the right foot in the same steps with the measured one.
+
+    It is estimated by sensors alone and by markers alone, by a study with default options, and
+    measured by the treadmill's right plate.
     """
     for name, known, unseen, columns in _people():
         with tempfile.TemporaryDirectory() as place:
@@ -167,9 +170,10 @@ def _people() -> Iterator[tuple[str, list[np.ndarray], list[np.ndarray], list[st
 def _placed(
     known: list[np.ndarray], unseen: list[np.ndarray], columns: list[str], home: Path
 ) -> tuple[mm.Model, InertialSensors]:
-    """The model that `analyze` makes of markers of known steps, `placed.osim` also with frames of
-    the sensors, whose mountings and headings these markers show; the sensors of the unseen steps
-    with these headings.
+    """Return the model that `analyze` makes of markers of known steps, with frames of the sensors.
+
+    The markers show mountings and headings of the sensors. `placed.osim` also has the frames. The
+    sensors of the held-out steps are returned with these headings.
     """
     files = [home / f"step{index}.trc" for index in range(len(known))]
     for step, file in zip(known, files, strict=True):
@@ -260,8 +264,9 @@ def _sensors(steps: list[np.ndarray], columns: list[str]) -> InertialSensors:
 def _turned(
     sensors: InertialSensors, names: Sequence[str], angles: Sequence[float], ahead: bool = False
 ) -> InertialSensors:
-    """Sensors turned about their own y axis, along the segment, or their earths about the vertical
-    (`ahead`).
+    """Rotate sensors about their own y axis, along the segment.
+
+    With `ahead`, their earths are rotated about the vertical.
     """
     quaternions = np.array(sensors.orientations)
     for name, angle in zip(names, angles, strict=True):
@@ -320,9 +325,10 @@ PARTS = {"first": (50.0, 88.0), "after 5 min": (290.0, 329.0), "after 10 min": (
 
 
 def measure_minutes(folder: Path) -> Iterator[Row]:
-    """The left knee of a person who stands up and sits down, jumps, walks and sits for eleven
-    minutes, by sensors that stood still once at the start, against markers: `drift` is the mean
-    error against that of the first part.
+    """Compare the left knee by sensors with that by markers, over eleven minutes.
+
+    A person stands up and sits down, jumps, walks and sits. The sensors stood still once, at the
+    start. `drift` is the mean error less that of the first part.
     """
     home = outside("tasks")
     if home is None:
@@ -369,7 +375,7 @@ def measure_minutes(folder: Path) -> Iterator[Row]:
 
 
 def _without_orientation(file: Path, folder: Path) -> Path:
-    """The same export with raw signals alone."""
+    """Write the same export with raw signals alone."""
     lines = file.read_text(encoding="utf-8").splitlines()
     head = next(index for index, line in enumerate(lines) if line.startswith("PacketCounter"))
     width = lines[head].split("\t").index("Quat_q0")

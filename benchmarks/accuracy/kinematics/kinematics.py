@@ -38,8 +38,19 @@ def marker_rmse(
     markers: mm.Markers,
     values: np.ndarray,
 ) -> float:
-    """Weighted root mean square distance of the model's markers from those seen, over all frames
-    [m].
+    """Return the weighted root mean square distance of the model's markers from the measured ones.
+
+    Parameters
+    ----------
+    model : that has the markers
+    names : of the coordinates
+    weights : (markers,) of the markers, in their order
+    markers : measured
+    values : (frames, coordinates) [rad or m]
+
+    Returns
+    -------
+    over all frames [m]
     """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, values)
@@ -52,7 +63,7 @@ def marker_rmse(
 
 
 def measure_inverse_kinematics(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a recording."""
+    """Yield a row for each recording."""
     return (_inverse_kinematics(folder, case) for case in MARKER_CASES)
 
 
@@ -112,20 +123,41 @@ def motion_from_opensim(model: mm.Model, result: opensim_tools.ToolResult) -> mm
 
 
 def motion_at(motion: mm.Motion, at: np.ndarray) -> mm.Motion:
-    """The frames nearest to the given times."""
+    """Return the frames nearest to some times.
+
+    Parameters
+    ----------
+    motion : to choose frames of
+    at : (times,) [s]
+
+    Returns
+    -------
+    Motion at these frames
+    """
     index = np.abs(motion.time[:, None] - at[None]).argmin(axis=0)
     return mm.Motion(at, motion.names, motion.values[index])
 
 
 def markers_at(markers: mm.Markers, at: np.ndarray) -> mm.Markers:
-    """The frames nearest to the given times."""
+    """Return the frames nearest to some times.
+
+    Parameters
+    ----------
+    markers : to choose frames of
+    at : (times,) [s]
+
+    Returns
+    -------
+    Markers at these frames
+    """
     index = np.abs(markers.time[:, None] - at[None]).argmin(axis=0)
     return mm.Markers(at, markers.names, markers.values[index])
 
 
 def written_whole(model: mm.Model, motion: mm.Motion, folder: Path) -> tuple[mm.Motion, Path]:
-    """The motion with every coordinate, and a file of it: OpenSim's tools overlook columns named as
-    states.
+    """Return the motion with every coordinate, and a file of it.
+
+    OpenSim's tools overlook columns named as states.
     """
     whole = mm.Motion(
         motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion)
@@ -136,7 +168,7 @@ def written_whole(model: mm.Model, motion: mm.Motion, folder: Path) -> tuple[mm.
 
 
 def measure_inverse_dynamics(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a recording."""
+    """Yield a row for each recording."""
     return (_inverse_dynamics(folder, case) for case in FORCE_CASES)
 
 
@@ -213,8 +245,9 @@ a tenth of it.
 
 
 def measure_turns(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a model: turns in what chunks give and in the result, and torques beside those of one
-    chunk.
+    """Count turns in what chunks give and in the result.
+
+    Each row is of a model. Torques are compared with those of one chunk.
     """
     for path in [*sorted(folder.rglob("*.osim")), *(folder / name for name in MJCF)]:
         try:
@@ -253,7 +286,7 @@ def measure_turns(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def _free(model: Model) -> Model:
-    """The model without bounds of rotations, and with four markers on every body."""
+    """Return the model without bounds of rotations, and with four markers on every body."""
     coordinates = [
         replace(coordinate, clamped=coordinate.clamped and coordinate.motion != "rotational")
         for coordinate in model.coordinates

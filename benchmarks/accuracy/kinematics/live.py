@@ -44,7 +44,7 @@ class _Kept:
 
 
 def recordings(folder: Path) -> Iterator[tuple[str, mm.Model, mm.Markers, mm.Wrenches]]:
-    """A walk with a plate under every step, and two treadmill runs with the generic model."""
+    """Yield a walk with a plate under every step, and two treadmill runs with the generic model."""
     walk = folder / RAJAGOPAL
     model = mm.read_model(walk / "subject_walk_scaled.osim")
     markers, wrenches = open_recording(model, walk / "markers_walk.trc", walk / "grf_walk.xml")
@@ -116,8 +116,9 @@ def _at(motion: mm.Motion, values: Array, time: Array) -> Array:
 
 
 def measure_losses(folder: Path) -> Iterator[Row]:
-    """One to three markers hidden at random for a while: how far coordinates jump when they go and
-    come back.
+    """Measure how far coordinates jump when markers are hidden and come back.
+
+    One to three markers are hidden at random for a while.
     """
     for name, model, markers, _ in recordings(folder):
         random = np.random.default_rng(SEED)

@@ -79,8 +79,9 @@ def measure_constraints(folder: Path) -> Iterator[Row]:
 
 
 def measure_trees() -> Iterator[Row]:
-    """Random trees with a point and a weld: derivatives beside MuJoCo's, projected rates in
-    Pinocchio.
+    """Compare random trees that a point and a weld close.
+
+    Derivatives are compared with MuJoCo's, projected rates with Pinocchio's.
     """
     for seed in range(3):
         model, closed = looped_tree(seed, kinds=("connect", "weld"))
@@ -109,8 +110,9 @@ def measure_trees() -> Iterator[Row]:
 
 
 def measure_inverse_kinematics(folder: Path) -> Iterator[Row]:
-    """Marker errors, gaps and times of both programs: measured bone pins, and made markers of the
-    other models.
+    """Measure marker errors, gaps and times of both programs.
+
+    The markers are measured bone pins, and simulated ones of the other models.
     """
     if (folder / BONE_PINS).exists():
         yield _stored(folder)
@@ -164,7 +166,7 @@ def _places(model: mm.Model, names: tuple[str, ...], values: np.ndarray) -> np.n
 def _ours(
     model: mm.Model, markers: mm.Markers, weights: dict[str, float]
 ) -> tuple[KinematicsFit, float]:
-    """The fit, and its seconds after a first run that compiles."""
+    """Return the fit, and its seconds after a first run that compiles."""
     options = mm.InverseKinematicsOptions(marker_weights=weights, only_weighted=True)
     mm.inverse_kinematics(model, markers, options)
     began = time.perf_counter()

@@ -1,5 +1,6 @@
-"""`run-tool` against OpenSim's own tools, each from the same setup file in a copy of the same
-folder.
+"""`run-tool` against OpenSim's own tools.
+
+Each runs from the same setup file in a copy of the same folder.
 """
 
 from __future__ import annotations
@@ -97,8 +98,9 @@ RAJAGOPAL = tuple(
 
 
 def rajagopal_setup(weights: Mapping[str, float]) -> str:
-    """A setup with what the others lack: axes apart, both orders, a measurement that cannot be
-    used, mass by volume.
+    """Return a setup with what the others lack.
+
+    Those are separate axes, both orders, a measurement that cannot be used, and mass by volume.
     """
     measurements = (
         MEASUREMENT.format(
@@ -197,8 +199,10 @@ def largest(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
 
 
 def compare_models(ours: mm.Model, theirs: mm.Model) -> dict[str, float]:
-    """Largest differences of joints [m], masses relative to the whole, inertias relative to the
-    body's, and fibers.
+    """Return the largest differences of two models.
+
+    They are of joints [m], masses relative to the whole, inertias relative to the body's, and
+    fibers.
     """
     mine = {joint.child: joint for joint in ours.joints}
     other = {joint.child: joint for joint in theirs.joints}
@@ -244,11 +248,11 @@ def marker_distances(ours: mm.Model, theirs: mm.Model) -> np.ndarray:
 def minimum_of_opensim(
     setup: Path, scaled: Path, start_pose: dict[str, float]
 ) -> dict[str, np.ndarray]:
-    """Markers (3,) in their bodies at the pose that minimises the placer's cost, over OpenSim's own
-    kinematics.
+    """Return markers (3,) in their bodies at the pose that minimizes the placer's cost.
 
-    sum_m w_m |x_m(q) - y_m|^2 / sum_m w_m + sum_j v_j (q_j - default_j)^2, by SciPy from OpenSim's
-    result.
+    The cost is, over OpenSim's own kinematics, by SciPy from OpenSim's result,
+
+        sum_m w_m |x_m(q) - y_m|^2 / sum_m w_m + sum_j v_j (q_j - default_j)^2
     """
     with inside(setup.parent):
         tool = opensim.ScaleTool(setup.name)
@@ -329,8 +333,9 @@ def pose_of(path: Path) -> dict[str, float]:
 
 
 def measure_case(data: Path, case: ScaleCase) -> dict[str, object]:
-    """Differences of both programs' models, and of both from the minimum of the cost that they
-    share.
+    """Compare the models of both programs.
+
+    The differences of both from the minimum of the cost that they share are in the row too.
     """
     with tempfile.TemporaryDirectory() as work:
         mine = prepare(data, case, Path(work) / "ours")
@@ -371,8 +376,7 @@ def largest_distance(ours: mm.Model, theirs: mm.Model) -> float:
 
 @dataclass(frozen=True)
 class ToolCase:
-    """A setup file run in a copy of its folder, and the table that another version of OpenSim wrote
-    of it.
+    """A setup file run in a copy of its folder, and the table of another version of OpenSim.
 
     `files`: beside those of its folder; `outputs`: ours, relative to the setup's folder, and the
     expected tables of the collection; `tag`: what the setup calls its tool, where that has to be
@@ -440,7 +444,7 @@ def measure_tools(data: Path) -> Iterator[dict[str, object]]:
 
 
 def copy_folder(data: Path, setup: str, files: tuple[str, ...], folder: Path) -> Path:
-    """A copy of a setup's folder with further files; returns the setup."""
+    """Copy a setup's folder with further files, and return the setup."""
     shutil.copytree(data / Path(setup).parent, folder)
     for name in files:
         shutil.copy(data / name, folder)

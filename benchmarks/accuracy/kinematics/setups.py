@@ -1,5 +1,6 @@
-"""Every setup file of the data collection through `run-tool` and through OpenSim 4.6, column by
-column.
+"""Every setup file of the data collection through `run-tool` and through OpenSim 4.6.
+
+Their tables are compared column by column.
 """
 
 from __future__ import annotations
@@ -271,8 +272,9 @@ def compared(pairs: list[tuple[Path, Path, str]]) -> dict[str, object]:
 
 
 def same_rows(ours: np.ndarray, theirs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of two tables that stand at one time, to a microsecond; all of them where they are as
-    many.
+    """Return the rows of two tables that stand at one time, to a microsecond.
+
+    They are all of them where the tables have as many.
     """
     if len(ours) == len(theirs):
         return np.arange(len(ours)), np.arange(len(ours))
@@ -282,8 +284,16 @@ def same_rows(ours: np.ndarray, theirs: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def apart(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Largest difference of every column over the range of the second table's, see `FLOOR`; inf
-    where one is NaN.
+    """Return the largest difference of every column over the range of the second table's.
+
+    Parameters
+    ----------
+    x : (rows, columns) of one table
+    y : (rows, columns) of the other
+
+    Returns
+    -------
+    (columns,) relative to the range, which is at least `FLOOR`; inf where one is NaN
     """
     # A pose has no range: its columns count by the largest of them.
     span = (

@@ -1,5 +1,6 @@
-"""Strikes and lifts of feet from markers alone against force plates; strides of a mouse on a belt
-of known speed.
+"""Foot strike and foot off from markers alone against force plates.
+
+Strides of a mouse on a belt of known speed are compared too.
 """
 
 from __future__ import annotations
@@ -131,7 +132,7 @@ def recorded(folder: Path, walk: Walk) -> tuple[mm.Markers, mm.Wrenches, Array]:
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row for every walk, and one for all."""
+    """Yield a row for every walk, and one for all."""
     every: tuple[list[float], list[float]] = ([], [])
     for walk in WALKS:
         strikes, lifts, speed = errors(folder, walk)
@@ -154,7 +155,10 @@ def _told(strikes: list[float], lifts: list[float]) -> Row:
 
 
 def errors(folder: Path, walk: Walk) -> tuple[list[float], list[float], float]:
-    """Times from markers less those of the plates [s], strikes and lifts, and the speed [m/s]."""
+    """Return times from markers less those of the plates.
+
+    They are those of foot strikes and of foot offs [s]. The speed [m/s] is returned with them.
+    """
     markers, plates, up = recorded(folder, walk)
     limbs = [
         mm.Limb(side, (heel,), (toe,))
@@ -213,7 +217,7 @@ def measure_mouse(folder: Path) -> Iterator[Row]:
 def _foot(
     markers: mm.Markers, limbs: list[mm.Limb], plates: mm.Wrenches, k: int, middle: int
 ) -> str:
-    """The foot whose heel and toes are nearest to a plate's center of pressure."""
+    """Return the foot whose heel and toes are nearest to a plate's center of pressure."""
     frame = int(np.argmin(np.abs(markers.time - plates.time[middle])))
     point = plates.points[middle, k]
 
@@ -225,8 +229,9 @@ def _foot(
 
 
 def measure_duty(folder: Path) -> Iterator[Row]:
-    """Duty factors and peaks over strides, by plates, without them and of a single stride, beside
-    the plates' own.
+    """Compare duty factors and peaks over strides with the plates' own.
+
+    They are computed by plates, without them, and of a single stride.
     """
     for name, files in GOING.items():
         model = mm.read_model(folder / files.model)
@@ -270,7 +275,7 @@ def _of_one(
     step: tuple[str, float, float, float, float],
     weight: float,
 ) -> Row:
-    """The same where a recording holds one stride only."""
+    """Return the same where a recording holds one stride only."""
     body, start, lift, stop, peak = step
     short = cut(motion, start - BESIDE, stop + BESIDE)
     row: Row = {
@@ -293,8 +298,9 @@ def _vertical(wrenches: mm.Wrenches) -> Array:
 def _steps(
     wrenches: mm.Wrenches, body: str, weight: float
 ) -> list[tuple[float, float, float, float]]:
-    """Strike, lift, next strike [s] and greatest force [N] of each stride of a foot that the plates
-    show whole.
+    """Return each stride of a foot that the plates show whole.
+
+    It is foot strike, foot off, next foot strike [s] and greatest force [N].
     """
     own = [k for k, one in enumerate(wrenches.bodies) if one == body]
     force = _vertical(wrenches)[:, own].sum(axis=1)
@@ -308,8 +314,9 @@ def _steps(
 
 
 def _peak(strides: Sequence[Stride], wrenches: mm.Wrenches) -> float:
-    """Greatest vertical force of the mean curve over strides, each foot's force over its own, mean
-    of both feet [N].
+    """Return the greatest vertical force of the mean curve over strides [N].
+
+    Each foot's force is over its own, and the result is the mean of both feet.
     """
     peaks = []
     for limb in dict.fromkeys(one.limb for one in strides):

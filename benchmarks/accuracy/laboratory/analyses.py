@@ -1,5 +1,6 @@
-"""Analyses of AnalyzeTool here and in OpenSim 4.6, table by table, on models with every class of
-muscle built.
+"""Analyses of AnalyzeTool here and in OpenSim 4.6, table by table.
+
+The models have every class of muscle that is built.
 """
 
 from __future__ import annotations
@@ -171,7 +172,7 @@ CASES = (
 
 
 def changed_model(data: Path, case: Case, folder: Path) -> Path:
-    """The case's model, with the muscles that it wants."""
+    """Return the case's model, with the muscles that it wants."""
     if not case.muscles:
         return data / case.model
     import opensim

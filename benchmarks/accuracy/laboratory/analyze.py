@@ -1,9 +1,9 @@
-"""`myomorph analyze` on recordings of many laboratories: what it took, and joint moments beside
-each set's own.
+"""`myomorph analyze` on recordings of many laboratories.
 
-Nothing is written by hand: each row is one command on raw files, with the body's mass. The generic
-model (myo-sim's legs and trunk) is another one than those of the references, so the moments are
-those of other bodies with other axes.
+The tables have what it took, and joint moments next to each set's own. Nothing is written by hand:
+each row is one command on raw files, with the body's mass. The generic model (myo-sim's legs and
+trunk) is another one than those of the references, so the moments are those of other bodies with
+other axes.
 """
 
 from __future__ import annotations
@@ -101,10 +101,10 @@ def own_dynamics(
     sides: str = "rl",
     joints: Mapping[str, str] = FrozenMap({}),
 ) -> Reference:
-    """Moments of a set's own model and angles, by our inverse dynamics, which agrees with
-    OpenSim's.
+    """Return moments of a set's own model and angles, by our inverse dynamics.
 
-    `sides`: of the legs whose forces the loads hold; `joints`: what the set's model calls a joint.
+    It agrees with OpenSim's. `sides`: of the legs whose forces the loads hold; `joints`: what the
+    set's model calls a joint.
     """
 
     def found(folder: Path, mass: float) -> mm.Series:
@@ -254,7 +254,10 @@ CASES = (
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row a command: what was typed, what was found, moments beside the set's own."""
+    """Yield a row for each command.
+
+    It has what was typed, what was found, and moments next to the set's own.
+    """
     for case in CASES:
         mass = case.mass or c3d_mass(folder / case.files[0])
         typed = ["analyze", *case.files, "--mass", f"{mass:g}", *case.options]
@@ -298,7 +301,7 @@ UNKNOWN = ("OpenSim's C3D walk", "functional trial, knee")
 
 
 def measure_weighing(folder: Path) -> Iterator[Row]:
-    """A row a recording without `--mass`: what its plates weigh, beside what its set says."""
+    """Yield a row for each recording without `--mass`: its plates' weight and the set's mass."""
     for case in CASES:
         stated = case.mass or c3d_mass(folder / case.files[0])
         typed = ["analyze", *case.files, *case.options, "--prepare"]
@@ -324,7 +327,7 @@ def measure_weighing(folder: Path) -> Iterator[Row]:
 
 
 def c3d_mass(path: Path) -> float:
-    """The mass that Vicon's programs leave in a C3D file [kg]."""
+    """Return the mass that Vicon's programs leave in a C3D file [kg]."""
     # Only of this benchmark: the package's reader leaves such parameters alone.
     import ezc3d
 
@@ -340,7 +343,7 @@ def _paths(typed: list[str], folder: Path) -> list[str]:
 
 
 def _protocol(text: str) -> str:
-    """The protocol that the command says it found."""
+    """Return the protocol that the command reports."""
     after = text.partition("marker protocol ")[2]
     return after.partition(";")[0] if after else "common names"
 
@@ -348,8 +351,9 @@ def _protocol(text: str) -> str:
 def _agreement(
     found: mm.TrialResult, case: Case, folder: Path, mass: float
 ) -> dict[str, tuple[float, float]]:
-    """By joint: correlation and root mean square difference [N m/kg] over frames in which the foot
-    is on a plate.
+    """Return correlation and root mean square difference [N m/kg], by joint.
+
+    Only frames count in which the foot is on a plate.
     """
     assert case.reference is not None
     torques = found.torques

@@ -1,5 +1,6 @@
-"""A study of two recorded walks as a dataset of BIDS: what its validator says, and how exactly it
-is read back.
+"""A study of two recorded walks as a dataset of BIDS.
+
+The tables have what its validator reports, and how exactly it is read back.
 """
 
 from __future__ import annotations
@@ -76,8 +77,9 @@ def _rows() -> tuple[list[Row], list[Row]]:
 
 
 def measure() -> list[Row]:
-    """Largest difference between what was computed or recorded and what is read back, of each kind
-    of table.
+    """Compare what was computed or recorded with what is read back.
+
+    The rows have the largest difference of each kind of table.
     """
     return _rows()[0]
 

@@ -1,5 +1,6 @@
-"""Groups, conditions and outliers: how often differences are found that are none, and that are
-there.
+"""Groups, conditions and outliers.
+
+Measured is how often differences are found that do not exist, and that do.
 """
 
 from __future__ import annotations
@@ -89,14 +90,15 @@ def measure_false() -> Iterator[Row]:
 
 
 def share(count: int, of: int) -> str:
-    """A share [%] with its 95 % interval (Wilson)."""
+    """Return a share [%] with its 95 % interval (Wilson)."""
     low, high = stats.binomtest(count, of).proportion_ci(method="wilson")
     return f"{100 * count / of:.1f} ({100 * low:.1f} to {100 * high:.1f})"
 
 
 def measure_power() -> Iterator[Row]:
-    """Share of made studies in which a difference is found that is there, in one of the curves and
-    in one parameter.
+    """Measure the share of simulated studies in which a true difference is found.
+
+    It is in one of the curves and in one parameter.
     """
     for n, repeats, most in ((4, 300, 10000), (6, 200, 10000), (10, 100, 1000)):
         for effect in (1.0, 2.0, 3.0):
@@ -242,8 +244,9 @@ BETWEEN = 3.0
 
 
 def measure_within() -> Iterator[Row]:
-    """Made studies of the same subjects twice: differences called falsely and found, intervals that
-    cover the truth.
+    """Simulate studies of the same subjects twice.
+
+    The rows have differences called falsely and found, and the coverage of intervals.
     """
     for n, repeats, most in (
         (5, 1000, 4000),
@@ -292,8 +295,9 @@ def measure_within() -> Iterator[Row]:
 
 
 def measure_outliers() -> Iterator[Row]:
-    """Made trials, some of them six spreads away: named by the modified z-score, and by mean and
-    standard deviation.
+    """Simulate trials, some of them six spreads away.
+
+    They are named by the modified z-score, and by mean and standard deviation.
     """
     for n, wrong, repeats in (
         (6, 1, 4000),

@@ -1,5 +1,4 @@
-"""`myomorph analyze` on recordings of many laboratories in public repositories, each as it was
-published.
+"""`myomorph analyze` on recordings of many laboratories in public repositories, as published.
 
 They lie in a folder that the environment variable MYOMORPH_LABORATORIES names, as OWNER+NAME/PATH
 for the file PATH of the repository OWNER/NAME on GitHub; those that are absent are left out.
@@ -38,8 +37,9 @@ ERROR = 0.03
 
 
 class Recording(NamedTuple):
-    """A recording of a repository: its files, the part that is used [s], the mass of the set [kg],
-    None for guessed.
+    """A recording of a repository.
+
+    It has its files, the part that is used [s], and the mass of the set [kg], None for guessed.
     """
 
     laboratory: str
@@ -67,8 +67,9 @@ def recordings() -> list[Recording]:
 
 
 def measure() -> Iterator[Row]:
-    """A row a recording: labels known, what `analyze` ends with, whether the result can be a
-    person's.
+    """Yield a row for each recording.
+
+    It has the labels known, what `analyze` ends with, and whether the result can be a person's.
     """
     home = os.environ.get(FOLDER)
     for recording in recordings() if home is not None else ():
@@ -140,8 +141,9 @@ def _run(typed: list[str]) -> tuple[int, str]:
 
 
 def _result(out: Path) -> Row:
-    """How well the markers fit, ranges of angles and largest moments, and which of them no person
-    has.
+    """Return how well the markers fit, ranges of angles and largest moments.
+
+    The row shows which of them no person has.
     """
     (trial,) = mm.load(out).values()
     assert trial.fit is not None

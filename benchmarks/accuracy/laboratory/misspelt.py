@@ -56,7 +56,7 @@ def named(text: str, answer: str) -> bool:
 
 
 def answer_to_option(text: str) -> str:
-    """The line that a command prints."""
+    """Return the line that a command prints."""
     said = io.StringIO()
     with contextlib.redirect_stderr(said):
         main([*text.split(), "1"])
@@ -64,7 +64,7 @@ def answer_to_option(text: str) -> str:
 
 
 def answer_to_key(text: str, folder: Path) -> str:
-    """What is wrong with a study file that has the key."""
+    """Return what is wrong with a study file that has the key."""
     heading, key = text.rsplit(" ", 1)
     line = f"{key} = 1\n"
     study = "[study]\nname = 'x'\n" + (line if heading == "[study]" else "")

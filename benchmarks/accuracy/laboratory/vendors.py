@@ -1,8 +1,7 @@
-"""`myomorph analyze` on every file of a collection of vendors' samples: a report, or one line that
-names what helps.
+"""`myomorph analyze` on every file of a collection of vendors' samples.
 
-Each file is one command in a process of its own, with a limit of time: a reader that hangs or dies
-is a row too.
+The result is a report, or one line that names what helps. Each file is one command in a process
+of its own, with a limit of time: a reader that hangs or dies is a row too.
 """
 
 from __future__ import annotations
@@ -92,7 +91,7 @@ def _row(path: Path, folder: Path) -> Row:
 
 
 def _window(path: Path) -> list[str]:
-    """The middle of a recording; nothing where it cannot be read or is shorter."""
+    """Return the middle of a recording; nothing where it cannot be read or is shorter."""
     try:
         markers = mm.read_recording(path).markers
     except mm.MyomorphError:

@@ -1,5 +1,6 @@
-"""Spheres and cylinders of articular surfaces, and landmarks found by rules, against truths and
-other methods.
+"""Spheres and cylinders of articular surfaces, and landmarks found by rules.
+
+They are compared with truths and other methods.
 """
 
 from __future__ import annotations
@@ -139,8 +140,9 @@ def _center_row(
 
 
 def measure_persons() -> Iterator[Row]:
-    """Round surfaces of one person's bones found on the other 25, from a similarity; dense points
-    are the truth.
+    """Find round surfaces of one person's bones on the other 25, from a similarity.
+
+    Dense points are the truth.
     """
     femur = _person("femur", _average())
     pelvis = _person("pelvis", _average())
@@ -207,8 +209,9 @@ def _again(
     whole: Similarity,
     part: Similarity,
 ) -> tuple[float, float]:
-    """How far the center (or the axis) lies from where the points around it were carried [m], and
-    its angle [°].
+    """Return how far the center (or the axis) lies from where it was carried, and its angle [°].
+
+    The points around it carry it [m].
     """
     radius = whole.scale * fit.radius
     if isinstance(fit, SphereFit):
@@ -263,8 +266,9 @@ def measure_landmarks() -> Iterator[Row]:
 
 
 def _carried(source: mm.Surface, target: mm.Surface, points: np.ndarray) -> np.ndarray:
-    """Where the vertices around points carry them: the nearest dozen, more for a point off the
-    surface.
+    """Return where the vertices around points carry them.
+
+    They are the nearest dozen, more for a point off the surface.
     """
     apart = np.abs(Shape(source).signed(points))
     carried = []
@@ -277,7 +281,7 @@ def _carried(source: mm.Surface, target: mm.Surface, points: np.ndarray) -> np.n
 
 @cache
 def _average() -> int:
-    """The person whose bones are nearest to the mean of all."""
+    """Return the person whose bones are nearest to the mean of all."""
     away = sum(
         np.linalg.norm(one.nodes - one.nodes.mean(axis=0), axis=2).mean(axis=1)
         for one in leg_shapes().values()

@@ -1,9 +1,9 @@
-"""Bones that find each other without landmarks: affine copies and random smooth deformations of a
-model's own bones.
+"""Bones that find each other without landmarks.
 
-What became of every attachment is known. Deformed bones lie anywhere (random rotations), are
-stretched differently along random axes, and bent by a random smooth displacement; their triangles
-are not the source's.
+They are affine copies and random smooth deformations of a model's own bones, so that what became
+of every attachment is known. Deformed bones lie anywhere (random rotations), are stretched
+differently along random axes, and bent by a random smooth displacement; their triangles are not
+the source's.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Deformation:
 
 @cache
 def bone(body: str) -> tuple[mm.Surface, np.ndarray, np.ndarray]:
-    """A bone of the model, the muscle points fixed to it, and which of them are on it.
+    """Return a bone of the model, the muscle points fixed to it, and which of them are on it.
 
     On a bone are the ends of paths, and what is nearer to the surface than `WITHIN`; the rest are
     points in the flesh beside it. Of the talus, which has no muscle points, points of its surface.
@@ -116,7 +116,7 @@ def bone(body: str) -> tuple[mm.Surface, np.ndarray, np.ndarray]:
 
 
 def deformed(surface: mm.Surface, deformation: Deformation) -> mm.Surface:
-    """The bone after a deformation, cut into smaller triangles before."""
+    """Return the bone after a deformation, cut into smaller triangles before."""
     edge = EDGE * deformation.length
     vertices, faces = trimesh.remesh.subdivide_to_size(surface.vertices, surface.faces, edge)
     return mm.Surface(deformation(vertices), faces)
@@ -140,15 +140,26 @@ def carried(
     points: np.ndarray,
     landmarks: FeaturePoints | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where points (n, 3) of a bone go without a hand, and within which distance (n,) they belong
-    with 90 % [m].
+    """Return where points of a bone go without manual landmarks, and within which distance.
+
+    Parameters
+    ----------
+    body : of the bone
+    source : surface of the bone
+    target : surface of the bone in the other body
+    points : (n, 3) on or near the source [m]
+    landmarks : pairs, None for none
+
+    Returns
+    -------
+    (n, 3) positions [m], and (n,) the distance within which they belong with 90 % [m]
     """
     carrier = Transfer(mm.map_bone(body, source, target, landmarks), body)
     return put_on_surface(carrier, points, WITHIN).points, carrier.within(points)
 
 
 def measure(what: str, seeds: range = SEEDS, bones: tuple[str, ...] = BONES) -> Iterator[Row]:
-    """A row a bone, and one for all.
+    """Yield a row for each bone, and one for all.
 
     `what`: "affine", "smooth", or "landmarks": smooth with three landmarks.
     """
@@ -180,8 +191,9 @@ def measure(what: str, seeds: range = SEEDS, bones: tuple[str, ...] = BONES) -> 
 
 
 def errors(found: list[tuple[np.ndarray, ...]]) -> Row:
-    """Of attachments of several targets: errors, those of a whole-bone similarity, and how often
-    intervals hold.
+    """Return errors of attachments of several targets.
+
+    The row has those of a whole-bone similarity too, and how often intervals hold.
     """
     away, within, scaled = map(np.concatenate, zip(*found, strict=True))
     return {
@@ -223,8 +235,9 @@ def measure_landmarks() -> Iterator[Row]:
 
 
 def measure_persons() -> Iterator[Row]:
-    """A row a bone and method: the mean of the 25 others of LLP26 in the bone of a person, held-out
-    persons alone.
+    """Carry the mean of the 25 others of LLP26 into the bone of a person.
+
+    Each row is of a bone and method, by held-out persons alone.
     """
     for name in leg_shapes():
         some = [

@@ -1,5 +1,6 @@
-"""Muscles of a leg carried into bones whose deformation is known: points, joint centers and moment
-arms.
+"""Muscles of a leg carried into bones whose deformation is known.
+
+Compared are points, joint centers and moment arms.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ def _demo() -> MorphDemo:
 
 
 def demo_morph() -> Morph:
-    """The leg of the demo in its deformed bones."""
+    """Return the leg of the demo in its deformed bones."""
     return _demo().morphed.morph
 
 
 def measure() -> Iterator[Row]:
-    """A row for each method."""
+    """Yield a row for each method."""
     errors = _demo().errors
     for name, distances in errors.distances.items():
         row: Row = {"method": name, "points": len(distances)} | _spread("point", distances)
@@ -47,7 +48,7 @@ def _spread(what: str, values: np.ndarray) -> Row:
 
 
 def measure_joints() -> Iterator[Row]:
-    """A row for each joint."""
+    """Yield a row for each joint."""
     found = _demo()
     methods = {one.name: one for one in found.morphed.morph.joints}
     for name, error in found.errors.joints.items():

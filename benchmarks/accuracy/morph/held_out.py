@@ -1,9 +1,8 @@
-"""A leg carried into deformed bones and into bones of persons who are held out: attachments and
-moment arms.
+"""A leg carried into deformed bones and into bones of persons who are held out.
 
-The leg is laid on the mean of other persons of LLP26. From there the truth is the model that the
-map through all corresponding nodes makes. The persons' bones do not share a frame, so joints go by
-the maps.
+Compared are attachments and moment arms. The leg is laid on the mean of other persons of LLP26.
+From there the truth is the model that the map through all corresponding nodes makes. The persons'
+bones do not share a frame, so joints go by the maps.
 """
 
 from __future__ import annotations
@@ -78,7 +77,7 @@ def leg() -> Leg:
 
 
 def given_map(body: str, mapping: PointMap, source: mm.Surface, target: mm.Surface) -> BoneMap:
-    """A bone that goes by a map."""
+    """Return a bone that goes by a map."""
     whole = procrustes(source.vertices, mapping.apply(source.vertices), True)
     return BoneMap(
         body=body,
@@ -92,7 +91,7 @@ def given_map(body: str, mapping: PointMap, source: mm.Surface, target: mm.Surfa
 
 
 def ways(person: int) -> Iterator[tuple[str, dict[str, BoneMap], MorphOptions]]:
-    """The true maps of a person's bones, then each method's, and what is made of them."""
+    """Yield the true maps of a person's bones, then each method's, and what is made of them."""
     pairs = {}
     for name, shapes in leg_shapes().items():
         body = BODIES[name]
@@ -136,8 +135,10 @@ def ways(person: int) -> Iterator[tuple[str, dict[str, BoneMap], MorphOptions]]:
 
 
 def spread_nodes(nodes: Array, places: Array, count: int) -> np.ndarray:
-    """Nodes nearest to places as far from each other as they go, then nodes of the whole as far as
-    they go.
+    """Return nodes that are spread as far as possible.
+
+    First come those nearest to positions as far from each other as they go, then nodes of the whole
+    as far as they go.
     """
     chosen = [int(np.argmax(np.linalg.norm(nodes - nodes.mean(axis=0), axis=1)))]
     away = np.linalg.norm(nodes - nodes[chosen[0]], axis=1)
@@ -150,8 +151,9 @@ def spread_nodes(nodes: Array, places: Array, count: int) -> np.ndarray:
 
 
 def measure(persons: tuple[int, ...] = PERSONS) -> Iterator[Row]:
-    """A row a method: errors of muscle points and of moment arms over the ranges, and whether
-    intervals hold.
+    """Yield a row for each method.
+
+    It has errors of muscle points and of moment arms over the ranges, and whether intervals hold.
     """
     every: dict[str, list[tuple[Array, Array, Array, Array]]] = {}
     for person in persons:
@@ -185,8 +187,9 @@ def measure(persons: tuple[int, ...] = PERSONS) -> Iterator[Row]:
 
 
 def _against(true: Morph, found: Morph) -> tuple[Array, Array, Array, Array]:
-    """Errors and radii of muscle points on the mapped bones [m]; errors and sizes of moment arms,
-    rms of each [m].
+    """Return errors and radii of muscle points on the mapped bones, then those of moment arms [m].
+
+    Of moment arms they are errors and sizes, the rms of each.
     """
     mapped = {BODIES[name] for name in leg_shapes()}
     goals = {(one.owner, one.name): one.target for one in true.points}
@@ -207,14 +210,15 @@ SEEDS = range(22, 26)
 
 @cache
 def deformed_leg() -> mm.Model:
-    """The model with the muscles of its right leg."""
+    """Return the model with the muscles of its right leg."""
     model = mm.read_model(data_folder() / MODEL)
     return replace(model, muscles=tuple(one for one in model.muscles if one.name.endswith("_r")))
 
 
 def legs(seed: int) -> tuple[Morph, Morph]:
-    """The leg in deformed bones: as the deformations make it, and as it is found without landmarks;
-    not cleared.
+    """Return the leg in deformed bones, as the deformations make it and as found without landmarks.
+
+    Muscles are not cleared of bones.
     """
     true: dict[str, BoneMap] = {}
     found: dict[str, BoneMap] = {}
@@ -237,8 +241,9 @@ def legs(seed: int) -> tuple[Morph, Morph]:
 
 
 def measure_deformed(seeds: range = SEEDS) -> Iterator[Row]:
-    """A row a coordinate, and one for all: errors of moment arms over its range, and how often
-    intervals hold.
+    """Yield a row for each coordinate, and one for all.
+
+    It has errors of moment arms over its range, and how often intervals hold.
     """
     parts: dict[str, list[np.ndarray]] = {}
     for seed in seeds:

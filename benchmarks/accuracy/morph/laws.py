@@ -1,5 +1,6 @@
-"""Laws of muscle transfer that hold exactly on whole models, and where a branching point goes by
-balance.
+"""Laws of muscle transfer that hold exactly on whole models.
+
+Where a branching point goes by balance is measured too.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ Row = dict[str, object]
 
 
 def models(folder: Path) -> Iterator[tuple[str, mm.Model]]:
-    """The models by name."""
+    """Yield the models by name."""
     for name in OPENSIM:
         yield Path(name).stem, read_osim(folder / name)
     for name in MUJOCO:
@@ -50,7 +51,7 @@ def models(folder: Path) -> Iterator[tuple[str, mm.Model]]:
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row for each model."""
+    """Yield a row for each model."""
     for name, model in models(folder):
         row: Row = {"model": name, "muscles": len(model.muscles)}
         row["muscle points"] = sum(len(one.path.points) for one in model.muscles)
@@ -58,7 +59,10 @@ def measure(folder: Path) -> Iterator[Row]:
 
 
 def of_bones(points: Sequence[TransferredPoint], errors: Iterable[float]) -> float:
-    """The worst error of points, each over the extent of all points on its body, 5 cm at least."""
+    """Return the worst relative error of points.
+
+    Each is over the extent of all points on its body, 5 cm at least.
+    """
     places: dict[str, list[np.ndarray]] = {}
     for one in points:
         places.setdefault(one.body, []).append(one.source)
@@ -67,7 +71,7 @@ def of_bones(points: Sequence[TransferredPoint], errors: Iterable[float]) -> flo
 
 
 def identity(model: mm.Model) -> Row:
-    """What a map that changes nothing changes: points, and moment arms."""
+    """Measure what an identity map changes: points, and moment arms."""
     morph = mm.morph_model(model, similar(model, 1.0))
     errors = (float(np.linalg.norm(one.target - one.source)) for one in morph.points)
     motion = poses_of(model, POSES)
@@ -81,8 +85,9 @@ def identity(model: mm.Model) -> Row:
 
 
 def twin(model: mm.Model) -> Row:
-    """A model larger by `SIZE` in bodies' frames that lie anyhow: lengths and moment arms must grow
-    by it.
+    """Transfer muscles to a model larger by `SIZE` in bodies' frames that lie anyhow.
+
+    Lengths and moment arms must grow by `SIZE`.
     """
     bones = similar(model, SIZE, seed=3) | {GROUND: given(GROUND, SIZE * np.eye(3), np.zeros(3))}
     morph = mm.morph_model(model, bones)
@@ -108,8 +113,9 @@ def twin(model: mm.Model) -> Row:
 
 
 def _surfaces(model: mm.Model, morphed: mm.Model, bones: dict[str, BoneMap]) -> float:
-    """How far sizes, middles and axes of wrap objects are from those of the twin, as a share of
-    their size.
+    """Return how far sizes, middles and axes of wrap objects are from those of the twin.
+
+    The result is a share of their size.
     """
     error = 0.0
     for before, after in zip(model.wrap_objects, morphed.wrap_objects, strict=True):
@@ -127,8 +133,9 @@ def _surfaces(model: mm.Model, morphed: mm.Model, bones: dict[str, BoneMap]) -> 
 
 
 def affine(model: mm.Model) -> Row:
-    """One matrix for the whole body as it stands: every point must be where it puts it, joints on
-    the way included.
+    """Transfer muscles by one matrix for the whole body as it stands.
+
+    Every point must be where the matrix puts it, joints on the way included.
     """
     rng = np.random.default_rng(5)
     matrix = rotation_from_euler_xyz((0.3, -0.4, 0.2)) @ (
@@ -148,8 +155,9 @@ def affine(model: mm.Model) -> Row:
 
 
 def sides(name: str, model: mm.Model) -> Row:
-    """Mirrored maps for left and right: how unlike mirrored muscles become, beside how unlike they
-    were.
+    """Transfer muscles by mirrored maps for left and right.
+
+    The row has how unlike mirrored muscles become, next to how unlike they were.
     """
     title = "left and right: lengths apart, {} [m]"
     row: Row = {title.format("before"): "", title.format("after"): ""}
@@ -213,8 +221,9 @@ STRETCHED = {
 
 
 def measure_branches(folder: Path) -> Iterator[dict[str, object]]:
-    """A row for each trunk: how far the balance is from where the bones put the link, and what that
-    changes.
+    """Yield a row for each trunk.
+
+    It has how far the balance is from where the bones put the link, and what that changes.
     """
     if not (folder / MODEL).is_file():
         return

@@ -1,5 +1,6 @@
-"""The other side of models: what mirroring changes that it must not, and how alike both legs of
-real models are.
+"""The other side of models.
+
+Measured is what mirroring changes that it must not, and how alike both legs of real models are.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def models(folder: Path) -> Iterator[tuple[str, mm.Model, str]]:
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row for every model."""
+    """Yield a row for every model."""
     for name, model, axis in models(folder):
         side = other_side_of(model, axis)
         motion = _through(model)
@@ -85,8 +86,9 @@ def _through(model: mm.Model) -> mm.Motion:
 
 
 def _sides(model: mm.Model, there: MuscleKinematics, turned: mm.Motion) -> Row:
-    """How far the file's muscles of each side are from those made of the other side, in the same
-    poses.
+    """Compare the file's muscles of each side with those mirrored from the other side.
+
+    They are in the same poses.
     """
     known = [
         one

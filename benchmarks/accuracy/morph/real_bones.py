@@ -1,5 +1,6 @@
-"""A leg model in the bones of two living persons: residuals, attachments, moment arms beside
-published ones, depths.
+"""A leg model in the bones of two living persons.
+
+Measured are residuals, attachments, moment arms next to published ones, and depths.
 """
 
 from __future__ import annotations
@@ -160,12 +161,15 @@ def persons(folder: Path) -> tuple[Person, ...]:
 
 
 def right_leg(model: mm.Model) -> mm.Model:
-    """The model with the muscles of the right leg alone."""
+    """Return the model with the muscles of the right leg alone."""
     return replace(model, muscles=tuple(one for one in model.muscles if one.name.endswith("_r")))
 
 
 def measure(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a bone of a person: how well the surfaces match, and where attachments came to lie."""
+    """Yield a row for each bone of a person.
+
+    It has how well the surfaces match, and where attachments came to lie.
+    """
     for person in persons(folder):
         for body in BONES[person.name]:
             bone = person.morph.bones[body]
@@ -197,8 +201,9 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a muscle with published moment arms: least and most over the published angles, source
-    and persons.
+    """Yield a row for each muscle with published moment arms.
+
+    It has least and greatest over the published angles, of source and persons.
     """
     for known in PUBLISHED:
         for muscle in known.muscles:
@@ -245,8 +250,9 @@ def measure_depths(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_round(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a bone that both persons have whole: muscle points on the woman's directly and by way
-    of the man's.
+    """Yield a row for each bone that both persons have whole.
+
+    Muscle points go onto the woman's bone directly and by way of the man's.
     """
     man, woman = persons(folder)
     man = man.morph
@@ -257,8 +263,9 @@ def measure_round(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def round_trip(man: Morph, woman: Morph, between: BoneMap, body: str) -> dict[str, object]:
-    """How far points of a bone are apart that went both ways, and whether the intervals of both
-    foresee it.
+    """Compare points of a bone that went both ways.
+
+    The row has their distances, and whether the intervals of both predict them.
     """
     source = np.array([one.source for one in man.points if one.body == body])
     direct = woman.bones[body].map.apply(source)
@@ -286,7 +293,10 @@ def round_trip(man: Morph, woman: Morph, between: BoneMap, body: str) -> dict[st
 
 
 def measure_pairs(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a map of the landmark pairs of two femurs, each landmark left out in turn."""
+    """Yield a row for each map of the landmark pairs of two femurs.
+
+    Each landmark is left out in turn.
+    """
     home = folder / "bones-landmarks-leg" / "Geometry"
     ours = read_landmarks(home / "femur_r_warp.landmarks.csv")
     theirs = read_landmarks(home / "subject_femur_r.landmarks.csv")
@@ -321,7 +331,7 @@ def spread(values: np.ndarray) -> str:
 
 
 def scaled(surface: mm.Surface, factor: float | np.ndarray) -> mm.Surface:
-    """A surface in another size."""
+    """Return a surface in another size."""
     return mm.Surface(surface.vertices * factor, surface.faces)
 
 
@@ -345,7 +355,7 @@ WAYS = {"least move": 0.0, "least change": WEIGHT}
 
 
 def measure_clearing(folder: Path) -> Iterator[Row]:
-    """A row for each leg and way."""
+    """Yield a row for each leg and way."""
     legs = [("demo, known deformation", demo_morph(), False)]
     legs += [(one.name, one.morph, True) for one in persons(folder)]
     for name, morph, together in legs:
@@ -368,8 +378,9 @@ def measure_clearing(folder: Path) -> Iterator[Row]:
 
 
 def changes(found: Clearance, ground: Ground, mapped: Morph) -> Row:
-    """What was too deep before and after, what was moved, and what this changed; moves beyond
-    intervals.
+    """Return what was too deep before and after, what was moved, and what this changed.
+
+    Moves beyond intervals are counted.
     """
     changed = path_changes(found.start, found.model, ground.poses)
     # A wrap object that grows changes only some of the muscles that run around it.

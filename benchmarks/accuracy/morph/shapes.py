@@ -96,10 +96,10 @@ Maker: TypeAlias = Callable[[Case, Indices, Array], PointMap]
 
 @cache
 def attachments() -> dict[str, Attachments]:
-    """The left leg's muscle points of Rajagopal's model, at their nearest places on the mean of all
-    persons.
+    """Return the left leg's muscle points of Rajagopal's model on the mean of all persons.
 
-    Which places these are does not depend on a person much, and every person has the same places.
+    They are at their nearest positions on its surface. Which positions these are does not depend on
+    a person much, and every person has the same positions.
     """
     model = mm.read_model(data_folder() / "rajagopal-walk-emg" / "subject_walk_scaled.osim")
     folder = data_folder() / "bones-opensim-rajagopal" / "Geometry"
@@ -144,8 +144,9 @@ def attachments() -> dict[str, Attachments]:
 
 @cache
 def cases(template: str) -> tuple[Case, ...]:
-    """Every bone of every person with the mean of the 25 others ("mean"), or with one of them
-    ("person").
+    """Return every bone of every person with its template.
+
+    The template is the mean of the 25 others ("mean"), or one of them ("person").
     """
     found = []
     for bone in BONES:
@@ -172,8 +173,9 @@ def spread_landmarks(case: Case, count: int) -> Indices:
 
 
 def attached_landmarks(case: Case, count: int) -> Indices:
-    """Nodes of the template nearest to attachments that are as far from each other as they go, then
-    extremes.
+    """Return nodes of the template near attachments, then extremes.
+
+    They are the nearest to attachments that are as far from each other as they go.
     """
     points = attachments()[case.bone].on(case.template)
     first = cKDTree(case.template).query(points[_farthest(points, min(count, len(points)))])[1]
@@ -185,7 +187,7 @@ PLACES = {"at attachments": attached_landmarks, "extremes": spread_landmarks}
 
 
 def by_map(options: MapOptions) -> Maker:
-    """Maps of the package."""
+    """Return maps of the package."""
 
     def make(case: Case, landmarks: Indices, picked: Array) -> PointMap:
         names = tuple(str(k) for k in landmarks)
@@ -195,8 +197,9 @@ def by_map(options: MapOptions) -> Maker:
 
 
 def scaled_by_pairs(case: Case, landmarks: Indices, picked: Array) -> PointMap:
-    """As OpenSim's Scale Tool: each axis of the body by the distance of two markers, those furthest
-    apart along it.
+    """Scale each axis of the body by the distance of two markers, as OpenSim's Scale Tool does.
+
+    They are those furthest apart along the axis.
     """
     axes = attachments()[case.bone].axes
     given = case.template[landmarks]
@@ -212,8 +215,9 @@ def scaled_by_pairs(case: Case, landmarks: Indices, picked: Array) -> PointMap:
 
 
 def scaled_by_extents(case: Case, landmarks: Indices, picked: Array) -> PointMap:
-    """Each axis by the extent of the whole bone, placed by all its nodes: more than a user of
-    markers can know.
+    """Scale each axis by the extent of the whole bone, placed by all its nodes.
+
+    That is more than a user of markers can know.
     """
     axes = attachments()[case.bone].axes
     aligned = procrustes(case.person, case.template).apply(case.person)
@@ -295,11 +299,10 @@ def dense_landmarks(case: Case) -> Indices:
 
 
 def foreseen(landmarks: Callable[[Case], Indices]) -> float:
-    """Mean error where the 25 others foretell the person: no map, but what their shapes know of
-    unseen places [m].
+    """Return the mean error where the 25 others predict the person [m].
 
-    All are laid on the template by their landmarks; attachments follow landmarks by ridge
-    regression on the others.
+    It is by no map, but by what their shapes know of positions that are not marked. All are laid on
+    the template by their landmarks; attachments follow landmarks by ridge regression on the others.
     """
     errors = []
     for number, case in enumerate(cases("mean")):
@@ -324,8 +327,9 @@ def foreseen(landmarks: Callable[[Case], Indices]) -> float:
 
 
 def measure() -> Iterator[Row]:
-    """Mean error of carried attachments over all bones, by map and by number and place of
-    landmarks.
+    """Measure the mean error of carried attachments over all bones.
+
+    The rows are by map and by number and position of landmarks.
     """
     for template, words in (("mean", "mean of 25"), ("person", "another person")):
         for name, make in every_map().items():
@@ -369,8 +373,9 @@ def measure_bones() -> Iterator[Row]:
 
 
 def measure_beside() -> Iterator[Row]:
-    """Points 20 mm beside the bone, picking errors, folds: with 12 landmarks at attachments and
-    dense.
+    """Measure points 20 mm beside the bone, picking errors, and folds.
+
+    There are 12 landmarks at attachments, or dense ones.
     """
     for name, make in (every_map() | SMOOTH).items():
         exact = carried(make, _twelve, cases("mean"), 0.0)
@@ -406,7 +411,10 @@ def _scaled(axes: Array, factors: Array, given: Array, picked: Array) -> PointMa
 
 
 def _farthest(points: Array, count: int) -> Indices:
-    """Indices of points, each the furthest from those before it; the first from the middle."""
+    """Return indices of points, each the furthest from those before it.
+
+    The first is the furthest from the middle.
+    """
     found = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
     away = np.linalg.norm(points - points[found[0]], axis=1)
     while len(found) < min(count, len(points)):

@@ -114,7 +114,17 @@ class Muscles:
         return self._nodes[self.model.muscle_names.index(name)]
 
     def arm(self, names: tuple[str, ...], word: str) -> np.ndarray:
-        """(steps,) moment arm, the mean of several parts [m]."""
+        """Return the moment arm of a muscle, the mean of several parts.
+
+        Parameters
+        ----------
+        names : of the parts
+        word : that names the coordinate
+
+        Returns
+        -------
+        (steps,) over the coordinate's range [m]
+        """
         columns = [self.model.muscle_names.index(one) for one in names]
         mean: np.ndarray = self.arms[word][:, columns].mean(axis=1)
         return mean
@@ -164,7 +174,7 @@ def compare(found: Muscles, truth: Muscles, pair: MuscleHomology, ground: Ground
 
 
 def on_skeleton(data: Path) -> Ground:
-    """The skeleton of stac-mjx."""
+    """Return the skeleton of stac-mjx."""
     bodies = mouse(data)
     joints = Posed(bodies.model, {}).joints("mouse")
     chain = [joints[SEGMENTS[one][0]] for one in ("Thigh_r", "Leg_r", "Foot_r", "Toes_r")]
@@ -187,8 +197,9 @@ def on_skeleton(data: Path) -> Ground:
 
 
 def on_anatomist(data: Path) -> Ground:
-    """The anatomist's own model; its pelvis, of which no length is given, in proportion to the
-    skeleton's.
+    """Return the anatomist's own model.
+
+    No length is known of its pelvis, which is in proportion to the skeleton's.
     """
     model = mouse_hindlimb_model(data / ANATOMIST)
     skeleton = mouse(data).model
@@ -210,8 +221,9 @@ def on_anatomist(data: Path) -> Ground:
 
 @cache
 def compared(data: Path, method: str, rule: str = "joints") -> tuple[Compared, ...]:
-    """Every homologous muscle, by one method and one way to lay the anatomist's muscles on the
-    bones.
+    """Compare every homologous muscle, by one method and one alignment.
+
+    The alignment is a way to lay the anatomist's muscles on the bones.
     """
     if method == "joints alone":
         ground = on_anatomist(data)
@@ -231,8 +243,10 @@ def percent(values: list[float]) -> str:
 
 
 def measure(data: Path) -> Iterator[dict[str, object]]:
-    """A row a method: how far the muscles are from the anatomist's, median and worst, in percent of
-    bone length.
+    """Yield a row for each method.
+
+    It has how far the muscles are from the anatomist's, median and worst, in percent of bone
+    length.
     """
     if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
         return
@@ -261,7 +275,10 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_muscles(data: Path) -> Iterator[dict[str, object]]:
-    """A row a muscle: errors by three maps, and what the alignment leaves open."""
+    """Yield a row for each muscle.
+
+    It has errors by three maps, and what the alignment leaves undetermined.
+    """
     if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
         return
     by_method = {
@@ -301,8 +318,9 @@ def _open(data: Path, pair: MuscleHomology) -> str:
 
 
 def other_signs(rows: tuple[Compared, ...], word: str) -> list[str]:
-    """Muscles that count about a coordinate and whose mean moment arm has another sign than the
-    anatomist's.
+    """Return muscles whose mean moment arm has another sign than the anatomist's.
+
+    Only muscles that count about the coordinate are listed.
     """
     arms = np.array([one.arms[word].mean(axis=1) for one in rows])
     counts = np.abs(arms[:, 1]) >= COUNTS * np.abs(arms[:, 1]).max()
@@ -310,7 +328,10 @@ def other_signs(rows: tuple[Compared, ...], word: str) -> list[str]:
 
 
 def measure_arms(data: Path) -> Iterator[dict[str, object]]:
-    """A row a coordinate and method: do moment arms have the anatomist's sign and order."""
+    """Yield a row for each coordinate and method: whether moment arms have the same sign and order.
+
+    They are compared with the anatomist's.
+    """
     if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
         return
     for word in on_skeleton(data).coordinates:
@@ -343,8 +364,9 @@ def arms_row(word: str, method: str, rows: tuple[Compared, ...]) -> dict[str, ob
 
 
 def measure_signs(data: Path) -> Iterator[dict[str, object]]:
-    """A row for each moment arm of the wrong sign by SSD: with the anatomist's ends, and by other
-    alignments [mm].
+    """Yield a row for each moment arm of the wrong sign by SSD [mm].
+
+    It has the moment arm with the anatomist's ends, and by other alignments.
     """
     if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
         return
@@ -377,8 +399,9 @@ def measure_signs(data: Path) -> Iterator[dict[str, object]]:
 def with_ends(
     ours: mm.Model, theirs: mm.Model, pair: MuscleHomology, ends: tuple[int, ...]
 ) -> mm.Model:
-    """Our muscles with the ends (0 first, -1 last) of the anatomist's, of several parts those of
-    the middle one.
+    """Return our muscles with the ends (0 first, -1 last) of the anatomist's.
+
+    Of several parts they are those of the middle one.
     """
     given = theirs.muscle(pair.targets[len(pair.targets) // 2]).path.points
     muscles = []
@@ -392,8 +415,9 @@ def with_ends(
 
 
 def measure_alignment(data: Path) -> Iterator[dict[str, object]]:
-    """A row a segment: how the anatomist's frames were laid on the bones, and how far that can be
-    trusted.
+    """Yield a row for each segment.
+
+    It has how the anatomist's frames were laid on the bones, and how far that can be trusted.
     """
     if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
         return

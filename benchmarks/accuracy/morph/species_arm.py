@@ -1,5 +1,6 @@
-"""A man's arm muscles on a mouse's bones, against the nine muscles of a model of the mouse's
-forelimb.
+"""A man's arm muscles on a mouse's bones.
+
+They are compared with the nine muscles of a model of the mouse's forelimb.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ WRIST = "mouse__RCarpus"
 
 
 def forelimb(data: Path) -> mm.Model:
-    """The forelimb, without the bone meshes that its file names and the collection lacks."""
+    """Read the forelimb, without the bone meshes that its file names and the collection lacks."""
     text = (data / FORELIMB).read_text(encoding="utf-8-sig")
     bare = re.sub(r"<(?:mesh|geom)\b[^>]*mesh[^>]*/>|<mesh\b[^>]*/>", "", text)
     with tempfile.TemporaryDirectory() as folder:
@@ -45,9 +46,10 @@ def forelimb(data: Path) -> mm.Model:
 
 @cache
 def forelimb_on_skeleton(data: Path) -> Morph:
-    """The forelimb's muscles on the skeleton: humerus by shoulder and elbow, forearm by elbow and
-    wrist, by the elbow's axis; scapula and clavicle by the shoulder, in the humerus's size and as
-    the frames lie.
+    """Return the forelimb's muscles on the skeleton.
+
+    The humerus is laid by shoulder and elbow, the forearm by elbow and wrist, by the elbow's axis;
+    scapula and clavicle by the shoulder, in the humerus's size and as the frames lie.
     """
     arm = forelimb(data)
     skeleton = mouse(data).model
@@ -91,7 +93,7 @@ def _joint(posed: Posed, body: str, other: str) -> np.ndarray:
 
 
 def ground(data: Path) -> Ground:
-    """The skeleton with its elbow at a right angle."""
+    """Return the skeleton with its elbow at a right angle."""
     skeleton = mouse(data)
     posed = Posed(skeleton.model, {})
     lengths = {
@@ -124,7 +126,7 @@ def _there(data: Path) -> bool:
 
 
 def measure(data: Path) -> Iterator[dict[str, object]]:
-    """A row a muscle."""
+    """Yield a row for each muscle."""
     if not _there(data):
         return
     by_method = {method: compared(data, method) for method in METHODS}
@@ -145,7 +147,10 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_arms(data: Path) -> Iterator[dict[str, object]]:
-    """A row a coordinate and method: do moment arms have the other model's sign and order."""
+    """Yield a row for each coordinate and method: whether moment arms have the same sign and order.
+
+    They are compared with the other model's.
+    """
     if not _there(data):
         return
     for word in ground(data).coordinates:
@@ -154,8 +159,9 @@ def measure_arms(data: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_architecture(data: Path) -> Iterator[dict[str, object]]:
-    """Forces and fibers by the leg's scaling: what the leg's tables give for it, and the forelimb's
-    model beside it.
+    """Compare forces and fibers by the leg's scaling with those of the forelimb's model.
+
+    They are what the leg's tables give for it.
     """
     if not _there(data) or not (data / MAN).exists():
         return
@@ -198,8 +204,15 @@ def measure_architecture(data: Path) -> Iterator[dict[str, object]]:
 
 
 def leg_ratios(data: Path) -> tuple[np.ndarray, np.ndarray]:
-    """(muscles,) of the leg: fiber length and force of the mouse's table over the man's, in the
-    bones' size.
+    """Return ratios of the leg's muscles, mouse to man, in the bones' size.
+
+    Parameters
+    ----------
+    data : folder of the collection
+
+    Returns
+    -------
+    (muscles,) fiber length, and (muscles,) force, of the mouse's table over the man's
     """
     table = read_species("human-mouse")
     source = man(data).model

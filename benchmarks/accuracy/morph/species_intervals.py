@@ -1,5 +1,6 @@
-"""Whether intervals of attachments and moment arms on another species hold, through the command's
-own way.
+"""Coverage of intervals of attachments and moment arms on another species.
+
+The intervals are the command's own.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ ARM = "human-mouse-arm"
 
 @cache
 def morphed(data: Path, table: str) -> Morphed:
-    """What `myomorph morph --target` makes."""
+    """Return what `myomorph morph --target` makes."""
     source, geometry = (
         (data / MAN, data / BONES) if table == LEG else (Path("myo-sim:myoarm"), None)
     )
@@ -39,7 +40,10 @@ def morphed(data: Path, table: str) -> Morphed:
 
 
 def measure(data: Path) -> Iterator[dict[str, object]]:
-    """A row for the ends of each limb's muscles, and one for moment arms about each coordinate."""
+    """Yield a row for the ends of each limb's muscles, and one for each coordinate.
+
+    The latter is of the moment arms about the coordinate.
+    """
     if not all((data / one).exists() for one in (ANATOMIST, MOUSE, species_arm.FORELIMB, MAN)):
         return
     legs = on_skeleton(data)
@@ -67,8 +71,9 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
 def _ends(
     morph: Morph, truth: mm.Model, pairs: list[MuscleHomology], ground: Ground
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(ends,) distances from the truth and intervals [m]; of several parts of a muscle the middle
-    and the mean.
+    """Return (ends,) distances from the truth and intervals [m].
+
+    Of several parts of a muscle they are of the middle and the mean.
     """
     ours = Muscles(morph.model, ground)
     theirs = Muscles(truth, ground)
@@ -99,8 +104,9 @@ def _arms(
     word: str,
     name: str,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(muscles,) mean moment arms over the range, how far from the truth's, and the mean of their
-    intervals [m].
+    """Compare mean moment arms over the range with the truth [m].
+
+    The results are (muscles,) how far they are from the truth's, and the mean of their intervals.
     """
     ours = Muscles(found.morph.model, ground)
     theirs = Muscles(truth, ground)
@@ -134,8 +140,9 @@ def _row(away: np.ndarray, within: np.ndarray) -> dict[str, object]:
 
 
 def measure_relative(data: Path) -> Iterator[dict[str, object]]:
-    """A row a bone: errors of landmarks left out, by kind of map, in percent of the landmarks'
-    extent.
+    """Yield a row for each bone.
+
+    It has errors of landmarks left out, by kind of map, in percent of the landmarks' extent.
     """
     if not (data / MOUSE).is_file():
         return

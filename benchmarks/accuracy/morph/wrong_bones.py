@@ -1,5 +1,6 @@
-"""Bones that are not what they are said to be, or of which a part is missing: refused, or held by
-the intervals.
+"""Bones that are not what they are called, or of which a part is missing.
+
+They are refused, or held by the intervals.
 """
 
 from __future__ import annotations
@@ -30,7 +31,17 @@ Row = dict[str, object]
 
 
 def part_of(surface: mm.Surface, kept: np.ndarray) -> mm.Surface:
-    """The surface of the vertices (n,) that are kept."""
+    """Cut a surface to some of its vertices.
+
+    Parameters
+    ----------
+    surface : of n vertices
+    kept : (n,) whether a vertex stays
+
+    Returns
+    -------
+    Surface of these vertices
+    """
     faces = surface.faces[kept[surface.faces].all(axis=1)]
     used, index = np.unique(faces, return_inverse=True)
     return mm.Surface(surface.vertices[used], index.reshape(faces.shape))
@@ -43,7 +54,7 @@ def _person(bone: str, person: int) -> tuple[Case, mm.Surface, mm.Surface]:
 
 
 def measure() -> Iterator[Row]:
-    """A row a bone, person and fault."""
+    """Yield a row for each bone, person and fault."""
     for person in PERSONS:
         whole = {bone: _person(bone, person) for bone in BONES}
         ours = {bone: source for bone, (_, source, _) in whole.items()}

@@ -1,5 +1,6 @@
-"""What the data leave open of contact forces beside plates, its programs beside HiGHS, and contacts
-made wrong.
+"""What the data leave undetermined of contact forces, next to plates.
+
+Its programs are compared with HiGHS, and contacts are made wrong.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ ROUNDING = 1.0
 def solved(
     hidden: Hidden, change: Callable[[ContactTask], ContactTask] = lambda task: task
 ) -> tuple[TensionProblem, Tension]:
-    """The problem of a recording with its plates hidden, all settings defaults, solved."""
+    """Return the problem of a recording with its plates hidden, all settings defaults, solved."""
     task = ContactTask(
         hidden.sites,
         hidden.activations,
@@ -77,14 +78,15 @@ def solved(
 
 @cache
 def solved_case(folder: Path, case: HiddenCase) -> tuple[Hidden, TensionProblem, Tension]:
-    """The same, remembered."""
+    """Return the same of a case, cached."""
     hidden = opened(folder, case)
     return hidden, *solved(hidden)
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Widths of intervals on one foot and on several contacts, and whether plates' forces lie
-    inside.
+    """Measure widths of intervals on one foot and on several contacts.
+
+    The rows have whether plates' forces lie inside.
     """
     for case in CASES:
         hidden, problem, tension = solved_case(folder, case)
@@ -127,8 +129,9 @@ def measure(folder: Path) -> Iterator[Row]:
 
 
 def measure_programs(folder: Path) -> Iterator[Row]:
-    """Extremes by our simplex beside HiGHS, conditions of an optimum, and processor time an
-    instant.
+    """Compare extremes by our simplex with HiGHS.
+
+    The rows have conditions of an optimum, and processor time per instant.
     """
     for case in CASES[:2]:
         hidden, problem, tension = solved_case(folder, case)
@@ -183,11 +186,11 @@ def _highs(
 
 
 def measure_faults(folder: Path) -> Iterator[Row]:
-    """Contacts of the walks made wrong while one foot alone stands: how often that is seen, and
-    named rightly.
+    """Make contacts of the walks wrong while one foot alone stands.
 
-    Frames that must be marked are those whose net force alone is beyond what the contacts may carry
-    by more than residuals may give; moments may ask for more.
+    The rows have how often that is detected, and named correctly. Frames that must be marked are
+    those whose net force alone is beyond what the contacts may carry by more than residuals may
+    give. Moments may require more.
     """
     for case in CASES[:3]:
         hidden = opened(folder, case)
@@ -232,8 +235,9 @@ def measure_faults(folder: Path) -> Iterator[Row]:
 
 
 def measure_truth() -> Iterator[Row]:
-    """Simulated fighters whose forces are known: whether the truth lies inside, and where the error
-    lies.
+    """Compare intervals with simulated fighters whose forces are known.
+
+    The rows have whether the truth lies inside, and where the error lies.
     """
     pairs = [(pair, recorded_motion(pair)) for pair in bouts()]
     for known in (KNOWN[0], KNOWN[3], KNOWN[5]):
@@ -272,7 +276,7 @@ def measure_truth() -> Iterator[Row]:
 
 
 def pair_problem(pair: VirtualPair, motion: mm.Motion, known: Knowledge) -> TensionProblem:
-    """The simultaneous problem of a bout."""
+    """Return the simultaneous problem of a bout."""
     wrenches = [pair.plates[part] for part in known.plates]
     torques = mm.inverse_dynamics(pair.model, motion, together(wrenches) if wrenches else None)
     sites = open_sites(pair, known)
@@ -297,7 +301,7 @@ def together(wrenches: Sequence[mm.Wrenches]) -> mm.Wrenches:
 
 
 def _forgotten(task: ContactTask, foot: str) -> ContactTask:
-    """The foot is said not to touch."""
+    """Remove the contact of a foot."""
     mine = np.array([one.group == foot for one in task.sites])
     values = np.where(mine, 0.0, task.activations.values)
     return replace(
@@ -306,7 +310,7 @@ def _forgotten(task: ContactTask, foot: str) -> ContactTask:
 
 
 def _slippery(task: ContactTask, foot: str) -> ContactTask:
-    """The foot stands as on ice: friction 0.02."""
+    """Place the foot as on ice: friction 0.02."""
     return _with_cone(task, foot, friction=0.02)
 
 

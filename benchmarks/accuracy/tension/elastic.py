@@ -1,5 +1,6 @@
-"""Elastic tendons against MocoInverse and fiber dynamics, and how solutions change with the frame
-rate.
+"""Elastic tendons against MocoInverse and fiber dynamics.
+
+Measured is also how solutions change with the frame rate.
 """
 
 from __future__ import annotations
@@ -70,8 +71,9 @@ def thinned(motion: mm.Motion, start: float, end: float) -> mm.Motion:
 
 
 def forward_rows(folder: Path) -> Iterator[dict[str, object]]:
-    """Solved activations in OpenSim's fiber dynamics: how far its tendon forces are from the solved
-    ones.
+    """Put solved activations into OpenSim's fiber dynamics.
+
+    The rows have how far its tendon forces are from the solved ones.
     """
     arm = next(one for one in CASES if one.kind == "Thelen2003Muscle")
     for kind in ARM_CLASSES:
@@ -96,8 +98,9 @@ def _forward_row(folder: Path, case: TensionCase) -> dict[str, object]:
 
 
 def fine_rows(folder: Path) -> Iterator[dict[str, object]]:
-    """Solutions at 100 frames a second against those of steps four times finer, of the same curves
-    of motion.
+    """Compare solutions at 100 frames a second with those of steps four times finer.
+
+    They are of the same curves of motion.
     """
     for name in FINE_CASES:
         case = next(one for one in CASES if one.name == name)
@@ -117,8 +120,9 @@ def fine_rows(folder: Path) -> Iterator[dict[str, object]]:
 def fine_distances(
     model: mm.Model, motion: mm.Motion, torques: mm.Series, actuators: Sequence[Actuator] | None
 ) -> dict[str, object]:
-    """Distances between solutions for all frames of a motion and for one in `FINER` of them, ends
-    left out.
+    """Return distances between solutions for all frames of a motion and for one in `FINER` of them.
+
+    The ends are left out.
     """
     assert motion.velocities is not None
     assert motion.accelerations is not None
@@ -149,7 +153,7 @@ def fine_distances(
 
 
 def _resampled(motion: mm.Motion, start: float, end: float, rate: float) -> mm.Motion:
-    """The motion at a rate [1/s], on the cubics through its frames."""
+    """Return the motion at a rate [1/s], on the cubics through its frames."""
     curve = CubicSpline(motion.time, motion.values)
     at = start + np.arange(int((end - start) * rate) // FINER * FINER + 1) / rate
     return mm.Motion(at, motion.names, curve(at), curve(at, 1), curve(at, 2))
@@ -158,8 +162,9 @@ def _resampled(motion: mm.Motion, start: float, end: float, rate: float) -> mm.M
 def forward_distances(
     model: mm.Model, model_path: Path, motion: mm.Motion, found: Tension
 ) -> dict[str, object]:
-    """Distances of tendon forces, relative to the maximum isometric forces, and to the forces
-    themselves.
+    """Return distances of tendon forces.
+
+    They are relative to the maximum isometric forces, and to the forces themselves.
     """
     fibers = found.fibers
     assert fibers is not None
@@ -266,8 +271,9 @@ RUN_SECONDS = (0.3, 1.3)
 
 
 def convergence_rows(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a recording: frames, how many are optimal, most iterations, and the residual of
-    optimality conditions.
+    """Yield a row for each recording.
+
+    It has frames, how many are optimal, most iterations, and the residual of optimality conditions.
     """
     model, motion, torques = stride()
     yield _row("walk, Rajagopal, 80 muscles", mm.solve_tension(model, motion, torques, DEFAULT))
@@ -298,7 +304,7 @@ def convergence_rows(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def resampled(motion: mm.Motion, torques: mm.Series, rate: float) -> tuple[mm.Motion, mm.Series]:
-    """The beginning of a motion and its torques at another rate, by splines."""
+    """Return the beginning of a motion and its torques at another rate, by splines."""
     time = np.arange(motion.time[20], motion.time[20] + SHORT, 1.0 / rate)
     curve = CubicSpline(motion.time, motion.values)
     values = (curve(time), curve(time, 1), curve(time, 2))
@@ -361,8 +367,9 @@ fascicles [mm].
 
 
 def fascicle_rows(folder: Path) -> Iterator[dict[str, object]]:
-    """Fibers by our commands beside fascicles by ultrasound, which they do not get; no rows without
-    the recording.
+    """Compare fibers by our commands with fascicles by ultrasound, which they do not get.
+
+    There are no rows without the recording.
     """
     home = folder / ULTRASOUND
     for path in sorted(home.glob("*_US.mot")):

@@ -1,5 +1,6 @@
-"""EMG in the tension problem: channels left out and predicted, with and without the EMG of the
-others.
+"""EMG in the tension problem: channels that are left out and predicted.
+
+The EMG of the others is used, or not.
 """
 
 from __future__ import annotations
@@ -52,8 +53,9 @@ RAJAGOPAL = {
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A motion with torques, external forces and EMG, and the times that are calibrated on and
-    tested on.
+    """A motion with torques, external forces and EMG.
+
+    It has the times that are calibrated on and tested on.
     """
 
     name: str
@@ -76,14 +78,14 @@ class Walk:
 
 
 def torques_of(path: Path) -> mm.Series:
-    """A table of inverse dynamics, low-pass filtered as the motion."""
+    """Read a table of inverse dynamics, low-pass filtered as the motion."""
     table = mm.read_sto(path)
     names = tuple(name.removesuffix("_moment").removesuffix("_force") for name in table.names)
     return mm.Series(table.time, names, lowpass(table.values, table.rate, CUTOFF))
 
 
 def belts(path: Path, left: str) -> mm.Wrenches:
-    """Forces of both feet, those of the left one under columns that begin so."""
+    """Read forces of both feet, those of the left one under columns that begin so."""
     table = mm.read_sto(path)
     parts = [
         np.stack(
@@ -99,8 +101,9 @@ def belts(path: Path, left: str) -> mm.Wrenches:
 
 
 def treadmill(folder: Path) -> Walk:
-    """CEINMS: the generic model's forces brought to the walker's mass, as areas: (58 /
-    75.16)^(2/3).
+    """Read the walk of CEINMS.
+
+    The generic model's forces are scaled to the walker's mass, as areas: (58 / 75.16)^(2/3).
     """
     at = folder / "ceinms-emg-walk"
     model = mm.read_model(at / "model/gait2392.osim")
@@ -130,8 +133,9 @@ def treadmill(folder: Path) -> Walk:
 
 
 def overground(folder: Path, side: str = "r") -> Walk:
-    """Rajagopal 2016: raw EMG made into envelopes here; one stride, so that it is calibrated and
-    tested alike.
+    """Read the walk of Rajagopal 2016, whose raw EMG is made into envelopes here.
+
+    It is one stride, so that it is calibrated and tested alike.
     """
     at = folder / "rajagopal-walk-emg"
     model = mm.read_model(at / "subject_walk_scaled.osim")
@@ -159,8 +163,9 @@ def overground(folder: Path, side: str = "r") -> Walk:
 
 
 def loaded(folder: Path) -> Walk:
-    """Uhlrich 2022: the left leg; its channel of vastus intermedius is a copy of lateralis and goes
-    with it.
+    """Read the walk of Uhlrich 2022: the left leg.
+
+    Its channel of vastus intermedius is a copy of lateralis and goes with it.
     """
     at = folder / "walk-so-jointload-emg"
     model = mm.read_model(at / "Rajagopal_scaled_Sub1_gasAvoid.osim")
@@ -191,7 +196,7 @@ WALKS = (treadmill, overground, loaded)
 
 
 def raw_emg(path: Path) -> mm.Series:
-    """The EMG channels of an ANC file, in counts."""
+    """Read the EMG channels of an ANC file, in counts."""
     lines = path.read_text().splitlines()
     head = next(k for k, line in enumerate(lines) if line.startswith("Name"))
     names = lines[head].split()[1:]
@@ -271,8 +276,10 @@ def measure_held_out(folder: Path) -> Iterator[Row]:
 
 @lru_cache(maxsize=len(RECORDED))
 def held_out(folder: Path, recorded: Recorded) -> tuple[Row, ...]:
-    """A row a channel: its correlation with the mean activation of its muscles, later by the delay
-    that others have.
+    """Return a row for each channel.
+
+    It has its correlation with the mean activation of its muscles, later by the delay that others
+    have.
     """
     files = RECORDINGS[recorded.files]
     source = folder / recorded.emg
@@ -359,8 +366,9 @@ def _calibrated(walk: Walk, span: tuple[float, float]) -> EmgCalibration:
 
 
 def measure_study(folder: Path) -> Iterator[Row]:
-    """One stance of the walk with joint loads: ours and that study's activations against its EMG
-    and each other.
+    """Compare activations of one stance of the walk with joint loads.
+
+    They are ours and that study's, against its EMG and each other.
     """
     walk = loaded(folder)
     table = mm.read_sto(folder / "walk-so-jointload-emg/results_SO/results_states.sto")
@@ -411,8 +419,9 @@ def _correlation(one: Array, other: Array) -> float:
 
 
 def measure_envelopes(folder: Path) -> Iterator[Row]:
-    """Our envelopes of the raw recording against those that came with it, with its filters and with
-    ours.
+    """Compare our envelopes of the raw recording with those that came with it.
+
+    They are by its filters and by ours.
     """
     at = folder / "rajagopal-walk-emg"
     raw = raw_emg(at / "raw/emg_walk_raw.anc")

@@ -1,9 +1,8 @@
-"""Forces in hips of recordings with plates, by the commands that users have, beside those of
-instrumented hips.
+"""Forces in hips of recordings with plates, compared with those of instrumented hips.
 
-Ten people with instrumented hips (Bergmann et al. 2016), each person's mean force at its peak in %
-of body weight, in the frame of the femur's shaft, as Fischer et al. (2021) list them
-(RWTHmediTEC/HipJointForceModel, OrthoLoad data).
+They are by the commands that users have. Ten people with instrumented hips (Bergmann et al. 2016),
+each person's mean force at its peak in % of body weight, in the frame of the femur's shaft, as
+Fischer et al. (2021) list them (RWTHmediTEC/HipJointForceModel, OrthoLoad data).
 """
 
 from __future__ import annotations
@@ -95,8 +94,9 @@ PASSIVE = ("--joint-tissue", "hips")
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Rows of each leg: the peak force and its direction while muscles flex the hip, and while they
-    extend it.
+    """Yield rows of each leg: the peak force and its direction.
+
+    They are while muscles flex the hip, and while they extend it.
     """
     for name, (activity, *files, legs) in OWN.items():
         model_file, motion_file, loads_file = files

@@ -1,8 +1,8 @@
-"""The force in a man's instrumented knee: measured, by OpenSim's static optimization, and by
-`myomorph tension`.
+"""The force in a man's instrumented knee.
 
-Nothing here is fitted to the measured force. Two strides of the fifth Grand Challenge to Predict In
-Vivo Knee Loads (Fregly et al. 2012), with the coordinates and models of Modenese et al. (2021).
+It is measured, and estimated by OpenSim's static optimization and by `myomorph tension`. Nothing
+here is fitted to the measured force. Two strides of the fifth Grand Challenge to Predict In Vivo
+Knee Loads (Fregly et al. 2012), with the coordinates and models of Modenese et al. (2021).
 """
 
 from __future__ import annotations
@@ -116,8 +116,9 @@ WAYS = (
 
 
 def measure(folder: Path, ways: tuple[Way, ...] = WAYS) -> Iterator[Row]:
-    """Distance of the estimated force from the measured one, of both strides and their mean:
-    OpenSim's, then ours.
+    """Measure the distance of the estimated force from the measured one: OpenSim's, then ours.
+
+    The rows are of both strides and their mean.
     """
     for name, cutoff, smooth in (
         ("OpenSim 4.6 as the study: coordinates 6 Hz, loads as recorded", CUTOFF, False),
@@ -161,8 +162,9 @@ def measure_cutoffs(folder: Path) -> Iterator[Row]:
 
 
 def measure_where(folder: Path) -> Iterator[Row]:
-    """By which part of the stride the error of the default comes, and what a delay between the
-    clocks would explain.
+    """Measure by which part of the stride the error of the default comes.
+
+    The rows have what a delay between the clocks would explain.
     """
     for stride in STRIDES:
         truth, clock = measured(folder, stride)
@@ -192,8 +194,9 @@ PHASES = ((0, 15), (15, 55), (55, 75), (75, 101))
 
 
 def behind_heel(folder: Path, stride: str) -> float:
-    """How far the plate's center of pressure lies behind the heel's body at most, where it bears
-    100 N or more [mm].
+    """Return how far the plate's center of pressure lies behind the heel's body at most [mm].
+
+    Only frames count in which it bears 100 N or more.
     """
     model, motion, wrenches = inputs_of(folder, stride)
     tree = compile_tree(model)
@@ -236,8 +239,9 @@ def _our_loads(folder: Path, stride: str, way: Way) -> mm.Series:
 
 
 def personal_model(folder: Path, stride: str, model: Path, work: Path) -> Path:
-    """The model fitted to the other stride, which never sees this one and never a measured knee
-    force.
+    """Return the model fitted to the other stride.
+
+    The fit never sees this stride and never a measured knee force.
     """
     other = next(one for one in STRIDES if one != stride)
     here = folder / STUDY
@@ -299,11 +303,10 @@ def raw_emg(folder: Path, stride: str) -> mm.Series:
 
 
 def inputs_of(folder: Path, stride: str) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
-    """Model, coordinates with those that couplers drive put right, and loads at their times, not
-    filtered.
+    """Return model, coordinates and loads at their times, not filtered.
 
-    The study's tables have the patella's coordinate in degrees, and OpenSim 4 takes a coordinate
-    that is neither an angle nor a length as it stands.
+    Coordinates that couplers drive are corrected. The study's tables have the patella's coordinate
+    in degrees, and OpenSim 4 takes a coordinate that is neither an angle nor a length unchanged.
     """
     here = folder / STUDY
     model = mm.read_model(here / MODEL)
@@ -320,11 +323,10 @@ def inputs_of(folder: Path, stride: str) -> tuple[mm.Model, mm.Motion, mm.Wrench
 
 @cache
 def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.Series:
-    """Force of the left knee by OpenSim's StaticOptimization and JointReaction, shared among our
-    contact points.
+    """Return the force of the left knee by OpenSim's StaticOptimization and JointReaction.
 
-    Its tool filters the coordinates; the loads are as recorded, or filtered as ours. The reserves
-    are the model's own.
+    It is shared among our contact points. OpenSim's tool filters the coordinates; the loads are as
+    recorded, or filtered as ours. The reserves are the model's own.
     """
     from benchmarks.opensim_static import reaction_force, static_optimization
 
@@ -359,12 +361,22 @@ def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.
 
 
 def _at(motion: mm.Motion, time: Array) -> mm.Motion:
-    """A motion with derivatives at times next to its frames."""
+    """Return a motion with derivatives at times next to its frames."""
     return replace(motion.frames(np.abs(motion.time[:, None] - time).argmin(axis=0)), time=time)
 
 
 def at_times(loads: mm.Series, time: Array) -> Array:
-    """Loads (samples, 3) between frames [N]."""
+    """Interpolate loads between frames.
+
+    Parameters
+    ----------
+    loads : (frames, 3) [N]
+    time : (samples,) [s]
+
+    Returns
+    -------
+    (samples, 3) [N]
+    """
     return np.column_stack([np.interp(time, loads.time, column) for column in loads.values.T])
 
 
@@ -392,8 +404,9 @@ def _numbers(found: list[mm.Series], folder: Path) -> Row:
 
 
 def _on_the_others_clock(found: list[mm.Series], folder: Path) -> list[float]:
-    """RMS of the total in each stride, moved by the delay at which it fits the other stride best
-    [BW].
+    """Return the RMS of the total in each stride, moved in time [BW].
+
+    The delay is the one at which the total fits the other stride best.
     """
     errors = []
     best = [late_by(folder, stride, loads) for stride, loads in zip(STRIDES, found, strict=True)]

@@ -1,7 +1,7 @@
-"""Knees that bend: moment arms and patellar ratios beside published ones, and forces in squats,
-rises, landings, walks.
+"""Knees that bend: moment arms and patellar ratios compared with published ones.
 
-Nothing here has a measured force; published ranges are those of instrumented knees of other people.
+Forces in squats, rises, landings and walks are computed too. Nothing here has a measured force;
+published ranges are those of instrumented knees of other people.
 """
 
 from __future__ import annotations
@@ -86,8 +86,9 @@ WAYS: Mapping[str, tuple[str, RecruitmentOptions, bool]] = {
 
 
 def measure_arms(folder: Path) -> Iterator[Row]:
-    """Quadriceps, its tendon, and the ratio of their forces, on the right knee of models, with what
-    was measured.
+    """Measure quadriceps, its tendon, and the ratio of their forces, on the right knee of models.
+
+    The rows have what was measured by others.
     """
     models = {
         "comes along": shipped.generic_model({})[0],
@@ -238,7 +239,7 @@ def inputs(
 
 
 def feet_under(model: mm.Model, motion: mm.Motion, wrenches: mm.Wrenches) -> tuple[str, ...]:
-    """The foot nearest to each force: the study's files put all of them on one talus."""
+    """Return the foot nearest to each force: the study's files put all of them on one talus."""
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     feet = {name: poses.origins[:, tree.body_index[name]] for name in ("calcn_r", "calcn_l")}
@@ -259,8 +260,9 @@ def feet_under(model: mm.Model, motion: mm.Motion, wrenches: mm.Wrenches) -> tup
 
 @cache
 def _calibrated(folder: Path, plain: bool) -> Path:
-    """The model that comes along, fitted to the person by `analyze`; plain with knees and muscles
-    as in myo-sim.
+    """Return the bundled model, fitted to the person by `analyze`.
+
+    The plain one has knees and muscles as in myo-sim.
     """
     out = Path(tempfile.mkdtemp())
     here = folder / OPENCAP

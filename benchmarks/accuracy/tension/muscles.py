@@ -1,8 +1,8 @@
-"""Muscle lengths, lengthening speeds and moment arms against OpenSim, on recorded motions and
-random poses.
+"""Muscle lengths, lengthening velocities and moment arms against OpenSim.
 
-OpenSim's moment arms are about its speeds u; ours, about q, are carried over by qdot = N u. Where
-one still differs, a finite difference of OpenSim's own length along u decides whose it fits better.
+They are on recorded motions and random poses. OpenSim's moment arms are about its speeds u; ours,
+about q, are carried over by qdot = N u. Where one still differs, a finite difference of OpenSim's
+own length along u decides whose it fits better.
 """
 
 from __future__ import annotations
@@ -91,8 +91,9 @@ def measure_case(folder: Path, case: MuscleCase) -> dict[str, object]:
 
 
 def _poses(model: mm.Model, file: Path | None, frames: int) -> mm.Motion:
-    """Frames spread over a motion, or random poses within three quarters of the ranges; random
-    speeds.
+    """Return frames spread over a motion, or random poses within three quarters of the ranges.
+
+    Random poses have random speeds.
     """
     rng = np.random.default_rng(5)
     if file is not None:
@@ -116,8 +117,9 @@ def _poses(model: mm.Model, file: Path | None, frames: int) -> mm.Motion:
 def _against_own_lengths(
     model: mm.Model, paths: Paths, motion: mm.Motion, ours: MuscleKinematics
 ) -> dict[str, object]:
-    """Moment arms against finite differences of our own lengths, where OpenSim does not open the
-    model.
+    """Compare moment arms with finite differences of our own lengths.
+
+    It is done where OpenSim does not open the model.
     """
     assert ours.arms is not None
     differences = np.zeros(ours.arms.shape)
@@ -230,7 +232,7 @@ def _at(motion: mm.Motion, frame: int, values: np.ndarray) -> mm.Motion:
 
 
 def _consistent_speeds(paths: Paths, values: np.ndarray, motion: mm.Motion) -> np.ndarray:
-    """The motion's speeds, those of dependent coordinates as their couplers give them."""
+    """Return the motion's speeds, those of dependent coordinates as their couplers give them."""
     from myomorph.core.rigid.coordinates import couple_rates_frames
 
     speeds = np.array(motion.velocities)

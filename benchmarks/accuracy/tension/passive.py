@@ -1,9 +1,8 @@
-"""What identified joint and muscle viscosity change in muscle tensions: the shoulder of the data
-collection.
+"""Effect of identified joint and muscle viscosity on muscle tensions.
 
-The values are the means of [S] tables I and II. They belong to limbs of cadavers that swung; here
-they are put into the model of a living subject who lifts an arm, so what is shown is how much they
-matter, not that they are right.
+The model is the shoulder of the data collection. The values are the means of [S] tables I and II.
+They belong to limbs of cadavers that swung; here they are put into the model of a living subject
+who lifts an arm, so what is shown is how much they matter, not that they are right.
 """
 
 from __future__ import annotations
@@ -72,8 +71,9 @@ def tension_of(lift: Lift, model: mm.Model) -> Tension:
 
 
 def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> float:
-    """The d_M with which the muscles' dampers take, over this motion, what d_{M+J} - d_J takes in
-    [S] [N s/m].
+    """Return the d_M whose dampers of muscles take as much as d_{M+J} - d_J takes in [S] [N s/m].
+
+    It is over this motion.
     """
     tree = compile_tree(lift.model)
     coordinates, rates = values_and_rates(tree, lift.motion)
@@ -88,8 +88,9 @@ def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> fl
 
 
 def variants(lift: Lift) -> Iterator[tuple[str, mm.Model]]:
-    """The model with the joint's damping alone, and with muscles of the printed and of the matching
-    d_M.
+    """Yield the model with the joint's damping alone, and with viscous muscles.
+
+    The muscles have the printed and the matching d_M.
     """
     strands = fig1_muscles(lift.model)
     bushings = joint_bushing(lift.model, *JOINT, MEAN.joint_viscosity, lift.motion).bushings
@@ -174,8 +175,9 @@ def _difference(plain: Tension, thick: Tension) -> dict[str, object]:
 
 
 def measure_forms(folder: Path) -> Iterator[dict[str, object]]:
-    """How much of a ball joint's damping OpenSim's forms express: dampers of coordinates, and one
-    bushing.
+    """Measure how much of a ball joint's damping OpenSim's forms express.
+
+    The forms are dampers of coordinates, and one bushing.
     """
     if not (folder / FOLDER).exists():
         return

@@ -1,5 +1,7 @@
-"""Muscles fitted to a person: simulated people with known muscles, held-out strides of real walks,
-scaled models.
+"""Muscles fitted to a person.
+
+The persons are simulated people with known muscles, held-out strides of real walks, and scaled
+models.
 """
 
 from __future__ import annotations
@@ -133,8 +135,9 @@ Found = tuple[str, str, float, bool]
 
 
 def simulated_person(folder: Path, case: Case, seed: int) -> tuple[list[Found], float]:
-    """Of each length: parameter, whether identifiable, relative error, whether within its interval;
-    and seconds.
+    """Return what was found of each length, and seconds.
+
+    It has parameter, whether identifiable, relative error, and whether within its interval.
     """
     model = as_degroote(mm.read_model(folder / case.model))
     person = recorded_person(model, case, np.random.default_rng(seed))
@@ -185,7 +188,7 @@ class RecordedPerson(NamedTuple):
     def truth(
         self, model: mm.Model, one: mm.tension.MuscleEstimate, groups: Sequence[str]
     ) -> float:
-        """The true value of a parameter; `groups` are those of each muscle's strength."""
+        """Return the true value of a parameter; `groups` are those of each muscle's strength."""
         if one.parameter == "emg_gain":
             return self.gains[one.of]
         if one.parameter == "strength":
@@ -196,7 +199,7 @@ class RecordedPerson(NamedTuple):
 
 
 def recorded_person(model: mm.Model, case: Case, rng: np.random.Generator) -> RecordedPerson:
-    """A person and what is recorded."""
+    """Return a person and what is recorded."""
     time = np.arange(0.0, case.seconds, 0.01)
     muscles = len(model.muscles)
     motions = [swings(model, dict(case.ranges), time, rng) for _ in range(case.count)]
@@ -222,8 +225,9 @@ def passive_trial(
     rng: np.random.Generator,
     error: float = 0.1,
 ) -> mm.PersonalTrial:
-    """Poses over joints' ranges and the torques of resting muscles in equilibrium, with errors [N
-    m].
+    """Return poses over joints' ranges and the torques of resting muscles in equilibrium.
+
+    The torques have errors [N m].
     """
     poses = 80
     values = np.tile([one.default for one in model.coordinates], (poses, 1))
@@ -257,7 +261,7 @@ def _summary(case: str, rows: Sequence[Found]) -> Iterator[Row]:
 
 
 def walk_trial(walk: Walk, span: tuple[float, float], with_emg: bool = True) -> mm.PersonalTrial:
-    """A part of a real walk, EMG on or off."""
+    """Return a part of a real walk, EMG on or off."""
     thin = replace(walk, every=1)
     motion, torques = thin.part(span)
     target = None
@@ -305,8 +309,9 @@ def measure_walks(folder: Path, seconds: float = 4.0) -> Iterator[Row]:
 
 
 def measure_map(folder: Path) -> Iterator[Row]:
-    """Normalized fiber lengths of scaled models against the generic model's, before and after the
-    map.
+    """Compare normalized fiber lengths of scaled models with the generic model's.
+
+    They are from before and after the map.
     """
     at = folder / "rajagopal-walk-emg"
     cases = {
@@ -339,8 +344,9 @@ github.com/modenaxe/MuscleParamOptimizer (Apache-2.0).
 
 
 def measure_published(folder: Path) -> Iterator[Row]:
-    """Our map against the models that its source's authors published, of the same generic and
-    scaled models.
+    """Compare our map with the models that its source's authors published.
+
+    They are of the same generic and scaled models.
     """
     at = folder / PUBLISHED
     if not at.is_dir():
@@ -404,7 +410,7 @@ MEASURED = (
 
 
 def measure_many(folder: Path, people: int = 8, first: int = FRESH) -> Iterator[Row]:
-    """The same with 80 muscles of both legs, EMG of 22 of them."""
+    """Measure the same with 80 muscles of both legs, EMG of 22 of them."""
     ranges = {f"{name}_{side}": ends for name, ends in LEGS.items() for side in "rl"}
     measured = tuple(f"{name}_{side}" for name in MEASURED for side in "rl")
     model = "rajagopal-walk-emg/subject_walk_scaled.osim"

@@ -1,5 +1,6 @@
-"""Muscles fitted to measured passive torques: curves of healthy adults (Silder et al. 2007), some
-of them held out.
+"""Muscles fitted to measured passive torques.
+
+The torques are curves of healthy adults (Silder et al. 2007), some of them held out.
 """
 
 from __future__ import annotations
@@ -83,8 +84,9 @@ def recording(model: mm.Model, some: Sequence[Curve]) -> mm.PersonalTrial:
 
 
 def errors(model: mm.Model, some: Sequence[Curve]) -> dict[str, tuple[Array, Array]]:
-    """Of each joint the torque that the model's resting muscles miss, and whether it counts as
-    walking.
+    """Return the torque of each joint that the model's resting muscles miss.
+
+    With it goes whether it counts as walking.
     """
     found: dict[str, list[tuple[Array, Array]]] = {}
     for one in some:
@@ -103,8 +105,10 @@ def errors(model: mm.Model, some: Sequence[Curve]) -> dict[str, tuple[Array, Arr
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Torque missed by generic muscles, by a published calibration, by ours fitted to all, and by
-    ours held out.
+    """Measure the torque that muscles miss.
+
+    The muscles are generic, of a published calibration, of ours fitted to all, and of ours held
+    out.
     """
     every = curves(folder)
     generic = mm.read_model(folder / STUDY / "Rajagopal_modifiedAbductors.osim")

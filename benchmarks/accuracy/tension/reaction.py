@@ -1,5 +1,6 @@
-"""Joint reactions against OpenSim's analysis, Pinocchio and a published study, from the same
-tensions and from ours.
+"""Joint reactions against OpenSim's analysis, Pinocchio and a published study.
+
+They are computed from the same tensions and from ours.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ def apart(found: mm.Table, wanted: mm.Table) -> tuple[float, float, float]:
 
 
 def measure_same(folder: Path) -> Iterator[Row]:
-    """The same tensions and motion in, the same loads out."""
+    """Compare loads of the same tensions and motion."""
     yield from _pendulums(folder)
     yield _in_opensim("walk, 80 muscles, the study's tensions", partial(write_study, folder))
     yield _in_opensim("walk, 18 muscles, spring, random tensions", partial(write_spring, folder))
@@ -148,8 +149,9 @@ def write_study(folder: Path, work: Path) -> tuple[Path, Path]:
 
 
 def write_spring(folder: Path, work: Path) -> tuple[Path, Path]:
-    """The same for a walk of 18 muscles with an ankle's spring and residual actuators, all with
-    random forces.
+    """Write the same for a walk of 18 muscles with an ankle's spring and residual actuators.
+
+    All have random forces.
     """
     here = folder / "opensim-gait-subject01/ref_so_10dof18musc"
     model_path = here / "subject01_adjusted_spring.osim"
@@ -177,7 +179,7 @@ def _setups(work: Path, **values: object) -> tuple[Path, Path]:
 
 
 def study_reserves(names: tuple[str, ...]) -> list[Actuator]:
-    """The study's reserves, which act on coordinates, the pelvis's too."""
+    """Return the study's reserves, which act on coordinates, the pelvis's too."""
     ending = "_reserve"
     return [
         Actuator(one, "coordinate", 1.0, coordinate=one.removesuffix(ending))
@@ -187,7 +189,7 @@ def study_reserves(names: tuple[str, ...]) -> list[Actuator]:
 
 
 def write_loads(folder: Path, work: Path, torques: bool) -> Path:
-    """The plates' forces as external loads, with or without their free torques."""
+    """Write the plates' forces as external loads, with or without their free torques."""
     entries = (
         ENTRY.format(body=b, force=f, point=p, torque=t if torques else "") for b, f, p, t in FEET
     )
@@ -276,7 +278,7 @@ LINES = (
 
 
 def study_motion(folder: Path, model: mm.Model) -> mm.Motion:
-    """The study's frames, its coordinates filtered at 6 Hz by us."""
+    """Return the study's frames, its coordinates filtered at 6 Hz by us."""
     whole = mm.differentiate(mm.read_motion(folder / STUDY / "results_ik.sto", model), 6.0)
     wanted = mm.read_sto(folder / REACTIONS).time
     at = np.abs(whole.time[:, None] - wanted).argmin(axis=0)
@@ -288,7 +290,7 @@ def study_motion(folder: Path, model: mm.Model) -> mm.Motion:
 
 
 def study_emg(folder: Path, time: Array) -> EmgTarget:
-    """The study's envelopes as activations; what its filter made negative is 0."""
+    """Return the study's envelopes as activations; what its filter made negative is 0."""
     table = mm.read_sto(folder / STUDY / "EMG_allMuscles.sto")
     values = np.column_stack([np.interp(time, table.time, column) for column in table.values.T])
     return EmgTarget(
@@ -343,7 +345,10 @@ def measure_tensions(folder: Path) -> Iterator[Row]:
 
 
 def measure_loads(folder: Path) -> Iterator[Row]:
-    """Loads of joints of every line beside the study's, as sizes of forces in body weights."""
+    """Compare loads of joints of every line with the study's.
+
+    They are sizes of forces in body weights.
+    """
     model = read_osim(folder / MODEL)
     weight = model.mass * float(np.linalg.norm(model.gravity))
     table = mm.read_sto(folder / REACTIONS)

@@ -1,5 +1,6 @@
-"""Criteria of recruitment beside conic programs, and what a wrong criterion makes of a simulated
-truth.
+"""Criteria of recruitment compared with conic programs.
+
+Measured is also what a wrong criterion makes of a simulated truth.
 """
 
 from __future__ import annotations
@@ -78,8 +79,9 @@ def solutions(folder: Path) -> Solutions:
 
 
 def _above(made: Solutions, by: Criterion, mine: Array, theirs: Array) -> float:
-    """Greatest relative difference of the costs over frames; below 0 where ours is always the
-    lesser.
+    """Return the greatest relative difference of the costs over frames.
+
+    It is below 0 where ours is always the lesser.
     """
     pairs = [
         [cost_of(made.walk, frame, by, one[frame], made.loads) for one in (mine, theirs)]
@@ -120,10 +122,10 @@ def measure_programs(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_truth(folder: Path) -> Iterator[dict[str, object]]:
-    """Muscles that keep to one criterion, found from their joint torques by each: RMS of
-    activations and of the knee.
+    """Find muscles that follow one criterion from their joint torques by each.
 
-    The truth's activations come from programs; torques are what its muscles give.
+    The rows have the RMS of activations and of the knee. The truth's activations come from
+    programs; torques are what its muscles give.
     """
     made = solutions(folder)
     one = made.walk

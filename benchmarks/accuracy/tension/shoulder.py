@@ -1,5 +1,6 @@
-"""Force in the glenohumeral joint of an arm abduction: our settings beside OpenSim's static
-optimization.
+"""Force in the glenohumeral joint of an arm abduction.
+
+Our settings are compared with OpenSim's static optimization.
 """
 
 from __future__ import annotations
@@ -62,8 +63,9 @@ class Abduction:
 
 
 def abduction(folder: Path) -> Abduction:
-    """The motion with its loop closed; reserves of 1 N m, of the trunk, which has no muscles, as
-    much as it takes.
+    """Return the motion with its loop closed, and reserves of 1 N m.
+
+    Those of the trunk, which has no muscles, are as large as it takes.
     """
     model = mm.read_model(folder / MODEL)
     motion, _ = closed_motion(
@@ -92,7 +94,7 @@ def abduction(folder: Path) -> Abduction:
 
 
 def measure_shoulder(folder: Path) -> Iterator[dict[str, object]]:
-    """A row for OpenSim's static optimization and for every setting of ours."""
+    """Yield a row for OpenSim's static optimization and for every setting of ours."""
     if not (folder / MODEL).exists():
         return
     one = abduction(folder)

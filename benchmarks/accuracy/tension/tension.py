@@ -209,8 +209,9 @@ def theirs(prepared: Prepared) -> StaticResult:
 
 
 def measure_case(folder: Path, case: TensionCase) -> dict[str, object]:
-    """Distances of activations and reserves, and milliseconds a frame from coordinates to
-    activations.
+    """Return distances of activations and reserves.
+
+    The row has milliseconds per frame from coordinates to activations too.
     """
     with tempfile.TemporaryDirectory() as work:
         prepared = prepare(folder, case, Path(work))

@@ -1,5 +1,6 @@
-"""What defaults of tensions and of estimated contacts were chosen by: every setting beside EMG or
-hidden plates.
+"""What defaults of tensions and of estimated contacts were chosen by.
+
+Every setting is compared with EMG or hidden plates.
 """
 
 from __future__ import annotations
@@ -68,7 +69,10 @@ SILENT = 0.4
 
 
 def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
-    """A row for every walk and setting; no setting sees EMG, and the delay is the same for all."""
+    """Yield a row for every walk and setting.
+
+    No setting sees EMG, and the delay is the same for all.
+    """
     for walk in (
         *(make(folder) for make in WALKS),
         *(implant(folder, stride) for stride in STRIDES),
@@ -211,8 +215,9 @@ CONTACT_SETTINGS: Mapping[str, Setting] = {
 
 
 def measure_contact_settings(folder: Path) -> Iterator[Row]:
-    """A row for every setting: error of a foot's vertical force in each recording, and of the
-    hands' in the lifts.
+    """Yield a row for every setting.
+
+    It has the error of a foot's vertical force in each recording, and of the hands' in the lifts.
     """
     cases = [opened(folder, case) for case in (*CASES, *UNSEEN)]
     for name, setting in CONTACT_SETTINGS.items():
@@ -252,8 +257,10 @@ def foot_error(hidden: Hidden, setting: Setting) -> float:
 
 
 def lift_errors(folder: Path, lift: str, setting: Setting) -> tuple[float, float]:
-    """RMS errors without any plate: of the hands' upward force while they hold the box on the floor
-    [N], and of the feet's upward force [% weight].
+    """Return RMS errors without any plate.
+
+    They are of the hands' upward force while they hold the box on the floor [N], and of the feet's
+    upward force [% weight].
     """
     asked = lift_task(folder, lift, "hidden")
     task = _as_set(asked.contacts, setting)

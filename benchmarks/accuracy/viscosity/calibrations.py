@@ -1,5 +1,6 @@
-"""Accuracy of what comes before identification: force plate, clocks, scanned bones, and a real
-instrumented handle.
+"""Accuracy of what comes before identification.
+
+Measured are force plate, clocks, scanned bones, and a real instrumented handle.
 """
 
 from __future__ import annotations
@@ -118,8 +119,9 @@ def placements_of(
 
 
 def measure_standing(folder: Path) -> Iterator[Row]:
-    """A person who stands still on one plate as a marked weight: Plug-in Gait's center of mass, and
-    gravity.
+    """Calibrate a plate by a person who stands still on it as a marked weight.
+
+    Plug-in Gait's center of mass, and gravity, are the reference.
     """
     for person, name in (("HC030A", "HC030A01"), ("HC002D", "HC002D02")):
         path = folder / f"c3d-gait-plugingait/{person}/Static/{name}.c3d"
@@ -144,8 +146,9 @@ def measure_standing(folder: Path) -> Iterator[Row]:
 
 
 def measure_clocks() -> Iterator[Row]:
-    """Offset and drift of a plate under a spherical pendulum that MuJoCo swings, found by its
-    regressor.
+    """Find offset and drift of a plate under a spherical pendulum by its regressor.
+
+    MuJoCo swings the pendulum.
     """
     time, rotations = _swing()
     phi = _parameters()
@@ -180,8 +183,9 @@ def measure_clocks() -> Iterator[Row]:
 
 
 def _bound(time: Array, wrench: Array, force: float) -> tuple[float, float]:
-    """Deviations that the plate's white noise alone sets (Cramer-Rao), the motion being known
-    exactly.
+    """Return deviations that the plate's white noise alone sets (Cramer-Rao).
+
+    The motion is known exactly.
     """
     slopes = np.gradient(wrench, time[1], axis=0)[1000:61000]
     slopes = slopes / np.repeat([max(0.1 * force, 1e-12), max(force, 1e-12)], 3)
@@ -263,7 +267,7 @@ def _recorded(
 
 
 def measure_scans(folder: Path) -> Iterator[Row]:
-    """Scans made of real bone meshes laid on the models' bones, without picked points."""
+    """Lay scans made of real bone meshes on the models' bones, without picked points."""
     for name, path in _bones(folder):
         bone = mm.read_mesh(path)
         for part, cut, mirrored in (
@@ -301,8 +305,9 @@ def measure_scans(folder: Path) -> Iterator[Row]:
 
 
 def measure_persons(folder: Path) -> Iterator[Row]:
-    """Bones of two persons from MRI laid on those of a generic model, of the same side and of the
-    other.
+    """Lay bones of two persons from MRI on those of a generic model.
+
+    They are of the same side and of the other.
     """
     for person in ("ICL_MRI", "MC22"):
         for bone in ("femur", "tibia"):
@@ -344,8 +349,10 @@ def _bones(folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _scan(bone: mm.Surface, seed: int, cut: float, mirrored: bool) -> tuple[mm.Surface, Similarity]:
-    """Turned anywhere, 2 % smaller, 0.3 mm of noise, four times the triangles, perhaps cut off or
-    mirrored.
+    """Make a scan of a bone.
+
+    It is rotated anywhere, 2 % smaller, with 0.3 mm of noise and four times the triangles, perhaps
+    cut off or mirrored.
     """
     import trimesh
 
@@ -372,8 +379,9 @@ def _scan(bone: mm.Surface, seed: int, cut: float, mirrored: bool) -> tuple[mm.S
 
 
 def measure_handle(folder: Path) -> Iterator[Row]:
-    """The six-axis handle of a lifted box: voltages, tare, orientation on the box, clock, at
-    several cut-offs.
+    """Calibrate the six-axis handle of a lifted box at several cutoffs.
+
+    Measured are voltages, tare, orientation on the box, and clock.
     """
     place = folder / "c3d-shoulder-emg-handle"
     if not (place / "markers_analogs.c3d").is_file():

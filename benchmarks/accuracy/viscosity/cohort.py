@@ -1,5 +1,6 @@
-"""Tables I and II of [S]: the paper's own per-specimen figures through the code that makes a
-cohort's mean and SD.
+"""Tables I and II of [S] by our code.
+
+The paper's own per-specimen figures go through the code that computes a cohort's mean and SD.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ Row = dict[str, object]
 
 
 def measure() -> Iterator[Row]:
-    """A row a column of the tables: printed mean and SD, ours, and whether rounding of the inputs
-    explains the rest.
+    """Yield a row for each column of the tables.
+
+    It has printed mean and SD, ours, and whether rounding of the inputs explains the rest.
     """
     known = [
         {name: Interval(one, np.nan, np.nan) for name, one in row.values.items()}

@@ -122,8 +122,9 @@ class Faults:
 
 
 def random_faults(random: np.random.Generator, scale: float = 1.0) -> Faults:
-    """Faults drawn with the standard deviations that `ErrorOptions` assumes by default, times
-    `scale`.
+    """Draw faults with the standard deviations that `ErrorOptions` assumes by default.
+
+    They are multiplied by `scale`.
     """
     sds = ErrorOptions()
 
@@ -165,7 +166,10 @@ class FaultyLimb:
 
 
 def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
-    """A limb of one of the six published sizes; viscosities are drawn unless the joint's is set."""
+    """Simulate a limb of one of the six published sizes.
+
+    Viscosities are drawn unless the joint's is set.
+    """
     random = np.random.default_rng(seed)
     row = SPECIMENS[seed % len(SPECIMENS)]
     specimen = arm_specimen()
@@ -242,8 +246,9 @@ def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
 
 
 def with_moved_attachments(model: mm.Model, sd: float, random: np.random.Generator) -> mm.Model:
-    """The model whose muscles' points are off, all points of a muscle on one bone alike; paths keep
-    their surfaces.
+    """Displace the muscles' points of a model, all points of a muscle on one bone alike.
+
+    Paths keep their surfaces.
     """
     if sd <= 0.0:
         return model
@@ -318,7 +323,7 @@ def _measured(
     faults: Faults,
     random: np.random.Generator,
 ) -> SwingTrial:
-    """A swing as markers and a plate with faults measure it, every `EVERY`-th sample."""
+    """Return a swing as markers and a plate with faults measure it, every `EVERY`-th sample."""
     specimen = limb.specimen
     noise = faults.instruments
     center = specimen.center_in_ground
@@ -339,7 +344,7 @@ def _measured(
 def _on_plate(
     limb: HeldLimb, exact: Sampled, faults: Faults, random: np.random.Generator
 ) -> Wrenches:
-    """The wrench of a swing as a plate with faults measures it."""
+    """Return the wrench of a swing as a plate with faults measures it."""
     center = limb.specimen.center_in_ground
     noise = faults.instruments
     wrenches = measured_wrench(exact, center, center + PLATE, limb.specimen.base, noise, random)
@@ -362,8 +367,9 @@ def _slipping(
     size: float,
     random: np.random.Generator,
 ) -> list[SwingTrial]:
-    """The trials, in which a bone's cluster moves on it in the middle of the trial `first`, and
-    stays there.
+    """Return the trials, in which a bone's cluster slips.
+
+    It moves on the bone in the middle of the trial `first`, and stays there.
     """
     by = random.standard_normal(3)
     by *= size / np.linalg.norm(by)

@@ -1,5 +1,6 @@
-"""What goes wrong on the plate itself: a load of the base, a clamp that gives way, a cluster that
-slips on its bone.
+"""Faults of the setup on the plate itself.
+
+They are a load of the base, a clamp that gives way, and a cluster that slips on its bone.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ CARRIED = 0.02
 
 
 def base_load(limb: HeldLimb, mass: float, random: np.random.Generator) -> BaseLoad:
-    """A mass within 2 cm an axis of the mass center of the base's bone."""
+    """Draw a mass within 2 cm per axis of the mass center of the base's bone."""
     bone = limb.specimen.model.body(limb.specimen.base)
     x, y, z = np.asarray(bone.mass_center) + random.uniform(-0.02, 0.02, 3)
     return BaseLoad(mass, (float(x), float(y), float(z)))
@@ -49,7 +50,18 @@ def resting_wrench(limb: HeldLimb, load: BaseLoad) -> Array:
 
 
 def still(wrench: Array, seconds: float, step: float) -> Sampled:
-    """A wrench (6,) that does not change, as the simulation gives it."""
+    """Return a wrench that does not change, as the simulation gives it.
+
+    Parameters
+    ----------
+    wrench : (6,)
+    seconds : of the result
+    step : between samples [s]
+
+    Returns
+    -------
+    Samples of the wrench
+    """
     time = np.arange(round(seconds / step) + 1) * step
     nothing = np.zeros((len(time), 3))
     turns = np.broadcast_to(np.eye(3), (len(time), 3, 3))
@@ -64,8 +76,9 @@ def still(wrench: Array, seconds: float, step: float) -> Sampled:
 
 
 class Gimbal:
-    """Three hinges one after another, along axes of the limb where it is at `rest` (3, 3) in
-    ground.
+    """Three hinges one after another.
+
+    They are along axes of the limb where it is at `rest` (3, 3) in ground.
     """
 
     def __init__(self, limb: HeldLimb, rest: Array, damping: Sequence[float]) -> None:
@@ -88,8 +101,16 @@ class Gimbal:
         )
 
     def state(self, turn: Array, rates: Array) -> tuple[Array, Array]:
-        """Angles and rates of the hinges, of a rotation vector from rest in the limb and its rates
-        there.
+        """Return angles and rates of the hinges.
+
+        Parameters
+        ----------
+        turn : (3,) rotation vector from rest, in the limb [rad]
+        rates : (3,) its rates there [rad/s]
+
+        Returns
+        -------
+        (3,) angles [rad], and (3,) rates [rad/s]
         """
         rotation = Rotation.from_rotvec(turn)
         order = "".join("XYZ"[int(np.argmax(axis))] for axis in self.axes)
@@ -133,9 +154,21 @@ class Clamp:
         seconds: float,
         step: float,
     ) -> list[tuple[Sampled, Array]]:
-        """Swings of `swing_mjcf` with `text` as its arguments, and rotations of the base (frames,
-        3, 3) in each, with the stiffness at which the base turns by `sway` between its extremes
-        about some axis [rad].
+        """Simulate swings over a base that gives way.
+
+        It has the stiffness at which the base turns by `sway` between its extremes about some axis.
+
+        Parameters
+        ----------
+        text : arguments of `swing_mjcf`
+        starts : positions and velocities of each swing at its start
+        sway : between the extremes of the base [rad]
+        seconds : of each swing
+        step : between samples [s]
+
+        Returns
+        -------
+        Each swing, and (frames, 3, 3) rotations of the base in it
         """
         stiffness = STIFF
         for _ in range(SEARCHED):
@@ -152,8 +185,18 @@ class Clamp:
         return [(exact, Rotation.from_euler("XYZ", angles).as_matrix()) for exact, angles in swings]
 
     def moved(self, markers: Markers, turns: Array, center: Array, on_base: int) -> Markers:
-        """Markers, the first `on_base` on the base, of a fixed base as they are where it turns
-        (frames, 3, 3).
+        """Return markers of a fixed base as they are where it turns.
+
+        Parameters
+        ----------
+        markers : the first of them on the base
+        turns : (frames, 3, 3) rotations of the base
+        center : (3,) of the rotations [m]
+        on_base : number of markers on the base
+
+        Returns
+        -------
+        Markers
         """
         values = np.array(markers.values)
         anchor = center + self.anchor
@@ -167,7 +210,7 @@ class Clamp:
 def _rolled(
     compiled: mujoco.MjModel, qpos: Array, qvel: Array, seconds: float, step: float
 ) -> tuple[Sampled, Array]:
-    """A swing, and the angles of the clamp's three joints (frames, 3) [rad]."""
+    """Return a swing, and the angles of the clamp's three joints (frames, 3) [rad]."""
     data = mujoco.MjData(compiled)
     data.qpos[3:] = qpos
     data.qvel[3:] = qvel
@@ -184,8 +227,19 @@ def _rolled(
 def slipped(
     markers: Markers, columns: list[int], rotations: Array, by: Array, time: float
 ) -> Markers:
-    """The markers with those of a cluster moved by (3,) in its bone's frame, rotations (frames, 3,
-    3), from a time.
+    """Return the markers with those of a cluster moved from a time.
+
+    Parameters
+    ----------
+    markers : to change
+    columns : of the cluster's markers
+    rotations : (frames, 3, 3) of the bone
+    by : (3,) displacement in the bone's frame [m]
+    time : from which they are moved [s]
+
+    Returns
+    -------
+    Markers, the others unchanged
     """
     values = np.array(markers.values)
     later = markers.time >= time

@@ -1,5 +1,6 @@
-"""Limbs whose instruments and models are in error: what is found of them, and how often intervals
-hold it.
+"""Limbs whose instruments and models are in error.
+
+Measured are the estimates, and how often intervals hold the truth.
 """
 
 from __future__ import annotations
@@ -65,8 +66,9 @@ class LimbRun(NamedTuple):
 
 
 def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> LimbRun:
-    """A limb, by its seed, its faults and its viscosity if that is not drawn, as a study identifies
-    it.
+    """Identify a limb as a study does.
+
+    It is specified by its seed, its faults and its viscosity if that is not drawn.
     """
     threadpool_limits(1, "blas")
     seed = given[0]
@@ -131,7 +133,7 @@ def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> L
 def limb_runs(
     given: Sequence[tuple[int, Faults, float | None]], level: float = LEVEL
 ) -> list[LimbRun]:
-    """Runs on both cores, a process each."""
+    """Run limbs on both cores, a process each."""
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
         return list(pool.imap(partial(limb_run, level=level), given, chunksize=4))
 
@@ -168,7 +170,10 @@ DAMPING = 0.055
 
 
 def measure_systematic() -> Iterable[Row]:
-    """A row a fault: errors of what is found, their intervals, and whether these hold the truth."""
+    """Yield a row for each fault.
+
+    It has errors of estimates, their intervals, and whether these hold the truth.
+    """
     runs = limb_runs([(FIXED, faults, DAMPING) for faults in SYSTEMATIC.values()])
     for name, one in zip(SYSTEMATIC, runs, strict=True):
         row: Row = {"wrong": name}
@@ -199,8 +204,9 @@ def _told(one: LimbRun, quantity: str) -> str:
 
 
 def measure_coverage() -> Iterable[Row]:
-    """A row a quantity over `LIMBS` limbs with random faults, then what laws were chosen and what
-    was withheld.
+    """Yield a row for each quantity over `LIMBS` limbs with random faults.
+
+    Rows of the chosen laws and of what was withheld follow.
     """
     runs = limb_runs(
         [(seed, random_faults(np.random.default_rng(1000 + seed)), None) for seed in range(LIMBS)]

@@ -1,8 +1,7 @@
-"""A measured swing, and the mass centers and inertias that its authors computed from periods of
-swings.
+"""A measured swing, and mass centers and inertias from periods of swings.
 
-Data and definitions of Moore, Hubbard, Peterson, Schwab, Kooijman 2010 and Moore 2012: every part
-of a bicycle hung as a compound and as a torsional pendulum.
+Its authors computed the latter. Data and definitions of Moore, Hubbard, Peterson, Schwab, Kooijman
+2010 and Moore 2012: every part of a bicycle hung as a compound and as a torsional pendulum.
 """
 
 from __future__ import annotations
@@ -83,8 +82,9 @@ def measure_periods(folder: Path) -> Iterator[Row]:
 
 
 def measure_inertias(folder: Path) -> Iterator[Row]:
-    """Geometry, mass centers and inertias from the authors' measured periods and lengths, by our
-    formulas.
+    """Compute geometry, mass centers and inertias by our formulas.
+
+    They are from the authors' measured periods and lengths.
     """
     folder = folder / "pendulum-swing-inertia"
     for bicycle in BICYCLES if folder.exists() else ():
@@ -234,7 +234,7 @@ def _mass_center(beta: Array, offsets: Array, level: float, height: float) -> Ar
 
 
 def _handlebar(x: Mapping[str, float], lam: float) -> tuple[float, float]:
-    """The handlebar's reference point from the front axle, level and up [m]."""
+    """Return the handlebar's reference point from the front axle, level and up [m]."""
     across = x["h7"] - x["h6"] + 0.5 * (x["d5"] - x["d6"])
     along = np.sqrt((x["l"] - 0.5 * (x["d5"] + x["d6"])) ** 2 - across**2)
     u1 = along * np.sin(lam) - across * np.cos(lam)

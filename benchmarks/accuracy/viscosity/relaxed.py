@@ -1,9 +1,8 @@
-"""Relaxed limbs that are dropped: simulated ones whose joint is known, and a child whose swing is
-public.
+"""Relaxed limbs that are dropped.
 
-The child's swing lies in the folder that the environment variable MYOMORPH_PENDULUM names:
-`DataPendulum.mat` of VDB-Bram/Tutorial-Direct-Collocation (KU Leuven). Without it the simulated
-limbs remain.
+They are simulated ones whose joint is known, and a child whose swing is public. The child's swing
+lies in the folder that the environment variable MYOMORPH_PENDULUM names: `DataPendulum.mat` of
+VDB-Bram/Tutorial-Direct-Collocation (KU Leuven). Without it the simulated limbs remain.
 """
 
 from __future__ import annotations
@@ -74,8 +73,9 @@ KINDS: dict[str, Kind] = {
 
 
 class LimbRun(NamedTuple):
-    """One simulated limb: truth, result, the law by inverse dynamics alone, and what was named of
-    each drop.
+    """One simulated limb.
+
+    It has truth, result, the law by inverse dynamics alone, and what was named of each drop.
     """
 
     leg: RelaxedLeg
@@ -134,7 +134,7 @@ def simulated_run(kind: Kind, seed: int) -> LimbRun:
 
 
 def _rows(kind: str, runs: list[LimbRun]) -> Iterator[Row]:
-    """A row of each quantity; what is named stands in the first."""
+    """Yield a row of each quantity; what is named stands in the first."""
     for place, (name, label) in enumerate(QUANTITIES.items()):
         known = [run for run in runs if name in run.leg.truth and name in run.result.estimates]
         truths = np.array([run.leg.truth[name] for run in known])
@@ -198,7 +198,7 @@ CHILD = """<mujoco model="child"><option gravity="0 0 -9.81"/><worldbody><body n
 
 
 def child_drop(folder: Path) -> Drop:
-    """The recorded swing of the child, with the masses that come with it."""
+    """Read the recorded swing of the child, with the masses that come with it."""
     time, degrees = loadmat(folder / RECORDING)["data"].T
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "child.xml"
@@ -214,8 +214,9 @@ def child_drop(folder: Path) -> Drop:
 
 
 def measure_child() -> Iterator[Row]:
-    """The child's first half swings fitted and the rest predicted; beside it the tutorial's law,
-    which saw all.
+    """Fit the child's first half swings and predict the rest.
+
+    The tutorial's law, which saw all, stands next to them.
     """
     home = os.environ.get(FOLDER)
     if home is None or not (Path(home) / RECORDING).is_file():
@@ -275,14 +276,14 @@ def _child_row(
 
 
 def _acceleration(angle: float, rate: float, tone: float, damping: float) -> float:
-    """The tutorial's equation of motion [rad/s^2]."""
+    """Evaluate the tutorial's equation of motion [rad/s^2]."""
     weight = MASS * 9.81 * DISTANCE
     inertia = MASS * DISTANCE**2 * (1.0 + GYRATION**2)
     return (-weight * np.cos(angle) + tone - damping * rate) / inertia
 
 
 def _their_swing(time: Array, state: tuple[float, float], tone: float, damping: float) -> Array:
-    """The tutorial's law, integrated with small errors from a state (frames,) [rad]."""
+    """Integrate the tutorial's law with small errors from a state (frames,) [rad]."""
 
     def slope(_: float, x: Array) -> tuple[float, float]:
         return float(x[1]), _acceleration(x[0], x[1], tone, damping)
@@ -291,8 +292,9 @@ def _their_swing(time: Array, state: tuple[float, float], tone: float, damping: 
 
 
 def _euler_swing(time: Array, angle: float, tone: float, damping: float) -> tuple[Array, Array]:
-    """The same by explicit steps of 5 ms from rest at the first frame, as the tutorial does: times
-    and angles.
+    """Integrate the same by explicit steps of 5 ms, as the tutorial does: times and angles.
+
+    It starts from rest at the first frame.
     """
     clock = np.arange(time[0], time[-1], 0.005)
     angles = np.empty(len(clock))

@@ -1,5 +1,6 @@
-"""The six virtual specimens handed over raw, with CT scans of bones that are not those of the
-model.
+"""The six virtual specimens as raw recordings.
+
+They come with CT scans of bones that are not those of the model.
 """
 
 from __future__ import annotations
@@ -41,9 +42,10 @@ SHOWN = {
 
 
 class ScanRun(NamedTuple):
-    """A specimen, and what was found by the names of `SHOWN`. `fit`: mean root mean square of scans
-    on the model's bones [mm]; `arms`: 95 % of d_M under errors of attachments as the report assumes
-    them [N s/m].
+    """A specimen, and what was found by the names of `SHOWN`.
+
+    `fit`: mean root mean square of scans on the model's bones [mm]; `arms`: 95 % of d_M under
+    errors of attachments as the report assumes them [N s/m].
     """
 
     name: str
@@ -99,8 +101,9 @@ def scan_run(number: int) -> ScanRun:
 
 
 def measure() -> Iterable[Row]:
-    """A row a specimen: how well scans lie on the model's bones, errors, and which intervals hold
-    the truth.
+    """Yield a row for each specimen.
+
+    It has how well scans lie on the model's bones, errors, and which intervals hold the truth.
     """
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
         runs = pool.map(scan_run, range(1, 7), chunksize=1)

@@ -1,5 +1,7 @@
-"""Faults of specimen and plate: how often each is named, how often where none is, and what becomes
-of viscosities.
+"""Faults of specimen and plate.
+
+Counted is how often each is named, and how often where none is. What becomes of viscosities is
+measured too.
 """
 
 from __future__ import annotations
@@ -55,7 +57,7 @@ REFUSED = 0.05
 
 
 def heavy_limb(seed: int, case: Faults) -> Faults:
-    """The faults of a limb: of its case, of its heavy base, and of all instruments."""
+    """Return the faults of a limb: of its case, of its heavy base, and of all instruments."""
     random = np.random.default_rng(seed)
     plate = random.standard_normal(3)
     base = float(random.uniform(0.3, 1.2))
@@ -131,7 +133,7 @@ def _judged(runs: Sequence[LimbRun], quantities: Sequence[str], limit: float) ->
 def measure(
     cases: Sequence[str] = tuple(case for case in CASES if case != FRICTION),
 ) -> Iterable[Row]:
-    """A row a case."""
+    """Yield a row for each case."""
     for case in cases:
         seeds = range(FIRST, FIRST + LIMBS)
         yield row(
@@ -140,7 +142,7 @@ def measure(
 
 
 def measure_friction() -> Iterable[Row]:
-    """The rows without a fault and with dry friction."""
+    """Yield the rows without a fault and with dry friction."""
     return measure(("nothing", FRICTION))
 
 

@@ -1,5 +1,6 @@
-"""Steps 1 and 2 by several methods on virtual joints of known truth: why the defaults are what they
-are.
+"""Steps 1 and 2 by several methods on virtual joints of known truth.
+
+They show why the defaults are what they are.
 """
 
 from __future__ import annotations
@@ -35,8 +36,9 @@ PLATE = "moment measured by the plate instead of inverse dynamics"
 
 
 def measure() -> Iterable[Row]:
-    """A row a method: errors of viscosity and mass center over hinges and balls, without and with a
-    spring.
+    """Yield a row for each method.
+
+    It has errors of viscosity and mass center over hinges and balls, without and with a spring.
     """
     errors: dict[str, list[tuple[float, float, float]]] = {}
     for seed in range(JOINTS):

@@ -1,5 +1,6 @@
-"""Bones of a virtual specimen from clusters of three markers: noise, and what goes wrong with
-markers and wires.
+"""Bones of a virtual specimen from clusters of three markers.
+
+Measured are noise, and faults of markers and wires.
 """
 
 from __future__ import annotations
@@ -33,10 +34,9 @@ def _virtual() -> Any:
 def _trials(
     arm: float, noise: float, slip: Mapping[str, float] | None = None
 ) -> tuple[Any, list[Any], list[Any]]:
-    """The specimen with clusters of an arm [m], its trials with noise [m], and what is true of
-    each.
+    """Return the specimen with clusters of an arm [m], and its trials with noise [m].
 
-    `slip` is added to what the wires hold [rad].
+    The truth of each trial is returned too. `slip` is added to what the wires hold [rad].
     """
     from myomorph.swings.simulate.laboratory import Noise, measured_markers
     from myomorph.swings.simulate.limb import HeldLimb, with_clusters
@@ -63,8 +63,9 @@ def _trials(
 
 
 def _errors(tracked: Any, exact: list[Any], cutoff: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """(frames, 3) errors of the humerus' rotation [degrees] and of its rates [rad/s], along its
-    axes.
+    """Return errors of the humerus' rotation [degrees] and of its rates [rad/s], along its axes.
+
+    Each has the shape (frames, 3).
     """
     from myomorph.swings.viscosity.tracking.tracked import swing_recordings
 
@@ -80,8 +81,9 @@ def _errors(tracked: Any, exact: list[Any], cutoff: float | None) -> tuple[np.nd
 
 
 def measure_noise() -> Iterable[Row]:
-    """A row a size of cluster: errors of a frame by itself and through the filter; root mean
-    squares.
+    """Yield a row for each size of cluster.
+
+    It has errors of a frame by itself and through the filter, as root mean squares.
     """
     from myomorph.swings.simulate.shoulder import HELD
     from myomorph.swings.viscosity.tracking.track import track

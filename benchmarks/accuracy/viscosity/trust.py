@@ -1,5 +1,6 @@
-"""Which passive law acted, what a held-out swing says, and what wrong moment arms do: on swings of
-known truth.
+"""Checks of a passive law on swings of known truth.
+
+They are which law acted, what a held-out swing shows, and what wrong moment arms do.
 """
 
 from __future__ import annotations
@@ -68,8 +69,9 @@ WORKERS = 2
 
 
 def measure_laws() -> Iterator[Row]:
-    """Joints with springs, dry friction and drag, seen with noise; what is chosen, and d with and
-    without.
+    """Choose laws of joints with springs, dry friction and drag, seen with noise.
+
+    The rows have what is chosen, and d with and without.
     """
     for seed, truth in enumerate(JOINTS):
         compared = compare_passive_laws(rubbing_joint(truth, seed).swings(8.0))
@@ -100,8 +102,10 @@ def measure_laws() -> Iterator[Row]:
 
 
 def measure_specimens() -> Iterator[Row]:
-    """The six virtual specimens: laws chosen, held-out swings, d_M under wrong moment arms, change
-    with the cutoff.
+    """Measure the six virtual specimens.
+
+    The rows have laws chosen, held-out swings, d_M under wrong moment arms, and change with the
+    cutoff.
     """
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
         yield from pool.imap(specimen_row, SPECIMENS)
@@ -142,8 +146,9 @@ def specimen_row(number: int) -> Row:
 
 
 def measure_attachments() -> Iterator[Row]:
-    """Attachments of a specimen with muscles of full size moved on their bones, and offsets of its
-    arms instead.
+    """Move attachments of a specimen with muscles of full size on their bones.
+
+    Offsets of its moment arms are tried instead.
     """
     made = virtual_specimen(1, full_size=True, trials=2, seconds=8.0)
     tracked = [track(made.specimen, one.swing_trials()) for one in (made.without, made.intact)]
@@ -191,8 +196,9 @@ def measure_attachments() -> Iterator[Row]:
 
 
 def _moved(specimen: Specimen, size: float, random: np.random.Generator) -> Specimen:
-    """The specimen with every muscle's points moved on each bone, all of one muscle on one bone
-    alike.
+    """Return the specimen with every muscle's points moved on each bone.
+
+    All points of one muscle on one bone move alike.
     """
     muscles = {one.name: one for one in specimen.model.muscles}
     for strands in specimen.muscles.values():
@@ -213,7 +219,10 @@ def _moved(specimen: Specimen, size: float, random: np.random.Generator) -> Spec
 
 
 def rubbing_joint(truth: Resistance, seed: int) -> VirtualJoint:
-    """A virtual joint with MuJoCo's dry friction and quadratic damping beside damper and spring."""
+    """Return a virtual joint with MuJoCo's dry friction and quadratic damping.
+
+    It has damper and spring besides.
+    """
     joint = mechanical_joint(truth.kind, truth.viscosity, truth.stiffness, seed, seconds=20.0)
     compiled = mujoco.MjModel.from_xml_string(joint.mjcf)
     compiled.dof_frictionloss[:] = truth.coulomb

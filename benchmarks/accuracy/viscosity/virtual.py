@@ -20,8 +20,9 @@ WORKERS = 2
 
 
 class JointRun(NamedTuple):
-    """One virtual joint and what was found of it; the intervals are of 95 %. `viscosity`, `mass`,
-    `com`: (truth, estimate, low, high) [N m s/rad], [kg], [m].
+    """One virtual joint and its estimates; the intervals are of 95 %.
+
+    `viscosity`, `mass`, `com`: (truth, estimate, low, high) [N m s/rad], [kg], [m].
     """
 
     seed: int
@@ -34,11 +35,10 @@ class JointRun(NamedTuple):
 
 
 def joint_run(seed: int) -> JointRun:
-    """A hinge (even seeds) or ball: damping 0.01 to 0.3 N m s/rad, evenly in its logarithm; spring
-    0 to 5 N m/rad.
+    """Simulate and identify a hinge (even seeds) or ball.
 
-    Every fifth joint has no spring. Markers 0.3 mm, force 0.3 N, moment 0.06 N m, clocks apart by
-    up to 20 ms.
+    Damping is 0.01 to 0.3 N m s/rad, evenly in its logarithm; spring 0 to 5 N m/rad. Every fifth
+    joint has no spring. Markers 0.3 mm, force 0.3 N, moment 0.06 N m; clocks differ by up to 20 ms.
     """
     from myomorph.swings.simulate.laboratory import Noise
     from myomorph.swings.viscosity.identification.identify import (
@@ -83,7 +83,7 @@ def _beside(truth: float, estimate: Interval) -> tuple[float, float, float, floa
 
 
 def joint_runs(seeds: Sequence[int]) -> list[JointRun]:
-    """Runs on both cores, a process each."""
+    """Run joints on both cores, a process each."""
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
         return list(pool.imap(joint_run, seeds, chunksize=5))
 
@@ -93,8 +93,9 @@ JOINT_TARGETS = {"viscosity": (0.03, "%"), "mass": (0.005, "%"), "COM": (0.002, 
 
 
 def measure_joints(runs: int = RUNS) -> Iterable[Row]:
-    """A row a kind of joint and quantity: errors over all runs, and how many intervals hold the
-    truth.
+    """Yield a row for each kind of joint and quantity.
+
+    It has errors over all runs, and how many intervals hold the truth.
     """
     found = joint_runs(range(runs))
     for kind in ("hinge", "ball"):
@@ -183,7 +184,7 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
 
 @lru_cache(maxsize=1)
 def specimen_runs() -> tuple[SpecimenRun, ...]:
-    """The six specimens, then the first with muscles of full size, on both cores."""
+    """Run the six specimens, then the first with muscles of full size, on both cores."""
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
         return tuple(
             pool.imap(specimen_run, [*((number, False) for number in range(1, 7)), (1, True)])
@@ -191,8 +192,10 @@ def specimen_runs() -> tuple[SpecimenRun, ...]:
 
 
 def measure_cohort() -> Iterable[Row]:
-    """A row a quantity: mean of the truth of the six, mean found with its interval, and single
-    specimens' errors.
+    """Yield a row for each quantity.
+
+    It has the mean of the truth of the six, the mean found with its interval, and single specimens'
+    errors.
     """
     from myomorph.swings.viscosity.cohort import cohort
 
@@ -220,8 +223,9 @@ def measure_cohort() -> Iterable[Row]:
 
 
 def measure_muscles() -> Iterable[Row]:
-    """A row a specimen: its muscles' viscosity with exact moment arms, and its spread where arms
-    are in error.
+    """Yield a row for each specimen.
+
+    It has its muscles' viscosity with exact moment arms, and its spread where arms are in error.
     """
     for one in specimen_runs():
         truth = one.truth["muscle_viscosity"]
