@@ -17,5 +17,14 @@ def rms_known(values: ArrayLike) -> float:
 
 
 def rms_of_vectors(values: np.ndarray) -> float:
-    """Root mean square of the lengths of vectors along the last axis."""
+    """Return the root mean square of the norms of vectors.
+
+    Parameters
+    ----------
+    values : (..., n) vectors along the last axis
+
+    Returns
+    -------
+    in the unit of the values
+    """
     return float(np.sqrt(np.mean(np.sum(values**2, axis=-1))))

@@ -165,9 +165,18 @@ def box(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
 
 
 def hands_measured(folder: Path, lift: str) -> Array:
-    """Force of the hands on the box (frames, 3), from the box's motion and the plate under it [N].
+    """Return the force of the hands on the box, from its motion and the plate under it.
 
-    m (a - g) less what the plate carries, which is the box's weight and `Recorded.unloaded`.
+    It is m (a - g) less what the plate carries, which is the box's weight and `Recorded.unloaded`.
+
+    Parameters
+    ----------
+    folder : of the collection
+    lift : name of the recording
+
+    Returns
+    -------
+    (frames, 3) [N]
     """
     model, motion = box(folder, lift)
     carried = -BOX_MASS * model.gravity + recorded(folder, lift).unloaded

@@ -69,7 +69,17 @@ def both(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
 
 
 def plate_on_feet(record: Recorded, time: Array) -> mm.Wrenches:
-    """Assign the plate's force to one foot: what it does to the rest of the body is the same."""
+    """Assign the plate's force to one foot: what it does to the rest of the body is the same.
+
+    Parameters
+    ----------
+    record : with the plate's force
+    time : (frames,) [s]
+
+    Returns
+    -------
+    One wrench, on the right foot
+    """
     return mm.Wrenches(
         time,
         ("plate",),
@@ -89,7 +99,17 @@ def left_floor(folder: Path, lift: str) -> float:
 
 @lru_cache(maxsize=8)
 def holding(folder: Path, lift: str) -> tuple[tuple[Site, ...], Array]:
-    """Return the hands' sites on the box, and how surely each holds it (frames, 2)."""
+    """Return the hands' sites on the box, and how surely each holds it.
+
+    Parameters
+    ----------
+    folder : of the collection
+    lift : name of the recording
+
+    Returns
+    -------
+    Sites, and (frames, 2) contact activations
+    """
     model, motion = both(folder, lift)
     sites = tuple(
         replace(one, against="box_body", group="hands") for one in body_sites(model, HANDS)

@@ -127,7 +127,18 @@ class Prediction:
 
 
 def predict(acceleration: Array, moment: Array, half: NDArray[np.bool_]) -> Prediction:
-    """Fit M = I a + c on one half, predict the other, and the other way round."""
+    """Fit M = I a + c on one half, predict the other, and the other way round.
+
+    Parameters
+    ----------
+    acceleration : (samples,) a of the wheel [rad/s^2]
+    moment : (samples,) M about the axle [N m]
+    half : (samples,) whether a sample is in the first half
+
+    Returns
+    -------
+    The mean of both fits, and what they predict
+    """
     X = np.column_stack([acceleration, np.ones_like(acceleration)])
     predicted = np.empty_like(moment)
     found = []

@@ -283,7 +283,17 @@ def feet_of(hidden: Hidden) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
 
 
 def foot_wrench(tension: Tension, side: str) -> tuple[np.ndarray, np.ndarray]:
-    """Estimated force and moment about the ground's origin (frames, 3) of a foot."""
+    """Return the estimated wrench of a foot.
+
+    Parameters
+    ----------
+    tension : solution with contacts
+    side : "right" or "left"
+
+    Returns
+    -------
+    (frames, 3) force [N], and (frames, 3) moment about the ground's origin [N m]
+    """
     found = tension.contacts
     assert found is not None
     mine = [k for k, one in enumerate(found.sites) if one.group == f"foot_{side[0]}"]

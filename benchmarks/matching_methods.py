@@ -50,7 +50,12 @@ def run() -> list[dict[str, object]]:
 
 
 def persons() -> Iterator[tuple[mm.Surface, mm.Surface, np.ndarray]]:
-    """Source, target and where the source's vertices belong; lengths in shares of the source's."""
+    """Yield pairs of persons' bones, lengths in shares of the source's.
+
+    Yields
+    ------
+    Source, target, and (vertices, 3) where the source's vertices belong
+    """
     for bone in ("femur", "tibia"):
         shapes = leg_shapes()[bone]
         for i, j in PAIRS:
@@ -62,7 +67,12 @@ def persons() -> Iterator[tuple[mm.Surface, mm.Surface, np.ndarray]]:
 
 
 def made() -> Iterator[tuple[mm.Surface, mm.Surface, np.ndarray]]:
-    """Yield the same of bones in a deformation that is known."""
+    """Yield the same of bones in a deformation that is known.
+
+    Yields
+    ------
+    Source, target, and (vertices, 3) where the source's vertices belong
+    """
     for name in ("humerus", "r_pelvis"):
         bone = real_bone(name, 0.012)
         yield bone, made_target(bone), deformed(bone.vertices, bone)
@@ -91,7 +101,19 @@ def ways() -> dict[str, Way]:
 def judged(
     way: Way, source: mm.Surface, target: mm.Surface, truth: np.ndarray
 ) -> tuple[float, float, float]:
-    """Errors along the surface and distance before it [mm], seconds of the processor."""
+    """Measure one way to match two bones.
+
+    Parameters
+    ----------
+    way : to match
+    source : surface
+    target : surface
+    truth : (vertices, 3) where the source's vertices belong
+
+    Returns
+    -------
+    Errors along the surface [mm], distance before it [mm], and seconds of the processor
+    """
     size = 1.0 / float(np.ptp(source.vertices, axis=0).max())
     ours = Shape(mm.Surface(size * source.vertices, source.faces))
     goal = Shape(mm.Surface(size * target.vertices, target.faces))

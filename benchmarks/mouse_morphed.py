@@ -231,7 +231,16 @@ class OnOnePaw:
         return f"mouse__{self.side}{joint}"
 
     def acceleration(self, joint: str) -> Array:
-        """(frames,) of a joint's coordinate [rad/s²]."""
+        """Return the acceleration of a joint's coordinate.
+
+        Parameters
+        ----------
+        joint : of the leg
+
+        Returns
+        -------
+        (frames,) [rad/s²]
+        """
         assert self.motion.accelerations is not None
         return np.asarray(
             self.motion.accelerations[:, self.motion.names.index(self.coordinate(joint))]
@@ -286,7 +295,16 @@ class OnOnePaw:
         return tuple(found)
 
     def moments(self, model: mm.Model) -> Array:
-        """(muscles, joints) moment of each fully active muscle where reserves are largest [N m]."""
+        """Return the moment of each fully active muscle where reserves are largest.
+
+        Parameters
+        ----------
+        model : with the muscles
+
+        Returns
+        -------
+        (muscles, joints) [N m]
+        """
         pose = part_of(self.motion, np.array([self.worst]))
         found = mm.muscle_kinematics(model, pose)
         assert found.muscle_velocity is not None

@@ -28,7 +28,16 @@ class ToolResult:
 
 
 def read_table(path: Path) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
-    """Time, names and values of a MOT or STO file."""
+    """Read a MOT or STO file.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    (rows,) times [s], names of the other columns, and (rows, columns) their values
+    """
     with open(path) as file:
         for line in file:
             if line.strip().lower() == "endheader":

@@ -264,7 +264,16 @@ class Alignment:
         return Shape(self._there.surface((target, *FUSED.get(target, ()))))
 
     def attachments(self, body: str) -> np.ndarray:
-        """(n, 3) ends of muscles on a body of the anatomist's [m]."""
+        """Return the ends of muscles on a body of the anatomist's.
+
+        Parameters
+        ----------
+        body : of the anatomist's model
+
+        Returns
+        -------
+        (n, 3) in its frame [m]
+        """
         ends = [
             point
             for one in self._anatomist.muscles
@@ -309,7 +318,17 @@ def _reach(joints: Mapping[str, np.ndarray]) -> float:
 
 
 def segment_frame(along: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """Rows along a segment, across it, and at right angles to both."""
+    """Return the axes of a segment: along it, across it, and at right angles to both.
+
+    Parameters
+    ----------
+    along : (3,) from one joint to the other
+    across : (3,) direction that the second axis comes near
+
+    Returns
+    -------
+    (3, 3) unit vectors as rows
+    """
     first = along / np.linalg.norm(along)
     second = across - first * (across @ first)
     second /= np.linalg.norm(second)

@@ -66,7 +66,17 @@ def walk(folder: Path, rate: float = RATE) -> tuple[mm.Model, mm.Motion]:
 
 
 def on_feet(model: mm.Model, motion: mm.Motion) -> tuple[tuple[Site, ...], np.ndarray]:
-    """Sites under the feet and how ready each is."""
+    """Return sites under the feet and their activations.
+
+    Parameters
+    ----------
+    model : with the feet
+    motion : with derivatives
+
+    Returns
+    -------
+    Sites, and (frames, sites) contact activations
+    """
     sites = foot_sites(model)
     contacts = mm.find_contacts(model, motion, sites)
     return sites, contact_activations(model, motion, sites, contacts).values
@@ -155,7 +165,18 @@ def _task(
 
 
 def quadratic(problem: TensionProblem, given: Balance, keep: np.ndarray) -> QuadraticFrames:
-    """Write some frames as minimize sum x^2: every variable scaled by the root of its weight."""
+    """Write some frames as minimize sum x^2: every variable scaled by the root of its weight.
+
+    Parameters
+    ----------
+    problem : to solve
+    given : balance of all frames
+    keep : (n,) indices of the frames
+
+    Returns
+    -------
+    The quadratic programs of these frames
+    """
     S = problem.separable
     root = np.sqrt(S.weight)
     columns = np.repeat(np.arange(len(root)), np.diff(S.start))

@@ -110,7 +110,16 @@ def real_model() -> mm.Model:
 
 
 def other_masses(model: mm.Model) -> np.ndarray:
-    """(bodies, 10) the body that moves: the model's parameters changed by up to a fifth."""
+    """Return the body that moves: the model's parameters changed by up to a fifth.
+
+    Parameters
+    ----------
+    model : the generic one
+
+    Returns
+    -------
+    (bodies, 10) inertial parameters
+    """
     return inertial_parameters(model) * np.random.default_rng(1).uniform(
         0.8, 1.2, (len(model.bodies), 10)
     )

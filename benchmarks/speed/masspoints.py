@@ -89,9 +89,17 @@ def made_links() -> Links:
 
 
 def measured(body: MassPoints) -> tuple[np.ndarray, np.ndarray]:
-    """Return A and b in units of noise of a true body.
+    """Return the equations A phi = b of a true body.
 
     Its points weigh 0 to 2 times the reference, unevenly.
+
+    Parameters
+    ----------
+    body : points with their reference masses
+
+    Returns
+    -------
+    (`ROWS`, 10 `LINKS`) A, and (`ROWS`,) b with noise, in units of noise
     """
     random = np.random.default_rng(1)
     A = 30.0 * random.normal(size=(ROWS, 10 * LINKS))
@@ -245,7 +253,19 @@ class Program:
     def of(
         body: MassPoints, A: np.ndarray, b: np.ndarray, options: MassPointOptions | None = None
     ) -> Program:
-        """Return the problem with all that ours never forms."""
+        """Return the problem with all that ours never forms.
+
+        Parameters
+        ----------
+        body : points with their reference masses
+        A : (rows, 10 links) in units of noise
+        b : (rows,) in units of noise
+        options : of the prior, defaults for None
+
+        Returns
+        -------
+        The program
+        """
         options = options or MassPointOptions()
         sd = np.sqrt(prior_variances(body, options))
         moments = point_moments(body.points).T
@@ -264,13 +284,31 @@ class Program:
         return self.B.T @ self.B + np.eye(len(self.sd))
 
     def objective(self, change: np.ndarray) -> float:
-        """Of masses less the reference."""
+        """Return the cost of masses.
+
+        Parameters
+        ----------
+        change : (points,) masses less the reference [kg]
+
+        Returns
+        -------
+        |B u - t|^2 / 2 + |u|^2 / 2
+        """
         u = change / self.sd
         return 0.5 * float(np.sum((self.B @ u - self.t) ** 2) + u @ u)
 
 
 def by_piqp(program: Program) -> np.ndarray:
-    """PIQP with the dense matrix."""
+    """Solve by PIQP with the dense matrix.
+
+    Parameters
+    ----------
+    program : to solve
+
+    Returns
+    -------
+    (points,) u
+    """
     import piqp
 
     n = len(program.sd)
@@ -291,7 +329,16 @@ def by_piqp(program: Program) -> np.ndarray:
 
 
 def by_piqp_rows(program: Program) -> np.ndarray:
-    """PIQP with the rows' misses as variables, so that the low rank is there to be found."""
+    """Solve by PIQP with the rows' residuals as variables, so that it can use the low rank.
+
+    Parameters
+    ----------
+    program : to solve
+
+    Returns
+    -------
+    (points,) u
+    """
     import piqp
 
     rows, n = program.B.shape
@@ -313,7 +360,16 @@ def by_piqp_rows(program: Program) -> np.ndarray:
 
 
 def by_clarabel_rows(program: Program) -> np.ndarray:
-    """Clarabel with the rows' misses as variables."""
+    """Solve by Clarabel with the rows' residuals as variables.
+
+    Parameters
+    ----------
+    program : to solve
+
+    Returns
+    -------
+    (points,) u
+    """
     import clarabel
 
     rows, n = program.B.shape
@@ -338,7 +394,16 @@ def by_clarabel_rows(program: Program) -> np.ndarray:
 
 
 def by_proxqp(program: Program) -> np.ndarray:
-    """ProxQP, dense."""
+    """Solve by ProxQP, dense.
+
+    Parameters
+    ----------
+    program : to solve
+
+    Returns
+    -------
+    (points,) u
+    """
     import proxsuite
 
     n = len(program.sd)

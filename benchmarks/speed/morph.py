@@ -101,12 +101,32 @@ def measure_transfer() -> dict[str, object]:
 
 
 def apply(maps: list[PointMap], places: list[Array]) -> list[Array]:
-    """Points alone."""
+    """Map points alone.
+
+    Parameters
+    ----------
+    maps : one per bone
+    places : (k, 3) points of each bone [m]
+
+    Returns
+    -------
+    (k, 3) of each bone [m]
+    """
     return [one.apply(points) for one, points in zip(maps, places, strict=True)]
 
 
 def carry(maps: list[PointMap], places: list[Array]) -> list[tuple[Array, Array, np.ndarray]]:
-    """Points, what turns directions there, and where space is inside out."""
+    """Map points with all that a transfer of muscles needs there.
+
+    Parameters
+    ----------
+    maps : one per bone
+    places : (k, 3) points of each bone [m]
+
+    Returns
+    -------
+    Of each bone (k, 3) points [m], (k, 3, 3) Jacobians, and (k,) where the map is inverted
+    """
     pairs = zip(maps, places, strict=True)
     return [
         (one.apply(points), one.jacobian(points), inverted(one, points)) for one, points in pairs
@@ -126,7 +146,16 @@ def made_bone(seed: int, features: int) -> FeaturePoints:
 
 
 def muscle_points(bones: list[FeaturePoints]) -> list[Array]:
-    """Points (k, 3) on and beside each bone, 3,000 in all."""
+    """Draw points on and beside each bone, 3,000 in all.
+
+    Parameters
+    ----------
+    bones : feature points of each
+
+    Returns
+    -------
+    (k, 3) of each bone [m]
+    """
     random = np.random.default_rng(0)
     places = []
     for share, one in zip(np.array_split(np.arange(POINTS), SYNTHETIC_BONES), bones, strict=True):

@@ -142,7 +142,18 @@ def muscle_row(name: str, model_path: Path, motion_path: Path, rounds: int) -> d
 
 
 def opensim_muscles(model_path: Path, model: mm.Model, values: np.ndarray) -> Callable[[], None]:
-    """Return a loop over frames, muscles and coordinates, as OpenSim's users write it."""
+    """Return a loop over frames, muscles and coordinates, as OpenSim's users write it.
+
+    Parameters
+    ----------
+    model_path : OpenSim's model
+    model : the same of ours, with the order of coordinates
+    values : (frames, coordinates) [rad or m]
+
+    Returns
+    -------
+    The loop
+    """
     theirs = opensim.Model(str(model_path))
     state = theirs.initSystem()
     muscles = theirs.getMuscles()

@@ -122,7 +122,17 @@ def frames_of(folder: Path, case: QpCase) -> QuadraticFrames:
 
 
 def by_dual(frames: QuadraticFrames, warm: bool) -> np.ndarray:
-    """Ours; warm-started from frame to frame, or each frame cold."""
+    """Solve by ours.
+
+    Parameters
+    ----------
+    frames : the programs
+    warm : started from frame to frame, else each frame cold
+
+    Returns
+    -------
+    (frames, variables)
+    """
     count = len(frames.values)
     penalties = np.zeros((1, 3, len(frames.separable.weight)))
     parts = [slice(0, count)] if warm else [slice(k, k + 1) for k in range(count)]
@@ -135,7 +145,17 @@ def by_dual(frames: QuadraticFrames, warm: bool) -> np.ndarray:
 
 
 def by_piqp(frames: QuadraticFrames, sparse: bool) -> Callable[[], np.ndarray]:
-    """PIQP (proximal interior point)."""
+    """Prepare PIQP (proximal interior point).
+
+    Parameters
+    ----------
+    frames : the programs
+    sparse : matrices, else dense ones
+
+    Returns
+    -------
+    Function that solves them: (frames, variables)
+    """
     import piqp
 
     n = len(frames.lower)
@@ -155,9 +175,17 @@ def by_piqp(frames: QuadraticFrames, sparse: bool) -> Callable[[], np.ndarray]:
 
 
 def by_proxqp(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
-    """Solve by ProxQP, dense (augmented Lagrangian).
+    """Prepare ProxQP, dense (augmented Lagrangian).
 
     There is a new object for each frame, as updating one crashes in 0.8.0.
+
+    Parameters
+    ----------
+    frames : the programs
+
+    Returns
+    -------
+    Function that solves them: (frames, variables)
     """
     import proxsuite
 
@@ -182,7 +210,16 @@ def by_proxqp(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
 
 
 def by_clarabel(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
-    """Clarabel (interior point)."""
+    """Prepare Clarabel (interior point).
+
+    Parameters
+    ----------
+    frames : the programs
+
+    Returns
+    -------
+    Function that solves them: (frames, variables)
+    """
     import clarabel
 
     n = len(frames.lower)
@@ -211,7 +248,16 @@ def by_clarabel(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
 
 
 def by_daqp(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
-    """DAQP (dual active set)."""
+    """Prepare DAQP (dual active set).
+
+    Parameters
+    ----------
+    frames : the programs
+
+    Returns
+    -------
+    Function that solves them: (frames, variables)
+    """
     import ctypes
 
     import daqp
@@ -238,7 +284,16 @@ def by_daqp(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
 
 
 def solvers_of(frames: QuadraticFrames) -> dict[str, Callable[[], np.ndarray]]:
-    """Ours and maintained ones, ready to run."""
+    """Prepare ours and maintained solvers.
+
+    Parameters
+    ----------
+    frames : the programs
+
+    Returns
+    -------
+    By name, functions that solve them: (frames, variables)
+    """
     return {
         "ours, warm": lambda: by_dual(frames, True),
         "ours, cold": lambda: by_dual(frames, False),

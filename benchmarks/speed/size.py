@@ -38,7 +38,18 @@ def _chain() -> list[dict[str, object]]:
 
 
 def simulated(model: mm.Model, pose: np.ndarray, frames: int) -> tuple[mm.Markers, mm.Motion]:
-    """Markers and coordinates of a slow swing about a pose."""
+    """Simulate a slow swing about a pose.
+
+    Parameters
+    ----------
+    model : that swings
+    pose : (coordinates,) [rad or m]
+    frames : of the swing
+
+    Returns
+    -------
+    Markers and motion
+    """
     rng = np.random.default_rng(0)
     tree = compile_tree(model)
     time_ = np.arange(frames) / RATE

@@ -117,6 +117,16 @@ def force_errors(hidden: Hidden, force: np.ndarray, found: np.ndarray) -> dict[s
     """Return the root mean square error of each component [%].
 
     It is divided by the component's peak-to-peak range, and by the weight.
+
+    Parameters
+    ----------
+    hidden : recording, with the frames that count
+    force : (frames, 3) measured [N]
+    found : (frames, 3) estimated [N]
+
+    Returns
+    -------
+    Both ratios of the three components [%], by column
     """
     use = hidden.use
     errors = np.sqrt(np.mean((found - force)[use] ** 2, axis=0))
@@ -132,7 +142,18 @@ def force_errors(hidden: Hidden, force: np.ndarray, found: np.ndarray) -> dict[s
 def center_errors(
     hidden: Hidden, measured: tuple[np.ndarray, np.ndarray], found: tuple[np.ndarray, np.ndarray]
 ) -> dict[str, object]:
-    """Distance of the centers of pressure while both forces carry 5 % of the weight [mm]."""
+    """Return the distance of the centers of pressure while both forces carry 5 % of the weight.
+
+    Parameters
+    ----------
+    hidden : recording, with the frames that count
+    measured : (frames, 3) force [N], and (frames, 3) moment about the ground's origin [N m]
+    found : the same, estimated
+
+    Returns
+    -------
+    Root mean square and median of the distance [mm], by column
+    """
     use = (
         hidden.use
         & (measured[0][:, 1] > LOADED * hidden.weight)

@@ -65,7 +65,16 @@ def matched(
 
 
 def impulse_errors(pairs: list[tuple[Truth, HeardImpact]]) -> np.ndarray:
-    """Relative errors of the impulses that did not calibrate."""
+    """Return the relative errors of the impulses that did not calibrate.
+
+    Parameters
+    ----------
+    pairs : true impacts with those that were heard
+
+    Returns
+    -------
+    (impacts,) errors over the true impulses
+    """
     errors = []
     for drum in dict.fromkeys(one.drum for one, _ in pairs):
         mine = [(s.energy, one.impulse) for one, s in pairs if one.drum == drum]

@@ -174,7 +174,7 @@ def channels(made: Climb, noise: float, cross: Array | None, seed: int = 0) -> m
     ----------
     made : the climb
     noise : standard deviation of white noise [body weights]; of moments, times 10 mm
-    cross : crosstalk
+    cross : (6, 6) cross-talk of forces and moments, None for none
     seed : of the noise
 
     Returns
@@ -204,7 +204,20 @@ def channels(made: Climb, noise: float, cross: Array | None, seed: int = 0) -> m
 def recovered(
     made: Climb, axes: int, read: mm.Series, away: float = 0.0, given: Array | None = None
 ) -> mm.Wrenches:
-    """Wrenches on the paws from cells of some axes; `away` displaces the paws [m]."""
+    """Return the wrenches on the paws from cells of some axes.
+
+    Parameters
+    ----------
+    made : the climb
+    axes : number of axes of a cell: 1, 3 or 6
+    read : channels of all cells
+    away : displacement of the paws [m]
+    given : (6, 6) known cross-talk, None for none
+
+    Returns
+    -------
+    Wrenches on the paws
+    """
     steps = []
     for step in made.steps:
         names = AXES[axes]

@@ -200,7 +200,18 @@ def part(trials: dict[str, Usable], name: str) -> Usable:
 def identified(
     folder: Path, subject: Subject, train: tuple[str, ...]
 ) -> tuple[Identification, dict[str, np.ndarray]]:
-    """Return the identification of a split, and parameters of every way of it."""
+    """Identify a split in every way.
+
+    Parameters
+    ----------
+    folder : of the collection
+    subject : whose trials are used
+    train : names of the trials, or of parts of them
+
+    Returns
+    -------
+    The identification, and (bodies, 10) parameters of every way by its name
+    """
     model, trials = opened(folder, subject)
     body = BodyOptions(spacing=SPACING)
     points: dict[str, MassPoints] = {}
@@ -237,7 +248,19 @@ def misfit(
     recording: Recording,
     tissue: SoftTissue | None,
 ) -> dict[str, np.ndarray]:
-    """(moment, force) root mean square error of every set of parameters [N m], [N]."""
+    """Return the root mean square error of every set of parameters.
+
+    Parameters
+    ----------
+    model : of the subject
+    parameters : (bodies, 10) inertial parameters by name
+    recording : to predict
+    tissue : identified soft tissue, None for none
+
+    Returns
+    -------
+    (2,) errors of moment [N m] and force [N] by name
+    """
     base = base_parameters(model, held=held_in(model, [recording.motion]))
     markers = parts_of(model, [recording], base, least=1)
     parts = (

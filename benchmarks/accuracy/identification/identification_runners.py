@@ -339,9 +339,19 @@ def measure_intervals(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def drawn_body(model: mm.Model, heavy: np.ndarray, random: np.random.Generator) -> Array:
-    """Return parameters of a possible body near the model.
+    """Draw parameters of a possible body near the model.
 
     Each link's distribution of mass is stretched and sheared.
+
+    Parameters
+    ----------
+    model : the generic one
+    heavy : (bodies,) whether a body has mass
+    random : to draw with
+
+    Returns
+    -------
+    (bodies, 10) inertial parameters with the model's mass
     """
     generic = inertial_parameters(model)
     truth = generic.copy()

@@ -235,7 +235,18 @@ def _with_errors(found: Recording, truth: Truth, seed: int) -> SubjectTrial:
 
 
 def waving_skin(values: Array, time: Array, seed: int) -> Array:
-    """Move markers (frames, markers, 3) on the body by 5 mm, see `with_skin`."""
+    """Move markers on the body by 5 mm, see `with_skin`.
+
+    Parameters
+    ----------
+    values : (frames, markers, 3) positions on the bones [m]
+    time : (frames,) [s]
+    seed : of the waves
+
+    Returns
+    -------
+    (frames, markers, 3) [m]
+    """
     return with_skin(values, time, SKIN, seed)
 
 

@@ -250,7 +250,16 @@ def fitted(model: mm.Model, got: Trials) -> tuple[base.BaseFit, list[Usable]]:
 
 
 def standard_of(fit: base.BaseFit) -> Array:
-    """(bodies, 10) standard parameters that have the base parameters found, the others zero."""
+    """Return standard parameters that have the estimated base parameters, the others zero.
+
+    Parameters
+    ----------
+    fit : estimated base parameters
+
+    Returns
+    -------
+    (bodies, 10)
+    """
     table = np.zeros(10 * len(fit.base.bodies))
     table[fit.base.columns] = fit.estimate
     return table.reshape(-1, 10)

@@ -66,7 +66,15 @@ def same_movement(
 ) -> tuple[mm.Motion, np.ndarray]:
     """Return the higher model's motion that follows the lower one's markers and joint centers.
 
-    Marker errors [m] are returned with it.
+    Parameters
+    ----------
+    lower : model with fewer joints
+    motion : of the lower model
+    found : transfer to the higher model
+
+    Returns
+    -------
+    The motion, and (frames,) root mean square marker errors [m]
     """
     keys = tuple(found.joint_errors)
     seen = marker_motion(with_centers(lower, keys), motion)
@@ -82,7 +90,18 @@ def same_movement(
 
 
 def wrench(model: mm.Model, motion: mm.Motion, points: np.ndarray) -> np.ndarray:
-    """(frames, 6) external wrench about points (frames, 3) that a motion needs [N m, N]."""
+    """Return the external wrench that a motion needs.
+
+    Parameters
+    ----------
+    model : that moves
+    motion : with derivatives
+    points : (frames, 3) about which the moment is, in ground [m]
+
+    Returns
+    -------
+    (frames, 6) moment [N m] and force [N]
+    """
     rows = base_regressor(model, motion, np.zeros(3))
     needed = np.einsum("fij,j->fi", rows, inertial_parameters(model).ravel())
     needed[:, :3] -= np.cross(points, needed[:, 3:])

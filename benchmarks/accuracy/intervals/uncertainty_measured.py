@@ -187,9 +187,18 @@ def joined(parts: Sequence[Held]) -> Held:
 
 
 def held_at(time: Array, truth: Array, tables: Sequence[mm.Table], column: str) -> Held:
-    """Compare a column of the tables of a study with the truth, at times.
+    """Compare a column of the tables of a study with the truth.
 
-    The tables are those of lower bounds, values and upper bounds.
+    Parameters
+    ----------
+    time : (samples,) [s]
+    truth : (samples,) measured, in the unit of the column
+    tables : lower bounds, values and upper bounds
+    column : name of the column
+
+    Returns
+    -------
+    The truth, and the tables at its times
     """
     low, found, high = tables
     return Held(
@@ -203,7 +212,21 @@ def held_at(time: Array, truth: Array, tables: Sequence[mm.Table], column: str) 
 def drawn(
     folder: Path, hidden: Hidden, steps: str, table: str, options: str, forces: str
 ) -> tuple[tuple[mm.Table, mm.Table, mm.Table], Array]:
-    """`limits` of a table of a study of a recording, and the frames that it is compared in."""
+    """Run a study of a recording and read the intervals of one of its tables.
+
+    Parameters
+    ----------
+    folder : of the collection
+    hidden : the recording
+    steps : of the study, as its file has them
+    table : stem of the table's file
+    options : further lines of the study file
+    forces : entries of the trial that specify its forces
+
+    Returns
+    -------
+    Tables of lower bounds, values and upper bounds, and (frames,) indices of the frames to compare
+    """
     case = hidden.case
     time = hidden.motion.time
     used = time[hidden.use]

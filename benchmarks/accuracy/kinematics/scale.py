@@ -191,7 +191,16 @@ def prepare(data: Path, case: ScaleCase, folder: Path) -> Path:
 
 
 def largest(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """Largest difference of the members of any pair."""
+    """Return the largest difference of the members of any pair.
+
+    Parameters
+    ----------
+    pairs : arrays of one shape each
+
+    Returns
+    -------
+    0 where there is none
+    """
     return max(
         (float(np.max(np.abs(np.asarray(a) - np.asarray(b)), initial=0.0)) for a, b in pairs),
         default=0.0,
@@ -236,7 +245,21 @@ def compare_models(ours: mm.Model, theirs: mm.Model) -> dict[str, float]:
 
 
 def marker_distances(ours: mm.Model, theirs: mm.Model) -> np.ndarray:
-    """Distance of each marker in its body [m]; `ValueError` where the sets of markers differ."""
+    """Return the distance of each marker in its body.
+
+    Parameters
+    ----------
+    ours, theirs : models with the same markers
+
+    Returns
+    -------
+    (markers,) in the order of ours [m]
+
+    Raises
+    ------
+    ValueError
+        where the sets of markers differ, or a marker is on another body
+    """
     if set(ours.marker_names) != set(theirs.marker_names):
         raise ValueError(f"other markers: {set(ours.marker_names) ^ set(theirs.marker_names)}")
     pairs = [(one, theirs.marker(one.name)) for one in ours.markers]
@@ -248,11 +271,21 @@ def marker_distances(ours: mm.Model, theirs: mm.Model) -> np.ndarray:
 def minimum_of_opensim(
     setup: Path, scaled: Path, start_pose: dict[str, float]
 ) -> dict[str, np.ndarray]:
-    """Return markers (3,) in their bodies at the pose that minimizes the placer's cost.
+    """Return markers at the pose that minimizes the placer's cost.
 
     The cost is, over OpenSim's own kinematics, by SciPy from OpenSim's result,
 
         sum_m w_m |x_m(q) - y_m|^2 / sum_m w_m + sum_j v_j (q_j - default_j)^2
+
+    Parameters
+    ----------
+    setup : file of the ScaleTool
+    scaled : model with scaled segments, in the same folder
+    start_pose : coordinates by name [rad or m]
+
+    Returns
+    -------
+    (3,) location in its body [m], by marker
     """
     with inside(setup.parent):
         tool = opensim.ScaleTool(setup.name)

@@ -275,6 +275,15 @@ def same_rows(ours: np.ndarray, theirs: np.ndarray) -> tuple[np.ndarray, np.ndar
     """Return the rows of two tables that stand at one time, to a microsecond.
 
     They are all of them where the tables have as many.
+
+    Parameters
+    ----------
+    ours : (rows,) times [s]
+    theirs : (rows,) times [s]
+
+    Returns
+    -------
+    (n,) indices into ours, and (n,) into theirs
     """
     if len(ours) == len(theirs):
         return np.arange(len(ours)), np.arange(len(ours))

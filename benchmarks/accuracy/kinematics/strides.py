@@ -122,7 +122,17 @@ BESIDE = 0.08
 
 
 def recorded(folder: Path, walk: Walk) -> tuple[mm.Markers, mm.Wrenches, Array]:
-    """Markers, plates and up."""
+    """Read markers and plates of a walk.
+
+    Parameters
+    ----------
+    folder : of the collection
+    walk : to read
+
+    Returns
+    -------
+    Markers; wrenches; (3,) the unit vector that points up
+    """
     up = np.eye(3)["xyz".index(walk.up)]
     if walk.loads:
         return read_markers(folder / walk.file), read_external_loads(folder / walk.loads), up

@@ -42,7 +42,18 @@ def _root() -> Array:
 
 
 def animals(rng: np.random.Generator, count: int, curves: int) -> Array:
-    """Curves (animals, curves, 101), smooth as a joint's angle and related to each other."""
+    """Draw curves, smooth as a joint's angle and related to each other.
+
+    Parameters
+    ----------
+    rng : to draw with
+    count : of animals
+    curves : of each animal
+
+    Returns
+    -------
+    (animals, curves, 101) with mean 0 and variance near 1
+    """
     own = rng.standard_normal((count, curves, len(PERCENT))) @ _root().T
     shared = rng.standard_normal((count, 1, len(PERCENT))) @ _root().T
     found: Array = np.sqrt(0.6) * own + np.sqrt(0.4) * shared
@@ -159,7 +170,18 @@ RELABELLINGS = 400
 
 
 def pooled_p(first: Array, second: Array, rng: np.random.Generator) -> Array:
-    """(numbers,) p by relabelling with pooled variance, corrected for all: the rule before."""
+    """Return p by relabelling with pooled variance, corrected for all: the earlier rule.
+
+    Parameters
+    ----------
+    first : (animals, ...) numbers of one group
+    second : (animals, ...) numbers of the other
+    rng : to relabel with
+
+    Returns
+    -------
+    (numbers,)
+    """
     values = np.concatenate([first, second]).reshape(len(first) + len(second), -1)
     largest = []
     for way in range(RELABELLINGS):

@@ -91,10 +91,19 @@ class Deformation:
 
 @cache
 def bone(body: str) -> tuple[mm.Surface, np.ndarray, np.ndarray]:
-    """Return a bone of the model, the muscle points fixed to it, and which of them are on it.
+    """Return a bone of the model and the muscle points fixed to it.
 
-    On a bone are the ends of paths, and what is nearer to the surface than `WITHIN`; the rest are
-    points in the flesh beside it. Of the talus, which has no muscle points, points of its surface.
+    On a bone are the ends of paths, and what is nearer to the surface than `WITHIN`. The rest are
+    points in soft tissue beside it. Of the talus, which has no muscle points, they are points of
+    its surface.
+
+    Parameters
+    ----------
+    body : of the bone
+
+    Returns
+    -------
+    The surface; (n, 3) the points in the body's frame [m]; (n,) which of them are on the bone
     """
     model = mm.read_model(data_folder() / MODEL)
     surface = repaired_bone(source_bones(model, data_folder() / GEOMETRY)[body], body, [])
@@ -123,7 +132,16 @@ def deformed(surface: mm.Surface, deformation: Deformation) -> mm.Surface:
 
 
 def three_landmarks(surface: mm.Surface) -> np.ndarray:
-    """Vertices (3, 3) as far from each other as they go: ends of the bone."""
+    """Return vertices as far from each other as they go: ends of the bone.
+
+    Parameters
+    ----------
+    surface : of the bone
+
+    Returns
+    -------
+    (3, 3) [m]
+    """
     vertices = surface.vertices
     chosen = [int(np.argmax(np.linalg.norm(vertices - vertices.mean(axis=0), axis=1)))]
     away = np.linalg.norm(vertices - vertices[chosen[0]], axis=1)
@@ -194,6 +212,14 @@ def errors(found: list[tuple[np.ndarray, ...]]) -> Row:
     """Return errors of attachments of several targets.
 
     The row has those of a whole-bone similarity too, and how often intervals hold.
+
+    Parameters
+    ----------
+    found : of each target (n,) errors, intervals, and errors of a similarity [m]
+
+    Returns
+    -------
+    The row
     """
     away, within, scaled = map(np.concatenate, zip(*found, strict=True))
     return {
@@ -208,7 +234,16 @@ def errors(found: list[tuple[np.ndarray, ...]]) -> Row:
 
 
 def in_flesh(found: list[tuple[np.ndarray, ...]]) -> Row:
-    """Of points beside the bones: how many of a target, errors, and how often intervals hold."""
+    """Return errors of points beside the bones, and how often intervals hold.
+
+    Parameters
+    ----------
+    found : of each target (n,) errors, intervals, and errors of a similarity [m]
+
+    Returns
+    -------
+    The row, with the number of points of a target
+    """
     away, within, _ = map(np.concatenate, zip(*found, strict=True))
     known = len(away) > 0
     return {

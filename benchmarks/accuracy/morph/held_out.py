@@ -139,6 +139,16 @@ def spread_nodes(nodes: Array, places: Array, count: int) -> np.ndarray:
 
     First come those nearest to positions as far from each other as they go, then nodes of the whole
     as far as they go.
+
+    Parameters
+    ----------
+    nodes : (n, 3) [m]
+    places : (k, 3) positions [m]
+    count : of nodes to choose
+
+    Returns
+    -------
+    (count,) indices, fewer where there are not so many nodes
     """
     chosen = [int(np.argmax(np.linalg.norm(nodes - nodes.mean(axis=0), axis=1)))]
     away = np.linalg.norm(nodes - nodes[chosen[0]], axis=1)

@@ -325,13 +325,32 @@ def measure_pairs(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def spread(values: np.ndarray) -> str:
-    """Least and most of moment arms, without their sign [mm]."""
+    """Write least and greatest moment arm, without their sign.
+
+    Parameters
+    ----------
+    values : moment arms in any shape [m]
+
+    Returns
+    -------
+    Text [mm]
+    """
     sizes = 1e3 * np.abs(values)
     return f"{sizes.min():.0f} to {sizes.max():.0f}"
 
 
 def scaled(surface: mm.Surface, factor: float | np.ndarray) -> mm.Surface:
-    """Return a surface in another size."""
+    """Return a surface in another size.
+
+    Parameters
+    ----------
+    surface : to scale
+    factor : one, or (3,) of the axes
+
+    Returns
+    -------
+    The surface, its faces unchanged
+    """
     return mm.Surface(surface.vertices * factor, surface.faces)
 
 

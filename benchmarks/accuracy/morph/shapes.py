@@ -68,12 +68,32 @@ class Attachments:
     axes: Array
 
     def on(self, nodes: Array) -> Array:
-        """(k, 3) of a person [m]."""
+        """Return the points of a person.
+
+        Parameters
+        ----------
+        nodes : (n, 3) of the person's bone [m]
+
+        Returns
+        -------
+        (k, 3) [m]
+        """
         points: Array = np.einsum("kc,kcx->kx", self.shares, nodes[self.corners])
         return points
 
     def beside(self, nodes: Array, faces: Indices, height: float) -> Array:
-        """(k, 3) so high above them, along the mean normal of the surface around."""
+        """Return points above those of a person, along the mean normal of the surface around.
+
+        Parameters
+        ----------
+        nodes : (n, 3) of the person's bone [m]
+        faces : (m, 3) of the bone
+        height : above the points [m]
+
+        Returns
+        -------
+        (k, 3) [m]
+        """
         normals = self.around @ _normals(nodes, faces)
         above: Array = self.on(nodes) + height * normals / np.linalg.norm(
             normals, axis=1, keepdims=True
@@ -160,7 +180,16 @@ def cases(template: str) -> tuple[Case, ...]:
 
 
 def mean_shape(nodes: Array) -> Array:
-    """Mean (n, 3) of persons (m, n, 3) laid on each other without changing their sizes."""
+    """Return the mean of persons laid on each other without changing their sizes.
+
+    Parameters
+    ----------
+    nodes : (m, n, 3) of m persons [m]
+
+    Returns
+    -------
+    (n, 3) [m]
+    """
     mean = nodes[0]
     for _ in range(3):
         mean = np.mean([procrustes(one, mean).apply(one) for one in nodes], axis=0)
@@ -168,7 +197,17 @@ def mean_shape(nodes: Array) -> Array:
 
 
 def spread_landmarks(case: Case, count: int) -> Indices:
-    """Nodes of the template as far from each other as they go: the bone's extremes."""
+    """Return nodes of the template as far from each other as they go: the bone's extremes.
+
+    Parameters
+    ----------
+    case : with the template
+    count : of nodes
+
+    Returns
+    -------
+    (count,) indices
+    """
     return _farthest(case.template, count)
 
 
@@ -176,6 +215,15 @@ def attached_landmarks(case: Case, count: int) -> Indices:
     """Return nodes of the template near attachments, then extremes.
 
     They are the nearest to attachments that are as far from each other as they go.
+
+    Parameters
+    ----------
+    case : with the template
+    count : of nodes
+
+    Returns
+    -------
+    (count,) indices
     """
     points = attachments()[case.bone].on(case.template)
     first = cKDTree(case.template).query(points[_farthest(points, min(count, len(points)))])[1]
@@ -200,6 +248,16 @@ def scaled_by_pairs(case: Case, landmarks: Indices, picked: Array) -> PointMap:
     """Scale each axis of the body by the distance of two markers, as OpenSim's Scale Tool does.
 
     They are those furthest apart along the axis.
+
+    Parameters
+    ----------
+    case : template and person
+    landmarks : (k,) nodes of the template
+    picked : (k, 3) the same of the person [m]
+
+    Returns
+    -------
+    Map of the template's points
     """
     axes = attachments()[case.bone].axes
     given = case.template[landmarks]
@@ -218,6 +276,16 @@ def scaled_by_extents(case: Case, landmarks: Indices, picked: Array) -> PointMap
     """Scale each axis by the extent of the whole bone, placed by all its nodes.
 
     That is more than a user of markers can know.
+
+    Parameters
+    ----------
+    case : template and person
+    landmarks : not used, as in every `Maker`
+    picked : not used
+
+    Returns
+    -------
+    Map of the template's points
     """
     axes = attachments()[case.bone].axes
     aligned = procrustes(case.person, case.template).apply(case.person)
@@ -260,7 +328,19 @@ class Errors:
 def carried(
     make: Maker, landmarks: Callable[[Case], Indices], some: tuple[Case, ...], picking: float = 0.0
 ) -> Errors:
-    """Errors over cases; landmarks see the template alone."""
+    """Measure errors over cases; landmarks see the template alone.
+
+    Parameters
+    ----------
+    make : map from landmarks
+    landmarks : (k,) nodes of a case's template
+    some : cases
+    picking : standard deviation of picked landmarks along each axis [m]
+
+    Returns
+    -------
+    Errors over all cases
+    """
     on = []
     beside = []
     apart = []
@@ -294,15 +374,32 @@ def carried(
 
 
 def dense_landmarks(case: Case) -> Indices:
-    """Dense correspondence: all nodes, of the pelvis every second one."""
+    """Return dense correspondence: all nodes, of the pelvis every second one.
+
+    Parameters
+    ----------
+    case : with the template
+
+    Returns
+    -------
+    (k,) indices
+    """
     return np.arange(0, len(case.template), 1 + len(case.template) // 1000)
 
 
 def foreseen(landmarks: Callable[[Case], Indices]) -> float:
-    """Return the mean error where the 25 others predict the person [m].
+    """Return the mean error where the 25 others predict the person.
 
     It is by no map, but by what their shapes know of positions that are not marked. All are laid on
     the template by their landmarks; attachments follow landmarks by ridge regression on the others.
+
+    Parameters
+    ----------
+    landmarks : (k,) nodes of a case's template
+
+    Returns
+    -------
+    [m]
     """
     errors = []
     for number, case in enumerate(cases("mean")):

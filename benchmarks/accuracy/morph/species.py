@@ -100,7 +100,17 @@ class Muscles:
             self.arms[word] = found.moment_arm[:, :, column]
 
     def ends(self, names: tuple[str, ...], which: int) -> np.ndarray:
-        """(3,) in ground, of the middle of several parts [m]."""
+        """Return an end of a muscle, the middle of several parts.
+
+        Parameters
+        ----------
+        names : of the parts
+        which : 0 for the first, -1 for the last
+
+        Returns
+        -------
+        (3,) in ground [m]
+        """
         return np.mean(
             [self._nodes[self.model.muscle_names.index(one)][which] for one in names], axis=0
         )
@@ -110,7 +120,16 @@ class Muscles:
         return self._bodies[self.model.muscle_names.index(name)][which]
 
     def path(self, name: str) -> np.ndarray:
-        """(points, 3) in ground, through which a muscle runs [m]."""
+        """Return the points through which a muscle runs.
+
+        Parameters
+        ----------
+        name : of the muscle
+
+        Returns
+        -------
+        (points, 3) in ground [m]
+        """
         return self._nodes[self.model.muscle_names.index(name)]
 
     def arm(self, names: tuple[str, ...], word: str) -> np.ndarray:
@@ -131,14 +150,33 @@ class Muscles:
 
 
 def along(path: np.ndarray) -> np.ndarray:
-    """Points evenly along a path."""
+    """Return points evenly along a path.
+
+    Parameters
+    ----------
+    path : (points, 3) [m]
+
+    Returns
+    -------
+    (`POINTS`, 3) [m]
+    """
     reached = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     wanted = np.linspace(0.0, reached[-1], POINTS)
     return np.column_stack([np.interp(wanted, reached, column) for column in path.T])
 
 
 def apart(points: np.ndarray, path: np.ndarray) -> float:
-    """Mean distance of points from a path [m]."""
+    """Return the mean distance of points from a path.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+    path : (k, 3) [m]
+
+    Returns
+    -------
+    [m]
+    """
     start = path[:-1]
     step = np.diff(path, axis=0)
     squared = np.maximum((step**2).sum(axis=1), 1e-20)

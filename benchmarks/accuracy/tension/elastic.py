@@ -194,10 +194,18 @@ def forward_distances(
 
 
 def between_frames(activations: Array) -> Array:
-    """(frames - 1, muscles) activations between frames, of which those at the frames are the means.
+    """Return activations between frames, of which those at the frames are the means.
 
     What elastic tendons are solved for lies between frames; the first and the last frame have the
     nearest.
+
+    Parameters
+    ----------
+    activations : (frames, muscles)
+
+    Returns
+    -------
+    (frames - 1, muscles)
     """
     middle = np.empty_like(activations[1:])
     middle[0] = activations[0]

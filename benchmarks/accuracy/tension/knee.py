@@ -209,7 +209,17 @@ def behind_heel(folder: Path, stride: str) -> float:
 
 
 def measured(folder: Path, stride: str) -> tuple[Array, Array]:
-    """Measured total, medial and lateral force (101, 3) [N] and its times [s]."""
+    """Read the measured force and its times.
+
+    Parameters
+    ----------
+    folder : of the collection
+    stride : name of the recording
+
+    Returns
+    -------
+    (101, 3) total, medial and lateral force [N], and (101,) times [s]
+    """
     table = np.loadtxt(folder / STUDY / f"{stride}_knee_force.csv", delimiter=",", skiprows=1)
     return table[:, [3, 1, 2]], table[:, 0]
 
@@ -370,7 +380,7 @@ def at_times(loads: mm.Series, time: Array) -> Array:
 
     Parameters
     ----------
-    loads : (frames, 3) [N]
+    loads : (frames, 3) total, medial and lateral [N]
     time : (samples,) [s]
 
     Returns

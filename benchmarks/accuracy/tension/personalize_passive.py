@@ -84,9 +84,16 @@ def recording(model: mm.Model, some: Sequence[Curve]) -> mm.PersonalTrial:
 
 
 def errors(model: mm.Model, some: Sequence[Curve]) -> dict[str, tuple[Array, Array]]:
-    """Return the torque of each joint that the model's resting muscles miss.
+    """Return the torques of a model's resting muscles less the measured ones.
 
-    With it goes whether it counts as walking.
+    Parameters
+    ----------
+    model : with the muscles
+    some : measured curves
+
+    Returns
+    -------
+    By joint, (poses,) differences [N m], and (poses,) whether the pose is in the range of walking
     """
     found: dict[str, list[tuple[Array, Array]]] = {}
     for one in some:

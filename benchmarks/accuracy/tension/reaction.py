@@ -290,7 +290,17 @@ def study_motion(folder: Path, model: mm.Model) -> mm.Motion:
 
 
 def study_emg(folder: Path, time: Array) -> EmgTarget:
-    """Return the study's envelopes as activations; what its filter made negative is 0."""
+    """Return the study's envelopes as activations; what its filter made negative is 0.
+
+    Parameters
+    ----------
+    folder : of the collection
+    time : (frames,) [s]
+
+    Returns
+    -------
+    Target at these times
+    """
     table = mm.read_sto(folder / STUDY / "EMG_allMuscles.sto")
     values = np.column_stack([np.interp(time, table.time, column) for column in table.values.T])
     return EmgTarget(
@@ -377,5 +387,14 @@ def measure_loads(folder: Path) -> Iterator[Row]:
 
 
 def mean_correlation(one: Array, other: Array) -> float:
-    """Mean over columns of the correlation over time."""
+    """Return the mean over columns of the correlation over time.
+
+    Parameters
+    ----------
+    one, other : (frames, columns)
+
+    Returns
+    -------
+    -1 to 1
+    """
     return float(np.mean([np.corrcoef(a, b)[0, 1] for a, b in zip(one.T, other.T, strict=True)]))

@@ -173,7 +173,17 @@ def prepare(folder: Path, case: TensionCase, work: Path) -> Prepared:
 
 
 def ours(prepared: Prepared, at: np.ndarray | None = None) -> Tension:
-    """Myomorph's tensions on the frames nearest to the times `at`, or on all frames of the case."""
+    """Return our tensions.
+
+    Parameters
+    ----------
+    prepared : the case
+    at : (samples,) times whose nearest frames are solved [s], None for all frames of the case
+
+    Returns
+    -------
+    Tensions
+    """
     case = prepared.case
     whole = mm.differentiate(prepared.motion, case.cutoff)
     if at is None:

@@ -41,7 +41,17 @@ def base_load(limb: HeldLimb, mass: float, random: np.random.Generator) -> BaseL
 
 
 def resting_wrench(limb: HeldLimb, load: BaseLoad) -> Array:
-    """(6,) that carries a load at rest, moment about the joint's center, in ground [N m], [N]."""
+    """Return the wrench that carries a load at rest.
+
+    Parameters
+    ----------
+    limb : on the plate
+    load : of its base
+
+    Returns
+    -------
+    (6,) moment about the joint's center [N m] and force [N], in ground
+    """
     specimen = limb.specimen
     force = -load.mass * np.asarray(specimen.model.gravity)
     return np.concatenate(
@@ -54,13 +64,13 @@ def still(wrench: Array, seconds: float, step: float) -> Sampled:
 
     Parameters
     ----------
-    wrench : (6,)
+    wrench : (6,) moment [N m] and force [N]
     seconds : of the result
     step : between samples [s]
 
     Returns
     -------
-    Samples of the wrench
+    Samples of a limb at rest with this wrench
     """
     time = np.arange(round(seconds / step) + 1) * step
     nothing = np.zeros((len(time), 3))

@@ -56,7 +56,16 @@ class ScanRun(NamedTuple):
 
 
 def modelled(points: Array) -> Array:
-    """Points (..., 3) of a specimen's bone as the model's bone has them [m]."""
+    """Return points of a specimen's bone as the model's bone has them.
+
+    Parameters
+    ----------
+    points : (..., 3) [m]
+
+    Returns
+    -------
+    (..., 3) [m]
+    """
     moved = np.asarray(points) * STRETCH
     for wave, direction, phase in WAVES:
         moved = moved + AMPLITUDE * np.sin(np.asarray(points) @ wave + phase)[..., None] * np.array(
