@@ -5,6 +5,7 @@ They are integrated under known activations and path lengths.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -87,22 +88,31 @@ class SliderMuscles:
         return rates, np.array([muscle.getTendonForce(state) for muscle in self._muscles])
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathMotion:
+    """How the paths of muscles move.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    lengths : (frames, muscles) [m], cubic between frames
+    speeds : (frames, muscles) [m/s]
+    """
+
+    time: Array
+    lengths: Array
+    speeds: Array
+
+
 def forward_forces(
-    sliders: SliderMuscles,
-    time: Array,
-    lengths: Array,
-    speeds: Array,
-    activations: Array,
-    start: Array,
+    sliders: SliderMuscles, paths: PathMotion, activations: Array, start: Array
 ) -> Array:
     """Integrate OpenSim's muscles, and return their tendon forces.
 
     Parameters
     ----------
     sliders : the muscles
-    time : (frames,) [s]
-    lengths : (frames, muscles) of the paths [m], cubic between frames
-    speeds : (frames, muscles) of the paths [m/s]
+    paths : their motion
     activations : (frames - 1, muscles) in the middle between frames, straight between them
     start : (muscles,) states at the first frame
 
@@ -110,7 +120,8 @@ def forward_forces(
     -------
     (frames, muscles) [N]
     """
-    length = CubicHermiteSpline(time, lengths, speeds)
+    time = paths.time
+    length = CubicHermiteSpline(time, paths.lengths, paths.speeds)
     clock = np.concatenate([time[:1], 0.5 * (time[1:] + time[:-1]), time[-1:]])
     held = np.concatenate([activations[:1], activations, activations[-1:]])
     activation = interp1d(clock, held, axis=0)
@@ -133,5 +144,5 @@ def forward_forces(
         uband=0,
         max_step=0.01,
     )
-    at = zip(lengths, speeds, activation(time), found.y.T, strict=True)
+    at = zip(paths.lengths, paths.speeds, activation(time), found.y.T, strict=True)
     return np.array([sliders.rates(*one)[1] for one in at])

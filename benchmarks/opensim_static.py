@@ -61,53 +61,64 @@ def write_actuators(actuators: Sequence[Actuator], path: Path) -> None:
     forces.printToXML(str(path))
 
 
+@dataclass(frozen=True, kw_only=True)
+class AnalyzeInputs:
+    """What AnalyzeTool reads.
+
+    Attributes
+    ----------
+    model : file
+    motion : file of the coordinates
+    loads : file of the external loads, None for none
+    actuators : file of a ForceSet that is appended, None for none
+    cutoff : of the low-pass filter of the coordinates [Hz], -1 for none
+    """
+
+    model: Path
+    motion: Path
+    loads: Path | None = None
+    actuators: Path | None = None
+    cutoff: float = -1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class StaticOptions:
+    """Settings of StaticOptimization.
+
+    Attributes
+    ----------
+    interval : frames between two solutions
+    exponent : of activations in the cost
+    tolerance : its `optimizer_convergence_criterion`
+    """
+
+    interval: int = 1
+    exponent: float = 2.0
+    tolerance: float = 1e-4
+
+
+DEFAULTS = StaticOptions()
+
+
 def static_optimization(
-    model_path: Path,
-    motion: Path,
-    loads: Path | None,
-    start: float,
-    end: float,
-    actuators: Path | None = None,
-    cutoff: float = -1.0,
-    interval: int = 1,
-    exponent: float = 2.0,
-    tolerance: float = 1e-4,
+    inputs: AnalyzeInputs, start: float, end: float, options: StaticOptions = DEFAULTS
 ) -> StaticResult:
     """Run AnalyzeTool with StaticOptimization on a coordinates file.
 
-    `cutoff`: low-pass filter of the coordinates [Hz], -1 for none; `interval`: frames between two
-    solutions; `tolerance`: its `optimizer_convergence_criterion`.
+    Parameters
+    ----------
+    inputs : files
+    start, end : of the analysis [s]
+    options : of the optimization
+
+    Returns
+    -------
+    Activations and forces
     """
     with tempfile.TemporaryDirectory() as folder:
-        model = opensim.Model(str(model_path))
-        analysis = opensim.StaticOptimization()
-        analysis.setStartTime(start)
-        analysis.setEndTime(end)
-        analysis.setStepInterval(interval)
-        analysis.setUseModelForceSet(True)
-        analysis.setActivationExponent(exponent)
-        analysis.setUseMusclePhysiology(True)
-        analysis.setConvergenceCriterion(tolerance)
-        analysis.setMaxIterations(1000)
-        tool = opensim.AnalyzeTool()
-        tool.setName("so")
-        tool.setModelFilename(str(model_path.resolve()))
-        tool.setCoordinatesFileName(str(motion.resolve()))
-        if loads is not None:
-            tool.setExternalLoadsFileName(str(loads.resolve()))
-        if actuators is not None:
-            files = opensim.ArrayStr()
-            files.append(str(actuators.resolve()))
-            tool.setForceSetFiles(files)
-        tool.setReplaceForceSet(False)
-        tool.setLowpassCutoffFrequency(cutoff)
-        tool.setInitialTime(start)
-        tool.setFinalTime(end)
-        tool.setSolveForEquilibrium(False)
-        tool.setResultsDir(folder)
-        tool.updAnalysisSet().cloneAndAppend(analysis)
+        model = opensim.Model(str(inputs.model))
         setup = Path(folder) / "setup.xml"
-        tool.printToXML(str(setup))
+        _analyze_tool(inputs, start, end, options, folder).printToXML(str(setup))
         del model
         tool = opensim.AnalyzeTool(str(setup))
         began = time.perf_counter()
@@ -121,6 +132,38 @@ def static_optimization(
     return StaticResult(
         time=clock, names=names, activations=activations, forces=forces[:, columns], seconds=seconds
     )
+
+
+def _analyze_tool(
+    inputs: AnalyzeInputs, start: float, end: float, options: StaticOptions, folder: str
+) -> opensim.AnalyzeTool:
+    analysis = opensim.StaticOptimization()
+    analysis.setStartTime(start)
+    analysis.setEndTime(end)
+    analysis.setStepInterval(options.interval)
+    analysis.setUseModelForceSet(True)
+    analysis.setActivationExponent(options.exponent)
+    analysis.setUseMusclePhysiology(True)
+    analysis.setConvergenceCriterion(options.tolerance)
+    analysis.setMaxIterations(1000)
+    tool = opensim.AnalyzeTool()
+    tool.setName("so")
+    tool.setModelFilename(str(inputs.model.resolve()))
+    tool.setCoordinatesFileName(str(inputs.motion.resolve()))
+    if inputs.loads is not None:
+        tool.setExternalLoadsFileName(str(inputs.loads.resolve()))
+    if inputs.actuators is not None:
+        files = opensim.ArrayStr()
+        files.append(str(inputs.actuators.resolve()))
+        tool.setForceSetFiles(files)
+    tool.setReplaceForceSet(False)
+    tool.setLowpassCutoffFrequency(inputs.cutoff)
+    tool.setInitialTime(start)
+    tool.setFinalTime(end)
+    tool.setSolveForEquilibrium(False)
+    tool.setResultsDir(folder)
+    tool.updAnalysisSet().cloneAndAppend(analysis)
+    return tool
 
 
 REACTION_SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool name="jr">
@@ -137,32 +180,36 @@ REACTION_SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><Analy
 
 
 def reaction_force(
-    model_path: Path,
-    motion: Path,
-    loads: Path,
-    tensions: StaticResult,
-    joint: str,
-    cutoff: float = -1.0,
+    inputs: AnalyzeInputs, tensions: StaticResult, joint: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Run AnalyzeTool with JointReaction on what the static optimization found.
+    """Run AnalyzeTool with JointReaction on the results of the static optimization.
 
-    Returns times (frames,) [s] and the force on the joint's child in its axes (frames, 3) [N].
+    Parameters
+    ----------
+    inputs : the same files, with external loads
+    tensions : results of the static optimization
+    joint : whose reaction is computed
+
+    Returns
+    -------
+    (frames,) times [s], and (frames, 3) force on the joint's child in its axes [N]
     """
+    assert inputs.loads is not None
     with tempfile.TemporaryDirectory() as folder:
         forces = Path(folder) / "forces.sto"
         setup = Path(folder) / "setup.xml"
         mm.write_sto(mm.Table(tensions.time, tensions.names, tensions.forces), forces)
         setup.write_text(
             REACTION_SETUP.format(
-                model=model_path.resolve(),
+                model=inputs.model.resolve(),
                 folder=folder,
                 start=tensions.time[0],
                 end=tensions.time[-1],
                 forces=forces,
                 joint=joint,
-                loads=loads.resolve(),
-                motion=motion.resolve(),
-                cutoff=cutoff,
+                loads=inputs.loads.resolve(),
+                motion=inputs.motion.resolve(),
+                cutoff=inputs.cutoff,
             )
         )
         tool = opensim.AnalyzeTool(str(setup))

@@ -63,14 +63,14 @@ def inverse_kinematics(
     model_path: Path,
     markers: Path,
     weights: dict[str, float],
-    start: float,
-    end: float,
+    span: tuple[float, float],
     accuracy: float | None = None,
 ) -> ToolResult:
     """Run OpenSim's InverseKinematicsTool; degrees as it writes them.
 
-    Its accuracy is its own (1e-5) unless another is specified.
+    `span`: start and end [s]; `accuracy`: its own (1e-5) where it is None.
     """
+    start, end = span
     model = load(model_path)
     tool = opensim.InverseKinematicsTool()
     tool.setModel(model)

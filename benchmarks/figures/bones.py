@@ -61,7 +61,7 @@ def draw(file: Path) -> None:
     anatomist = anatomist_on_skeleton(data).model
     homologues = {name: read_species("human-mouse").homologous(name) for name in SHOWN}
     colors = dict(zip(SHOWN, plt.get_cmap("tab20").colors, strict=False))
-    with page(file, 1, 3, (9.6, 4.6), below=0.14, above=1.0) as (figure, axes):
+    with page(file, 1, 3, (9.6, 4.6), span=(0.14, 1.0)) as (figure, axes):
         one = {name: (name,) for name in SHOWN}
         _leg(axes[0], ours, ours.model, MAN, "man", one, colors)
         _leg(axes[1], theirs, moved, (*MOUSE, *FEET), "mouse", one, colors)
@@ -124,7 +124,7 @@ MAPS = {
 
 def draw_errors(file: Path) -> None:
     """Mean error of attachments over the number of landmarks, in both places."""
-    with page(file, 1, len(PLACES), (8.4, 3.6), sharey=True, above=0.92) as (figure, axes):
+    with page(file, 1, len(PLACES), (8.4, 3.6), sharey=True, span=(0.0, 0.92)) as (figure, axes):
         makers = every_map()
         for axis, (where, landmarks) in zip(axes, PLACES.items(), strict=True):
             for name, (words, color, style) in MAPS.items():

@@ -153,9 +153,10 @@ WAYS = {
 def draw_lift(file: Path) -> None:
     """Vertical force of the hands and bending moment at L5/S1 over both lifts."""
     folder = data_folder()
-    with page(
-        file, 2, len(LIFTS), (8.4, 6.0), sharex="col", sharey="row", below=0.09, above=0.90
-    ) as (figure, axes):
+    with page(file, 2, len(LIFTS), (8.4, 6.0), sharex="col", sharey="row", span=(0.09, 0.90)) as (
+        figure,
+        axes,
+    ):
         for column, lift in enumerate(LIFTS):
             time = recorded(folder, lift).markers.time
             off = left_floor(folder, lift)

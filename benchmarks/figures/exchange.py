@@ -34,7 +34,7 @@ def draw_torques(file: Path) -> None:
         ours = mm.read_sto(folder / "Results" / "subject01_InverseDynamics.sto")
         theirs = mm.read_sto(folder / "std_subject01_InverseDynamics.sto")
     part = theirs.time >= ours.time[0]
-    with page(file, 1, len(JOINTS), (9.0, 2.6), above=0.88) as (figure, axes):
+    with page(file, 1, len(JOINTS), (9.0, 2.6), span=(0.0, 0.88)) as (figure, axes):
         for axis, joint in zip(axes, JOINTS, strict=True):
             torque = theirs[f"{joint}_moment"]
             axis.plot(theirs.time[part], torque[part], color=GREY, lw=4, label="OpenSim")
@@ -61,7 +61,7 @@ def draw_arms(file: Path) -> None:
         made, _, _ = mujoco_model(model)
         copy = MujocoCopy(copied, made)
         _, arms = copy.lengths_and_arms(in_copy(made, model, poses))
-    with page(file, 1, len(MUSCLES), (9.0, 2.6), above=0.88) as (figure, axes):
+    with page(file, 1, len(MUSCLES), (9.0, 2.6), span=(0.0, 0.88)) as (figure, axes):
         for axis, muscle in zip(axes, MUSCLES, strict=True):
             theirs = arms[:, model.muscle_names.index(muscle), copy.free.index(KNEE)]
             axis.plot(

@@ -120,7 +120,7 @@ SIDES = {"": ("right", "#2166ac"), "_l": ("left", "#b2182b")}
 def draw_lengths(file: Path) -> None:
     """Every stride as a thin line, the mean with its 95 % interval, right and left."""
     analysis = lengths_of(data_folder(), RECORDING)
-    with page(file, 3, 3, (8.4, 6.6), sharex=True, above=0.96) as (figure, axes):
+    with page(file, 3, 3, (8.4, 6.6), sharex=True, span=(0.0, 0.96)) as (figure, axes):
         percent = np.linspace(0.0, 100.0, 101)
         for axis, (muscle, words) in zip(axes.flat, MUSCLES.items(), strict=True):
             standing = analysis.standing[analysis.muscles.index(muscle)]

@@ -27,22 +27,30 @@ def page(
     rows: int,
     columns: int,
     size: tuple[float, float],
-    below: float = 0.0,
-    above: float = 0.94,
+    span: tuple[float, float] = (0.0, 0.94),
     **shared: Any,
 ) -> Iterator[tuple[Figure, np.ndarray]]:
-    """A figure and its axes as `plt.subplots` gives them; at the end laid out and written.
+    """Yield a figure and its axes as `plt.subplots` gives them; lay it out and write it at the end.
 
-    `file`: whose name seeds the identifiers in it, so that the same numbers give the same bytes;
-    `size`: width and height [in]; `below`, `above`: where the axes begin and end, as shares of the
-    height; `shared`: further ones of `plt.subplots`.
+    Parameters
+    ----------
+    file : whose name seeds the identifiers in it, so that the same numbers give the same bytes
+    rows, columns : of axes
+    size : width and height [in]
+    span : where the axes begin and end, as shares of the height
+    shared : further arguments of `plt.subplots`
+
+    Yields
+    ------
+    Figure and array of its axes
     """
     plt.rcParams.update({"svg.hashsalt": file.stem, "svg.fonttype": "none", "font.size": 9})
     figure, axes = plt.subplots(rows, columns, figsize=size, **shared)
     yield figure, axes
     for axis in np.ravel(axes):
         axis.spines[["top", "right"]].set_visible(False)
-    figure.tight_layout(rect=(0.0, below, 1.0, above))
+    bottom, top = span
+    figure.tight_layout(rect=(0.0, bottom, 1.0, top))
     file.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file, metadata={"Date": None}, dpi=150)
     plt.close(figure)

@@ -35,7 +35,7 @@ def draw(file: Path) -> None:
     made = simulated_sensors(model, truth, BODIES, SensorErrors(), SEED)
     estimate = sensor_kinematics(model, SensorRecording(made.sensors, pose=made.pose)).fit.motion
     part = (truth.time >= truth.time[0] + SHOWN) & (truth.time < truth.time[0] + 2.0 * SHOWN)
-    with page(file, 1, len(JOINTS), (9.0, 2.6), above=0.88) as (figure, axes):
+    with page(file, 1, len(JOINTS), (9.0, 2.6), span=(0.0, 0.88)) as (figure, axes):
         for axis, (joint, words) in zip(axes, JOINTS.items(), strict=True):
             time = truth.time[part] - truth.time[part][0]
             axis.plot(

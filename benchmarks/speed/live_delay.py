@@ -78,7 +78,7 @@ def _rows() -> Iterator[Row]:
         assert wrenches is not None
         for recording in (markers, doubled(markers)):
             plays = max(1, round(SECONDS / (recording.time[-1] - recording.time[0])))
-            yield measured(name, model, [Replay(recording, wrenches) for _ in range(plays)])
+            yield _measured(name, model, [Replay(recording, wrenches) for _ in range(plays)])
         if name == "walk":
             walk = model, doubled(markers), wrenches
     assert walk is not None
@@ -98,7 +98,7 @@ def doubled(markers: mm.Markers) -> mm.Markers:
     return mm.Markers(clock, markers.names, values)
 
 
-def measured(
+def _measured(
     name: str,
     model: mm.Model,
     sources: Sequence[Source],
@@ -146,7 +146,7 @@ def with_limits(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> 
     """Measure the same with intervals of all results."""
     plays = max(1, round(SECONDS / (markers.time[-1] - markers.time[0])))
     sources = [Replay(markers, wrenches) for _ in range(plays)]
-    return measured(f"walk, {DRAWS} draws", model, sources, draws=DRAWS)
+    return _measured(f"walk, {DRAWS} draws", model, sources, draws=DRAWS)
 
 
 BODIES = ("pelvis", "torso", "femur_r", "tibia_r", "calcn_r", "femur_l", "tibia_l", "calcn_l")
@@ -168,7 +168,7 @@ def run_sensors() -> list[Row]:
         mounting = sensor_kinematics(model, SensorRecording(made.sensors, pose=made.pose)).mounting
         plays = max(1, round(SECONDS / (recording.time[-1] - recording.time[0])))
         sources = [Replay(made.sensors, wrenches) for _ in range(plays)]
-        rows.append(measured(f"walk, {len(BODIES)} sensors", model, sources, mounting=mounting))
+        rows.append(_measured(f"walk, {len(BODIES)} sensors", model, sources, mounting=mounting))
     return rows
 
 
@@ -180,7 +180,7 @@ def with_page(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Ro
         model=model, chain=LiveChain(model, sources[0]), surfaces=None, port=PORT, delays=Delays()
     )
     try:
-        return measured("walk, page open", model, sources, late=[page])
+        return _measured("walk, page open", model, sources, late=[page])
     finally:
         page.close()
 

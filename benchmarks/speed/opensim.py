@@ -69,14 +69,12 @@ def inverse_kinematics_row(
         if marker in markers.names and marker in model.marker_names
     }
     options = mm.InverseKinematicsOptions(marker_weights=weights, only_weighted=True)
-    start = float(markers.time[0])
-    last = float(markers.time[-1])
+    span = (float(markers.time[0]), float(markers.time[-1]))
     taken: list[float] = []
 
     def theirs() -> None:
-        taken.append(
-            opensim_tools.inverse_kinematics(model_path, markers_path, weights, start, last).seconds
-        )
+        result = opensim_tools.inverse_kinematics(model_path, markers_path, weights, span)
+        taken.append(result.seconds)
 
     seconds = alternate(
         {"ours": lambda: mm.inverse_kinematics(model, markers, options), "OpenSim": theirs},
@@ -185,19 +183,18 @@ def static_optimization_row(folder: Path, rounds: int) -> dict[str, object]:
     )
     with tempfile.TemporaryDirectory() as work:
         prepared = accuracy_tension.prepare(folder, case, Path(work))
+        inputs = opensim_static.AnalyzeInputs(
+            model=prepared.model_path,
+            motion=prepared.motion_path,
+            loads=prepared.loads,
+            actuators=prepared.actuator_path,
+        )
+        options = opensim_static.StaticOptions(interval=100)
         taken: list[float] = []
         frames: list[int] = []
 
         def theirs() -> None:
-            result = opensim_static.static_optimization(
-                prepared.model_path,
-                prepared.motion_path,
-                prepared.loads,
-                case.start,
-                case.end,
-                prepared.actuator_path,
-                interval=100,
-            )
+            result = opensim_static.static_optimization(inputs, case.start, case.end, options)
             taken.append(result.seconds)
             frames.append(len(result.time))
 

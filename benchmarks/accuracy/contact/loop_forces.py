@@ -16,7 +16,12 @@ import opensim
 import myomorph as mm
 from benchmarks import opensim_tools
 from benchmarks.accuracy.tension.passive import TRUNK
-from benchmarks.opensim_static import static_optimization, write_actuators
+from benchmarks.opensim_static import (
+    AnalyzeInputs,
+    StaticOptions,
+    static_optimization,
+    write_actuators,
+)
 from myomorph.core.model.paths import MovingPathPoint
 from myomorph.core.muscles.coupled_arms import loop_couplings, loop_groups
 from myomorph.core.muscles.model_paths import compile_paths
@@ -272,7 +277,8 @@ def measure_static(folder: Path) -> Iterator[dict[str, object]]:
     with tempfile.TemporaryDirectory() as scratch:
         reserves = Path(scratch) / "reserves.xml"
         write_actuators(actuators, reserves)
-        theirs = static_optimization(path, recorded, None, 2.55, 3.0, reserves, CUTOFF, 1000)
+        inputs = AnalyzeInputs(model=path, motion=recorded, actuators=reserves, cutoff=CUTOFF)
+        theirs = static_optimization(inputs, 2.55, 3.0, StaticOptions(interval=1000))
     motion = mm.differentiate(mm.read_motion(recorded, model), CUTOFF)
     frames = np.searchsorted(motion.time, theirs.time - 1e-6)
     some = replace(motion.frames(frames), time=theirs.time)

@@ -117,7 +117,7 @@ def others_of(process: subprocess.Popen) -> list[psutil.Process]:
     return []
 
 
-def row(what: str, times: object, reference: Path, out: Path, half: int, said: str = "") -> Row:
+def _row(what: str, times: object, reference: Path, out: Path, half: int, said: str = "") -> Row:
     """Compare the final results of a study with those of an undisturbed one."""
     files, unequal = differences(out, reference)
     twice = computed_twice(out)
@@ -183,7 +183,7 @@ def killed(
             [] if code == 0 else [f"killed: the last run ended with {code}: {said[-500:]}"]
         )
         told = f"workers of a killed program ended within {longest:.1f} s"
-        yield row("program killed", kills, reference, home, half, told)
+        yield _row("program killed", kills, reference, home, half, told)
         if kills >= times:
             return
         attempt = attempt + 1
@@ -212,7 +212,7 @@ def workers_killed(study: Path, reference: Path, out: Path, times: int = LOSSES)
     if code:
         code, said = end_of(begin(study, out))
         DOUBTS.extend([] if code == 0 else [f"worker killed: ended with {code}: {said[-500:]}"])
-    return row("a worker killed", kills, reference, out, len(half_written(out)), told)
+    return _row("a worker killed", kills, reference, out, len(half_written(out)), told)
 
 
 def _works(process: psutil.Process) -> bool:
@@ -231,7 +231,7 @@ def started_twice(study: Path, reference: Path, out: Path) -> Row:
     if [code for code, _ in ends] != [0, 2, 2]:
         DOUBTS.append(f"started twice: {ends}")
     refused = next(said for code, said in ends if code == 2)
-    return row(
+    return _row(
         "three runs at once", 1, reference, out, len(half_written(out)), _one_line(refused, out)
     )
 
@@ -258,7 +258,7 @@ def disk_full(study: Path, reference: Path, out: Path) -> Row:
         DOUBTS.extend(
             [] if code == 0 else [f"disk full, then room: ended with {code}: {said[-500:]}"]
         )
-        return row("disk full, then room", 1, reference, out, len(half), told)
+        return _row("disk full, then room", 1, reference, out, len(half), told)
     finally:
         subprocess.run(("umount", str(out)), capture_output=True)
 
@@ -316,7 +316,7 @@ def machine_cut_off(study: Path, reference: Path, out: Path) -> Row:
         if code or not reached:
             DOUBTS.append(f"{what}: ended with {code}: {said[-500:]}")
         told = f"{losses(out)} jobs done again, {noticed:.0f} s after the cut"
-        return row(what, 1, reference, out, len(half_written(out)), told)
+        return _row(what, 1, reference, out, len(half_written(out)), told)
 
 
 def _until(there: Callable[[], bool], process: subprocess.Popen) -> bool:

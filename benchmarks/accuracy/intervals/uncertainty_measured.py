@@ -151,10 +151,13 @@ def measure_plates(folder: Path) -> Iterator[Row]:
 def _of_plates(folder: Path, case: HiddenCase) -> Mapping[str, Held]:
     """By axis, forces of both feet in frames in which they carry."""
     hidden = opened(folder, case)
-    options = ESTIMATED.format(hidden.cutoff)
-    tables, frames = drawn(
-        folder, hidden, '"tension"', "contact_groups", options, 'contacts = "auto"'
+    study = StudyTable(
+        table="contact_groups",
+        steps='"tension"',
+        options=ESTIMATED.format(hidden.cutoff),
+        forces='contacts = "auto"',
     )
+    tables, frames = drawn(folder, hidden, study)
     time = hidden.motion.time
     parts: dict[str, list[Held]] = {axis: [] for axis in AXES}
     for side, force, _ in feet_of(hidden):
@@ -209,8 +212,26 @@ def held_at(time: Array, truth: Array, tables: Sequence[mm.Table], column: str) 
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class StudyTable:
+    """A table of a study.
+
+    Attributes
+    ----------
+    table : stem of the table's file
+    steps : of the study, as its file has them
+    options : further lines of the study file
+    forces : entries of the trial that specify its forces
+    """
+
+    table: str
+    steps: str
+    options: str
+    forces: str
+
+
 def drawn(
-    folder: Path, hidden: Hidden, steps: str, table: str, options: str, forces: str
+    folder: Path, hidden: Hidden, study: StudyTable
 ) -> tuple[tuple[mm.Table, mm.Table, mm.Table], Array]:
     """Run a study of a recording and read the intervals of one of its tables.
 
@@ -218,10 +239,7 @@ def drawn(
     ----------
     folder : of the collection
     hidden : the recording
-    steps : of the study, as its file has them
-    table : stem of the table's file
-    options : further lines of the study file
-    forces : entries of the trial that specify its forces
+    study : and its table
 
     Returns
     -------
@@ -236,18 +254,21 @@ def drawn(
         here = Path(work)
         mm.write_osim(hidden.model, here / "model.osim")
         write_external_loads(hidden.raw, here / "loads.sto", here / "loads.xml")
-        trial = (
-            f"{'motion' if case.tracked else 'markers'} = {str(folder / case.markers)!r}, {forces}"
-        )
-        trial += f", time = [{start}, {stop}]" + (
-            f", tasks = {str(folder / case.tasks)!r}" if case.tasks else ""
-        )
+        kind = "motion" if case.tracked else "markers"
+        trial = f"{kind} = {str(folder / case.markers)!r}, {study.forces}"
+        trial += f", time = [{start}, {stop}]"
+        if case.tasks:
+            trial += f", tasks = {str(folder / case.tasks)!r}"
         text = STUDY_FILE.format(
-            draws=DRAWS, options=options, model="model.osim", steps=steps, trial=trial
+            draws=DRAWS,
+            options=study.options,
+            model="model.osim",
+            steps=study.steps,
+            trial=trial,
         )
         (here / "study.toml").write_text(text, encoding="utf-8")
         command("run", here / "study.toml", "--out", here / "out")
-        tables = limits(next((here / "out").rglob(f"{table}.sto")))
+        tables = limits(next((here / "out").rglob(f"{study.table}.sto")))
     return tables, np.flatnonzero(hidden.use & (time >= start - 1e-6) & (time <= stop + 1e-6))
 
 

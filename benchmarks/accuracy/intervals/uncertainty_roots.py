@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.accuracy.intervals.uncertainty_measured import drawn, held_at
+from benchmarks.accuracy.intervals.uncertainty_measured import StudyTable, drawn, held_at
 from benchmarks.hidden_plates import CASES, opened
 from benchmarks.results import load
 from myomorph.core.motion.turns import floating_coordinates
 from myomorph.lab.uncertainty.spread import FACTORS
 
 Row = dict[str, object]
+TORQUES = StudyTable(table="torques", steps='"id"', options="id]", forces='loads = "loads.xml"')
 
 
 def measure(folder: Path) -> Iterator[Row]:
@@ -27,7 +28,7 @@ def measure(folder: Path) -> Iterator[Row]:
     """
     for case in (one for one in CASES if not one.seated):
         hidden = opened(folder, case)
-        tables, frames = drawn(folder, hidden, '"id"', "torques", "id]", 'loads = "loads.xml"')
+        tables, frames = drawn(folder, hidden, TORQUES)
         clock = hidden.motion.time[frames]
         row: Row = {
             "recording": case.name,

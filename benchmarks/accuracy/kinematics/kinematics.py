@@ -87,8 +87,9 @@ def _inverse_kinematics(folder: Path, case: MarkerCase) -> dict[str, object]:
     began = time.perf_counter()
     fit = mm.inverse_kinematics(model, markers, options)
     ours = time.perf_counter() - began
+    span = (markers.time[0], markers.time[-1])
     theirs = opensim_tools.inverse_kinematics(
-        folder / case.model, folder / case.markers, shared, markers.time[0], markers.time[-1]
+        folder / case.model, folder / case.markers, shared, span
     )
     table = motion_from_opensim(model, theirs)
     common = markers_at(markers, table.time)

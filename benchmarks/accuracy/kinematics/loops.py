@@ -200,9 +200,8 @@ def _beside(
 ) -> Row:
     model = mm.read_model(model_path)
     fit, seconds = _ours(model, markers, weights)
-    result = opensim_tools.inverse_kinematics(
-        model_path, markers_path, weights, float(markers.time[0]), float(markers.time[-1]), accuracy
-    )
+    span = (float(markers.time[0]), float(markers.time[-1]))
+    result = opensim_tools.inverse_kinematics(model_path, markers_path, weights, span, accuracy)
     theirs = motion_from_opensim(model, result)
     return _row(
         f"{label}, OpenSim to {accuracy:g}", model, markers, fit, theirs, seconds, result.seconds

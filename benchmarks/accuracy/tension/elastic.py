@@ -19,7 +19,7 @@ import myomorph as mm
 from benchmarks.accuracy.tension.knee import command
 from benchmarks.accuracy.tension.tension import CASES, TensionCase, prepare
 from benchmarks.errors import rms
-from benchmarks.opensim_forward import SliderMuscles, forward_forces
+from benchmarks.opensim_forward import PathMotion, SliderMuscles, forward_forces
 from benchmarks.opensim_moco import RESERVE, RESIDUAL, MocoFound, moco_inverse
 from benchmarks.recordings import read_torques
 from benchmarks.speed.elastic import stride, tiled, with_degroote
@@ -175,10 +175,13 @@ def forward_distances(
     sliders = SliderMuscles(model_path, names)
     ours = found.muscle_force[:, columns]
     start = np.where(sliders.forces_state, ours[0] / strength, fibers.fiber_length[0, columns])
-    lengths = paths.muscle_length[:, columns]
-    speeds = paths.muscle_velocity[:, columns]
+    moving = PathMotion(
+        time=motion.time,
+        lengths=paths.muscle_length[:, columns],
+        speeds=paths.muscle_velocity[:, columns],
+    )
     middle = between_frames(found.activation[:, columns])
-    theirs = forward_forces(sliders, motion.time, lengths, speeds, middle, start)
+    theirs = forward_forces(sliders, moving, middle, start)
     inside = ~fibers.transient
     off = (theirs - ours)[inside]
     worst = int(np.argmax(np.sqrt(np.mean((off / strength) ** 2, axis=0))))

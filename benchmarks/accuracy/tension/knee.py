@@ -338,7 +338,7 @@ def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.
     It is shared among our contact points. OpenSim's tool filters the coordinates; the loads are as
     recorded, or filtered as ours. The reserves are the model's own.
     """
-    from benchmarks.opensim_static import reaction_force, static_optimization
+    from benchmarks.opensim_static import AnalyzeInputs, reaction_force, static_optimization
 
     model, motion, _ = inputs_of(folder, stride)
     loads = folder / STUDY / f"{stride}_grf.xml"
@@ -349,10 +349,11 @@ def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.
             write_external_loads(filtered, Path(work) / "loads.sto", loads)
         table = Path(work) / "motion.sto"
         mm.write_sto(table_from_motion(motion, model, degrees=False), table)
-        path = folder / STUDY / MODEL
-        end = float(motion.time[-1])
-        static = static_optimization(path, table, loads, 0.0, end, cutoff=cutoff)
-        clock, force = reaction_force(path, table, loads, static, JOINT, cutoff)
+        inputs = AnalyzeInputs(
+            model=folder / STUDY / MODEL, motion=table, loads=loads, cutoff=cutoff
+        )
+        static = static_optimization(inputs, 0.0, float(motion.time[-1]))
+        clock, force = reaction_force(inputs, static, JOINT)
         wrenches = read_external_loads(loads)
     # Their times are rounded: ours lie within the recording.
     at = np.clip(static.time, motion.time[0], motion.time[-1])

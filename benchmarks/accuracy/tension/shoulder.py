@@ -140,15 +140,22 @@ def _force(one: Abduction, motion: mm.Motion, tension: Tension) -> Array:
 def _of_opensim(folder: Path, one: Abduction, few: Tension) -> Array:
     """(frames, muscles) tensions by AnalyzeTool at single instants, with the same reserves."""
     # OpenSim is wanted here alone.
-    from benchmarks.opensim_static import static_optimization, write_actuators
+    from benchmarks.opensim_static import (
+        AnalyzeInputs,
+        StaticOptions,
+        static_optimization,
+        write_actuators,
+    )
 
     found = []
     with tempfile.TemporaryDirectory() as scratch:
         reserves = Path(scratch) / "reserves.xml"
         write_actuators(one.actuators, reserves)
+        inputs = AnalyzeInputs(
+            model=folder / MODEL, motion=folder / MOTION, actuators=reserves, cutoff=CUTOFF
+        )
+        options = StaticOptions(interval=1000)
         for time in few.time:
-            result = static_optimization(
-                folder / MODEL, folder / MOTION, None, time, time + 0.005, reserves, CUTOFF, 1000
-            )
+            result = static_optimization(inputs, time, time + 0.005, options)
             found.append(result.forces[0, [result.names.index(name) for name in few.muscles]])
     return np.array(found)

@@ -16,7 +16,13 @@ from typing import Any
 import numpy as np
 
 import myomorph as mm
-from benchmarks.opensim_static import StaticResult, static_optimization, write_actuators
+from benchmarks.opensim_static import (
+    AnalyzeInputs,
+    StaticOptions,
+    StaticResult,
+    static_optimization,
+    write_actuators,
+)
 from benchmarks.recordings import RECORDINGS, read_torques
 from myomorph.core.io.osim.actuators import read_actuators
 from myomorph.core.io.sto import table_from_motion
@@ -205,17 +211,15 @@ def ours(prepared: Prepared, at: np.ndarray | None = None) -> Tension:
 def theirs(prepared: Prepared) -> StaticResult:
     """OpenSim's static optimization of the case."""
     case = prepared.case
-    return static_optimization(
-        prepared.model_path,
-        prepared.motion_path,
-        prepared.loads,
-        case.start,
-        case.end,
-        prepared.actuator_path,
-        -1.0 if case.cutoff is None else case.cutoff,
-        case.interval,
-        tolerance=1e-5,
+    inputs = AnalyzeInputs(
+        model=prepared.model_path,
+        motion=prepared.motion_path,
+        loads=prepared.loads,
+        actuators=prepared.actuator_path,
+        cutoff=-1.0 if case.cutoff is None else case.cutoff,
     )
+    options = StaticOptions(interval=case.interval, tolerance=1e-5)
+    return static_optimization(inputs, case.start, case.end, options)
 
 
 def measure_case(folder: Path, case: TensionCase) -> dict[str, object]:

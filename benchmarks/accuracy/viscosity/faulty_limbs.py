@@ -1,4 +1,4 @@
-"""Limbs as a laboratory hands them over whose instruments and models are in error.
+"""Limbs as a laboratory delivers them whose instruments and models are in error.
 
 Every limb is simulated by MuJoCo with a part of its mass loose on it, and seen by a plate and
 markers whose errors are drawn; the model that comes with it has the joint's center and muscle
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -165,6 +166,75 @@ class FaultyLimb:
     slip: tuple[str, str, str] | None = None
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Setup:
+    """A limb on its plate.
+
+    Attributes
+    ----------
+    limb : with its specimen
+    faults : of instruments and model
+    damping : of the joint [N m s/rad]
+    starts : (3,) rotation vector and (3,) rates of each swing at its start, in ground
+    gimbal : hinges in place of a ball joint, None for a ball joint
+    """
+
+    limb: HeldLimb
+    faults: Faults
+    damping: float
+    starts: Sequence[tuple[Array, Array]]
+    gimbal: Gimbal | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Condition:
+    """The limb with or without its muscles.
+
+    Attributes
+    ----------
+    name : "without" or "with"
+    parameters : (10,) of the limb
+    muscle : viscosity of each muscle [N s/m]
+    tissue : mass that is loose on the limb, None for none
+    load : of the base, None for none
+    """
+
+    name: str
+    parameters: Array
+    muscle: float
+    tissue: SoftTissue | None
+    load: BaseLoad | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Swing:
+    """A simulated swing.
+
+    Attributes
+    ----------
+    exact : samples without noise
+    clamp : that gives way under the base, None where the base is fixed
+    turns : (frames, 3, 3) rotations of the base, empty where it is fixed
+    """
+
+    exact: Sampled
+    clamp: Clamp | None
+    turns: Array
+
+
+class _Slip(NamedTuple):
+    """A cluster that slips: in which condition, from which of its trials, and on which bone."""
+
+    condition: str
+    first: int
+    bone: str
+
+    @property
+    def named(self) -> tuple[str, str, str]:
+        """Condition, name of the first trial, and bone."""
+        return self.condition, f"{self.condition} {self.first + 1}", self.bone
+
+
 def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
     """Simulate a limb of one of the six published sizes.
 
@@ -177,72 +247,133 @@ def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
     limb = HeldLimb(specimen, HELD)
     bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
     whole = limb.with_muscle_mass(bare, row.mass_intact, row.com_intact)
-    damping = damping or float(np.exp(random.uniform(np.log(0.03), np.log(0.1))))
+    drawn_damping = damping or float(np.exp(random.uniform(np.log(0.03), np.log(0.1))))
     muscle = random.uniform(0.02, 0.06) / (len(specimen.model.muscles) * ARM**2)
-    hand = limb.poses[specimen.limb[(-1)]].translation
-    elbow = limb.poses[specimen.limb[1]].translation
-    starts = [released(random) for _ in range(TRIALS)]
-    trials: dict[str, list[SwingTrial]] = {}
-    gimbal = Gimbal(limb, hanging(limb, bare), faults.hinges) if faults.hinges else None
+    setup = _Setup(
+        limb=limb,
+        faults=faults,
+        damping=drawn_damping,
+        starts=[released(random) for _ in range(TRIALS)],
+        gimbal=Gimbal(limb, hanging(limb, bare), faults.hinges) if faults.hinges else None,
+    )
     loads = [base_load(limb, mass, random) if mass > 0.0 else None for mass in faults.loads]
-    tare = None
-    if faults.tared and loads[0] is not None:
-        tare = _on_plate(limb, still(resting_wrench(limb, loads[0]), 3.0, STEP), faults, random)
-    slip = None
-    if faults.slip > 0.0:
-        slip = (
-            str(random.choice(["without", "with"])),
-            int(random.integers(TRIALS)),
-            str(random.choice(BONES)),
-        )
-    for name, parameters, own, share, place, load in (
-        ("without", bare, 0.0, faults.tissue[0], 0.8 * hand, loads[0]),
-        ("with", whole, muscle, faults.tissue[1], 0.5 * elbow, loads[1]),
-    ):
-        tissue = None
-        if share > 0.0:
-            tissue = SoftTissue(
-                place=tuple(place),
-                mass=share * float(parameters[0]),
-                frequency=faults.frequency,
-                damping=faults.damping,
-            )
-        swings = _swings(limb, parameters, damping, own, tissue, starts, load, gimbal, faults)
-        trials[name] = [
-            replace(_measured(limb, *swing, f"{name} {number}", faults, random), tare=tare)
-            for number, swing in enumerate(swings, 1)
-        ]
-        if slip is not None and slip[0] == name:
-            exact = [swing[0] for swing in swings]
-            trials[name] = _slipping(
-                limb, trials[name], exact, slip[1], slip[2], faults.slip, random
-            )
+    tare = _tare(setup, loads[0], random)
+    slip = _drawn_slip(faults, random)
+    without = _Condition(
+        name="without",
+        parameters=bare,
+        muscle=0.0,
+        tissue=_tissue(faults, faults.tissue[0], bare, 0.8 * _center(limb, -1)),
+        load=loads[0],
+    )
+    intact = _Condition(
+        name="with",
+        parameters=whole,
+        muscle=muscle,
+        tissue=_tissue(faults, faults.tissue[1], whole, 0.5 * _center(limb, 1)),
+        load=loads[1],
+    )
+    trials = {
+        condition.name: _trials(setup, condition, tare, slip, random)
+        for condition in (without, intact)
+    }
+    return FaultyLimb(
+        known=_known_specimen(setup, whole, random),
+        trials=trials,
+        truth=_truth(setup, without, intact),
+        slip=None if slip is None else slip.named,
+    )
+
+
+def _center(limb: HeldLimb, number: int) -> Array:
+    """Return the center (3,) of one of the limb's bones, from the joint's center [m]."""
+    center: Array = limb.poses[limb.specimen.limb[number]].translation
+    return center
+
+
+def _tare(setup: _Setup, load: BaseLoad | None, random: np.random.Generator) -> Wrenches | None:
+    """Return what the plate measures of a resting load, None where it is not tared."""
+    if not setup.faults.tared or load is None:
+        return None
+    resting = still(resting_wrench(setup.limb, load), 3.0, STEP)
+    return _on_plate(setup, resting, random)
+
+
+def _drawn_slip(faults: Faults, random: np.random.Generator) -> _Slip | None:
+    if faults.slip <= 0.0:
+        return None
+    return _Slip(
+        condition=str(random.choice(["without", "with"])),
+        first=int(random.integers(TRIALS)),
+        bone=str(random.choice(BONES)),
+    )
+
+
+def _tissue(faults: Faults, share: float, parameters: Array, place: Array) -> SoftTissue | None:
+    """Return a share of the limb's mass that is loose at a place (3,) [m], None for none."""
+    if share <= 0.0:
+        return None
+    return SoftTissue(
+        place=tuple(place),
+        mass=share * float(parameters[0]),
+        frequency=faults.frequency,
+        damping=faults.damping,
+    )
+
+
+def _trials(
+    setup: _Setup,
+    condition: _Condition,
+    tare: Wrenches | None,
+    slip: _Slip | None,
+    random: np.random.Generator,
+) -> list[SwingTrial]:
+    """Return the swings of a condition as instruments with faults measure them."""
+    swings = _swings(setup, condition)
+    trials = [
+        replace(_measured(setup, swing, f"{condition.name} {number}", random), tare=tare)
+        for number, swing in enumerate(swings, 1)
+    ]
+    if slip is None or slip.condition != condition.name:
+        return trials
+    return _slipping(setup, trials, swings, slip, random)
+
+
+def _known_specimen(setup: _Setup, whole: Array, random: np.random.Generator) -> Specimen:
+    """Return the specimen as the laboratory knows it, its center and attachments off."""
+    faults = setup.faults
+    specimen = setup.limb.specimen
     known = specimen.centered(
         specimen.center
         + specimen.stand.rotation.T @ np.array(faults.center)
         + np.array(faults.clusters[0]),
         specimen.center_in_limb
-        + hanging(limb, whole).T @ np.array(faults.center)
+        + hanging(setup.limb, whole).T @ np.array(faults.center)
         + np.array(faults.clusters[1]),
     )
-    truth = {"muscle_viscosity": muscle} | (
-        {} if faults.axes or faults.hinges else {"joint_viscosity": damping}
-    )
-    truth |= {
-        f"viscosity {name}": value
-        for name, value in zip("xyz", faults.axes, strict=bool(faults.axes))
-    }
-    if gimbal is not None:
-        known = replace(known, turning_axes=np.stack([gimbal.in_base, gimbal.axes[2]]))
-        truth |= {f"hinge {name}": value for name, value in zip(HINGES, faults.hinges, strict=True)}
-    known = replace(known, model=with_moved_attachments(known.model, faults.attachments, random))
-    for name, one in (("muscles_removed", bare), ("intact", whole)):
+    if setup.gimbal is not None:
+        axes = np.stack([setup.gimbal.in_base, setup.gimbal.axes[2]])
+        known = replace(known, turning_axes=axes)
+    return replace(known, model=with_moved_attachments(known.model, faults.attachments, random))
+
+
+def _truth(setup: _Setup, without: _Condition, intact: _Condition) -> dict[str, float]:
+    """Return what is true of a limb, by the names of `QUANTITIES`."""
+    faults = setup.faults
+    truth = {"muscle_viscosity": intact.muscle}
+    if not faults.axes and not faults.hinges:
+        truth["joint_viscosity"] = setup.damping
+    if faults.axes:
         truth |= {
-            f"mass_{name}": float(one[0]),
-            f"com_{name}": float(np.linalg.norm(one[1:4]) / one[0]),
+            f"viscosity {name}": value for name, value in zip("xyz", faults.axes, strict=True)
         }
-    named = None if slip is None else (slip[0], f"{slip[0]} {slip[1] + 1}", slip[2])
-    return FaultyLimb(known=known, trials=trials, truth=truth, slip=named)
+    if setup.gimbal is not None:
+        truth |= {f"hinge {name}": value for name, value in zip(HINGES, faults.hinges, strict=True)}
+    for name, condition in (("muscles_removed", without), ("intact", intact)):
+        mass = condition.parameters[0]
+        truth[f"mass_{name}"] = float(mass)
+        truth[f"com_{name}"] = float(np.linalg.norm(condition.parameters[1:4]) / mass)
+    return truth
 
 
 def with_moved_attachments(model: mm.Model, sd: float, random: np.random.Generator) -> mm.Model:
@@ -266,88 +397,89 @@ def with_moved_attachments(model: mm.Model, sd: float, random: np.random.Generat
     return replace(model, muscles=tuple(muscles))
 
 
-def _swings(
-    limb: HeldLimb,
-    parameters: Array,
-    damping: float,
-    muscle: float,
-    tissue: SoftTissue | None,
-    starts: Sequence[tuple[Array, Array]],
-    load: BaseLoad | None,
-    gimbal: Gimbal | None,
-    faults: Faults,
-) -> list[tuple[Sampled, Clamp | None, Array]]:
-    """Every swing, and how the base turns in it (frames, 3, 3)."""
-    rest = hanging(limb, parameters) if gimbal is None else gimbal.rest
-    loose = np.zeros(0 if tissue is None else 3)
-    states = [(rest.T @ axis, rest.T @ rates) for axis, rates in starts]
-    if gimbal is None:
-        states = [
-            (Rotation.from_rotvec(turn).as_quat(scalar_first=True), rates) for turn, rates in states
-        ]
-    else:
-        states = [gimbal.state(*state) for state in states]
-    states = [(np.append(position, loose), np.append(rates, loose)) for position, rates in states]
+def _swings(setup: _Setup, condition: _Condition) -> list[_Swing]:
+    """Simulate every swing of a condition."""
+    limb = setup.limb
+    gimbal = setup.gimbal
+    tissue = condition.tissue
+    rest = hanging(limb, condition.parameters) if gimbal is None else gimbal.rest
+    states = _start_states(setup, tissue, rest)
     text = {
         "limb": limb,
-        "parameters": parameters if tissue is None else parameters - tissue.parameters,
+        "parameters": condition.parameters,
         "stand": limb.specimen.stand,
         "rest": rest,
-        "damping": damping,
-        "muscle": muscle,
-        "loose": (
-            "" if tissue is None else tissue.mjcf(rest.T @ np.asarray(limb.specimen.model.gravity))
-        ),
-        "load": load,
+        "damping": setup.damping,
+        "muscle": condition.muscle,
+        "loose": "",
+        "load": condition.load,
         "joint": "" if gimbal is None else gimbal.mjcf,
     }
-    if faults.sway > 0.0 and load is not None:
-        clamp = Clamp(limb, parameters, load)
-        return [
-            (exact, clamp, turns)
-            for exact, turns in clamp.swings(text, states, faults.sway, SECONDS, STEP)
-        ]
+    if tissue is not None:
+        text["parameters"] = condition.parameters - tissue.parameters
+        text["loose"] = tissue.mjcf(rest.T @ np.asarray(limb.specimen.model.gravity))
+    if setup.faults.sway > 0.0 and condition.load is not None:
+        clamp = Clamp(limb, condition.parameters, condition.load)
+        swings = clamp.swings(text, states, setup.faults.sway, SECONDS, STEP)
+        return [_Swing(exact=exact, clamp=clamp, turns=turns) for exact, turns in swings]
     compiled = mujoco.MjModel.from_xml_string(swing_mjcf(**text))
-    compiled.dof_frictionloss[:3] = faults.friction
-    if faults.axes:
-        compiled.dof_damping[:3] = faults.axes
-    return [(simulate(compiled, *state, SECONDS, STEP), None, np.zeros(0)) for state in states]
+    compiled.dof_frictionloss[:3] = setup.faults.friction
+    if setup.faults.axes:
+        compiled.dof_damping[:3] = setup.faults.axes
+    return [
+        _Swing(exact=simulate(compiled, *state, SECONDS, STEP), clamp=None, turns=np.zeros(0))
+        for state in states
+    ]
 
 
-def _measured(
-    limb: HeldLimb,
-    exact: Sampled,
-    clamp: Clamp | None,
-    turns: Array,
-    name: str,
-    faults: Faults,
-    random: np.random.Generator,
-) -> SwingTrial:
+def _start_states(
+    setup: _Setup, tissue: SoftTissue | None, rest: Array
+) -> list[tuple[Array, Array]]:
+    """Return MuJoCo's positions and velocities of each swing at its start.
+
+    A ball joint has a quaternion, a gimbal the angles of its hinges; loose tissue has three more.
+    """
+    loose = np.zeros(0 if tissue is None else 3)
+    states = []
+    for axis, ground_rates in setup.starts:
+        turn = rest.T @ axis
+        rates = rest.T @ ground_rates
+        if setup.gimbal is None:
+            position = Rotation.from_rotvec(turn).as_quat(scalar_first=True)
+        else:
+            position, rates = setup.gimbal.state(turn, rates)
+        states.append((np.append(position, loose), np.append(rates, loose)))
+    return states
+
+
+def _measured(setup: _Setup, swing: _Swing, name: str, random: np.random.Generator) -> SwingTrial:
     """Return a swing as markers and a plate with faults measure it, every `EVERY`-th sample."""
+    limb = setup.limb
     specimen = limb.specimen
-    noise = faults.instruments
+    exact = swing.exact
     center = specimen.center_in_ground
     on_base, on_limb = limb.markers()
     at_base = {
         marker: center + specimen.stand.rotation @ place for marker, place in on_base.items()
     }
+    noise = setup.faults.instruments
     markers = measured_markers(exact, center, at_base, on_limb, noise, random)
-    if clamp is not None:
+    if swing.clamp is not None:
         frames = np.searchsorted(exact.time, markers.time - 1e-9)
-        markers = clamp.moved(markers, turns[frames], center, len(on_base))
-    wrenches = _on_plate(limb, exact, faults, random)
+        markers = swing.clamp.moved(markers, swing.turns[frames], center, len(on_base))
+    wrenches = _on_plate(setup, exact, random)
     return SwingTrial(
         name, replace(markers, time=markers.time[::EVERY], values=markers.values[::EVERY]), wrenches
     )
 
 
-def _on_plate(
-    limb: HeldLimb, exact: Sampled, faults: Faults, random: np.random.Generator
-) -> Wrenches:
+def _on_plate(setup: _Setup, exact: Sampled, random: np.random.Generator) -> Wrenches:
     """Return the wrench of a swing as a plate with faults measures it."""
-    center = limb.specimen.center_in_ground
+    faults = setup.faults
+    specimen = setup.limb.specimen
+    center = specimen.center_in_ground
     noise = faults.instruments
-    wrenches = measured_wrench(exact, center, center + PLATE, limb.specimen.base, noise, random)
+    wrenches = measured_wrench(exact, center, center + PLATE, specimen.base, noise, random)
     turn = Rotation.from_rotvec(faults.turn).as_matrix()
     return replace(
         wrenches,
@@ -359,28 +491,28 @@ def _on_plate(
 
 
 def _slipping(
-    limb: HeldLimb,
+    setup: _Setup,
     trials: list[SwingTrial],
-    exact: list[Sampled],
-    first: int,
-    bone: str,
-    size: float,
+    swings: Sequence[_Swing],
+    slip: _Slip,
     random: np.random.Generator,
 ) -> list[SwingTrial]:
     """Return the trials, in which a bone's cluster slips.
 
-    It moves on the bone in the middle of the trial `first`, and stays there.
+    It moves on the bone in the middle of the trial `slip.first`, and stays there.
     """
+    specimen = setup.limb.specimen
     by = random.standard_normal(3)
-    by *= size / np.linalg.norm(by)
-    names = {marker.name for marker in limb.specimen.model.markers if marker.body == bone}
+    by *= setup.faults.slip / np.linalg.norm(by)
+    names = {marker.name for marker in specimen.model.markers if marker.body == slip.bone}
     at = random.uniform(0.25, 0.75) * SECONDS
-    result = trials[:first]
-    for trial, swing in zip(trials[first:], exact[first:], strict=True):
+    result = trials[: slip.first]
+    for trial, swing in zip(trials[slip.first :], swings[slip.first :], strict=True):
+        exact = swing.exact
         columns = [column for column, name in enumerate(trial.markers.names) if name in names]
-        rotations = swing.rotations[np.searchsorted(swing.time, trial.markers.time - 1e-9)]
-        if bone == limb.specimen.base:
-            rotations = np.broadcast_to(limb.specimen.stand.rotation, rotations.shape)
+        rotations = exact.rotations[np.searchsorted(exact.time, trial.markers.time - 1e-9)]
+        if slip.bone == specimen.base:
+            rotations = np.broadcast_to(specimen.stand.rotation, rotations.shape)
         result.append(replace(trial, markers=slipped(trial.markers, columns, rotations, by, at)))
         at = -np.inf
     return result
