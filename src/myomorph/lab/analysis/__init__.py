@@ -1,3 +1,4 @@
-"""What a motion and a study show: strides, cycles, correlations, groups compared. It draws nothing,
-opens no file.
+"""Analysis of motions and studies: strides, cycles, correlations, comparisons of groups.
+
+It draws nothing and opens no file.
 """

@@ -16,9 +16,12 @@ _CHUNK = 1024
 
 
 def centroid(model: Model, motion: Motion, bodies: Sequence[str] = ()) -> Series:
-    """Center of mass in ground, sum_b m_b x_b / sum_b m_b, of all bodies or of those named: a
-    Series of (frames, 3) `center_of_mass_x`, `_y`, `_z` [m], NaN where the motion is NaN or the
-    model weighs nothing.
+    """Compute the center of mass of all bodies or of those named.
+
+        c = sum_b m_b x_b / sum_b m_b
+
+    The result is a Series of (frames, 3) `center_of_mass_x`, `_y`, `_z` in ground [m]. It is NaN
+    where the motion is NaN or where the model weighs nothing.
     """
     if model.mass <= 0.0:
         return Series(motion.time, NAMES, np.full((len(motion), 3), np.nan))

@@ -1,6 +1,4 @@
-"""Conditions of a study: mean curves with their spread, every pair compared, and values far from
-the others.
-"""
+"""Conditions of a study: mean curves with their spread, comparisons of all pairs, outliers."""
 
 from __future__ import annotations
 
@@ -52,7 +50,20 @@ class Condition:
 
 
 def mean_curves(names: Sequence[str], count: Array, mean: Array, squares: Array) -> MeanCurves:
-    """Curves from their number, mean and sum of squared deviations, each (samples, names)."""
+    """Compute mean curves with their spread from running sums.
+
+    Parameters
+    ----------
+    names : of the curves
+    count : (samples, names) how many values are known
+    mean : (samples, names) their mean
+    squares : (samples, names) their sum of squared deviations from the mean
+
+    Returns
+    -------
+    MeanCurves of (samples, names); a mean is NaN where nothing is known, a standard deviation and
+        the 95 % interval of the mean (Student's t) where fewer than two values are
+    """
     some = count > 0
     freedom = np.maximum(count - 1.0, 1.0)
     deviation = np.where(count > 1, np.sqrt(squares / freedom), np.nan)
@@ -71,10 +82,11 @@ def mean_curves(names: Sequence[str], count: Array, mean: Array, squares: Array)
 def compare_conditions(
     conditions: Sequence[Condition], options: GroupOptions | None = None
 ) -> list[Comparison]:
-    """Every pair of conditions; alpha is divided by the number of pairs (Bonferroni).
-    Where subjects have both conditions these are compared within subjects; where none has, as
-    groups (also where fewer than three have, and three or more of each are without them).
-    Conditions whose curves go over different cycles are compared in numbers only.
+    """Compare every pair of conditions; alpha is divided by the number of pairs (Bonferroni).
+
+    Where subjects have both conditions these are compared within subjects. Where none has, they are
+    compared as groups, also where fewer than three have both and three or more of each have only
+    one. Conditions whose curves go over different cycles are compared in numbers only.
     """
     options = options or GroupOptions()
     pairs = list(
@@ -93,8 +105,9 @@ def compare_conditions(
 
 
 def _compared(first: Group, second: Group, options: GroupOptions) -> Comparison:
-    """Within subjects where some have both, else as groups; a few with both are left out of large
-    groups.
+    """Compare two conditions within subjects where some have both, else as groups.
+
+    A few subjects with both are left out of large groups.
     """
     shared = {animal.name for animal in first.animals} & {animal.name for animal in second.animals}
     if not shared:
@@ -126,9 +139,16 @@ TO_DEVIATION = 0.6745  # Median absolute deviation of a normal distribution, in 
 
 
 def modified_z(values: ArrayLike) -> Array:
-    """0.6745 (x - median) / median absolute deviation of values (n,), NaN stays out.
-    All NaN with fewer than five known values, or where more than half of them are equal but for
-    rounding.
+    """Compute the modified z-scores of values, 0.6745 (x - median) / median absolute deviation.
+
+    Parameters
+    ----------
+    values : (n,) in any unit; NaN stays out of the median and the deviation
+
+    Returns
+    -------
+    (n,) NaN where the value is, and all NaN with fewer than five known values or where more than
+        half of them are equal but for rounding
     """
     samples = np.asarray(values, dtype=np.float64)
     known = samples[np.isfinite(samples)]

@@ -24,8 +24,10 @@ _SIDES = {"r": "right", "l": "left", "right": "right", "left": "left"}
 
 @dataclass(frozen=True)
 class Limb:
-    """What a site belongs to: whose ("" for the only subject), "hand", "foot" or the site's own
-    name, and its side.
+    """The limb that a site of contact belongs to.
+
+    It says whose it is ("" for the only subject), "hand", "foot" or the site's own name, and its
+    side.
     """
 
     subject: str
@@ -74,8 +76,20 @@ def _told(name: str, who: Sequence[Subject]) -> tuple[str, str, str]:
 
 
 def measured_contacts(wrenches: Wrenches, up: Array, weight: float | None) -> Contacts:
-    """Contacts that forces tell: vertical force over 3 % of body weight, see `phases.contacts`.
-    `weight`: of the body [N]; without it a third of the peak stands in.
+    """Find contacts from measured forces: vertical force over 3 % of body weight.
+
+    `phases.contacts` finds the intervals.
+
+    Parameters
+    ----------
+    wrenches : measured forces of the ground [N]
+    up : (3,) unit vector against gravity
+    weight : of the body [N]; without it a third of the peak stands in
+
+    Returns
+    -------
+    Contacts of the bodies that the forces act on, of source "plates"; none without a force or with
+        fewer than three frames
     """
     vertical = np.nan_to_num(wrenches.forces @ up)
     scale = weight or float(vertical.sum(axis=1).max(initial=0.0)) / 3.0
@@ -110,8 +124,10 @@ def solved_contacts(forces: ContactForces) -> Contacts:
 
 
 def graph_rows(contacts: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ...]:
-    """One row a site that touches the ground, one a surface that is struck, feet and hands of a
-    side together.
+    """Make the rows of a graph of contacts.
+
+    There is one row per site that touches the ground and one per surface that is struck, feet and
+    hands of a side together.
     """
     rows: dict[tuple[str, str], list[Touch]] = {}
     for touch in contacts.intervals:
@@ -142,8 +158,9 @@ def graph_rows(contacts: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ..
 
 
 def row_label(site: str, who: Sequence[Subject] = ()) -> str:
-    """A site's name in print: its subject, its side and its words; the bones of a foot are the
-    foot.
+    """Write the name of a site for print: its subject, its side and its words.
+
+    The bones of a foot are the foot.
     """
     owner, bare, side = _told(site, who)
     words = printed(bare).lower()
@@ -160,7 +177,18 @@ def is_stroke(touch: Touch) -> bool:
 def limb_states(
     contacts: Contacts, time: Array, who: Sequence[Subject] = ()
 ) -> tuple[tuple[Limb, ...], np.ndarray]:
-    """Limbs, and whether any site of each touches anything, (frames, limbs)."""
+    """Find the limbs and the times at which any site of each is in contact.
+
+    Parameters
+    ----------
+    contacts : of the sites
+    time : (frames,) [s]
+    who : subjects, whose names the sites' names begin with
+
+    Returns
+    -------
+    The limbs, and (frames, limbs) whether any site of the limb touches anything
+    """
     states = contacts.states(time)
     homes = [limb_of(site, who) for site in contacts.sites]
     limbs = tuple(dict.fromkeys(homes))

@@ -104,8 +104,9 @@ def correlate(rows: Series, columns: Series) -> Correlations:
 
 
 def _standard(series: Series, even: Array) -> Array:
-    """Columns at even times, of mean 0 and variance 1; NaN where one does not vary or is unknown
-    too often.
+    """Sample columns at even times and scale them to mean 0 and variance 1.
+
+    A column that does not vary or is unknown too often is NaN.
     """
     result = np.full((len(even), len(series.names)), np.nan)
     for index, column in enumerate(series.values.T):
@@ -119,8 +120,9 @@ def _standard(series: Series, even: Array) -> Array:
 
 
 def _freedom(x: Array, y: Array) -> Array:
-    """Effective dimension of the pair (rows, columns), between 1 and the number of samples less
-    one.
+    """Estimate the effective dimension of the pair (rows, columns).
+
+    It lies between 1 and the number of samples less one.
     """
     count = len(x)
     powers = [np.abs(np.fft.rfft(np.nan_to_num(signals), axis=0)[1:]) ** 2 for signals in (x, y)]

@@ -1,5 +1,6 @@
-"""Cycles: curves over the cycle and their mean, and whether a signal repeats, after how long, and
-how sure that is.
+"""Cycles: curves over the cycle and their mean, and repetition of a signal.
+
+Of a repetition the period is found, and how certain it is.
 """
 
 from __future__ import annotations
@@ -137,8 +138,9 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
 
 
 def _evenly(time: Array, values: Array) -> tuple[float, Array, Array] | None:
-    """Step, detrended values (0 where unknown) and which are known, at even times; None where too
-    few are.
+    """Sample values at even times: step, detrended values and which are known.
+
+    Values are 0 where they are unknown. The result is None where too few are known.
     """
     known = np.isfinite(values)
     if known.sum() < 8 or known.mean() < MIN_KNOWN:
@@ -168,8 +170,9 @@ def _autocorrelation(signal: Array, seen: Array) -> tuple[Array, Array]:
 
 
 def _refined(likeness: Array, lag: int, longest: int) -> float:
-    """A lag between samples, from the last repetition that still stands out: m periods divided by
-    m.
+    """Refine a lag to between samples, from the last repetition that still stands out.
+
+    That repetition is m periods late: its lag is divided by m.
     """
     best = _vertex(likeness, lag)
     multiple = 2
@@ -187,8 +190,9 @@ def _refined(likeness: Array, lag: int, longest: int) -> float:
 
 
 def _vertex(values: Array, at: int) -> float:
-    """Place of the maximum of the parabola through the neighbourhood of k, a twelfth of k to both
-    sides.
+    """Find the position of the maximum of a parabola through the neighborhood of k.
+
+    The neighborhood is a twelfth of k to both sides.
     """
     reach = min(max(1, at // 12), at, len(values) - 1 - at)
     if reach < 1:

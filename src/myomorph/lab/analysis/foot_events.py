@@ -201,8 +201,21 @@ def on_plates(
     span: tuple[float, float],
     options: StrideOptions,
 ) -> FootTrack:
-    """Events that plates show in place of the nearest ones of the points, those within the points'
-    span of time [s].
+    """Replace the events of the foot's points by the nearest ones that plates show.
+
+    Parameters
+    ----------
+    track : events of a foot from its points
+    limb : of the foot, whose bodies the forces act on
+    wrenches : measured forces of the ground [N]
+    up : (3,) unit vector against gravity
+    threshold : vertical force of a contact [N]
+    span : time of the points, first and last [s]; events of plates outside it are left out
+    options : shortest duration of a contact, in usual stride times
+
+    Returns
+    -------
+    FootTrack with the events of plates where there are any
     """
     columns = [index for index, body in enumerate(wrenches.bodies) if body in limb.bodies]
     if not columns:

@@ -1,9 +1,9 @@
-"""The curves of clinical gait analysis, over the strides of each side: angles, moments, powers and
-vertical force.
+"""The curves of clinical gait analysis over the strides of each side.
 
-Angles are those of the gait profile score (Baker et al. 2009), pelvis and foot seen along the way
-of the stride. The pelvis turns by rotation, obliquity and tilt in this order (Baker 2001). Moments
-are those of muscles, per body mass.
+They are angles, moments, powers and vertical force. Angles are those of the gait profile score
+(Baker et al. 2009), pelvis and foot seen along the direction of the stride. The pelvis turns by
+rotation, obliquity and tilt in this order (Baker 2001). Moments are those of muscles, per body
+mass.
 """
 
 from __future__ import annotations
@@ -94,8 +94,9 @@ MOMENTS: Mapping[str, str] = {
 
 @read_only
 class GaitCurves:
-    """Curves of both sides over their strides, (strides, SAMPLES, `KEYS`) each, NaN where not
-    known.
+    """Curves of both sides over their strides.
+
+    A side has (strides, SAMPLES, `KEYS`) values, NaN where not known.
 
     Attributes
     ----------
@@ -112,16 +113,34 @@ class GaitCurves:
     peak_force: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
 
     def of(self, side: str) -> Array:
-        """(strides, samples, variables) of a side."""
+        """Return the curves of a side.
+
+        Parameters
+        ----------
+        side : "right" or "left"
+
+        Returns
+        -------
+        (strides, samples, variables) in the units of `KEYS`, NaN where not known
+        """
         return self.right.values if side == "right" else self.left.values
 
     def mean(self, side: str) -> Array:
-        """(samples, variables) mean over the strides that are known."""
+        """Return the mean over the strides that are known.
+
+        Parameters
+        ----------
+        side : "right" or "left"
+
+        Returns
+        -------
+        (samples, variables) NaN where no stride is known
+        """
         return known_mean(self.of(side))
 
 
 def joined_curves(parts: Sequence[GaitCurves]) -> GaitCurves:
-    """The strides of several recordings of one person together."""
+    """Join the strides of several recordings of one person."""
     cycles = {
         side: Cycles(KEYS, np.concatenate([part.of(side) for part in parts])) for side in SIDES
     }
@@ -137,7 +156,16 @@ def joined_curves(parts: Sequence[GaitCurves]) -> GaitCurves:
 
 
 def known_mean(values: Array) -> Array:
-    """Mean over the first axis of what is known, NaN where nothing is."""
+    """Average over the first axis what is known.
+
+    Parameters
+    ----------
+    values : (n, ...) NaN where not known
+
+    Returns
+    -------
+    (...) NaN where nothing is known
+    """
     count = np.isfinite(values).sum(axis=0)
     return np.where(count > 0, np.nansum(values, axis=0) / np.maximum(count, 1), np.nan)
 
@@ -238,8 +266,9 @@ def flexion_sign(model: Model, key: str, name: str) -> float:
 
 @read_only
 class _Body:
-    """A motion, and the rotations of pelvis and feet from the default pose, along travel: forward,
-    up, right.
+    """A motion with the rotations of pelvis and feet from the default pose.
+
+    Components are along travel: forward, up, right.
     """
 
     model: Model
@@ -349,8 +378,9 @@ def _columns(body: _Body, strides: Strides, side: str, loads: WalkLoads) -> Arra
 
 
 def _ways(body: _Body, strides: Strides, own: Sequence[Stride]) -> Array:
-    """(frames, 3) direction of travel: over ground that of the pelvis in each stride, for walks to
-    and fro.
+    """Find the direction of travel of each frame, (frames, 3).
+
+    Over ground it is that of the pelvis in each stride, for walks to and fro.
     """
     time = body.motion.time
     flat = np.eye(3) - np.outer(body.axes[:, 1], body.axes[:, 1])

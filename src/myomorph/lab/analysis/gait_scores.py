@@ -273,6 +273,10 @@ def gait_scores(
     norm : that they are held against
     errors : by side, (draws, samples, variables) errors of the mean curves under draws, which give
         the intervals of 90 %; without them Student's t over the strides does
+
+    Returns
+    -------
+    GaitScores by side and of both, scaled where the same angles are known as in the norm
     """
     profiles = {side: _profile(curves.of(side), norm.mean, norm.same_definitions) for side in SIDES}
     shifted = None

@@ -1,7 +1,7 @@
-"""Two groups, or the same subjects in two conditions: how strides and curves differ, and how sure
-that is.
+"""Two groups, or the same subjects in two conditions: differences of strides and curves.
 
-The animal or subject is the unit: the mean of its strides stands for it, however many they are.
+Each difference comes with its interval and its chance. The animal or subject is the unit: the mean
+of its strides stands for it, however many they are.
 """
 
 from __future__ import annotations
@@ -61,7 +61,17 @@ class Animal:
     strides: int = 0  # how many
 
     def curve(self, family: str, name: str) -> Array:
-        """(samples,) mean over its cycles, NaN where no cycle is known."""
+        """Average a curve over the cycles of the animal.
+
+        Parameters
+        ----------
+        family : of curves, a key of `curves`
+        name : of the curve
+
+        Returns
+        -------
+        (samples,) NaN where no cycle is known
+        """
         cycles = self.curves[family]
         return band(cycles.values[:, :, cycles.names.index(name)]).mean
 
@@ -285,8 +295,9 @@ def _compared(
     words: tuple[Message, Message],
     notes: Sequence[Message] = (),
 ) -> Comparison:
-    """Two groups, or pairs in one order, of `sizes`; `words` where they are too few to be tested,
-    or to be called.
+    """Compare two groups, or pairs in one order, of `sizes`.
+
+    `words` stand where they are too few to be tested, or to be called.
     """
     tested = min(sizes) >= permutations.MIN_SUBJECTS
     paired = len(sizes) == 1
@@ -389,8 +400,9 @@ def _described(values: Array) -> tuple[float, float, int]:
 
 
 def _mean_interval(samples: Sequence[Array], confidence: float) -> tuple[Array, Array, Array]:
-    """Difference of two groups' means, with spreads of their own (Welch 1947), or mean of one
-    sample; its interval.
+    """Estimate the difference of two groups' means, or the mean of one sample, with its interval.
+
+    The two groups have spreads of their own (Welch 1947).
     """
     nothing = np.full(samples[0].shape[1:], np.nan)
     if not all(len(sample) for sample in samples):
@@ -469,6 +481,15 @@ def _curves(
 
 
 def regions(differs: np.ndarray) -> tuple[tuple[float, float], ...]:
-    """Start and stop [%] of every run of samples that differ."""
+    """Find every run of samples that differ.
+
+    Parameters
+    ----------
+    differs : (samples,) whether the curves differ at each sample from 0 to 100 %
+
+    Returns
+    -------
+    Start and stop of each run [%]
+    """
     step = 100.0 / max(len(differs) - 1, 1)
     return tuple((float(a * step), float((b - 1) * step)) for a, b in runs(differs))

@@ -42,10 +42,15 @@ def own_strides(name: str, strides: Strides | None) -> tuple[Stride, ...]:
 
 
 def stride_loads(loads: Series, strides: Strides | None) -> tuple[StrideLoad, ...]:
-    """Peak and impulse of every load in every stride of its own leg, or in the whole recording.
-    Strides in which a force is known in less than two frames are left out.
-    `loads`: forces over time (frames, loads) [N]; `strides`: of the recording; None where it has
-    none.
+    """Measure peak and impulse of every load in every stride of its own leg.
+
+    Without strides they are those of the whole recording. Strides in which a force is known in less
+    than two frames are left out.
+
+    Parameters
+    ----------
+    loads : forces over time (frames, loads) [N]
+    strides : of the recording; None where it has none
     """
     if len(loads) < 2:
         return ()

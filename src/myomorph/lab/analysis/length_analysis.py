@@ -1,9 +1,8 @@
-"""Muscle-length analysis: what every muscle-tendon unit does over the stride of its limb, stride by
-stride.
+"""Muscle-length analysis: lengths of every muscle-tendon unit over the strides of its limb.
 
 Lengths are reported in millimetres, against the length on the standing animal (the model's default
-pose) and in optimal fiber lengths; velocities in optimal fiber lengths a second, positive while the
-unit lengthens. [D] ch. 6.
+pose) and in optimal fiber lengths. Velocities are reported in optimal fiber lengths a second,
+positive while the unit lengthens. [D] ch. 6.
 """
 
 from __future__ import annotations
@@ -64,7 +63,16 @@ class LengthAnalysis:
     fiber: Array
 
     def curves(self, muscle: str) -> Array:
-        """(strides, samples) of one muscle [m], NaN where not known."""
+        """Return the lengths of one muscle over the strides of its limb.
+
+        Parameters
+        ----------
+        muscle : name
+
+        Returns
+        -------
+        (strides, samples) [m], NaN where not known
+        """
         limb = self.limbs[self.muscles.index(muscle)]
         cycles = self.lengths[limb]
         return cycles.values[:, :, cycles.names.index(muscle)]
@@ -111,10 +119,17 @@ class LengthAnalysis:
 def length_analysis(
     model: Model, lengths: Series, strides: Strides, rates: Series | None = None
 ) -> LengthAnalysis:
-    """Muscle-tendon lengths over every stride of the limb that each muscle moves.
-    A muscle belongs to the limb that any of its points or surfaces is on; one that is on none (of
-    the trunk) goes with the first limb's strides. `lengths` (frames, muscles) [m], NaN where not
-    known; `rates` (frames, muscles) their velocities [m/s].
+    """Compute muscle-tendon lengths over every stride of the limb that each muscle moves.
+
+    A muscle belongs to the limb that any of its points or surfaces is on. One that is on none (of
+    the trunk) goes with the first limb's strides.
+
+    Parameters
+    ----------
+    model : with the muscles
+    lengths : (frames, muscles) [m], NaN where not known
+    strides : of the limbs
+    rates : (frames, muscles) velocities of the lengths [m/s]
     """
     owners = _owners(model, tuple(lengths.names))
     by_limb = {name: strides.of(name) for name in strides.strikes}
@@ -144,7 +159,7 @@ def length_analysis(
 
 
 def _owners(model: Model, muscles: tuple[str, ...]) -> tuple[str, ...]:
-    """The limb of each muscle."""
+    """Find the limb of each muscle."""
     limbs = walking_limbs(model)
     if not limbs:
         raise BadData(f"no body of model '{model.name}' is a foot by its name")
@@ -163,8 +178,9 @@ def _columns(series: Series, names: tuple[str, ...]) -> Series:
 
 
 def curve_rows(analysis: LengthAnalysis) -> Iterator[tuple[str, ...]]:
-    """A table of every stride of every muscle: limb, start, end, muscle, and the length at each
-    percent [mm].
+    """Yield the rows of a table of every stride of every muscle.
+
+    A row has limb, start, end, muscle, and the length at each percent [mm].
     """
     percents = next(iter(analysis.lengths.values())).percent
     yield "limb", "start [s]", "end [s]", "muscle", *(f"{percent:g} %" for percent in percents)
@@ -191,7 +207,7 @@ RANGE_HEAD = (
 
 
 def range_row(muscle_range: MuscleRange) -> tuple[str, ...]:
-    """A muscle's line, under `RANGE_HEAD`."""
+    """Write the row of a muscle, under `RANGE_HEAD`."""
     ends = (
         1e3 * muscle_range.shortest,
         muscle_range.shortest_at,

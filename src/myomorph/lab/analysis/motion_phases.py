@@ -31,7 +31,16 @@ class Stage:
         return sum(phase.stop - phase.start for phase in self.phases)
 
     def inside(self, time: Array) -> np.ndarray:
-        """(frames,) which times belong to it; a border belongs to the later one."""
+        """Find the times that belong to the stage; a border belongs to the later one.
+
+        Parameters
+        ----------
+        time : (frames,) [s]
+
+        Returns
+        -------
+        (frames,) whether each belongs to it
+        """
         result = np.zeros(len(time), dtype=bool)
         for phase in self.phases:
             result |= (time >= phase.start - 1e-9) & (time < phase.stop - 1e-9)
@@ -71,8 +80,9 @@ class Cuttable:
 
 
 def cut(what: Cuttable, cuts: Sequence[Cut], phases: Sequence[Phase] = ()) -> Cutting:
-    """Phases as given; else by the first of the cuts that makes at least two and not too many of
-    them.
+    """Cut a motion into phases: the given ones, else those of the first cut that fits.
+
+    A cut fits that makes at least two phases and not too many.
     """
     if phases:
         in_order = sorted(phases, key=lambda phase: phase.start)
@@ -99,8 +109,9 @@ def _single(borders: Sequence[float], names: Sequence[str]) -> tuple[Stage, ...]
 
 
 def _between_events(what: Cuttable) -> tuple[Stage, ...]:
-    """From one event to the next, named after both; what lies before the first and after the last
-    too.
+    """Cut from one event to the next; a phase is named after both.
+
+    The time before the first event and after the last is a phase too.
     """
     inside = [event for event in what.events if what.span[0] < event.time < what.span[1]]
     if not inside:
@@ -114,9 +125,10 @@ def _between_events(what: Cuttable) -> tuple[Stage, ...]:
 
 
 def _by_contacts(what: Cuttable) -> tuple[Stage, ...]:
-    """Where what touches changes; all phases with the same contacts are one stage, in order of
-    appearance. What touches from the first frame to the last tells no phase from another, and is
-    not named.
+    """Cut where the contacts change; all phases with the same contacts are one stage.
+
+    Stages stand in order of appearance. A contact from the first frame to the last does not
+    distinguish phases and is not named.
     """
     if what.touching is None or not len(what.contact_names) or not what.touching.any():
         return ()
@@ -136,7 +148,7 @@ def _by_contacts(what: Cuttable) -> tuple[Stage, ...]:
 
 
 def together(names: Sequence[str], nothing: str = "no contact") -> str:
-    """What touches in words: both of a pair as such, nothing as flight."""
+    """Write in words what is in contact: both of a pair as such, nothing as flight."""
     if not names:
         return nothing
     left = list(names)
@@ -157,8 +169,9 @@ def together(names: Sequence[str], nothing: str = "no contact") -> str:
 
 
 def _steady(touching: np.ndarray, time: Array) -> list[tuple[int, int]]:
-    """Runs [first, last] of frames of the same contacts; a run too short to be one joins the one
-    before it.
+    """Find runs [first, last] of frames of the same contacts.
+
+    A run too short to be one joins the one before it.
     """
     changes = np.flatnonzero((touching[1:] != touching[:-1]).any(axis=1)) + 1
     borders = [0, *changes.tolist(), len(touching)]
@@ -216,9 +229,19 @@ def measure(
     time: Array,
     touching: np.ndarray | None,
 ) -> StageMeasures:
-    """Measures of one stage; NaN where it has no frames.
-    `center`: center of gravity (frames, 3) [m]; `activations` (frames, muscles); `time`, `touching`
-    (frames,) and (frames, limbs).
+    """Measure one stage.
+
+    Parameters
+    ----------
+    stage : phases of the same contacts or the same name
+    center : (frames, 3) center of gravity [m]
+    activations : (frames, muscles) from 0 to 1
+    time : (frames,) of the contacts [s]
+    touching : (frames, limbs) whether each is in contact
+
+    Returns
+    -------
+    StageMeasures, NaN where the stage has no frames
     """
     unknown = np.full(3, np.nan)
     mean = unknown

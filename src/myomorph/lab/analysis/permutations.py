@@ -312,7 +312,10 @@ def _group_statistics(values: Array, rows: NDArray[Any], curves: Curves) -> Arra
 
 
 def _not_zero(error: Array, squares: Array) -> Array:
-    """Standard errors, not below rounding of the numbers whose sums of squares are given."""
+    """Bound standard errors from below by the rounding of the numbers.
+
+    `squares` are the sums of squares of these numbers.
+    """
     return np.maximum(error, 1e-9 * np.sqrt(np.maximum(squares, 1e-300)))
 
 
@@ -373,7 +376,7 @@ def welch_freedom(first: Array, second: Array, sizes: tuple[float, float]) -> Ar
 
 
 def _normal_deviate(t: Array, freedom: Array) -> Array:
-    """Normal deviate of the same chance as a Student's t, nearly.
+    """Convert Student's t to the normal deviate of nearly the same chance.
 
     z = (8 nu + 1) / (8 nu + 3) sqrt(nu ln(1 + t^2 / nu))
 
@@ -543,12 +546,32 @@ def effect_curve_interval(effect: EffectSize, confidence: float = 0.95) -> tuple
 
 
 def holm(p: ArrayLike) -> Array:
-    """Several p corrected for their number by Holm (1979), in the given order; NaN stays out."""
+    """Correct several p for their number by Holm (1979).
+
+    Parameters
+    ----------
+    p : (n,) in any order; NaN stays out
+
+    Returns
+    -------
+    (n,) in the given order
+    """
     return _corrected(p, lambda raw: np.maximum.accumulate(raw * (len(raw) - np.arange(len(raw)))))
 
 
 def benjamini_hochberg(p: ArrayLike) -> Array:
-    """Several q: share of false calls among all with a q as small (Benjamini and Hochberg 1995)."""
+    """Compute the q of several p: the share of false calls among all with a q as small.
+
+    Source: Benjamini and Hochberg 1995.
+
+    Parameters
+    ----------
+    p : (n,) in any order; NaN stays out
+
+    Returns
+    -------
+    (n,) in the given order
+    """
     return _corrected(
         p,
         lambda raw: (

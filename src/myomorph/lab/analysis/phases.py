@@ -72,13 +72,23 @@ def ground_phases(
     height: Series | None = None,
     measured: Series | None = None,
 ) -> GroundPhases:
-    """Events of a walk, a run or a jump from the ground forces.
-    A jump is a flight of the whole body that follows standing still; it gets the phases of McMahon
+    """Find the events of a walk, a run or a jump from the ground forces.
+
+    A jump is a flight of the whole body that follows standing still. It gets the phases of McMahon
     et al. 2018: onset, start of braking, lowest point, take-off, landing. Otherwise every side that
-    touches and leaves the ground gets foot strikes and foot offs. `up` (3,) unit vector against
-    gravity; `weight`: of the body [N]; without it, the largest quiet force or a third of the peak
-    stands in; `height`: center of mass over time; its largest column along `up` gives the lowest
-    point; `measured`: (samples, bodies) vertical forces without a filter, of which peaks are [N].
+    touches and leaves the ground gets foot strikes and foot offs.
+
+    Parameters
+    ----------
+    wrenches : measured forces of the ground [N]
+    up : (3,) unit vector against gravity
+    weight : of the body [N]; without it, the largest quiet force or a third of the peak stands in
+    height : center of mass over time; its largest column along `up` gives the lowest point
+    measured : (samples, bodies) vertical forces without a filter, which give the peaks [N]
+
+    Returns
+    -------
+    GroundPhases; empty where nothing presses on the ground or there are fewer than three frames
     """
     vertical = np.nan_to_num(wrenches.forces @ up)
     if len(wrenches) < 3 or not vertical.size or np.max(vertical) <= 0.0:
@@ -100,11 +110,22 @@ def ground_phases(
 def contacts(
     time: Array, force: Array, threshold: float, shortest: float
 ) -> tuple[tuple[int, int], ...]:
-    """Intervals [first, last] of samples with contact, in order.
+    """Find the intervals [first, last] of samples with contact, in order.
+
     Contact is a force over the threshold, averaged over a hundredth of a second so that the noise
-    of an unloaded plate does not touch it; it must reach three times the threshold and last
-    `shortest`, and a gap shorter than that does not end it. `time`, `force` (samples,) [s], [N];
-    `threshold` [N]; `shortest` [s].
+    of an unloaded plate does not touch it. It must reach three times the threshold and last
+    `shortest`, and a gap shorter than that does not end it.
+
+    Parameters
+    ----------
+    time : (samples,) [s]
+    force : (samples,) [N]
+    threshold : [N]
+    shortest : duration of a contact and of a gap [s]
+
+    Returns
+    -------
+    First and last sample of each interval
     """
     width = max(1, round(0.01 / max(float(np.median(np.diff(time))), 1e-9)))
     smooth = np.convolve(np.pad(force, width, mode="edge"), np.ones(width) / width, mode="same")[

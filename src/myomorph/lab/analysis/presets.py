@@ -1,5 +1,6 @@
-"""What a kind of motion is looked at for: muscles and phases of its analysis, and how models spell
-muscles.
+"""Presets of analysis for each kind of motion: its muscles and phases.
+
+How models spell the muscles stands here too.
 """
 
 from __future__ import annotations
@@ -37,10 +38,15 @@ MUSCLES: Mapping[str, str] = FrozenMap({**dict(_UPPER), **dict(MAJOR_MUSCLES)})
 def named_muscles(
     names: Sequence[str], wanted: Sequence[str], prefix: str = ""
 ) -> tuple[tuple[Pair, ...], tuple[str, ...]]:
-    """The wanted muscles that a model has, right and left together, and those that it lacks.
+    """Find the wanted muscles of a model, right and left together, and those that it lacks.
+
     Parts of one muscle are members of one pair.
-    `names`: of the model's muscles; `wanted`: of `MUSCLES` or of the model; `prefix`: begins one
-    subject's names.
+
+    Parameters
+    ----------
+    names : of the model's muscles
+    wanted : of `MUSCLES` or of the model
+    prefix : that one subject's names begin with
     """
     bare = {name: split_side(name.removeprefix(prefix).rsplit("__", 1)[-1]) for name in names}
     pairs = []
@@ -55,12 +61,12 @@ def named_muscles(
 
 
 def segment_words(segment: Segment) -> str:
-    """A segment with its side: "left forearm"."""
+    """Write a segment with its side: "left forearm"."""
     return f"{segment.side} {plain_words(segment.name)}".strip()
 
 
 def plain_words(name: str) -> str:
-    """The name of a segment in words: "forearm"."""
+    """Write the name of a segment in words: "forearm"."""
     return name.replace("lower_arm", "forearm").replace("_", " ")
 
 
@@ -182,7 +188,7 @@ PRESETS: Mapping[str, Preset] = FrozenMap({preset.name: preset for preset in _AL
 
 
 def preset_of(name: str) -> Preset:
-    """The preset of that name; raises `UnknownName`."""
+    """Return the preset of that name; raises `UnknownName`."""
     check_name("preset", name, PRESETS, "the report")
     return PRESETS[name]
 
@@ -194,11 +200,16 @@ def fitting_preset(
     holds: bool,
     movement: Movement | None = None,
 ) -> Preset:
-    """The preset that a recording asks for by itself.
-    `walks`: whether feet strike the ground one after the other; `sources`: where the contacts come
-    from; `persons`: subjects with muscles; `holds`: whether an object without muscles is in the
-    recording; `movement`: of the recording, None where it is not known: a walk needs no plates to
-    be one, and what is known to be no gait is none, whatever feet do.
+    """Choose the preset that fits a recording.
+
+    Parameters
+    ----------
+    walks : whether feet strike the ground one after the other
+    sources : where the contacts come from
+    persons : subjects with muscles
+    holds : whether an object without muscles is in the recording
+    movement : of the recording, None where it is not known: a walk needs no plates to be one, and
+        what is known to be no gait is none, whatever feet do
     """
     if persons > 1:
         return PRESETS["judo"]

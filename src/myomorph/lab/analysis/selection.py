@@ -95,8 +95,9 @@ class Pair:
 
 
 def pairs(names: Iterable[str]) -> tuple[Pair, ...]:
-    """Names paired over sides, in order; one without a side is the right of a left that answers
-    (`DELT1_l`).
+    """Pair names over the sides, in order.
+
+    A name without a side is the right of a left that answers (`DELT1_l`).
     """
     by_base: dict[str, dict[str, tuple[str, ...]]] = {}
     for name in names:
@@ -122,17 +123,18 @@ def spelled(bare: Mapping[str, tuple[str, str]], pattern: str) -> dict[str, tupl
 
 
 def printed(name: str) -> str:
-    """A name as a label: `hip_flexion` becomes `Hip flexion`, `soleus` stays `Soleus`."""
+    """Write a name as a label: `hip_flexion` becomes `Hip flexion`, `soleus` stays `Soleus`."""
     # MuJoCo prefixes the names of an included model with its own and two underscores.
     text = name.rsplit("__", 1)[-1].replace("_", " ").strip()
     return text[:1].upper() + text[1:]
 
 
 def root_coordinates(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Coordinates between the ground and the body that carries the rest: translations, rotations.
-    They carry no muscle: what inverse dynamics finds there is what the recording leaves
-    unexplained. Both are empty where no joint to the ground translates, as in an arm fixed at the
-    shoulder.
+    """Find the coordinates between the ground and the root body: translations, rotations.
+
+    The root body carries the rest. Its coordinates carry no muscle: what inverse dynamics finds
+    there is what the recording leaves unexplained. Both are empty where no joint to the ground
+    translates, as in an arm fixed at the shoulder.
     """
     translations: list[str] = []
     rotations: list[str] = []
@@ -157,10 +159,16 @@ def root_coordinates(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def coordinate_pairs(model: Model, ranges: Mapping[str, float], most: int = 12) -> tuple[Pair, ...]:
-    """Coordinates worth a figure, paired over the sides.
-    Left out are the root's, locked ones, those that follow others and those that do not move. The
-    usual ones come first, then the others by how far they move.
-    `ranges`: how far each coordinate moved [rad or m]; `most`: figures at most.
+    """Choose the coordinates worth a figure, paired over the sides.
+
+    Left out are the root's, locked ones, dependent ones and those that do not move. The usual ones
+    come first, then the others by how far they move.
+
+    Parameters
+    ----------
+    model : with the coordinates
+    ranges : how far each coordinate moved [rad or m]
+    most : figures at most
     """
     left_out = {
         *(name for group in root_coordinates(model) for name in group),
@@ -184,10 +192,20 @@ def coordinate_pairs(model: Model, ranges: Mapping[str, float], most: int = 12) 
 def major_muscles(
     names: Sequence[str], mean_force: Array | None = None, most: int = 16
 ) -> tuple[Pair, ...]:
-    """The muscles to show one by one, right and left together.
-    Known leg muscles where at least six are found or most are known (the parts of one muscle
-    together); otherwise, or to fill up, the muscles that pull hardest on average. `names`: of the
-    muscles; `mean_force` (muscles,) mean tension [N], or None.
+    """Choose the muscles to show one by one, right and left together.
+
+    These are known leg muscles where at least six are found or most are known (the parts of one
+    muscle together). Otherwise, or to fill up, they are the muscles that pull hardest on average.
+
+    Parameters
+    ----------
+    names : of the muscles
+    mean_force : (muscles,) mean tension [N], or None
+    most : pairs at most
+
+    Returns
+    -------
+    Pairs to show, the known ones first
     """
     bare = {name: split_side(name) for name in names}
     known = ((label, spelled(bare, pattern)) for label, pattern in MAJOR_MUSCLES)
