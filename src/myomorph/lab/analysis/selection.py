@@ -224,7 +224,16 @@ def major_muscles(
 
 
 def muscle_rows(names: Sequence[str]) -> tuple[tuple[str, Indices], ...]:
-    """Muscles as blocks of a picture: side, and the columns in it, from hip to ankle."""
+    """Arrange muscles as blocks of a picture: one per side, from hip to ankle.
+
+    Parameters
+    ----------
+    names : of the muscles
+
+    Returns
+    -------
+    Side and the columns of its muscles in their order, for each side that has muscles
+    """
     order = [pattern for _, pattern in MAJOR_MUSCLES] + list(OTHER_LEG_MUSCLES)
     # A second muscle of the same region stands beside the first: glutei together, then the rest.
     region = {pattern: float(i) for i, pattern in enumerate(order[: len(MAJOR_MUSCLES)])}
@@ -271,8 +280,9 @@ class Subject:
 
 
 def subjects(model: Model) -> tuple[Subject, ...]:
-    """Subjects and objects of a model, those with muscles first; what weighs next to nothing is
-    left out.
+    """Find the subjects and objects of a model, those with muscles first.
+
+    What weighs next to nothing is left out.
     """
     home: dict[str, str] = {}
     for joint in model.joints:
@@ -305,7 +315,7 @@ def subjects(model: Model) -> tuple[Subject, ...]:
 
 
 def _prefix(names: tuple[str, ...]) -> str:
-    """What all names begin with, to the last line in it; of one name to the first."""
+    """Find what all names begin with, to the last line in it; of one name to the first."""
     first = min(names)
     last = max(names)
     if first == last:
@@ -323,7 +333,18 @@ def centroids(model: Model, motion: Motion, who: tuple[Subject, ...]) -> tuple[S
 
 
 def standing_height(model: Model, who: Subject, up: Array) -> float:
-    """Height of the center of mass over the lowest joint in the model's default posture [m]."""
+    """Compute the height of the center of mass over the lowest joint in the default pose.
+
+    Parameters
+    ----------
+    model : with the subject
+    who : the subject
+    up : (3,) unit vector against gravity
+
+    Returns
+    -------
+    The height [m]
+    """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
     bodies = [tree.body_index[body] for body in who.bodies]
@@ -333,7 +354,19 @@ def standing_height(model: Model, who: Subject, up: Array) -> float:
 
 
 def lowest_joint(model: Model, motion: Motion, who: Subject, up: Array) -> float:
-    """Least height of a body's origin over the motion along `up` [m]."""
+    """Find the least height of a body's origin over the motion.
+
+    Parameters
+    ----------
+    model : with the subject
+    motion : of the model
+    who : the subject
+    up : (3,) unit vector against gravity
+
+    Returns
+    -------
+    The height along `up` [m]
+    """
     tree = compile_tree(model)
     bodies = [tree.body_index[body] for body in who.bodies]
     step = max(1, len(motion) // _CHUNK)

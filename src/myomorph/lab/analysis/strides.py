@@ -130,23 +130,26 @@ def find_strides(
     facing: Array | None = None,
     options: StrideOptions | None = None,
 ) -> Strides:
-    """Strides of each limb: from plates where there are, else from a recording's events, else from
-    points on the feet.
+    """Find the strides of each limb, from plates where there are any.
+
+    Without plates they come from a recording's events, else from points on the feet.
 
     Source: Zeni, Richards and Higginson 2008.
 
     Parameters
     ----------
     points : values (frames, points, 3) in ground [m], NaN where unseen
-    limbs : legs, each with the points that tell strikes and lifts; see `analysis.foot_events.Limb`
+    limbs : legs, each with the points that show foot strikes and foot offs; see
+        `analysis.foot_events.Limb`
     body : points of the trunk whose mean the feet are seen from
     up : (3,) unit vector against gravity
     direction : (3,) of travel; by default the way of the trunk, that within a stride where the
         recording goes out and back or turns, or, where the trunk stays in place as on a treadmill,
-        the way on which feet are faster in one direction than back (a guess, said in `notes`)
+        the way on which feet are faster in one direction than back (a guess, reported in `notes`)
     ground_speed : of a belt [m/s], against the travel; by default 0 where the trunk travels, else
         what standing feet do
-    wrenches : on the limbs' bodies; strikes and lifts that they show replace those of the points
+    wrenches : on the limbs' bodies; foot strikes and foot offs that they show replace those of the
+        points
     weight : of the body [N], needed with wrenches
     events : foot strikes and foot offs that the recording names ("Foot Strike", "Foot Off", with a
         side)
@@ -154,12 +157,12 @@ def find_strides(
         replace them. Where most steps have no flight they are not used
     facing : (3,) or (frames, 3) where the feet point; it decides where feet in place swing forward
         as fast as backward, and in every frame shows turns in place
-    options : how strikes are told; see `StrideOptions`
+    options : how foot strikes are found; see `StrideOptions`
 
     Returns
     -------
-    strides with their times [s], lengths [m] and speeds [m/s], strikes and lifts of each limb [s],
-    notes
+    strides with their times [s], lengths [m] and speeds [m/s], foot strikes and foot offs of each
+        limb [s], notes
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Strides of a model's motion: which of its bodies are limbs, where their points are, and whether
-it walks at all; foot strikes and foot offs of a run from the vertical force that the center of mass
-shows.
+"""Strides of a model's motion: its limbs, their points, and whether it walks at all.
+
+Foot strikes and foot offs of a run come from the vertical force that the center of mass shows.
 """
 
 from __future__ import annotations
@@ -34,8 +34,18 @@ MIN_FRAMES = 24  # Frames that a second derivative takes
 
 
 def vertical_force(model: Model, motion: Motion) -> Array:
-    """Vertical force on the whole body over its weight (frames,): 1 + a / g, with a of the center
-    of mass [m/s^2].
+    """Compute the vertical force on the whole body over its weight, 1 + a / g.
+
+    a is the acceleration of the center of mass along the vertical.
+
+    Parameters
+    ----------
+    model : with gravity and masses
+    motion : coordinates (frames, coordinates) [rad or m]
+
+    Returns
+    -------
+    (frames,) in body weights
     """
     g = float(np.linalg.norm(model.gravity))
     height = centroid(model, motion).values @ np.asarray(model.up)
@@ -48,12 +58,19 @@ def vertical_force(model: Model, motion: Motion) -> Array:
 def running_contacts(
     model: Model, motion: Motion, feet: Sequence[str]
 ) -> Mapping[str, tuple[tuple[float, float], ...]]:
-    """Contact intervals of each foot in a run [s]; none for a walk, in which a foot is always on
-    the ground. The events that show a walk's contacts, a foot farthest ahead of and behind the
-    trunk, are far from a runner's: a foot goes on backward after it has left the ground. Between
-    two flights one foot carries the body, the lower one. The force's slope where it passes half the
-    weight leads to where it begins and ends. `motion`: coordinates (frames, coordinates) [rad or
-    m]; `feet`: bodies.
+    """Find the contact intervals of each foot in a run [s].
+
+    There are none for a walk, in which a foot is always on the ground. The events that show a
+    walk's contacts, a foot farthest ahead of and behind the trunk, are far from a runner's: a foot
+    goes on backward after it has left the ground. Between two flights one foot carries the body,
+    the lower one. The force's slope where it passes half the weight leads to where it begins and
+    ends.
+
+    Parameters
+    ----------
+    model : with gravity and masses
+    motion : coordinates (frames, coordinates) [rad or m]
+    feet : bodies
     """
     known = np.isfinite(motion.values).all(axis=1)
     if (
@@ -90,8 +107,9 @@ def running_contacts(
 
 
 def _dip(force: Array) -> float:
-    """The least force until it is over half the weight again; that of a recording that ends there
-    counts.
+    """Find the least force until it is over half the weight again.
+
+    That of a recording that ends there counts.
     """
     return float(force[: np.append(np.flatnonzero(force >= EDGE), len(force))[0]].min())
 
@@ -113,14 +131,19 @@ STEADY = 0.35
 
 
 def walking_limbs(model: Model) -> tuple[Limb, ...]:
-    """A limb for every body that is a foot by its name and has a side; () where there are none."""
+    """Make a limb for every body that is a foot by its name and has a side.
+
+    The result is () where there are none.
+    """
     feet = [name for name in feet_of(model) if split_side(name)[1]]
     return tuple(Limb(name, (name,), bodies=(name,)) for name in feet)
 
 
 def chains(model: Model, limbs: tuple[Limb, ...]) -> dict[str, frozenset[str]]:
-    """By limb: its bodies from the foot up to where the chains of all limbs meet, and those beyond
-    the foot.
+    """Find the bodies of each limb, by limb.
+
+    They go from the foot up to where the chains of all limbs meet; those beyond the foot belong to
+    them too.
     """
     parents = {joint.child: joint.parent for joint in model.joints}
     ways: dict[str, list[str]] = {}
@@ -142,7 +165,8 @@ def chains(model: Model, limbs: tuple[Limb, ...]) -> dict[str, frozenset[str]]:
 
 
 def walking_points(model: Model, motion: Motion, fit: KinematicsFit | None = None) -> Series:
-    """Mass centers of the feet and the origin of the root (frames, points, 3) [m].
+    """Compute the mass centers of the feet and the origin of the root (frames, points, 3) [m].
+
     With a fit, a foot is unseen (NaN) in frames that show no marker of it nor of the body it hangs
     on: there its pose is a guess.
     """
@@ -251,8 +275,9 @@ def walking_strides(
 
 
 def ground_speed(points: Series) -> float | None:
-    """0 where the root goes over the ground; None where it stays in place, as on a belt whose speed
-    is not known.
+    """Return 0 where the root goes over the ground, and None where it stays in place.
+
+    It stays in place on a belt, whose speed is not known.
     """
     # On a belt the root, the last of the points, only drifts.
     return (

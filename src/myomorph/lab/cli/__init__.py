@@ -1,5 +1,6 @@
-"""The command line: arguments to one call to files. Holds no science, and imports it only when
-asked to run it.
+"""The command line: arguments to one call to files.
+
+It holds no science, and imports it only when a command runs it.
 """
 
 from myomorph.lab.cli.program import main

@@ -48,8 +48,9 @@ def analyze_command(
     prepare: bool = False,
     dry_run: bool = False,
 ) -> int:
-    """From raw recordings to a report: protocol, axes, static trial, forces, EMG and model are
-    found, and said.
+    """Make a report of raw recordings.
+
+    Protocol, axes, static trial, forces, EMG and model are found and reported.
 
     Parameters
     ----------

@@ -299,8 +299,9 @@ def commands() -> dict[str, CommandEntry]:
 
 
 def new_app(everything: bool = False) -> App:
-    """The program with all its commands. `everything`: help names every option, with its whole
-    text.
+    """Make the program with all its commands.
+
+    With `everything`, help names every option, with its whole text.
     """
     app = App(
         name="myomorph",

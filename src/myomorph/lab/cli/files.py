@@ -13,8 +13,9 @@ ConvertInputs = inputs_class("loads", "time", leave_out=("loads", "bodies"))
 
 @documented
 def info_command(file: Path, /, *, reasons: bool = False) -> int:
-    """What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it; of a folder of
-    recordings who was recorded, when, and in which movements.
+    """Print what is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.
+
+    Of a folder of recordings it prints who was recorded, when, and in which movements.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ def convert_command(
     labels: Path | None = None,
     inputs: ConvertInputs | None = None,  # type: ignore[valid-type]
 ) -> int:
-    """A recording as other files: C3D to TRC, MOT with external loads and STO, and back.
+    """Write a recording as other files: C3D to TRC, MOT with external loads and STO, and back.
 
     Parameters
     ----------

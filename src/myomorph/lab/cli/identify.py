@@ -51,8 +51,9 @@ def identify_command(
     options: IdentifySettings | None = None,  # type: ignore[valid-type]
     threads: flags.Threads = None,
 ) -> int:
-    """Masses, mass centers and inertias of every body from motions, their forces and the body's
-    shape.
+    """Identify masses, mass centers and inertias of every body from motions and forces.
+
+    The body's shape is used where it is known.
 
     Parameters
     ----------

@@ -80,8 +80,12 @@ Threads = Annotated[
 
 
 def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
-    """A dataclass whose fields are the settings of option dataclasses, each a command-line option.
-    `sources`: option dataclasses of steps; `leave_out`: settings that another option gives.
+    """Make a dataclass of the settings of option dataclasses, each a command-line option.
+
+    Parameters
+    ----------
+    sources : option dataclasses of steps
+    leave_out : settings that another option gives
     """
     fields: list[tuple[str, Any, Any]] = []
     for source in sources:
@@ -97,8 +101,11 @@ def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
 
 
 def switches_class(helps: Mapping[str, str]) -> Any:
-    """A dataclass whose fields are switches that are off by default, each a command-line option.
-    `helps`: what each says in the help, by name.
+    """Make a dataclass of switches that are off by default, each a command-line option.
+
+    Parameters
+    ----------
+    helps : text of each in the help, by name
     """
     fields = [
         (name, Annotated[bool, Parameter(help=_sentence(text), negative=())], False)
@@ -116,9 +123,12 @@ def switched_on(switches: Any) -> tuple[str, ...]:
 
 
 def inputs_class(*names: str, leave_out: tuple[str, ...] = ()) -> Any:
-    """A dataclass whose fields are the keys of a trial's inputs, each a command-line option.
-    `names`: of inputs, see `study.inputs.table`; `leave_out`: keys that the command has of its own,
-    as several files of one.
+    """Make a dataclass of the keys of a trial's inputs, each a command-line option.
+
+    Parameters
+    ----------
+    names : of inputs, see `study.inputs.table`
+    leave_out : keys that the command has of its own, as several files of one
     """
     keys = [key for name in names for key in input_of(name).keys if key.name not in leave_out]
     fields = [(key.name, flag(key), dataclasses.field(default=_no_flag(key))) for key in keys]
@@ -129,13 +139,14 @@ def inputs_class(*names: str, leave_out: tuple[str, ...] = ()) -> Any:
 
 
 def flag(key: Key) -> Any:
-    """A key of an input as an annotation of a command's parameter."""
+    """Make the annotation of a command's parameter from a key of an input."""
     return Annotated[key.flag, Parameter(name=flag_of(key.name), help=_sentence(key.help))]
 
 
 def documented(owner: Documented) -> Documented:
-    """A command, or a dataclass of its options, with the help of each parameter or attribute in its
-    docstring, unless its annotation has help. What is off by default is only switched on.
+    """Give each parameter of a command, or attribute of its options, the help in its docstring.
+
+    A parameter whose annotation has help keeps it. What is off by default is only switched on.
     """
     kinds = get_type_hints(owner, include_extras=True)
     defaults = {name: parameter.default for name, parameter in signature(owner).parameters.items()}
@@ -161,7 +172,7 @@ def _sentence(text: str) -> str:
 
 
 def _no_flag(key: Key) -> Any:
-    """What a command gets where a flag is not there."""
+    """Return what a command gets where a flag is not there."""
     if key.kind.flag is None:
         return key.default
     if key.flag is str:
@@ -172,9 +183,17 @@ def _no_flag(key: Key) -> Any:
 
 
 def inputs_of_flags(flags: Any, near: bool = False) -> ByType:
-    """Settings of inputs from a value of `inputs_class`, None where no flag is there. `near`: files
-    are looked for near the recordings too, so that what is said of them may stand without them.
-    Raises `BadData` where a flag stands without the one that it belongs to.
+    """Collect settings of inputs from a value of `inputs_class`, None where no flag is there.
+
+    Parameters
+    ----------
+    flags : value of `inputs_class`, or None
+    near : files are looked for near the recordings too, so that options of a file may stand without
+        it
+
+    Raises
+    ------
+    BadData : a flag stands without the one that it belongs to
     """
     if flags is None:
         return ByType()
@@ -198,7 +217,7 @@ def inputs_of_flags(flags: Any, near: bool = False) -> ByType:
 
 
 def settings_dict(options: Any) -> dict[str, Any]:
-    """The options as a mapping; empty where there are none."""
+    """Return the options as a mapping; empty where there are none."""
     return {} if options is None else dataclasses.asdict(options)
 
 

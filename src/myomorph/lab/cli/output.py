@@ -44,8 +44,9 @@ def warn(warnings: Iterable[str], where: str = LISTED) -> None:
 def made(
     out: Path, tables: Path, lines: Iterable[str], notes: Sequence[str], where: str = LISTED
 ) -> int:
-    """Say what was found for a model that was written beside its tables, and warnings; the exit
-    status.
+    """Print what was found for a model that was written beside its tables, and warnings.
+
+    The result is the exit status.
     """
     warn(notes, where)
     for line in lines:
@@ -56,9 +57,14 @@ def made(
 
 @contextmanager
 def table_beside(out: Path, step: str, name: str) -> Iterator[tuple[Path, ResultWriter]]:
-    """A folder in which a step writes its table `name`, which then becomes `out`; `OUT_STEP.nc`
-    stands beside it. The table's limits, where there are any, become `OUT_low` and `OUT_high`.
-    Raises `BadFile` where `out` is a folder, its folder does not exist, or its name ends otherwise.
+    """Yield a folder in which a step writes its table `name`, which then becomes `out`.
+
+    `OUT_STEP.nc` stands beside it. The table's interval bounds, where there are any, become
+    `OUT_low` and `OUT_high`.
+
+    Raises
+    ------
+    BadFile : `out` is a folder, its folder does not exist, or its name ends otherwise
     """
     check_out_file(out, Path(name).suffix)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
@@ -92,6 +98,6 @@ def check_out_file(out: Path, ending: str) -> None:
 
 @contextmanager
 def folder_with(out: Path, name: str) -> Iterator[tuple[Path, ResultWriter]]:
-    """A folder of results that appears whole, and a NetCDF file `name` in it."""
+    """Yield a folder of results that appears whole, and a NetCDF file `name` in it."""
     with whole_folder(out) as folder, new_result(folder / f"{name}{STORED}", name) as writer:
         yield folder, writer

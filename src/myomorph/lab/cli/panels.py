@@ -1,5 +1,6 @@
-"""The help of a command: its options in panels, the ones that most users need by `--help`, all by
-`--help-all`.
+"""The help of a command: its options in panels.
+
+`--help` shows those that most users need, `--help-all` all.
 """
 
 from __future__ import annotations
@@ -149,8 +150,12 @@ FAMILIES = {"EMG": "emg", "Inertial sensors": "imu"}
 
 
 def option_panel(option: str, own: Mapping[str, Collection[str]] = FrozenMap({})) -> str:
-    """The panel of an option, by its name without hyphens in front. `option`: as `joint-load`;
-    `own`: options of the command itself, by panel.
+    """Find the panel of an option.
+
+    Parameters
+    ----------
+    option : name without hyphens in front, as `joint-load`
+    own : options of the command itself, by panel
     """
     for title, options in (*own.items(), *PANELS.items()):
         if option in options or option.split("-")[0] == FAMILIES.get(title):
@@ -160,9 +165,14 @@ def option_panel(option: str, own: Mapping[str, Collection[str]] = FrozenMap({})
 
 @dataclass(frozen=True)
 class PanelHelp:
-    """Cyclopts' formatter of one command's help. `command`: whose help it is; `entry`: what says
-    how it is shown; `everything`: all options but rare ones with their whole text, else the first
-    ones with their first sentence.
+    """Cyclopts' formatter of one command's help.
+
+    Attributes
+    ----------
+    command : whose help it is
+    entry : how it is shown
+    everything : all options but rare ones with their whole text, else the first ones with their
+        first sentence
     """
 
     command: str
@@ -192,8 +202,9 @@ class PanelHelp:
         DefaultFormatter().render_usage(console, options, usage)
 
     def shown(self, entries: list[HelpEntry]) -> list[HelpEntry]:
-        """The entries that are printed, without empty defaults; by their first sentence, unless all
-        are shown.
+        """Return the entries that are printed, without empty defaults.
+
+        They are printed by their first sentence, unless all are shown.
         """
         rare = self.entry.rare_options
         entries = [entry for entry in entries if _name(entry) not in rare]
@@ -211,7 +222,7 @@ class PanelHelp:
 
 
 def first_sentence(text: str) -> str:
-    """The first sentence of a description, or what stands before its first semicolon."""
+    """Return the first sentence of a description, or what stands before its first semicolon."""
     return re.split(r"(?<=[a-z0-9)\]])(?:; |\. (?=[A-Z]))", text, maxsplit=1)[0].rstrip(".") + "."
 
 
@@ -221,7 +232,7 @@ def _name(entry: HelpEntry) -> str:
 
 
 def _text(entry: HelpEntry) -> str:
-    """The description as written; Cyclopts keeps it as Markdown."""
+    """Return the description as written; Cyclopts keeps it as Markdown."""
     return str(
         getattr(
             getattr(entry.description, "primary_renderable", None),

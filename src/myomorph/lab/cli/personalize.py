@@ -30,8 +30,9 @@ def personalize_command(
     options: PersonalSettings | None = None,  # type: ignore[valid-type]
     threads: flags.Threads = None,
 ) -> int:
-    """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and
-    EMG.
+    """Fit fiber lengths, tendon slack lengths and strengths of a person's muscles.
+
+    They are fitted to torques and EMG.
 
     Parameters
     ----------

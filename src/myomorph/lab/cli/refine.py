@@ -28,8 +28,7 @@ def refine_command(
     options: RefineSettings | None = None,  # type: ignore[valid-type]
     threads: flags.Threads = None,
 ) -> int:
-    """Motions, link lengths, marker positions and masses that agree with markers and force plates
-    at once.
+    """Fit motions, link lengths, marker positions and masses to markers and force plates at once.
 
     Parameters
     ----------

@@ -1,5 +1,6 @@
-"""How commands run a study, whatever it is of: their options, workers, what is printed of each job,
-the exit status.
+"""How commands run a study, whatever it is of.
+
+Here are their options, workers, what is printed of each job, and the exit status.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class Running:
         use_threads(self.threads)
 
     def place(self, path: Path) -> Path:
-        """A path as the workers see it: those of a cluster are in folders of their own."""
+        """Return a path as the workers see it: those of a cluster are in folders of their own."""
         return path if self.scheduler is None else path.resolve()
 
     def _here(self, jobs: int) -> Workers:
@@ -139,12 +140,12 @@ def _listed(outcome: Outcome) -> str:
 
 
 def named(outcome: Outcome) -> str:
-    """A job as it is named to the user."""
+    """Name a job as the user sees it."""
     return f"{outcome.subject}/{outcome.trial}".strip("/") or "tables of the study"
 
 
 def status_of(outcomes: Sequence[Outcome]) -> int:
-    """The exit status of a run."""
+    """Return the exit status of a run."""
     if any(outcome.fault for outcome in outcomes):
         return OUR_FAULT
     return BAD_INPUT if any(outcome.error for outcome in outcomes) else 0

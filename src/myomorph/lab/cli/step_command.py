@@ -1,5 +1,6 @@
-"""The command of a step of a trial: a model and what was recorded in, a table or a folder of
-results out.
+"""The command of a step of a trial.
+
+It reads a model and what was recorded, and writes a table or a folder of results.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from myomorph.lab.uncertainty.spread import Uncertainty
 
 
 def __getattr__(name: str) -> Callable[..., int]:
-    """The command `NAME_command` of the step NAME."""
+    """Return the command `NAME_command` of the step NAME."""
     if not name.endswith("_command"):
         raise AttributeError(name)
     return step_command(name.removesuffix("_command"))
 
 
 def step_command(name: str) -> Callable[..., int]:
-    """A command whose options are those of a step and of its inputs."""
+    """Make a command whose options are those of a step and of its inputs."""
     step = step_of(name)
     own = step.command
     # The coordinates are those of a file, but for the step that finds them.

@@ -27,12 +27,15 @@ MAX_REMARKS = 12
 
 @documented
 def run_command(study: Path, /, *, out: OutFolder, running: RunOptions = AS_USUAL) -> int:
-    """Run a study file: subjects, models, trials and steps; what has not changed since an earlier
-    run is reused.
+    """Run a study file: subjects, models, trials and steps.
+
+    What has not changed since an earlier run is reused.
 
     Parameters
     ----------
     study : study file (.toml)
+    out : folder to write
+    running : how the jobs are run
     """
     from myomorph.lab.study.plan.plan import read_plan
 

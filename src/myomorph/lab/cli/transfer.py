@@ -29,7 +29,7 @@ def transfer_command(
     options: TransferSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
-    """A subject's lengths, marker positions and masses for a model with more joints.
+    """Transfer a subject's lengths, marker positions and masses to a model with more joints.
 
     Parameters
     ----------

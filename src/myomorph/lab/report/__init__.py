@@ -1,3 +1,4 @@
-"""What was computed, for people: charts, pictures, scenes and HTML pages. Changes no result and
-computes none.
+"""Reports for people: charts, pictures, scenes and HTML pages of what was computed.
+
+It changes no result and computes none.
 """

@@ -1,3 +1,4 @@
-"""Charts as SVG: axes, marks, kinds of chart. They take numbers and names, know no trial and
-compute no result.
+"""Charts as SVG: axes, marks, kinds of chart.
+
+They take numbers and names, know no trial and compute no result.
 """

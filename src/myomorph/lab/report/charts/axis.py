@@ -36,14 +36,30 @@ class Axis:
     unit: str = ""  # printed behind the last tick
 
     def at(self, values: ArrayLike) -> Array:
-        """Position of each value, NaN where a value is."""
+        """Find the position of each value.
+
+        Parameters
+        ----------
+        values : (...) in the unit of the axis
+
+        Returns
+        -------
+        (...) in pixels, NaN where a value is
+        """
         return self.start + (np.asarray(values) - self.low) / (self.high - self.low) * (
             self.stop - self.start
         )
 
     def cut(self, values: ArrayLike) -> Array:
-        """Position of each value, of those beyond a limit at the limit; NaN where a value is not
-        finite.
+        """Find the position of each value, of those beyond a limit at the limit.
+
+        Parameters
+        ----------
+        values : (...) in the unit of the axis
+
+        Returns
+        -------
+        (...) in pixels, NaN where a value is not finite
         """
         known = np.asarray(values, dtype=np.float64)
         return self.at(np.where(np.isfinite(known), np.clip(known, self.low, self.high), np.nan))
@@ -66,9 +82,17 @@ class Axis:
 def limits(
     values: Sequence[Array], low: float | None = None, high: float | None = None, zero: bool = False
 ) -> tuple[float, float]:
-    """Lowest and highest of several arrays with a little air, (0, 1) where no value is finite.
-    `low`, `high`: values that must be inside, without air; `zero`: whether zero must be inside,
-    without air too.
+    """Find the lowest and highest of several arrays with a little air.
+
+    Parameters
+    ----------
+    values : arrays of any shape, in one unit
+    low, high : values that must be inside, without air
+    zero : whether zero must be inside, without air too
+
+    Returns
+    -------
+    Lowest and highest; (0, 1) where no value is finite
     """
     finite = [array[np.isfinite(array)] for array in map(np.asarray, values)]
     lows = [float(array.min()) for array in finite if array.size] + ([] if low is None else [low])
@@ -87,8 +111,9 @@ def limits(
 
 
 def scaled_unit(unit: str, *values: Array) -> tuple[float, str]:
-    """Factor and unit that print small values without a row of zeros: 0.0003 N·m is 300 µN·m; else
-    the same.
+    """Find the factor and unit that print small values without a row of zeros.
+
+    0.0003 N·m is 300 µN·m. Larger values keep their unit.
     """
     finite = [np.abs(value[np.isfinite(value)]) for value in values]
     peak = max((float(array.max()) for array in finite if array.size), default=0.0)
@@ -99,7 +124,17 @@ def scaled_unit(unit: str, *values: Array) -> tuple[float, str]:
 
 
 def ticks(low: float, high: float, count: int = 4) -> Array:
-    """Round numbers within [low, high], about `count` of them."""
+    """Choose round numbers within limits.
+
+    Parameters
+    ----------
+    low, high : limits, in the unit of the axis
+    count : about how many
+
+    Returns
+    -------
+    (ticks,) in rising order; `low` alone where the limits hold no range
+    """
     if not (np.isfinite(low) and np.isfinite(high)) or high <= low:
         return np.array([low])
     raw = (high - low) / max(count, 1)
@@ -112,8 +147,9 @@ def ticks(low: float, high: float, count: int = 4) -> Array:
 
 
 def number(value: float, step: float | None = None) -> str:
-    """A value for print: about three digits, or as many as a tick of `step` needs; a true minus
-    sign.
+    """Write a value for print: about three digits, or as many as a tick of `step` needs.
+
+    Negative values have a true minus sign.
     """
     if not np.isfinite(value):
         return "–"

@@ -1,6 +1,4 @@
-"""Many values as colors: the heat map of many columns over time, and tables whose cells are
-colored.
-"""
+"""Many values as colors: heat maps over time, and tables whose cells are colored."""
 
 from __future__ import annotations
 
@@ -39,7 +37,17 @@ SIDES = ("right", "left")
 
 
 def pooled(values: Array, max_rows: int = MAX_COLUMNS) -> Array:
-    """(frames, n) cut to at most `max_rows` rows, each the largest of the frames it stands for."""
+    """Cut values to few rows, each the largest of the frames it stands for.
+
+    Parameters
+    ----------
+    values : (frames, n) NaN where not known
+    max_rows : how many rows remain at most
+
+    Returns
+    -------
+    (rows, n) NaN where nothing is known
+    """
     if len(values) <= max_rows:
         return values
     edges = np.linspace(0, len(values), max_rows + 1).astype(np.int64)
@@ -57,8 +65,21 @@ def heat_map(
     blocks: Sequence[tuple[str, NDArray[np.int64]]],
     events: Sequence[Event] = (),
 ) -> str:
-    """Many columns (frames, columns) over time as rows of color, light for zero, in labelled blocks
-    of columns.
+    """Draw many columns over time as rows of color, light for zero, in labelled blocks.
+
+    Parameters
+    ----------
+    title : of the chart
+    unit : of the values
+    time : (frames,) [s]
+    values : (frames, columns) NaN where not known
+    names : of the columns
+    blocks : label and columns of each block; the label is a side or ""
+    events : drawn over the blocks of their side
+
+    Returns
+    -------
+    The chart as an `<svg>` element
     """
     rows = int(sum(len(columns) for _, columns in blocks))
     row = 10.0 if rows <= 90 else max(1.6, 900.0 / rows)
@@ -106,8 +127,9 @@ def heat_map(
 def _heat_block(
     area: Frame, label: str, names: Sequence[str], index: NDArray[np.uint8], every: int
 ) -> str:
-    """Rows of the colors `index` (frames, rows) with the block's label; names stand beside `every`
-    so many rows.
+    """Draw rows of the colors `index` (frames, rows) with the block's label.
+
+    Names stand beside one row in `every`.
     """
     y = area.y.stop
     tall = area.y.start - area.y.stop
@@ -131,7 +153,7 @@ def _heat_block(
 
 
 def _color_bar(x: float, axis: Axis, unit: str) -> str:
-    """The colors of the values along an upright axis."""
+    """Draw the colors of the values along an upright axis."""
     address = data_uri(png(np.arange(255, -1, -1, dtype=np.uint8)[:, None], HEAT))
     parts = [
         image(address, x, axis.stop, 10.0, axis.start - axis.stop, stretch=True),
@@ -145,7 +167,9 @@ def _color_bar(x: float, axis: Axis, unit: str) -> str:
 
 @dataclass(frozen=True)
 class Cell:
-    """A value between -1 and 1 that colors the cell, its printed text, and what is shown under the
+    """A colored cell of a table.
+
+    It has a value between -1 and 1 that colors it, its printed text, and what is shown under the
     pointer.
     """
 
@@ -160,8 +184,9 @@ def sided_table(
     columns: Sequence[str],
     rows: Sequence[tuple[str, Sequence[Sequence[Cell | None]]]],
 ) -> str:
-    """A table of colored cells: a label each row, and for every column the cells of both sides or
-    one for both.
+    """Draw a table of colored cells.
+
+    Each row has a label and, for every column, the cells of both sides or one for both.
     """
     room = min((WIDTH - LABEL) / max(len(columns), 1), 250.0)
     gap = 6.0

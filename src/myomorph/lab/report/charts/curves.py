@@ -42,7 +42,18 @@ class Line:
 
 
 def within(span: tuple[float, float], time: Array, *values: Array) -> list[Array]:
-    """Times and values (samples,) inside a span of time [s]."""
+    """Cut times and values to a span of time.
+
+    Parameters
+    ----------
+    span : first and last time [s]
+    time : (samples,) [s]
+    values : (samples,) each
+
+    Returns
+    -------
+    Times and values inside the span, (samples inside,) each
+    """
     inside = (time >= span[0] - 1e-9) & (time <= span[1] + 1e-9)
     return [np.asarray(column)[inside] for column in (time, *values)]
 
@@ -60,8 +71,9 @@ def line_limits(
 
 
 def drawn_line(area: svg.Frame, curve: Line, span: tuple[float, float]) -> str:
-    """A line within a span: thinned, of noise its mean in the band of its extremes, filled down to
-    zero if it is so.
+    """Draw a line within a span, thinned to what the chart can show.
+
+    Of noise the mean is drawn in the band of its extremes. A filled line is filled down to zero.
     """
     time, values = within(span, curve.time, curve.values)
     if curve.low is not None and curve.high is not None:
@@ -95,9 +107,21 @@ def time_plot(
     second: tuple[float, str] | None = None,
     margin: int = 8,
 ) -> str:
-    """Lines over time as an `<svg>` element. `low`, `high`: values that must be inside; `second`:
-    factor and unit of a second scale on the right, e.g. moments per kilogram; `margin`: free space
-    on the right, so that charts above each other line up.
+    """Draw lines over time as an `<svg>` element.
+
+    Parameters
+    ----------
+    title : of the chart
+    unit : of the values
+    lines : curves over time
+    span : first and last time [s]
+    events : upright lines
+    levels : horizontal lines
+    low, high : values that must be inside
+    width, height : of the chart [px]
+    name_events : whether events have their names
+    second : factor and unit of a second scale on the right, e.g. moments per kilogram
+    margin : free space on the right, so that charts above each other line up [px]
     """
     first, last = span
     top = 40.0 if name_events and events else 26.0
@@ -115,7 +139,7 @@ def time_plot(
 
 
 def _second_scale(area: svg.Frame, factor: float, unit: str) -> str:
-    """The same values in another unit, at the right."""
+    """Draw the scale of the same values in another unit, at the right."""
     axis = Axis(
         low=area.y.low * factor, high=area.y.high * factor, start=area.y.start, stop=area.y.stop
     )
@@ -127,7 +151,7 @@ def _second_scale(area: svg.Frame, factor: float, unit: str) -> str:
 
 
 def event_line(area: svg.Frame, event: Event, style: str = "") -> str:
-    """An upright line at an event, in the color of its side where no style is given."""
+    """Draw an upright line at an event, in the color of its side where no style is given."""
     name = f"{event.side} {event.label}".strip()
     style = style or event.side.lower() or "middle"
     data = f"M{float(area.x.at(event.time)):.1f} {area.y.stop:.1f}V{area.y.start:.1f}"
@@ -178,9 +202,21 @@ def cycle_chart(
     height: int = 220,
     upright: Sequence[tuple[float, str]] = (),
 ) -> str:
-    """Mean curves over the cycle with their intervals, and bars below where they differ (from, to
-    [%], words). `shown`: arrays of values that must be inside; intervals beyond them are cut.
-    `upright`: lines at a percent, with style.
+    """Draw mean curves over the cycle with their intervals, and bars below where they differ.
+
+    Parameters
+    ----------
+    title : of the chart
+    unit : of the curves
+    curves : means with intervals and spreads
+    shown : arrays of values that must be inside; intervals beyond them are cut
+    differs : start and stop of each bar [%], and its words
+    height : of the chart [px]
+    upright : upright lines at a percent, with style
+
+    Returns
+    -------
+    The chart as an `<svg>` element
     """
     width = 330.0
     area = svg.frame(46.0, 26.0, width - 8, height - 32.0, (0.0, 100.0), limits(shown), "%")

@@ -1,9 +1,9 @@
-"""The marks of every chart as SVG text: grid, line, band, dots, bars, intervals, levels, text; and
-the drawing around.
+"""The marks of every chart as SVG text, and the drawing around.
 
-Written here rather than with a plotting library, so that a page follows the reader's light or dark
-setting, a script in it can read values back from the drawn lines, and a hundred charts cost
-milliseconds. Colors are classes of the page's style sheet.
+Marks are grid, line, band, dots, bars, intervals, levels and text. They are written here rather
+than with a plotting library, so that a page follows the reader's light or dark setting, a script in
+it can read values back from the drawn lines, and a hundred charts cost milliseconds. Colors are
+classes of the page's style sheet.
 """
 
 from __future__ import annotations
@@ -61,8 +61,9 @@ def frame(
     y: tuple[float, float] = (0.0, 1.0),
     unit: str = "",
 ) -> Frame:
-    """The area between four borders for values within limits; `unit` stands behind the last tick to
-    the right.
+    """Make the area between four borders for values within limits.
+
+    `unit` stands behind the last tick to the right.
     """
     return Frame(
         x=Axis(low=x[0], high=x[1], start=left, stop=right, unit=unit),
@@ -78,9 +79,16 @@ def drawing(
     unit: str | None = "",
     attributes: str = "",
 ) -> str:
-    """A chart as an `<svg>` element. `kind`: class of the style sheet; "time" charts are read under
-    the pointer by the page's script; `parts`: marks, those in front last; a `unit` of None prints
-    no title.
+    """Draw a chart as an `<svg>` element.
+
+    Parameters
+    ----------
+    kind : class of the style sheet; "time" charts are read under the pointer by the page's script
+    title : of the chart
+    size : width and height [px]
+    parts : marks, those in front last
+    unit : of the values; None prints no title
+    attributes : further ones of the element
     """
     heading = "" if unit is None else titled(title, unit, 2.0, 12.0)
     return (
@@ -91,7 +99,7 @@ def drawing(
 
 
 def titled(title: str, unit: str, x: float, y: float) -> str:
-    """A title with its unit."""
+    """Write a title with its unit."""
     return (
         f'<text class="title" x="{x:g}" y="{y:g}">{escape(title)} <tspan'
         f' class="unit">{escape(unit)}</tspan></text>'
@@ -99,7 +107,7 @@ def titled(title: str, unit: str, x: float, y: float) -> str:
 
 
 def mark(tag: str, kind: str, under: str = "", **attributes: str | float) -> str:
-    """An SVG element of a class of the style sheet; `under` is shown under the pointer."""
+    """Write an SVG element of a class of the style sheet; `under` is shown under the pointer."""
     written = ""
     for name, value in attributes.items():
         shown = f"{value:.1f}" if isinstance(value, float) else value
@@ -111,7 +119,7 @@ def mark(tag: str, kind: str, under: str = "", **attributes: str | float) -> str
 def rect(
     kind: str, x: float, y: float, width: float, height: float, under: str = "", **further: str
 ) -> str:
-    """A filled box."""
+    """Draw a filled box."""
     return mark("rect", kind, under, x=x, y=y, width=width, height=height, **further)
 
 
@@ -129,12 +137,21 @@ def text(
 
 
 def group(under: str, *parts: str, attributes: str = "") -> str:
-    """Marks that share what is shown under the pointer."""
+    """Group marks that share what is shown under the pointer."""
     return f"<g{attributes}><title>{escape(under)}</title>{''.join(parts)}</g>"
 
 
 def path_data(x: Array, y: Array) -> str:
-    """SVG path of the points (x, y), broken where one is NaN."""
+    """Write the SVG path of points, broken where one is NaN.
+
+    Parameters
+    ----------
+    x, y : (n,) positions [px]
+
+    Returns
+    -------
+    The commands of the path
+    """
     parts: list[str] = []
     pen = "M"
     for u, v, good in zip(
@@ -158,8 +175,9 @@ def grid_up(area: Frame, count: int = 4) -> str:
 
 
 def grid_along(area: Frame, count: int = 6, lines: bool = True, drop: float = 15.0) -> str:
-    """Values of the axis to the right, `drop` below it, with upright grid lines or with ticks
-    alone.
+    """Draw values of the axis to the right, `drop` below it.
+
+    They come with upright grid lines or with ticks alone.
     """
     parts = []
     for tick in area.x.ticks(count):
@@ -173,20 +191,42 @@ def grid_along(area: Frame, count: int = 6, lines: bool = True, drop: float = 15
 
 
 def across(area: Frame, y: float, kind: str) -> str:
-    """A horizontal line through the chart."""
+    """Draw a horizontal line through the chart."""
     return mark("path", kind, d=f"M{area.x.start:.1f} {y:.1f}H{area.x.stop:.1f}")
 
 
 def line(area: Frame, x: Array, y: Array, style: str, label: str = "", under: str = "") -> str:
-    """A line through points (n,), broken where one is NaN; `label` is what the reading under the
-    pointer says.
+    """Draw a line through points, broken where one is NaN.
+
+    Parameters
+    ----------
+    area : of the chart, with its axes
+    x, y : (n,) in the units of the axes
+    style : class of the style sheet
+    label : what the reading under the pointer says
+    under : what is shown under the pointer
+
+    Returns
+    -------
+    The line as an SVG element
     """
     read = {"data_label": escape(label, True)} if label else {}
     return mark("path", f"line {style}", under, **read, d=path_data(area.x.at(x), area.y.cut(y)))
 
 
 def filled(area: Frame, x: Array, y: Array, style: str) -> str:
-    """The area between a line and zero."""
+    """Fill the area between a line and zero.
+
+    Parameters
+    ----------
+    area : of the chart, with its axes
+    x, y : (n,) in the units of the axes
+    style : class of the style sheet
+
+    Returns
+    -------
+    The area as an SVG element, "" without points
+    """
     if not len(x):
         return ""
     base = float(area.y.cut(0.0))
@@ -201,7 +241,19 @@ def filled(area: Frame, x: Array, y: Array, style: str) -> str:
 
 
 def band(area: Frame, x: Array, low: Array, high: Array, style: str) -> str:
-    """What lies between two lines: an outline for every stretch where both are known."""
+    """Fill the area between two lines: an outline for every stretch where both are known.
+
+    Parameters
+    ----------
+    area : of the chart, with its axes
+    x : (n,) in the unit of the axis to the right
+    low, high : (n,) in the unit of the upright axis, NaN where not known
+    style : class of the style sheet
+
+    Returns
+    -------
+    The band as an SVG element, "" where nothing is known
+    """
     step = max(1, len(x) // 240)
     x = np.asarray(x)[::step]
     low = np.asarray(low)[::step]
@@ -218,8 +270,19 @@ def band(area: Frame, x: Array, low: Array, high: Array, style: str) -> str:
 def intervals(
     area: Frame, x: Array, low: Array, high: Array, style: str, aside: float = 0.0
 ) -> str:
-    """An upright line from low to high at every x where they differ, drawn `aside` to the right of
-    it.
+    """Draw an upright line from low to high at every x where they differ.
+
+    Parameters
+    ----------
+    area : of the chart, with its axes
+    x : (n,) in the unit of the axis to the right
+    low, high : (n,) in the unit of the upright axis
+    style : class of the style sheet
+    aside : how far to the right of x they are drawn [px]
+
+    Returns
+    -------
+    The lines as an SVG element
     """
     differ = np.asarray(high) - np.asarray(low) > 1e-3 * (area.y.high - area.y.low)
     along = area.x.at(np.asarray(x)[differ]) + aside
@@ -231,7 +294,7 @@ def intervals(
 
 
 def dot(x: float, y: float, style: str, radius: float = 3.3, under: str = "") -> str:
-    """A round mark at a position."""
+    """Draw a round mark at a position."""
     return mark("circle", f"mark {style}", under, cx=x, cy=y, r=f"{radius:g}")
 
 
@@ -283,7 +346,7 @@ def image(
     under: str = "",
     stretch: bool = False,
 ) -> str:
-    """A picture; `stretch` lets it fill its place whatever its own proportions."""
+    """Draw a picture; `stretch` lets it fill its place whatever its own proportions."""
     title = f"><title>{escape(under)}</title></image>" if under else "/>"
     fit = ' preserveAspectRatio="none"' if stretch else ""
     return (
@@ -299,8 +362,20 @@ def shortened(words: str, room: float) -> str:
 
 
 def decimate(time: Array, values: Array, max_count: int = MAX_POINTS) -> tuple[Array, Array]:
-    """Fewer points that draw the same line: the first of the smallest and of the largest of every
-    bin. Peaks survive; a bin without any value becomes one NaN, which breaks the line.
+    """Choose fewer points that draw the same line.
+
+    They are the first of the smallest and of the largest of every bin. Peaks survive. A bin without
+    any value becomes one NaN, which breaks the line.
+
+    Parameters
+    ----------
+    time : (samples,) [s]
+    values : (samples,)
+    max_count : bins
+
+    Returns
+    -------
+    Times and values, (points,) each
     """
     if len(time) <= 2 * max_count:
         return time, values
@@ -317,8 +392,18 @@ def decimate(time: Array, values: Array, max_count: int = MAX_POINTS) -> tuple[A
 def envelope(
     time: Array, values: Array, max_count: int = MAX_POINTS // 2
 ) -> tuple[Array, Array, Array, Array] | None:
-    """Time, mean, smallest and largest value of bins, where a line would only fill its chart with
-    ink. None for lines that are short, or that change little within a bin.
+    """Find mean, smallest and largest value of bins, where a line would only fill its chart.
+
+    Parameters
+    ----------
+    time : (samples,) [s]
+    values : (samples,) NaN where not known
+    max_count : bins
+
+    Returns
+    -------
+    Time, mean, smallest and largest value, (bins,) each; None for lines that are short, or that
+        change little within a bin
     """
     if len(time) <= 4 * max_count:
         return None

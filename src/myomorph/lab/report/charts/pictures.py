@@ -1,6 +1,4 @@
-"""Charts that hold pictures: the body along a time axis or in colors, and a surface in colors of
-its residual.
-"""
+"""Charts that hold pictures: the body over time or in colors, surfaces in colors of a residual."""
 
 from __future__ import annotations
 
@@ -50,8 +48,9 @@ def fitting(scene: Scene, max_count: int, view: str = "oblique") -> int:
 
 
 def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
-    """The scene's frames side by side as an `<svg>` element, each tied to its time on the axis
-    below.
+    """Draw the scene's frames side by side as an `<svg>` element.
+
+    Each is tied to its time on the axis below.
     """
     count = len(scene.time)
     room = OVERLAP * (WIDTH - RIGHT - LEFT) / count
@@ -78,8 +77,17 @@ def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
 
 
 def pictures_beside(wanted: Array, wide: float, left: float, right: float) -> Array:
-    """Positions nearest to those wanted (ascending), in least squares, `wide` apart and within the
-    borders.
+    """Find the positions nearest to those wanted, in least squares, for pictures side by side.
+
+    Parameters
+    ----------
+    wanted : (pictures,) middles, in rising order [px]
+    wide : distance of two middles [px]
+    left, right : borders [px]
+
+    Returns
+    -------
+    (pictures,) middles, `wide` apart and within the borders [px]
     """
     apart = wide * np.arange(len(wanted))
     blocks: list[tuple[float, int]] = []
@@ -98,7 +106,18 @@ def pictures_beside(wanted: Array, wide: float, left: float, right: float) -> Ar
 
 
 def nearest_frames(time: np.ndarray, good: np.ndarray, wanted: Sequence[float]) -> list[int]:
-    """Of the good frames those nearest to the wanted times, each once, in order of time."""
+    """Find the good frames nearest to the wanted times, each once, in order of time.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    good : indices of the frames to choose from
+    wanted : times [s]
+
+    Returns
+    -------
+    Indices of frames
+    """
     return sorted({int(good[int(np.argmin(np.abs(time[good] - at)))]) for at in wanted})
 
 
@@ -111,8 +130,21 @@ def picture_row(
     unit: str | None = None,
     width: float = 560.0,
 ) -> str:
-    """Pictures side by side, labels or a scale of their colors with `ends` below; no title for a
-    `unit` of None.
+    """Draw pictures side by side, with labels or a scale of their colors below.
+
+    Parameters
+    ----------
+    title : of the chart
+    drawn : the pictures
+    labels : one per picture
+    palette : (256, 3) colors of the scale
+    ends : words along the scale
+    unit : of the title; None for no title
+    width : of the chart at most [px]
+
+    Returns
+    -------
+    The chart as an `<svg>` element
     """
     wide = sum(picture.width for picture in drawn)
     tall = max(picture.height for picture in drawn)
@@ -139,16 +171,25 @@ def picture_row(
 def color_scale(
     bar: str, x: float, y: float, size: tuple[float, float], words: Sequence[str]
 ) -> str:
-    """A bar of colors with words in even steps below it."""
+    """Draw a bar of colors with words in even steps below it."""
     steps = zip(np.linspace(0.0, size[0], len(words)), words, strict=True)
     below = (text(x + at, y + 14 + size[1] * 2 / 3, word, "tick x") for at, word in steps)
     return image(bar, x, y, *size, stretch=True) + "".join(below)
 
 
 def residual_map(title: str, unit: str, surface: Surface, distances: Array) -> str:
-    """A surface in colors of how far each vertex is from the surface it was fitted to, from two
-    sides. `distances`: (vertices,) positive outside [m]; the scale of colors [mm] holds 95 % of
-    them.
+    """Draw a surface, from two sides, in colors of its distance to the surface it was fitted to.
+
+    Parameters
+    ----------
+    title : of the chart
+    unit : of the title
+    surface : that was fitted
+    distances : (vertices,) positive outside [m]; the scale of colors [mm] holds 95 % of them
+
+    Returns
+    -------
+    The chart as an `<svg>` element
     """
     reach = max(float(np.percentile(np.abs(distances), 95.0)), 1e-9)
     # Two views with the longest way upright, along the two shorter ways.

@@ -15,8 +15,9 @@ MAX_DOTS = 700  # Points drawn; more of them would only darken the cloud.
 
 @read_only
 class Cloud:
-    """Points (n,) to the right and up; `joined` draws them as a line, `dotted` as a line with its
-    points.
+    """Points (n,) to the right and up.
+
+    `joined` draws them as a line, `dotted` as a line with its points.
     """
 
     x: Array
@@ -86,8 +87,22 @@ def rank_plot(
     width: int = 680,
     height: int = 230,
 ) -> str:
-    """Positive values from the smallest to the largest on a logarithmic scale, one dot each,
-    `strong` ones in color.
+    """Draw positive values from the smallest to the largest on a logarithmic scale, one dot each.
+
+    Parameters
+    ----------
+    title : of the chart
+    unit : of the values
+    x_label : words below the axis
+    names : of the values
+    values : (n,) those that are not positive or not known are left out
+    levels : values of horizontal lines, with their labels
+    strong : (n,) values whose dots are colored; all by default
+    width, height : of the chart [px]
+
+    Returns
+    -------
+    The chart as an `<svg>` element
     """
     known = np.flatnonzero(np.isfinite(values) & (values > 0.0))
     order = known[np.argsort(values[known], kind="stable")]
@@ -127,9 +142,21 @@ def floor_plot(
     unit: str = "m",
     one_scale: bool = True,
 ) -> str:
-    """Paths on the ground (label, style, points (frames, 2)) and outlines of plates from above; ""
-    where no point is known. `axes`: names, to the right and upwards; without `one_scale` each axis
-    fills the chart.
+    """Draw paths on the ground and outlines of plates from above.
+
+    Parameters
+    ----------
+    title : of the chart
+    axes : names, to the right and upwards
+    paths : label, style and points (frames, 2) of each
+    outlines : name and corners (corners, 2) of each
+    width, height : of the chart [px]
+    unit : of the points
+    one_scale : whether both axes have one scale; else each fills the chart
+
+    Returns
+    -------
+    The chart as an `<svg>` element, "" where no point is known
     """
     clouds = [points[np.isfinite(points).all(axis=1)] for _, _, points in paths]
     everything = [cloud for cloud in clouds if len(cloud)] + [corners for _, corners in outlines]

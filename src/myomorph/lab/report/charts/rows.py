@@ -24,7 +24,7 @@ class Beside:
 def row_frame(
     names: Sequence[str], x: tuple[float, float], row: float, width: float, top: float = 26.0
 ) -> svg.Frame:
-    """The area of rows of one height under each other, wide enough at the left for their names."""
+    """Make the area of rows of one height under each other, with room for names at the left."""
     left = 10.0 + svg.LETTER * max((len(name) for name in names), default=1)
     return svg.frame(left, top, width - 14.0, top + row * len(names), x)
 
@@ -39,7 +39,7 @@ def named_rows(
     levels: Sequence[svg.Level] = (),
     count: int = 6,
 ) -> str:
-    """A drawing of rows, each its name, what is shown under the pointer, and its marks."""
+    """Draw rows, each its name, what is shown under the pointer, and its marks."""
     tall = (area.y.start - area.y.stop) / max(len(rows), 1)
     parts = []
     for i, (name, under, marks) in enumerate(rows):
@@ -58,7 +58,7 @@ def named_rows(
 
 
 def _across(area: svg.Frame, low: float, high: float, y: float, kind: str) -> str:
-    """A line along a row."""
+    """Draw a line along a row."""
     return svg.mark(
         "path", kind, d=f"M{float(area.x.cut(low)):.1f} {y:.1f}H{float(area.x.cut(high)):.1f}"
     )
@@ -82,8 +82,23 @@ def bar_plot(
     width: int = 680,
     peak: float = 0.0,
 ) -> str:
-    """Bars of names; several `values` (names,) lie over each other, the widest first; `peak` to
-    share a scale.
+    """Draw bars of names; several values of a name lie over each other.
+
+    Parameters
+    ----------
+    title : of the chart
+    unit : of the values
+    names : of the rows
+    values : (names,) each, the widest bars first
+    styles : one per array of values
+    labels : one per array of values
+    levels : upright lines
+    width : of the chart [px]
+    peak : value that the scale reaches at least, so that charts share one
+
+    Returns
+    -------
+    The chart as an `<svg>` element
     """
     row = 15.0
     highest = (float(np.nanmax(value)) for value in values if np.isfinite(value).any())
@@ -115,8 +130,24 @@ def dot_plot(
     width: int = 680,
     spread: Array | None = None,
 ) -> str:
-    """One row a name, one dot for each of `values` (names,), joined by a line, so that many names
-    compare at a glance; `spread`: (names,) drawn as a bar to both sides of the first kind's dot.
+    """Draw one row per name with a dot for each of its values, joined by a line.
+
+    So many names compare at a glance.
+
+    Parameters
+    ----------
+    title : of the chart
+    unit : of the values
+    names : of the rows
+    values : (names,) each
+    styles : one per array of values
+    labels : one per array of values
+    width : of the chart [px]
+    spread : (names,) drawn as a bar to both sides of the first kind's dot
+
+    Returns
+    -------
+    The chart as an `<svg>` element
     """
     half = np.zeros(len(names)) if spread is None else np.nan_to_num(spread)
     finite = [
@@ -153,9 +184,10 @@ def interval_rows(
     solid: Sequence[bool] | None = None,
     signed: bool = False,
 ) -> str:
-    """Dots with intervals in rows, further values as upright ticks; intervals far beyond all values
-    are cut. `signed`: zero is in the middle, for values of both signs, and the chart at least 1
-    wide to both sides.
+    """Draw dots with intervals in rows, and further values as upright ticks.
+
+    Intervals far beyond all values are cut. With `signed`, zero is in the middle, for values of
+    both signs, and the chart is at least 1 wide to both sides.
     """
     known = [dot.value for dot in values] + [level.value for level in levels]
     known += [value for marks in beside for value in marks.values]
@@ -202,7 +234,7 @@ def interval_rows(
 
 
 def with_interval(estimate: Interval) -> str:
-    """A value for print, with its interval where that is known."""
+    """Write a value for print, with its interval where that is known."""
     interval = (
         f" ({number(estimate.low)} to {number(estimate.high)})" if np.isfinite(estimate.low) else ""
     )
@@ -227,8 +259,9 @@ def interval_bars(
     beside: Sequence[Beside] = (),
     levels: Sequence[svg.Level] = (),
 ) -> str:
-    """Upright bars, one a name, each with its interval; an interval that reaches far above the rest
-    is cut.
+    """Draw upright bars, one per name, each with its interval.
+
+    An interval that reaches far above the rest is cut.
     """
     top = _top(values, beside, levels)
     width = 330
@@ -279,8 +312,9 @@ def _top(
 
 
 def _bar(area: svg.Frame, estimate: Interval, x: float, half: float) -> str:
-    """An upright bar with its whisker; an arrow where the interval is cut. Of a range without a
-    value, the range.
+    """Draw an upright bar with its whisker, and an arrow where the interval is cut.
+
+    Of a range without a value the range is drawn.
     """
     if not np.isfinite(estimate.value):
         if not (np.isfinite(estimate.low) and np.isfinite(estimate.high)):

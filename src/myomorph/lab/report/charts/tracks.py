@@ -56,7 +56,7 @@ class Backdrop:
     events: Sequence[Event] = ()
 
     def frame(self, top: float, bottom: float, low: float = 0.0, high: float = 1.0) -> svg.Frame:
-        """The area of a row."""
+        """Make the area of a row."""
         first, last = self.span
         return svg.frame(
             LEFT, top, WIDTH - RIGHT, bottom, (first, max(last, first + 1e-9)), (low, high), "s"
@@ -94,9 +94,20 @@ def draw_track(
     high: float | None = None,
     small: bool = False,
 ) -> str:
-    """One row as an `<svg>` element. `bands`, `bars`: what lies between two lines, known all the
-    time or at some instants; `low`, `high`: values that must be inside; `small`: one line of text,
-    and grid lines at the ends only.
+    """Draw one row as an `<svg>` element.
+
+    Parameters
+    ----------
+    behind : what all rows of the stack share
+    title : of the row
+    unit : of the values
+    lines : curves over time
+    height : of the row [px]
+    bands : areas between two lines, known all the time
+    bars : the same, known at some instants
+    levels : horizontal lines
+    low, high : values that must be inside
+    small : one line of text, and grid lines at the ends only
     """
     ends = [
         Line(time=limits.time, values=end, style="", label="")
@@ -134,7 +145,7 @@ def draw_track(
 
 
 def time_axis(behind: Backdrop) -> str:
-    """The row of times that ends a stack."""
+    """Draw the row of times that ends a stack."""
     area = behind.frame(0.0, 0.5)
     parts = [svg.across(area, 0.5, "zero")]
     for tick in area.x.ticks(10):
@@ -144,7 +155,7 @@ def time_axis(behind: Backdrop) -> str:
 
 
 def named_lines(lines: Sequence[tuple[str, str]]) -> str:
-    """A row that names styles of lines, for stacks with a legend of their own."""
+    """Draw a row that names styles of lines, for stacks with a legend of their own."""
     parts = []
     x = float(LEFT)
     for style, name in lines:
@@ -157,13 +168,14 @@ def named_lines(lines: Sequence[tuple[str, str]]) -> str:
 
 
 def row_title(words: str) -> str:
-    """A row that names those below it."""
+    """Draw a row that names those below it."""
     return svg.drawing("", words, (WIDTH, 20), svg.text(2.0, 15.0, words, "block start"), unit=None)
 
 
 def phase_names(behind: Backdrop) -> str:
-    """The row of phases' names that begins a stack; "" without phases. Names that do not fit are
-    cut.
+    """Draw the row of phases' names that begins a stack; "" without phases.
+
+    Names that do not fit are cut.
     """
     if not behind.phases:
         return ""
@@ -185,9 +197,10 @@ def phase_names(behind: Backdrop) -> str:
 
 
 def contact_graph(rows: Sequence[Row], behind: Backdrop, who: Sequence[Subject] = ()) -> str:
-    """Contact intervals as scores of drummers and dancers show them, as an `<svg>` element. Lines
-    while a site is in contact, full dots where contact begins, open ones where it ends ([D] figure
-    5.5).
+    """Draw contact intervals as scores of drummers and dancers show them, as an `<svg>` element.
+
+    Lines are drawn while a site is in contact, full dots where contact begins, open ones where it
+    ends ([D] figure 5.5).
     """
     if not rows:
         return ""
@@ -232,7 +245,7 @@ def _contact(area: svg.Frame, y: float, row: Row, touch: Touch, who: Sequence[Su
 
 
 def _symbol(x: float, y: float, kind: str, style: str) -> str:
-    """A symbol of a stroke."""
+    """Draw a symbol of an impact."""
     if kind == "ring":
         return svg.mark("circle", f"stroke {style}", cx=x, cy=y, r="3.6")
     data = "".join(

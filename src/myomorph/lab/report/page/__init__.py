@@ -1,3 +1,4 @@
-"""What every page has: head, sections, verdicts, references, and the HTML around them; it knows no
-kind of page.
+"""What every page has: head, sections, verdicts, references, and the HTML around them.
+
+It knows no kind of page.
 """

@@ -51,11 +51,24 @@ def rendered(
     pages: Sequence[Link] = (),
     first: object | None = None,
 ) -> str:
-    """The page of given sections, as HTML text. `first`: what the page begins with
-    (`answer.html.j2`), and under which its sections are folded; without it the head, facts and
-    tiles stand first, and sections are open. `instants`, `motion`: pictures of the body, and the
-    moving skeleton; `muscles_colored`: whether they show activations; `arrows`: the kind of forces
-    that they show, "" where none; `pages`: further ones beside this one.
+    """Render the page of given sections as HTML text.
+
+    Parameters
+    ----------
+    head : title, notes, warnings and provenance
+    sections : figures and tables
+    references : sources
+    facts : names and values at the head
+    tiles : quantities at the head
+    verdicts : quantities held against limits
+    missing : sections that the results do not allow
+    instants : pictures of the body
+    motion : the moving skeleton
+    muscles_colored : whether the pictures show activations
+    arrows : the kind of forces that they show, "" where none
+    pages : further ones beside this one
+    first : what the page begins with (`answer.html.j2`), and under which its sections are folded;
+        without it the head, facts and tiles stand first, and sections are open
     """
     # What is over its limit first.
     ordered = [
@@ -109,7 +122,7 @@ def _checks_note(verdicts: Sequence[Verdict], judged: int, over: int) -> str:
 
 
 def page_text(template: str, **values: object) -> str:
-    """A template of the room with the style of all pages, as HTML text."""
+    """Render a template of the room with the style of all pages, as HTML text."""
     environment = Environment(
         loader=FunctionLoader(_text),
         autoescape=True,
@@ -122,7 +135,7 @@ def page_text(template: str, **values: object) -> str:
 
 
 def _date(text: str) -> str:
-    """A date of a clock (ISO 8601) to the minute; any other text as it is."""
+    """Write a date of a clock (ISO 8601) to the minute; any other text as it is."""
     try:
         when = datetime.fromisoformat(text)
     except ValueError:
@@ -138,7 +151,7 @@ def _text(name: str) -> str:
 
 
 def _printed(verdict: Verdict) -> dict[str, str]:
-    """A verdict as text, by the names that the template has."""
+    """Write a verdict as text, by the names that the template has."""
     limit = "none agreed" if verdict.limit is None else "0"
     if verdict.limit:
         limit = f"{number(verdict.limit)} {'%' if '%' in verdict.unit else verdict.unit}"

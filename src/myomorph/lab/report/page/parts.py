@@ -1,5 +1,6 @@
-"""What pages are put together from: sections of figures and tables, quantities held against limits,
-notes, sources.
+"""The parts of pages: sections of figures and tables, verdicts, notes, sources.
+
+A verdict holds a quantity against its limit.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ from myomorph.lab.report.charts.axis import number
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing with its caption; `size` is "small", "medium", "wide" or "full", `folded` the words
-    it hides behind.
+    """A drawing with its caption.
+
+    `size` is "small", "medium", "wide" or "full", `folded` the words it hides behind.
     """
 
     svg: str
@@ -68,8 +70,9 @@ class Sheet:
     rows: Sequence[tuple[Cell, ...]]
 
     def csv(self, digits: int | None = None) -> str:
-        """The table as comma-separated text, a cell without a value empty; by default all digits of
-        a number.
+        """Write the table as comma-separated text, a cell without a value empty.
+
+        By default numbers have all their digits.
         """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -82,8 +85,9 @@ class Sheet:
         return text.getvalue()
 
     def grid(self, title: str, folded: bool = False, unit: str = "") -> Grid:
-        """The table for print, to about three digits and in millimeters; `unit`: a unit that the
-        title has.
+        """Format the table for print, to about three digits and in millimeters.
+
+        `unit` is a unit that the title has.
         """
 
         def printed(name: str, cell: Cell) -> str:
@@ -154,8 +158,9 @@ class Quantity(StrEnum):
 
     @staticmethod
     def residual(what: str, statistic: str, contacts: bool = False) -> Quantity:
-        """Residual "force" or "moment", its "peak" or "RMS"; with contacts, what is left beside
-        estimated ones.
+        """Make the quantity of a residual "force" or "moment", its "peak" or "RMS".
+
+        With contacts, it is what is left beside estimated ones.
         """
         return Quantity[
             f"{'CONTACT' if contacts else 'RESIDUAL'}_{what.upper()}_{statistic.upper()}"
@@ -216,7 +221,7 @@ class Step:
 
 
 def option_text(value: object, none: str = "none") -> str:
-    """The value of an option for print."""
+    """Write the value of an option for print."""
     if value is None or isinstance(value, bool):
         if value is None:
             return none
@@ -242,7 +247,7 @@ class PageHead:
     def of(
         title: str, made: Provenance, notes: Iterable[Note] = (), warnings: Iterable[Message] = ()
     ) -> PageHead:
-        """The head of a page on one result that this version made."""
+        """Make the head of a page on one result that this version made."""
         sources = tuple(
             SourceFile(source.role, Path(source.name).name, source.sha256)
             for source in made.sources
@@ -259,8 +264,9 @@ class PageHead:
 
 @dataclass(frozen=True)
 class Reference:
-    """A source: what it is cited for, authors and title, place, digital object identifier or
-    address ("" if none).
+    """A source: what it is cited for, authors and title, journal or publisher, address.
+
+    The address is a digital object identifier or one of the web, "" if there is none.
     """
 
     key: str
@@ -279,10 +285,10 @@ def _known() -> Mapping[str, Reference]:
 
 
 def listed(keys: Collection[str]) -> tuple[Reference, ...]:
-    """Sources in the order of the list."""
+    """Return sources in the order of the list."""
     return tuple(reference for key, reference in _known().items() if key in keys)
 
 
 def cited(*keys: str) -> tuple[Reference, ...]:
-    """Sources in the order of their keys."""
+    """Return sources in the order of their keys."""
     return tuple(_known()[key] for key in keys)

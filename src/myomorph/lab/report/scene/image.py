@@ -40,7 +40,7 @@ def _ramp(colors: tuple[str, ...], steps: int = 256) -> Bytes:
 
 
 def _distinct(table: Bytes) -> Bytes:
-    """The same colors, nudged until no two are equal, so that a color names its value."""
+    """Nudge colors until no two are equal, so that a color names its value."""
     seen: set[tuple[int, int, int]] = set()
     for row in table:
         while tuple(int(value) for value in row) in seen:
@@ -57,12 +57,30 @@ LEVEL = _ramp(_LEVEL)
 
 
 def level_color(values: Array) -> Array:
-    """Colors (..., 3) in 0..1 of levels of identification in 0..1, grey where NaN."""
+    """Color levels of identification.
+
+    Parameters
+    ----------
+    values : (...) from 0 to 1, NaN where not known
+
+    Returns
+    -------
+    (..., 3) red, green, blue from 0 to 1, grey where NaN
+    """
     return _colors(LEVEL, values, 0.72)
 
 
 def activation_color(values: Array) -> Array:
-    """Colors (..., 3) in 0..1 of activations, grey where NaN."""
+    """Color activations.
+
+    Parameters
+    ----------
+    values : (...) from 0 to 1, NaN where not known
+
+    Returns
+    -------
+    (..., 3) red, green, blue from 0 to 1, grey where NaN
+    """
     return _colors(ACTIVATION, values, 0.6)
 
 
@@ -73,8 +91,16 @@ def _colors(table: Bytes, values: Array, unknown: float) -> Array:
 
 
 def png(pixels: Bytes, palette: Bytes | None = None) -> bytes:
-    """A PNG file of (height, width, 4) red, green, blue, opacity, or (height, width) indices of a
-    palette (256, 3).
+    """Write a PNG file.
+
+    Parameters
+    ----------
+    pixels : (height, width, 4) red, green, blue, opacity, or (height, width) indices of the palette
+    palette : (256, 3) red, green, blue
+
+    Returns
+    -------
+    The bytes of the file
     """
     height, width = pixels.shape[:2]
     kind = 3 if palette is not None else 6
@@ -99,11 +125,20 @@ def png(pixels: Bytes, palette: Bytes | None = None) -> bytes:
 
 
 def data_uri(image: bytes) -> str:
-    """A PNG as an address that needs no file."""
+    """Write a PNG as an address that needs no file."""
     return "data:image/png;base64," + base64.b64encode(image).decode("ascii")
 
 
 def base64_text(values: np.ndarray) -> str:
-    """An array's bytes, little-endian, as base64 text."""
+    """Write an array's bytes, little-endian, as base64 text.
+
+    Parameters
+    ----------
+    values : array of any shape, in C order
+
+    Returns
+    -------
+    The text
+    """
     ordered = np.ascontiguousarray(values).astype(values.dtype.newbyteorder("<"))
     return base64.b64encode(ordered.tobytes()).decode("ascii")

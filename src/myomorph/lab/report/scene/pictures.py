@@ -55,9 +55,21 @@ def pictures(
     views: Sequence[str] = ("side", "front"),
     scale: float | None = None,
 ) -> list[Picture]:
-    """Every frame of the scene from each of the views, at one scale and one floor, so that they can
-    be compared; what is transparent is background. `colors`: (bodies, 3), the ground first, in
-    0..1, bone by default; `scale`: pixels for a metre.
+    """Draw every frame of the scene from each of the views, at one scale and one floor.
+
+    So they can be compared. What is transparent is background.
+
+    Parameters
+    ----------
+    scene : bodies and muscles in some frames
+    height, widest : of a picture at most [px]
+    colors : (bodies, 3) from 0 to 1, the ground first; bone by default
+    views : names of the directions to look from
+    scale : pixels for a metre; by default what fits
+
+    Returns
+    -------
+    Pictures of all frames of the first view, then of the next
     """
     shading = [normals(solid.surface) for solid in scene.solids]
     corners = _corners(scene)
@@ -117,8 +129,9 @@ def plain_color(scene: Scene) -> tuple[float, float, float]:
 
 
 def _corners(scene: Scene) -> Array:
-    """(frames, n, 3) corners of the boxes around all solids and all points of muscle paths, in
-    ground.
+    """Find the corners of the boxes around all solids and all points of muscle paths.
+
+    The result is (frames, n, 3) in ground.
     """
     solids = solid_corners(scene.solids, scene.rotations, scene.origins)
     return np.concatenate(
@@ -200,8 +213,9 @@ def frames_to_play(frames: int, points: int, bodies: int) -> int:
 
 
 def player(scene: Scene) -> str:
-    """The scene as JSON: coarse surfaces, poses, muscle points and activations. Points are 16-bit
-    integers over a box around the movement: `point = low + value * step`.
+    """Write the scene as JSON: coarse surfaces, poses, muscle points and activations.
+
+    Points are 16-bit integers over a box around the movement: `point = low + value * step`.
     """
     surfaces, bodies = _coarse(scene)
     none = np.zeros((len(scene.time), 0, 3))

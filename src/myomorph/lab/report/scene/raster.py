@@ -26,7 +26,16 @@ class View:
     height: int
 
     def project(self, points: Array) -> Array:
-        """Points (..., 3) in ground as pixels to the right, pixels down and nearness in pixels."""
+        """Project points to the picture.
+
+        Parameters
+        ----------
+        points : (..., 3) in ground [m]
+
+        Returns
+        -------
+        (..., 3) pixels to the right, pixels down and nearness in pixels
+        """
         local = (np.asarray(points) - self.center) @ self.axes.T * self.scale
         local[..., 0] += self.width / 2
         local[..., 1] = self.height / 2 - local[..., 1]
@@ -42,7 +51,15 @@ class Canvas:
         self.near = np.full((view.height, view.width), FAR)
 
     def surface(self, vertices: Array, normals: Array, faces: np.ndarray, color: ArrayLike) -> None:
-        """Draw triangles over `vertices` (n, 3) in ground, lit by their `normals` (n, 3)."""
+        """Draw triangles.
+
+        Parameters
+        ----------
+        vertices : (n, 3) in ground [m]
+        normals : (n, 3) that light the surface
+        faces : (triangles, 3) indices of vertices
+        color : (3,) red, green, blue from 0 to 1
+        """
         points = np.ascontiguousarray(self.view.project(vertices))
         turned = np.ascontiguousarray(normals @ self.view.axes.T)
         fill_triangles(
@@ -55,7 +72,14 @@ class Canvas:
         )
 
     def tubes(self, starts: Array, ends: Array, radii: Array, colors: Array) -> None:
-        """Draw round tubes between points (n, 3) in ground, of radii (n, 2) at both ends [m]."""
+        """Draw round tubes between points.
+
+        Parameters
+        ----------
+        starts, ends : (n, 3) in ground [m]
+        radii : (n, 2) at both ends [m]
+        colors : (n, 3) red, green, blue from 0 to 1
+        """
         if len(starts):
             fill_tubes(
                 np.ascontiguousarray(self.view.project(starts)),
@@ -67,8 +91,15 @@ class Canvas:
             )
 
     def picture(self, shrink: int) -> Bytes:
-        """(height, width, 4) pixels, `shrink` x `shrink` of them averaged, silhouettes drawn
-        darker.
+        """Average pixels to the picture, with silhouettes drawn darker.
+
+        Parameters
+        ----------
+        shrink : `shrink` x `shrink` pixels become one
+
+        Returns
+        -------
+        (height, width, 4) red, green, blue, opacity
         """
         height = self.near.shape[0] // shrink
         width = self.near.shape[1] // shrink
@@ -80,8 +111,9 @@ class Canvas:
 
 @inner
 def lit(n0, n1, n2):
-    """Brightness of a surface with this normal: a soft light from the upper left, a little from the
-    viewer.
+    """Compute the brightness of a surface with this normal.
+
+    A soft light comes from the upper left, a little from the viewer.
     """
     if n2 < 0.0:
         n0 = -n0

@@ -72,8 +72,10 @@ def make_scene(
     activations: Series | None = None,
     wrenches: Wrenches | None = None,
 ) -> Scene:
-    """The body at some frames of a motion; bodies whose meshes are absent become sticks.
-    Activations color the muscles and wrenches become arrows, at their nearest sample.
+    """Make the scene of the body at some frames of a motion.
+
+    Bodies whose meshes are absent become sticks. Activations color the muscles and wrenches become
+    arrows, at their nearest sample.
     """
     tree = compile_tree(model)
     chosen = np.asarray(frames, dtype=np.int64)
@@ -133,8 +135,9 @@ def _solids(
 
 
 def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, float, float]:
-    """Lowest and highest height and size of the body over the frames [m], from a few points of
-    every solid.
+    """Find lowest and highest height and size of the body over the frames [m].
+
+    A few points of every solid stand for it.
     """
     stacked = np.concatenate(
         solid_corners(solids, poses.rotations, poses.origins) or [poses.origins[:, 1:]], axis=1
@@ -145,7 +148,18 @@ def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, fl
 
 
 def solid_corners(solids: Sequence[Solid], rotations: Array, origins: Array) -> list[Array]:
-    """(frames, 8, 3) corners of the box around each solid, in ground, of bodies in their poses."""
+    """Find the corners of the box around each solid, of bodies in their poses.
+
+    Parameters
+    ----------
+    solids : surfaces, each on a body
+    rotations : (frames, bodies, 3, 3) from each body to ground
+    origins : (frames, bodies, 3) in ground [m]
+
+    Returns
+    -------
+    (frames, 8, 3) in ground [m], for each solid
+    """
     return [
         np.einsum("fij,pj->fpi", rotations[:, solid.body], box_corners(solid.surface))
         + origins[:, None, solid.body]
@@ -154,8 +168,9 @@ def solid_corners(solids: Sequence[Solid], rotations: Array, origins: Array) -> 
 
 
 def _facing(model: Model, poses: Poses, up: Array) -> tuple[Array, Array] | None:
-    """From the first person to the second, so that both are seen from the side; None with fewer
-    than two.
+    """Find the direction from the first person to the second, so that both are seen from the side.
+
+    The result is None with fewer than two persons.
     """
     people = [subject for subject in subjects(model) if len(subject.bodies) > 1]
     if len(people) < 2:
@@ -172,8 +187,9 @@ def _facing(model: Model, poses: Poses, up: Array) -> tuple[Array, Array] | None
 
 
 def _heading(model: Model, poses: Poses, up: Array) -> tuple[Array, Array]:
-    """Where the subject looks and where its right is, from bodies that come in pairs; else x is
-    forward.
+    """Find where the subject looks and where its right is, from bodies that come in pairs.
+
+    Without pairs x is forward.
     """
     numbers = poses.tree.body_index
     sides: dict[str, dict[str, int]] = {}
@@ -221,7 +237,17 @@ def _forces(wrenches: Wrenches | None, time: Array) -> tuple[Array, Array]:
 
 
 def nearest_samples(clock: Array, time: Array) -> np.ndarray:
-    """(frames,) index of the sample of a clock that is nearest to each time."""
+    """Find the sample of a clock that is nearest to each time.
+
+    Parameters
+    ----------
+    clock : (samples,) [s]
+    time : (frames,) [s]
+
+    Returns
+    -------
+    (frames,) indices of samples
+    """
     after = np.clip(np.searchsorted(clock, time), 1, max(len(clock) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(clock) - 1)

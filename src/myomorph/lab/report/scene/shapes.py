@@ -1,6 +1,4 @@
-"""Surfaces made here: primitive shapes, sticks and simple shapes for bodies without a mesh, and
-coarser copies.
-"""
+"""Surfaces made here: primitive shapes, shapes of bodies without a mesh, and coarser copies."""
 
 from __future__ import annotations
 
@@ -20,9 +18,11 @@ FINEST = 0.012  # Cells that surfaces are made coarser by at first, as a share o
 
 
 def primitive(mesh: Mesh) -> Surface | None:
-    """Surface of a primitive in its own frame, of the half sizes `mesh.scale`; None for other
-    meshes. A cylinder or capsule of two sizes (the third is zero) stands along z with a radius and
-    half a length, as in MuJoCo; one of three along y, as in OpenSim.
+    """Make the surface of a primitive in its own frame, of the half sizes `mesh.scale`.
+
+    The result is None for other meshes. A cylinder or capsule of two sizes (the third is zero)
+    stands along z with a radius and half a length, as in MuJoCo; one of three along y, as in
+    OpenSim.
     """
     size = np.asarray(mesh.scale, dtype=np.float64)
     if mesh.shape in ("sphere", "ellipsoid"):
@@ -47,8 +47,9 @@ def _scaled(surface: Surface, factors: Array) -> Surface:
 
 @lru_cache(maxsize=4)
 def _ball(rings: int = 10, sides: int = 14) -> Surface:
-    """Unit sphere: rings around z, both middle rings on one side of the equator so that it can be
-    pulled apart.
+    """Make a unit sphere of rings around z.
+
+    Both middle rings are on one side of the equator so that it can be pulled apart.
     """
     polar = np.linspace(0.0, np.pi, rings)[:, None, None]
     points = np.sin(polar) * _ring(sides) + np.cos(polar) * np.array([0.0, 0.0, 1.0])
@@ -57,7 +58,7 @@ def _ball(rings: int = 10, sides: int = 14) -> Surface:
 
 @lru_cache(maxsize=1)
 def _rod(sides: int = 10) -> Surface:
-    """Closed unit cylinder along z, from -1 to 1."""
+    """Make a closed unit cylinder along z, from -1 to 1."""
     ring = _ring(sides)
     up = np.array([0.0, 0.0, 1.0])
     points = np.concatenate([0.0 * ring + up, ring + up, ring - up, 0.0 * ring - up])
@@ -79,7 +80,7 @@ def tube(sides: int = 6) -> Surface:
 
 @lru_cache(maxsize=1)
 def cone(sides: int = 12) -> Surface:
-    """Closed unit cone along z, its base at -1 and its tip at 1."""
+    """Make a closed unit cone along z, its base at -1 and its tip at 1."""
     ring = _ring(sides) - [0.0, 0.0, 1.0]
     tips = np.tile([0.0, 0.0, 1.0], (sides, 1))
     fan = np.stack(
@@ -107,7 +108,17 @@ def _box() -> Surface:
 
 
 def quads(rings: int, sides: int) -> np.ndarray:
-    """(2 (rings - 1) sides, 3) triangles of a surface whose vertices are rings, in order."""
+    """Make the triangles of a surface whose vertices are rings, in order.
+
+    Parameters
+    ----------
+    rings : how many
+    sides : vertices of a ring
+
+    Returns
+    -------
+    (2 (rings - 1) sides, 3) indices of vertices
+    """
     i, j = np.meshgrid(np.arange(rings - 1), np.arange(sides), indexing="ij")
     a = i * sides + j
     b = i * sides + (j + 1) % sides
@@ -118,8 +129,16 @@ def quads(rings: int, sides: int) -> np.ndarray:
 
 
 def stick(start: Array, end: Array, radius: float) -> Surface:
-    """A spindle from one point to another, thickest near the start, as bones are drawn without a
-    mesh.
+    """Make a spindle from one point to another, as bones are drawn without a mesh.
+
+    Parameters
+    ----------
+    start, end : (3,) [m]; it is thickest near the start
+    radius : [m]
+
+    Returns
+    -------
+    Surface in the frame of the points
     """
     axes, length = _axes_along(start, end)
     ball = _ball().vertices
@@ -131,8 +150,9 @@ def stick(start: Array, end: Array, radius: float) -> Surface:
 
 
 def _axes_along(start: Array, end: Array) -> tuple[Array, float]:
-    """Axes (3, 3), one a row, of which the third goes from one point to another, and the distance
-    of these.
+    """Find axes (3, 3), one a row, of which the third goes from one point to another.
+
+    The distance of the points is the second result.
     """
     along = np.asarray(end, dtype=np.float64) - start
     length = max(float(np.linalg.norm(along)), 1e-9)
@@ -143,12 +163,23 @@ def _axes_along(start: Array, end: Array) -> tuple[Array, float]:
 
 
 def sphere(radius: float, rings: int = 6, sides: int = 8) -> Surface:
-    """A ball around the origin."""
+    """Make a ball around the origin."""
     return _scaled(_ball(rings, sides), np.full(3, radius))
 
 
 def ellipsoid(middle: Array, axes: Array, half: Array) -> Surface:
-    """An ellipsoid of half sizes (3,) along axes (3, 3), one a row."""
+    """Make an ellipsoid.
+
+    Parameters
+    ----------
+    middle : (3,) [m]
+    axes : (3, 3) unit vectors, one a row
+    half : (3,) half sizes along the axes [m]
+
+    Returns
+    -------
+    Surface in the frame of the middle
+    """
     ball = _ball()
     # Axes of a left-handed frame would turn the surface inside out.
     faces = ball.faces if np.linalg.det(axes) > 0.0 else ball.faces[:, ::-1]
@@ -156,7 +187,17 @@ def ellipsoid(middle: Array, axes: Array, half: Array) -> Surface:
 
 
 def capsule(start: Array, end: Array, radius: float) -> Surface:
-    """A round limb from one point to another, `radius` thick at and beyond both."""
+    """Make a round limb from one point to another.
+
+    Parameters
+    ----------
+    start, end : (3,) [m]
+    radius : at and beyond both points [m]
+
+    Returns
+    -------
+    Surface in the frame of the points
+    """
     axes, length = _axes_along(start, end)
     ball = _ball().vertices
     local = radius * ball + np.where(ball[:, 2:] > 0.0, length, 0.0) * np.array([0.0, 0.0, 1.0])
@@ -164,8 +205,15 @@ def capsule(start: Array, end: Array, radius: float) -> Surface:
 
 
 def bones(model: Model) -> dict[str, tuple[Array, list[Array]]]:
-    """For every body, its joint's center and those of the joints it carries in the default pose, in
-    its frame [m].
+    """Find the centers of the joints of every body in the default pose, in its frame [m].
+
+    Parameters
+    ----------
+    model : with its joints
+
+    Returns
+    -------
+    By body, the (3,) center of its own joint and those of the joints it carries
     """
     poses = standing_poses(model)
     starts = {joint.child: joint.child_frame.translation for joint in model.joints}
@@ -180,8 +228,9 @@ def bones(model: Model) -> dict[str, tuple[Array, list[Array]]]:
 
 
 def sticks(model: Model) -> dict[str, list[Surface]]:
-    """Spindles between the centers of each body's joints, in its frame; a last body's to twice its
-    mass center.
+    """Make spindles between the centers of each body's joints, in its frame.
+
+    The spindle of a last body goes to twice its mass center.
     """
     result: dict[str, list[Surface]] = {body.name: [] for body in model.bodies}
     for body, (start, ends) in zip(model.bodies, bones(model).values(), strict=True):
@@ -195,8 +244,9 @@ def sticks(model: Model) -> dict[str, list[Surface]]:
 
 
 def coarser(surface: Surface, cell: float) -> Surface:
-    """A copy with fewer triangles: vertices in one cell of a grid of edge `cell` [m] become their
-    mean.
+    """Make a copy with fewer triangles.
+
+    Vertices in one cell of a grid of edge `cell` [m] become their mean.
     """
     if not len(surface.faces):
         return surface
@@ -216,8 +266,9 @@ def coarser(surface: Surface, cell: float) -> Surface:
 
 
 def reduced(surfaces: Sequence[Surface], size: float, most: int) -> list[Surface]:
-    """Copies of the surfaces of a body of a size [m] that together have no more triangles than a
-    screen needs.
+    """Make coarser copies of the surfaces of a body of a size [m].
+
+    Together they have no more triangles than a screen needs.
     """
     shrunk = list(surfaces)
     if sum(len(surface.faces) for surface in shrunk) <= most:
@@ -242,14 +293,24 @@ def _one_number(rows: np.ndarray) -> np.ndarray:
 
 
 def box_corners(surface: Surface) -> Array:
-    """(8, 3) corners of the box around a surface."""
+    """Find the corners of the box around a surface.
+
+    Parameters
+    ----------
+    surface : with its vertices
+
+    Returns
+    -------
+    (8, 3) in the frame of the surface [m]
+    """
     ends = np.array([surface.vertices.min(axis=0), surface.vertices.max(axis=0)])
     return np.array(list(itertools.product(*ends.T)))
 
 
 def outward(surface: Surface) -> Surface:
-    """The surface with faces that look outwards as a whole, as those do that enclose a volume above
-    zero.
+    """Return the surface with faces that look outwards as a whole.
+
+    Such faces enclose a volume above zero.
     """
     if not len(surface.faces):
         return surface
@@ -259,7 +320,16 @@ def outward(surface: Surface) -> Surface:
 
 
 def normals(surface: Surface) -> Array:
-    """(n, 3) unit normal at every vertex, zero where no face touches it."""
+    """Compute the unit normal at every vertex.
+
+    Parameters
+    ----------
+    surface : with its faces
+
+    Returns
+    -------
+    (n, 3) zero where no face touches the vertex
+    """
     corners = surface.vertices[surface.faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     total = np.zeros((len(surface.vertices), 3))
@@ -290,9 +360,10 @@ SKULL = np.array([0.19, 0.29, 0.24])
 
 
 def stand_ins(model: Model) -> dict[str, list[Surface]]:
-    """Shapes of the trunk, with a head where no body of its own is one, and of heads, in their
-    bodies' frames. Only for trunks and heads that have a mass center away from their joint, which
-    shows their size.
+    """Make shapes of trunks and heads, in their bodies' frames.
+
+    A trunk has a head where no body of its own is one. Shapes are made only for trunks and heads
+    that have a mass center away from their joint, which shows their size.
     """
     poses = standing_poses(model)
     model_bones = bones(model)
@@ -343,7 +414,10 @@ def stand_ins(model: Model) -> dict[str, list[Surface]]:
 
 
 def _across(model: Model, up: Array, turn: Array) -> Array:
-    """Unit vector to the side in the trunk's frame: models look along x, with y or z up."""
+    """Find the unit vector to the side in the trunk's frame.
+
+    Models look along x, with y or z up.
+    """
     side = turn.T @ np.cross([1.0, 0.0, 0.0], model.up)
     side = side - (side @ up) * up
     length = float(np.linalg.norm(side))

@@ -1,5 +1,6 @@
-"""The page on two groups: who was in them, strides, curves over the cycle, effect sizes and what
-was corrected.
+"""The page on two groups.
+
+It shows who was in them, strides, curves over the cycle, effect sizes and corrections.
 """
 
 from __future__ import annotations
@@ -144,8 +145,9 @@ def difference_chart(
     labels: tuple[str, str],
     styles: tuple[str, str] = STYLES,
 ) -> str:
-    """Both groups' means with their intervals, every animal's own curve, and bars below where they
-    differ.
+    """Draw both groups' means with their intervals, and every animal's own curve.
+
+    Bars below show where the means differ.
     """
     groups = (curve_difference.first, curve_difference.second)
     each = curve_difference.each
@@ -230,7 +232,7 @@ def _family_section(comparison: Comparison, family: str) -> Section:
 
 
 def name_and_unit(family: str) -> tuple[str, str]:
-    """What the curves of a family are and their unit: of "angle [°]" angle and °."""
+    """Split a family of curves into what they are and their unit: "angle [°]" is angle and °."""
     name, _, unit = family.partition(" [")
     return name, unit.removesuffix("]")
 
@@ -250,7 +252,7 @@ def curve_section(
     figures: Sequence[Figure],
     grids: tuple[Grid, ...] = (),
 ) -> Section:
-    """The section of one family of curves."""
+    """Make the section of one family of curves."""
     key = "".join(letter if letter.isalnum() else "-" for letter in name.lower())
     return Section(
         key=f"curves-{key}",
@@ -301,8 +303,9 @@ def _probability(p: float) -> str:
 
 
 def condition_chart(conditions: Sequence[Condition], family: str, name: str) -> str:
-    """One curve in all conditions: its mean, the interval of it, and fainter one standard
-    deviation.
+    """Draw one curve in all conditions: its mean and the interval of it.
+
+    One standard deviation is drawn fainter.
     """
     drawn = []
     for style, condition in styled(conditions):
@@ -331,8 +334,9 @@ def styled(conditions: Sequence[Condition]) -> list[tuple[str, Condition]]:
 
 
 def ordered(conditions: Sequence[Condition], family: str) -> list[str]:
-    """Names of a family's curves: usual coordinates and leg muscles first, the others by how far
-    they move.
+    """Order the names of a family's curves.
+
+    Usual coordinates and leg muscles come first, the others by how far they move.
     """
     reach: dict[str, float] = {}
     for condition in conditions:

@@ -62,8 +62,9 @@ class Outlier:
 
 @dataclass(frozen=True)
 class Described:
-    """A quantity in each condition: mean, standard deviation (ddof = 1) and number of subjects (or
-    trials).
+    """A quantity in each condition: mean, standard deviation, count.
+
+    The standard deviation has ddof = 1. The count is that of subjects (or trials).
     """
 
     quantity: str

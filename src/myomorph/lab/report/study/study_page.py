@@ -1,5 +1,6 @@
-"""The page on a whole study: what was done, how good it is, curves of every condition, and what
-differs.
+"""The page on a whole study: what was done, how good it is, curves of every condition.
+
+It ends with what differs between conditions.
 """
 
 from __future__ import annotations

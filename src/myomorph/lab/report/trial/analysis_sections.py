@@ -1,5 +1,6 @@
-"""The sections on a motion: all on one time axis (figures 5.2 to 5.8 of [D]), and its center of
-gravity.
+"""The sections on a motion, all on one time axis, and on its center of gravity.
+
+They follow figures 5.2 to 5.8 of [D].
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ def center_section(
 
 
 def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
-    """The way over the ground from above, its origin where it starts (figure 5.7 of [D])."""
+    """Draw the way over the ground from above, its origin where it starts (figure 5.7 of [D])."""
     ground = Ground.under(prepared.up)
     # Columns of `center`: vertical, then the two axes of the ground in order.
     center = analysis.persons[0].center
@@ -101,24 +102,27 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
 
 
 def _thin(paths: list[Array]) -> bool:
-    """Whether paths (frames, 2) together are so long and thin that one scale would hide their
-    width.
+    """Check whether paths (frames, 2) together are too long and thin for one scale.
+
+    One scale would hide their width.
     """
     extent = _extent(np.concatenate(paths))
     return bool(extent.max() > THIN * extent.min() > 0.0)
 
 
 def _extent(points: Array) -> Array:
-    """Largest less smallest of every column (columns,), over the rows that are known; 0 where none
-    is.
+    """Find the largest less the smallest of every column (columns,), over the known rows.
+
+    It is 0 where none is known.
     """
     known = points[np.isfinite(points).all(axis=1)]
     return np.ptp(known, axis=0) if len(known) else np.zeros(points.shape[1])
 
 
 def _upright_path(analysis: MotionAnalysis) -> str:
-    """Height over the horizontal axis along which less is gone, straight lines of both taken off
-    [mm].
+    """Draw the height over the horizontal axis along which less is gone [mm].
+
+    Straight lines of both are taken off.
     """
     axis = 1 + int(
         np.argmin(
@@ -297,7 +301,7 @@ def _lead(analysis: MotionAnalysis, graph: bool) -> str:
 
 
 def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> str:
-    """The body at even times, or at those asked for."""
+    """Draw the body at even times, or at the requested ones."""
     results = prepared.results
     motion = prepared.results.kinematics.motion
     if results.model is None or motion is None or not results.model.bodies:
@@ -386,8 +390,9 @@ def _muscles(
 
 
 def _top(analysis: MotionAnalysis) -> float | None:
-    """Top of the muscles' rows: a round number over the largest activation, None where none is
-    known.
+    """Find the top of the muscles' rows: a round number over the largest activation.
+
+    It is None where no activation is known.
     """
     known = [
         person.activations.values.ravel()
@@ -406,7 +411,7 @@ MAX_STRIPES = 60
 
 
 def analysis_sections(prepared: Prepared) -> list[Section]:
-    """The sections on the motion that the results allow."""
+    """Make the sections on the motion that the results allow."""
     analysis = motion_analysis.analyse(prepared)
     if analysis is None:
         return []

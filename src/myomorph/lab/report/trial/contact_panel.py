@@ -162,8 +162,9 @@ def _components(
     behind: Backdrop,
     who: Sequence[Subject],
 ) -> str:
-    """Rows for the three components of some groups' forces, under the names of their lines where
-    there are more.
+    """Draw rows for the three components of some groups' forces.
+
+    They stand under the names of their lines where there are more.
     """
     forces = prepared.results.contacts.forces
     assert forces is not None
@@ -246,7 +247,7 @@ def _interval(prepared: Prepared, group: Group, vector: Array) -> Band:
 
 
 def _marks(prepared: Prepared, behind: Backdrop) -> str:
-    """A row of marks at frames that contacts could not carry; "" where there are none."""
+    """Draw a row of marks at infeasible contact frames; "" where there are none."""
     if not prepared.results.contacts.infeasible:
         return ""
     along = behind.frame(0.0, 12.0).x

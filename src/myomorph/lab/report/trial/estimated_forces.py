@@ -53,8 +53,9 @@ def situation_of(results: ReportInput) -> Situation:
 
 
 def acting_forces(results: ReportInput) -> Wrenches | None:
-    """Forces to be drawn: contact forces as estimated, and measured ones while nothing is estimated
-    in their place.
+    """Choose the forces to be drawn: contact forces as estimated.
+
+    Measured ones are drawn while nothing is estimated in their place.
     """
     forces = results.contacts.forces
     if forces is None or not len(forces) or not forces.sites:
@@ -92,8 +93,9 @@ def _instead(forces: ContactForces, measured: Wrenches, model: Model | None) -> 
 
 
 def _bodies(forces: ContactForces, model: Model | None) -> Mapping[str, set[str]]:
-    """Bodies of every group of sites; with a model those a joint away too, as forces on a foot are
-    put on any of it.
+    """Find the bodies of every group of sites.
+
+    With a model those a joint away count too, as forces on a foot are put on any of it.
     """
     if model is not None:
         return group_bodies(model, forces.sites)
@@ -102,8 +104,9 @@ def _bodies(forces: ContactForces, model: Model | None) -> Mapping[str, set[str]
 
 
 def group_forces(forces: ContactForces) -> Wrenches:
-    """One force a group of sites, at its center of pressure, whatever bodies they are on; its
-    opposite on the other.
+    """Sum forces to one per group of sites, at its center of pressure.
+
+    It counts whatever bodies the sites are on; its opposite acts on the other body.
     """
     first = {site.group: site.body for site in reversed(forces.sites)}
     sites = tuple(replace(site, body=first[site.group]) for site in forces.sites)
@@ -152,8 +155,9 @@ def groups_of(
     comparisons: Sequence[PlateComparison] = (),
     who: Sequence[Subject] = (),
 ) -> tuple[Group, ...]:
-    """Estimated forces by group, each beside what plates measured of it alone; of two bodies the
-    force on the first.
+    """Collect estimated forces by group, each beside what plates measured of it alone.
+
+    Of two bodies it is the force on the first.
     """
     alone = {each.groups[0]: each.measured for each in comparisons if len(each.groups) == 1}
     names = tuple(dict.fromkeys(site.group for site in forces.sites))
@@ -196,8 +200,9 @@ def groups_of(
 
 
 def contact_verdicts(results: ReportInput, height: float) -> list[Verdict]:
-    """What still holds the root once contacts carry, against the limits on residuals (Hicks et al.
-    2015).
+    """Hold what still supports the root once contacts carry against the limits on residuals.
+
+    Source: Hicks et al. 2015.
     """
     if results.contacts.forces is None or not len(results.contacts.forces):
         return []

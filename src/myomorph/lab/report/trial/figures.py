@@ -82,8 +82,15 @@ def marker_figures(
 
 
 def axis_names(up: Array) -> tuple[list[Array], list[str]]:
-    """Unit vectors up, along and across, with their printed names; the ground's own axes where they
-    are.
+    """Find unit vectors up, along and across, the ground's own axes where they are.
+
+    Parameters
+    ----------
+    up : (3,) unit vector against gravity
+
+    Returns
+    -------
+    The (3,) vectors, and their printed names
     """
     vertical = int(np.argmax(np.abs(up)))
     letters = "xyz"
@@ -118,7 +125,20 @@ def wrench_styles(wrenches: Wrenches) -> list[tuple[str, str]]:
 def force_figures(
     wrenches: Wrenches, up: Array, span: Span, events: Sequence[Event], weight: float | None
 ) -> list[str]:
-    """Ground forces along three axes [N], body weight marked."""
+    """Draw ground forces along three axes, body weight marked.
+
+    Parameters
+    ----------
+    wrenches : forces of the ground [N]
+    up : (3,) unit vector against gravity
+    span : first and last time [s]
+    events : upright lines
+    weight : of the body [N], None where it is not known
+
+    Returns
+    -------
+    A chart per axis, the vertical first
+    """
     vectors, names = axis_names(up)
     styles = wrench_styles(wrenches)
     result = []
@@ -150,8 +170,9 @@ def force_figures(
 
 @read_only
 class Ground:
-    """The ground seen from above: its two axes, the second turned over where they and the vertical
-    are left-handed.
+    """The ground seen from above: its two axes.
+
+    The second is turned over where they and the vertical are left-handed.
     """
 
     columns: tuple[int, int]  # of points in ground that are to the right and upwards in the drawing
@@ -159,7 +180,16 @@ class Ground:
 
     @staticmethod
     def under(up: Array) -> Ground:
-        """Of a vertical (3,)."""
+        """Make the ground under a vertical.
+
+        Parameters
+        ----------
+        up : (3,) unit vector against gravity
+
+        Returns
+        -------
+        The ground whose axes are the other two
+        """
         vertical = int(np.argmax(np.abs(up)))
         first, second = [i for i in range(3) if i != vertical]
         return Ground((first, second), np.array([1.0, -1.0 if vertical == 1 else 1.0]))
@@ -170,13 +200,33 @@ class Ground:
         return "xyz"[self.columns[0]], ("−" if self.signs[1] < 0.0 else "") + "xyz"[self.columns[1]]
 
     def seen(self, points: Array) -> Array:
-        """(n, 2) of points (n, 3)."""
+        """Project points to the ground.
+
+        Parameters
+        ----------
+        points : (n, 3) [m]
+
+        Returns
+        -------
+        (n, 2) [m]
+        """
         return points[:, self.columns] * self.signs
 
 
 def pressure_figure(wrenches: Wrenches, plates: Sequence[ForcePlate], up: Array) -> str:
-    """Centers of pressure on the ground seen from above [m]; hidden where the load is under a
-    twentieth of its peak.
+    """Draw centers of pressure on the ground seen from above [m].
+
+    They are hidden where the load is under a twentieth of its peak.
+
+    Parameters
+    ----------
+    wrenches : forces of the ground [N] and their points [m]
+    plates : whose outlines are drawn
+    up : (3,) unit vector against gravity
+
+    Returns
+    -------
+    The chart as an `<svg>` element, "" where no point is known
     """
     ground = Ground.under(up)
     paths = []
@@ -191,7 +241,19 @@ def pressure_figure(wrenches: Wrenches, plates: Sequence[ForcePlate], up: Array)
 
 
 def centroid_figures(com: Series, up: Array, span: Span, events: Sequence[Event]) -> list[str]:
-    """Height and vertical velocity of the center of mass."""
+    """Draw height and vertical velocity of the center of mass.
+
+    Parameters
+    ----------
+    com : (frames, 3) center of mass [m]
+    up : (3,) unit vector against gravity
+    span : first and last time [s]
+    events : upright lines
+
+    Returns
+    -------
+    A chart of the height and one of the velocity
+    """
     height = com.values @ up
     speed = np.gradient(height, com.time) if len(com) > 1 else np.zeros_like(height)
     result = []
@@ -221,7 +283,22 @@ def residual_figures(
     span: Span,
     events: Sequence[Event],
 ) -> list[str]:
-    """Residual force and moment at the root over time, against their limits."""
+    """Draw residual force and moment at the root over time, against their limits.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    force : (frames,) norm of the residual force [N]
+    moment : (frames,) norm of the residual moment [N m]
+    peak : of the external force [N]
+    height : of the center of mass [m]
+    span : first and last time [s]
+    events : upright lines
+
+    Returns
+    -------
+    A chart of the force and one of the moment
+    """
     force_limit = RESIDUAL_FORCE * peak
     moment_limit = RESIDUAL_MOMENT * peak * height
     result = []
@@ -251,8 +328,9 @@ def pair_panel(
     margin: int = 8,
     spread: Spread | None = None,
 ) -> str:
-    """Right and left of one quantity over each other; what is known to be true in dashes, limits as
-    bands.
+    """Draw right and left of one quantity over each other.
+
+    What is known to be true is dashed; interval bounds are bands.
     """
     lines = []
     if factor == 1.0:
@@ -285,8 +363,17 @@ def pair_panel(
 def limits_of(
     spread: Spread | None, names: Sequence[str], factor: float = 1.0
 ) -> tuple[Array | None, Array | None]:
-    """Lower and upper limit of a column; None where none are known, or several columns are drawn as
-    one.
+    """Find the lower and upper interval bound of a column.
+
+    Parameters
+    ----------
+    spread : bounds of all columns (frames, columns)
+    names : of the columns that are drawn as one
+    factor : from the columns' unit to the drawn one
+
+    Returns
+    -------
+    (frames,) each; None where none are known, or several columns are drawn as one
     """
     if spread is None or len(names) != 1 or names[0] not in spread.names:
         return None, None
@@ -305,8 +392,25 @@ def activation_panel(
     truth: Series | None = None,
     spread: Spread | None = None,
 ) -> str:
-    """Activation of one muscle on both sides, its parts averaged by strength, measured EMG as areas
-    behind.
+    """Draw the activation of one muscle on both sides, measured EMG as areas behind.
+
+    The parts of a muscle are averaged by strength.
+
+    Parameters
+    ----------
+    pair : of the muscle's members on both sides
+    muscles : of the model
+    strengths : maximum isometric forces [N], by muscle
+    series : (frames, muscles) activations from 0 to 1
+    span : first and last time [s]
+    events : upright lines
+    emg : side, time (samples,) [s] and envelope (samples,) of each channel
+    truth : activations that are known to be true
+    spread : interval bounds of the activations
+
+    Returns
+    -------
+    The chart as an `<svg>` element
     """
     lines = [
         Line(
@@ -347,7 +451,18 @@ def activation_panel(
 
 
 def weighted(series: Series, names: Sequence[str], strengths: Mapping[str, float]) -> Array | None:
-    """Mean of columns (frames,), weighted by muscle strength; None if none of them exists."""
+    """Average columns, weighted by muscle strength.
+
+    Parameters
+    ----------
+    series : (frames, muscles)
+    names : of the columns
+    strengths : maximum isometric forces [N], by muscle; 1 where not known
+
+    Returns
+    -------
+    (frames,) in the unit of the series; None if none of the columns exists
+    """
     known = [name for name in names if name in series.names]
     if not known:
         return None
@@ -356,7 +471,20 @@ def weighted(series: Series, names: Sequence[str], strengths: Mapping[str, float
 
 
 def emg_panel(name: str, time: Array, values: Array, span: Span, events: Sequence[Event]) -> str:
-    """One EMG channel by itself."""
+    """Draw one EMG channel by itself.
+
+    Parameters
+    ----------
+    name : of the channel
+    time : (samples,) [s]
+    values : (samples,) envelope
+    span : first and last time [s]
+    events : upright lines
+
+    Returns
+    -------
+    The chart as an `<svg>` element
+    """
     peak = float(np.nanmax(values, initial=0.0)) if np.isfinite(values).any() else 1.0
     lines = [Line(time=time, values=values, style="emg middle", label="EMG", filled=True)]
     return time_plot(
@@ -365,7 +493,19 @@ def emg_panel(name: str, time: Array, values: Array, span: Span, events: Sequenc
 
 
 def tension_map(time: Array, forces: Array, names: Sequence[str], events: Sequence[Event]) -> str:
-    """All muscle tensions as a heat map [N], one block a side, from hip to ankle."""
+    """Draw all muscle tensions as a heat map, one block per side, from hip to ankle.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    forces : (frames, muscles) [N]
+    names : of the muscles
+    events : drawn over the blocks of their side
+
+    Returns
+    -------
+    The chart as an `<svg>` element
+    """
     factor, unit = scaled_unit("N", forces)
     return heat_map(
         "Muscle tension",

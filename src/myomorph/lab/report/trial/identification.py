@@ -1,5 +1,6 @@
-"""The parts of the page on an identified body: picture, masses, segments, base parameters,
-cross-validation.
+"""The parts of the page on an identified body.
+
+They are its picture, masses, segments, base parameters and cross-validation.
 """
 
 from __future__ import annotations
@@ -44,8 +45,9 @@ LIGHT = 0.002
 def identification_sections(
     body: IdentificationInput, surfaces: Mapping[str, Surface]
 ) -> list[Section]:
-    """The sections of what was identified and calibrated. `surfaces`: meshes for the picture, by
-    `Mesh.file`.
+    """Make the sections of what was identified and calibrated.
+
+    `surfaces` are meshes for the picture, by `Mesh.file`.
     """
     identification = body.identification
     checks = body.validation
@@ -70,8 +72,9 @@ def identification_sections(
 def body_section(
     model: Model, identification: Identification | None, surfaces: Mapping[str, Surface]
 ) -> Section:
-    """The body colored by how much of each link is known from the data, and what identification had
-    to say.
+    """Draw the body colored by how much of each link is known from the data.
+
+    Notes of the identification stand below.
     """
     share = None if identification is None else identification.link_shares
     figures = [Figure(body_picture(model, share, surfaces), "medium")] if model.bodies else []
@@ -129,8 +132,17 @@ def body_section(
 
 
 def body_picture(model: Model, share: Array | None, surfaces: Mapping[str, Surface]) -> str:
-    """The model from its right side and from the front as one drawing, with its scale of colors
-    where there are any.
+    """Draw the model from its right side and from the front as one drawing.
+
+    Parameters
+    ----------
+    model : that was identified
+    share : (bodies,) from 0 to 1 how much of each link is known from the data; None for no colors
+    surfaces : meshes, by `Mesh.file`
+
+    Returns
+    -------
+    The drawing, with its scale of colors where there are any
     """
     scene = make_scene(replace(model, muscles=()), DEFAULT_POSE, [0], surfaces)
     shown = np.full(len(model.bodies), np.nan) if share is None else share
@@ -200,8 +212,9 @@ def evidence_sentence(identification: Identification) -> str:
 
 
 def segment_section(identification: Identification) -> list[Section]:
-    """Shares of the body's mass beside athletes', and which link counts to which segment; []
-    without segments.
+    """Compare shares of the body's mass with athletes', with the links of each segment.
+
+    The result is [] without segments.
     """
     model = identification.model
     masses = identification.masses

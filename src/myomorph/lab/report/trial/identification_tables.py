@@ -87,8 +87,9 @@ def named_segments(model: Model) -> Mapping[str, Segment]:
 
 
 def mass_sheet(identification: Identification) -> Sheet:
-    """Mass of every link by every method [kg], its sum last ([D] tables 3.1 and 3.2), and
-    intervals about the expected mass.
+    """List the mass of every link by every method [kg], its sum last ([D] tables 3.1 and 3.2).
+
+    Intervals about the expected mass stand beside.
     """
     masses = identification.masses
     expected = identification.expected
@@ -111,9 +112,10 @@ def mass_sheet(identification: Identification) -> Sheet:
 
 
 def parameter_sheet(identification: Identification) -> Sheet:
-    """All ten parameters of every link in the model, about the body's origin [kg, kg m, kg m^2].
-    Below the methods stand the expected parameters, their standard deviations, and whether data
-    or prior say them.
+    """List all ten parameters of every link, about the body's origin [kg, kg m, kg m^2].
+
+    Below the methods stand the expected parameters, their standard deviations, and whether they
+    come from data or prior.
     """
     units = ("kg",) + 3 * ("kg m",) + 6 * ("kg m^2",)
     head = (
@@ -138,8 +140,9 @@ def parameter_sheet(identification: Identification) -> Sheet:
 
 
 def spine_groups(bodies: Sequence[str]) -> dict[str, list[int]]:
-    """Indices of the vertebrae of each group of [D] table 3.3 that a model has, at least two of
-    them.
+    """Find the vertebrae of each group of [D] table 3.3 that a model has, as indices.
+
+    A group has at least two of them.
     """
     result: dict[str, list[int]] = {}
     for group, pattern in _SPINE:
@@ -154,8 +157,18 @@ def spine_groups(bodies: Sequence[str]) -> dict[str, list[int]]:
 
 
 def spine_sheet(bodies: Sequence[str], masses: Mapping[str, Array]) -> Sheet:
-    """Population standard deviation (ddof = 0) of the vertebrae's masses by group [kg] ([D] table
-    3.3).
+    """List the standard deviation of the vertebrae's masses by group ([D] table 3.3).
+
+    It is that of the population (ddof = 0).
+
+    Parameters
+    ----------
+    bodies : names
+    masses : (bodies,) [kg], by method
+
+    Returns
+    -------
+    A row per group, a column per method [kg]
     """
     rows: list[tuple[Cell, ...]] = [
         (group, len(members), *(float(np.std(mass[members])) for mass in masses.values()))
@@ -165,7 +178,19 @@ def spine_sheet(bodies: Sequence[str], masses: Mapping[str, Array]) -> Sheet:
 
 
 def segment_share(model: Model, masses: Array, row: str, side: str) -> float | None:
-    """Percent of body mass in a row of [D] table 3.4; None if the model has no such link."""
+    """Compute the percent of body mass in a row of [D] table 3.4.
+
+    Parameters
+    ----------
+    model : whose links have names of segments
+    masses : (bodies,) [kg]
+    row : of the table
+    side : "right" or "left"
+
+    Returns
+    -------
+    The share [%]; None if the model has no such link
+    """
     segments = named_segments(model)
     known = [(i, segments[body]) for i, body in enumerate(model.body_names) if body in segments]
     members = [
@@ -227,8 +252,9 @@ def link_sheet(identification: Identification) -> Sheet:
 
 
 def misfit_sheet(identification: Identification) -> Sheet:
-    """Root mean square misfit of moment and force by every method, in the frames used and in those
-    held out.
+    """List the root mean square misfit of moment and force by every method.
+
+    It is that of the frames used and of those held out.
     """
     misfits = dict(identification.residuals)
     unseen = identification.unseen
@@ -251,7 +277,7 @@ def validation_sheet(validation: Mapping[str, CrossValidation]) -> Sheet:
 
 
 def wrench_sheet(check: CrossValidation) -> Sheet:
-    """The six components over time, measured and by every method: the curves of [D] figure 3.3."""
+    """List the six components over time, measured and by every method: curves of [D] figure 3.3."""
     columns = {"measured": check.measured, **check.predicted}
     rows = list(zip(COMPONENTS, ("N m",) * 3 + ("N",) * 3, strict=True))
     head = [f"{component} {name} [{unit}]" for name in columns for component, unit in rows]
@@ -260,7 +286,7 @@ def wrench_sheet(check: CrossValidation) -> Sheet:
 
 
 def base_sheet(identification: Identification) -> Sheet:
-    """Base parameters with their standard deviations."""
+    """List base parameters with their standard deviations."""
     base = identification.base
     columns = base.base.names, base.estimate.tolist(), base.relative_sd.tolist(), base.identifiable
     rows = tuple(
@@ -278,8 +304,9 @@ def base_sheet(identification: Identification) -> Sheet:
 
 
 def tissue_sheet(tissue: SoftTissue | None) -> Sheet:
-    """How much more each coordinate moves than the body's mass; no row where nothing was taken from
-    the motion.
+    """List how much more each coordinate moves than the body's mass.
+
+    There is no row where nothing was taken from the motion.
     """
     if tissue is None:
         return Sheet(SOFT_TISSUE_HEAD, ())
@@ -292,8 +319,9 @@ def tissue_sheet(tissue: SoftTissue | None) -> Sheet:
 def identification_tables(
     identification: Identification, validation: Mapping[str, CrossValidation]
 ) -> dict[str, Sheet]:
-    """Every table that has a row, and soft tissue, which later steps read, by the name of the file
-    to write it to.
+    """Collect every table that has a row, by the name of the file to write it to.
+
+    Soft tissue is among them, which later steps read.
     """
     sheets = {
         "masses.csv": mass_sheet(identification),

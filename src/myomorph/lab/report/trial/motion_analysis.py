@@ -1,5 +1,6 @@
-"""The analysis of a motion: who moves, where the center of gravity goes, what touches, when, and
-what goes together.
+"""The analysis of a motion: who moves, where the center of gravity goes, contacts, phases.
+
+It includes correlations.
 """
 
 from __future__ import annotations
@@ -85,8 +86,9 @@ class MotionAnalysis:
 
 
 def analyse(prepared: Prepared) -> MotionAnalysis | None:
-    """The analysis of what was given; None where neither a center of gravity nor contacts are
-    known.
+    """Analyze the motion in the results.
+
+    The result is None where neither a center of gravity nor contacts are known.
     """
     results = prepared.results
     contacts = _contacts(prepared)
@@ -162,8 +164,9 @@ def _contacts(prepared: Prepared) -> Contacts | None:
 
 
 def _steps(limbs: tuple[Limb, ...], touching: np.ndarray | None, time: Array) -> bool:
-    """Whether the right foot and the left one each stand alone for a while, as in steps and not in
-    rising.
+    """Check whether the right foot and the left one each stand alone for a while.
+
+    They do in steps and not in rising.
     """
     if touching is None or len(time) < 2:
         return False

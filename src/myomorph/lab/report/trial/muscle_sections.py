@@ -1,5 +1,6 @@
-"""The sections on muscles: activations, tensions, EMG, lengths, and what elastic tendons let fibers
-and tendons do.
+"""The sections on muscles: activations, tensions, EMG, lengths, elastic tendons.
+
+Those on elastic tendons show fibers and tendons.
 """
 
 from __future__ import annotations
@@ -39,7 +40,17 @@ SHOWN = 20  # Rows above which a table is folded away.
 
 
 def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
-    """Measured channels on the muscles of a pair: side, time and envelope."""
+    """Find the measured channels on the muscles of a pair.
+
+    Parameters
+    ----------
+    prepared : results with the recorded EMG
+    pair : of muscles
+
+    Returns
+    -------
+    Side, time (samples,) [s] and envelope (samples,) of each channel
+    """
     emg = prepared.results.recorded.emg
     if emg is None:
         return []
@@ -312,8 +323,9 @@ FIBER_PAIRS = 8  # Pairs of muscles that are drawn.
 
 
 def fiber_section(prepared: Prepared) -> Section | None:
-    """Normalized fiber lengths, tendon strains, and powers of fiber and tendon of the major
-    muscles.
+    """Show normalized fiber lengths, tendon strains, and powers of fiber and tendon.
+
+    They are those of the major muscles.
     """
     tension = prepared.results.tension
     if (

@@ -1,5 +1,6 @@
-"""The page of a person's muscles: fiber lengths before and after, every parameter with its
-interval, and a summary.
+"""The page of a person's muscles: fiber lengths before and after, every parameter, a summary.
+
+Parameters have their intervals.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ PLACES = {"optimal_fiber_length": 4, "tendon_slack_length": 4}
 
 
 def personalized_page(head: PageHead, person: Personalized) -> str:
-    """The page as HTML text."""
+    """Render the page as HTML text."""
     sections = []
     if person.before.any():
         caption = (
@@ -49,7 +50,17 @@ def personalized_page(head: PageHead, person: Personalized) -> str:
 
 
 def fiber_ranges(names: Sequence[str], before: Array, after: Array) -> str:
-    """Ranges of normalized fiber lengths before and after, one row per muscle, as `<svg>`."""
+    """Draw ranges of normalized fiber lengths before and after, one row per muscle.
+
+    Parameters
+    ----------
+    names : of the muscles
+    before, after : (muscles, 2) shortest and longest, in optimal fiber lengths
+
+    Returns
+    -------
+    The chart as an `<svg>` element
+    """
     height = ROW * len(names)
     low = min(0.4, float(np.min([before, after])))
     high = max(1.6, float(np.max([before, after])))
@@ -82,7 +93,7 @@ def fiber_ranges(names: Sequence[str], before: Array, after: Array) -> str:
 
 
 def _grids(estimates: Sequence[MuscleEstimate]) -> list[Grid]:
-    """A table of each kind of parameter."""
+    """Make a table of each kind of parameter."""
     head = ("of", "generic", "person", "90 % interval", "identifiable", "")
     grids = []
     for parameter in dict.fromkeys(row.parameter for row in estimates):
@@ -107,7 +118,7 @@ def _grids(estimates: Sequence[MuscleEstimate]) -> list[Grid]:
 
 
 def personal_lines(personalized: Personalized) -> list[str]:
-    """What was fitted to, whether it explains what was held out, and what the recordings show."""
+    """Summarize the fit: its data, held-out torques, and what the recordings show."""
     lines = []
     if personalized.mapped is not None:
         before = float(np.nanmax(personalized.mapped.before))
@@ -146,7 +157,7 @@ def personal_lines(personalized: Personalized) -> list[str]:
 
 
 def _torque_line(personalized: Personalized) -> str:
-    """The coordinate whose torques are known worst."""
+    """Name the coordinate whose torques are known worst."""
     errors = np.asarray(personalized.torque_errors, float)
     if not len(errors) or not np.isfinite(errors).any():
         return ""

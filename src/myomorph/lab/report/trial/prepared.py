@@ -59,8 +59,9 @@ class Prepared:
 
     @property
     def played(self) -> tuple[float, float]:
-        """What is played: a short recording whole, of a long one some seconds around its events
-        [s].
+        """First and last time of what is played [s].
+
+        A short recording is played whole, of a long one some seconds around its events.
         """
         start, stop = self.span
         if self.events:
@@ -103,8 +104,10 @@ class Prepared:
 
     @property
     def gait(self) -> GaitCurves | None:
-        """Curves of clinical gait analysis over the strides; None where the motion is no walk of
-        two legs, or the recording is of another movement.
+        """Curves of clinical gait analysis over the strides.
+
+        They are None where the motion is no walk of two legs, or the recording is of another
+        movement.
         """
         return self.stride_curves if self.walks else None
 
@@ -184,8 +187,9 @@ class Prepared:
 
     @cached_property
     def lengths(self) -> LengthAnalysis | None:
-        """Muscle lengths over the strides of a walk or a run; None where lengths, feet or strides
-        are not there.
+        """Muscle lengths over the strides of a walk or a run.
+
+        They are None where lengths, feet or strides are not there.
         """
         if self.results.recorded.movement.value not in (None, *STEPPING):
             return None

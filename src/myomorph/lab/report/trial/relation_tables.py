@@ -32,7 +32,7 @@ def cut_words(analysis: MotionAnalysis) -> str:
 
 
 def phase_section(analysis: MotionAnalysis) -> Section | None:
-    """What every phase is like, and how active each muscle is in it."""
+    """Describe every phase, and how active each muscle is in it."""
     if not analysis.measures:
         return None
     figures = []

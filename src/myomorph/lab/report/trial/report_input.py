@@ -1,5 +1,6 @@
-"""What a report is made of: the results of the steps of one trial, each a part of its own and
-optional.
+"""The input of a report: the results of the steps of one trial.
+
+Each is a part of its own and optional.
 """
 
 from __future__ import annotations
@@ -44,8 +45,9 @@ class Truth:
 
 @dataclass(frozen=True)
 class InfeasibleContact:
-    """A frame whose contacts could not carry the motion: its time [s], and the smallest relaxation
-    that does.
+    """An infeasible contact frame: its time [s] and the smallest relaxation.
+
+    With that relaxation its contacts can carry the motion.
     """
 
     time: float
@@ -183,8 +185,9 @@ class AnalysisChoice:
 
 @dataclass(frozen=True, eq=False)
 class IdentificationInput:
-    """A body whose masses were identified, or whose lengths were calibrated; a part appears where
-    it is given.
+    """A body whose masses were identified, or whose lengths were calibrated.
+
+    A part appears where it is there.
     """
 
     model: Model  # with the identified parameters
@@ -198,8 +201,9 @@ class IdentificationInput:
 
 @dataclass(frozen=True, eq=False)
 class ReportInput:
-    """What one report may show: the results of the steps; a section appears where its result is
-    given.
+    """What one report may show: the results of the steps.
+
+    A section appears where its result is there.
     """
 
     head: PageHead  # title, notes, sources, steps and warnings
@@ -226,7 +230,7 @@ class ReportInput:
     more: tuple[Section, ...] = ()  # sections of steps that this page does not know
 
     def with_warnings(self, texts: Iterable[Message]) -> ReportInput:
-        """The same with more lines among the warnings of its head."""
+        """Return a copy with more lines among the warnings of its head."""
         return replace(self, head=replace(self.head, warnings=(*self.head.warnings, *texts)))
 
     @property

@@ -1,5 +1,6 @@
-"""What a command prints of its result: the numbers that the field judges by, with unit, place, time
-and verdict.
+"""What a command prints of its result: the numbers that the field judges by.
+
+They come with unit, place, time and verdict.
 """
 
 from __future__ import annotations
@@ -27,9 +28,11 @@ ALONE = 1e-3
 
 
 def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -> str:
-    """Frames, markers that matched, errors with marker and time, and whether they are within the
-    usual limits. Source: Hicks et al. 2015 (root mean square under 2 cm, largest under 2 to 4 cm).
-    The markers show the size of the body.
+    """Write the frames, markers that matched, and errors with marker and time.
+
+    It says whether the errors are within the usual limits. The markers show the size of the body.
+
+    Source: Hicks et al. 2015 (root mean square under 2 cm, largest under 2 to 4 cm).
     """
     matched = f"{len(fit.marker_names)} of the model's {len(model.markers)} markers"
     if len(fit.marker_names) == len(model.markers):
@@ -76,9 +79,12 @@ def _sensors_text(fit: KinematicsFit) -> str:
 
 
 def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenches | None) -> str:
-    """Residuals of the root as a share of body weight, against limits by the external force; ""
-    without a free root. Source: Hicks et al. 2015 (force under 5 % of the peak external force,
-    moment under 1 % of that times the height of the center of mass).
+    """Write the residuals of the root as a share of body weight, against their limits.
+
+    The limits come from the external force. The line is "" without a free root.
+
+    Source: Hicks et al. 2015 (force under 5 % of the peak external force, moment under 1 % of that
+    times the height of the center of mass).
     """
     root = tables.residuals(model, torques)
     if root is None or not np.isfinite(root[0]).any() or model.weight <= 0.0:
@@ -102,8 +108,11 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
 
 
 def residual_verdict(model: Model, motion: Motion, torques: Series, wrenches: Wrenches) -> str:
-    """Largest residuals of the root against limits by the external force; "" without a free root or
-    external force. Source: that of `dynamics_line`.
+    """Write the largest residuals of the root against limits by the external force.
+
+    The line is "" without a free root or external force.
+
+    Source: that of `dynamics_line`.
     """
     root = tables.residuals(model, torques)
     if root is None or not np.isfinite(root[0]).any():
@@ -176,8 +185,9 @@ def _saturated(model: Model, tension: Tension) -> str:
 
 
 def _reserves(model: Model, tension: Tension) -> str:
-    """The reserve that is the largest share of its coordinate's torque, and the largest that holds
-    the root.
+    """Name the reserve that is the largest share of its coordinate's torque.
+
+    The largest that holds the root follows.
     """
     time = tension.time
     text = ""
@@ -219,8 +229,9 @@ def _reserves(model: Model, tension: Tension) -> str:
 
 
 def _without_muscles(torques: Series, names: list[str], tension: Tension) -> list[str]:
-    """Coordinates of joints whose torque is that of their reserve throughout, so that no muscle
-    drives them.
+    """Find coordinates of joints whose torque is that of their reserve throughout.
+
+    No muscle drives them.
     """
     result = []
     for i, name in enumerate(names):
@@ -235,7 +246,7 @@ def _without_muscles(torques: Series, names: list[str], tension: Tension) -> lis
 
 
 def reserve_coordinate(model: Model, name: str) -> str:
-    """The coordinate that a reserve drives, "" where it drives none."""
+    """Return the coordinate that a reserve drives, "" where it drives none."""
     if name in model.coordinate_names:
         return name
     coordinate = next(
@@ -251,7 +262,7 @@ def reserve_unit(model: Model, coordinate: str) -> str:
 
 
 def _residual_unit(model: Model, name: str, coordinate: str) -> str:
-    """Unit of a residual, "" of a reserve of a joint."""
+    """Return the unit of a residual, "" of a reserve of a joint."""
     if coordinate or not name.startswith("residual_"):
         return ""
     return "N" if "_F" in name.removeprefix("residual") else "N m"
@@ -285,7 +296,10 @@ def calibration_line(calibration: Calibration) -> str:
 
 
 def plain(value: float) -> str:
-    """A number of three digits, or whole if it has more, without exponent: 0.264, 15.5, 1012."""
+    """Write a number of three digits, or whole if it has more, without exponent.
+
+    So it reads 0.264, 15.5 or 1012.
+    """
     return f"{value:.0f}" if abs(value) >= 99.95 else f"{value:.3g}"
 
 
@@ -295,9 +309,23 @@ MAX_NAMED = 3
 
 
 def muscles_line(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
-    """Frames, muscles, shortest and longest fibers with muscle and time, the fastest shortening,
-    and jumps of paths. Fibers are those on a tendon at its slack length. Source: Zajac 1989 (active
-    force between 0.5 and 1.5 optimal fiber lengths).
+    """Write the frames, muscles, range of fibers, fastest shortening, and jumps of paths.
+
+    The shortest and longest fibers are named with muscle and time. Fibers are those on a tendon at
+    its slack length.
+
+    Source: Zajac 1989 (active force between 0.5 and 1.5 optimal fiber lengths).
+
+    Parameters
+    ----------
+    model : with the muscles
+    time : (frames,) [s]
+    lengths : (frames, muscles) of muscle-tendon units [m], NaN where not known
+    velocities : (frames, muscles) [m/s]
+
+    Returns
+    -------
+    The line
     """
     text = f"{len(time)} frames, {len(model.muscles)} muscles"
     known = np.isfinite(lengths).all(axis=1)
@@ -326,7 +354,7 @@ def muscles_line(model: Model, time: Array, lengths: Array, velocities: Array) -
 
 
 def _range(model: Model, time: Array, fibers: Array) -> str:
-    """The shortest and the longest fibers, and which leave the range of active force."""
+    """Name the shortest and the longest fibers, and which leave the range of active force."""
     names = model.muscle_names
     ends = []
     for at in (np.nanargmin(fibers), np.nanargmax(fibers)):
@@ -345,7 +373,7 @@ def _range(model: Model, time: Array, fibers: Array) -> str:
 
 
 def _fastest(model: Model, time: Array, velocities: Array) -> str:
-    """The greatest shortening velocity as a share of what the muscle can do at all."""
+    """Name the greatest shortening velocity as a share of what the muscle can do at all."""
     limit = np.array(
         [muscle.optimal_fiber_length * muscle.max_contraction_velocity for muscle in model.muscles]
     )
@@ -365,8 +393,9 @@ def _fastest(model: Model, time: Array, velocities: Array) -> str:
 
 
 def _jumps(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
-    """Paths whose length changes between two frames by what no velocity explains, as where a path
-    leaves a surface.
+    """Name paths whose length changes between two frames by what no velocity explains.
+
+    A path does so where it leaves a surface.
     """
     if len(time) < 3:
         return "too few frames to see jumps"

@@ -30,8 +30,10 @@ CHECKLIST = "opensim"
 
 
 def body_scale(markers: Markers | None) -> float:
-    """1 for bodies of human size; smaller ones by the extent of their markers, an adult's being 1.7
-    m. The limits on marker errors were made for people: 2 cm is the length of a mouse's thigh.
+    """Return 1 for bodies of human size, else the extent of their markers beside an adult's.
+
+    An adult's extent is 1.7 m. The limits on marker errors were made for people: 2 cm is the length
+    of a mouse's thigh.
     """
     if markers is None or not np.isfinite(markers.values).any():
         return 1.0
@@ -42,7 +44,17 @@ def body_scale(markers: Markers | None) -> float:
 
 
 def loaded_height(wrenches: Wrenches, up: Array) -> float:
-    """Height at which loaded forces act, that of the ground [m]; 0 where none is loaded."""
+    """Find the height at which loaded forces act, that of the ground.
+
+    Parameters
+    ----------
+    wrenches : forces of the ground [N] and their points [m]
+    up : (3,) unit vector against gravity
+
+    Returns
+    -------
+    The height [m]; 0 where none is loaded
+    """
     loaded = np.nan_to_num(wrenches.forces @ up)
     heights = wrenches.points @ up
     heights = heights[
@@ -52,8 +64,11 @@ def loaded_height(wrenches: Wrenches, up: Array) -> float:
 
 
 def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
-    """Marker errors: RMS of the worst frame under 2 cm, largest under 4 cm (Hicks et al. 2015),
-    times `scale`.
+    """Judge marker errors: RMS of the worst frame under 2 cm, largest under 4 cm.
+
+    Both limits are times `scale`.
+
+    Source: Hicks et al. 2015.
     """
     if not np.isfinite(fit.marker_error).any():
         return []
@@ -112,7 +127,18 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
 
 
 def counted_verdict(quantity: Quantity, flags: np.ndarray, time: Array) -> Verdict:
-    """Frames that are flagged, of which there should be none."""
+    """Count frames that are flagged, of which there should be none.
+
+    Parameters
+    ----------
+    quantity : what the flags say
+    flags : (frames,) whether a frame is flagged
+    time : (frames,) [s]
+
+    Returns
+    -------
+    The verdict, with the time of the first
+    """
     first = float(time[int(np.argmax(flags))]) if flags.any() else None
     return Verdict(
         quantity=quantity, value=float(flags.sum()), unit=f"of {len(flags)}", limit=0.0, time=first
@@ -144,8 +170,16 @@ def gap_verdicts(markers: Markers) -> list[Verdict]:
 
 
 def residuals(model: Model, torques: Series) -> tuple[Array, Array] | None:
-    """Size of the residual force and moment (frames,) [N], [N m] at the root; None without a free
-    root.
+    """Compute the norms of the residual force and moment at the root.
+
+    Parameters
+    ----------
+    model : with the root's coordinates
+    torques : (frames, coordinates) [N m or N]
+
+    Returns
+    -------
+    (frames,) force [N] and (frames,) moment [N m]; None without a free root
     """
     moving, turning = root_coordinates(model)
     columns = {name: i for i, name in enumerate(torques.names)}
@@ -159,9 +193,12 @@ def residuals(model: Model, torques: Series) -> tuple[Array, Array] | None:
 def residual_verdicts(
     model: Model, torques: Series, wrenches: Wrenches, height: float
 ) -> list[Verdict]:
-    """Residuals against the peak net external force F (Hicks et al. 2015): forces under 5 % of F,
-    moments under 1 % of F times the mean height of the center of mass over the ground [m]; peak and
-    RMS.
+    """Judge residuals against the peak net external force F.
+
+    Forces are to be under 5 % of F, moments under 1 % of F times the mean height of the center of
+    mass over the ground [m]; peak and RMS.
+
+    Source: Hicks et al. 2015.
     """
     weight = model.weight
     root = residuals(model, torques)
@@ -183,10 +220,19 @@ def residual_verdicts(
 def judged_residual(
     what: str, values: Array, time: Array, scale: float, contacts: bool = False
 ) -> list[tuple[Verdict, int | None]]:
-    """Peak and root mean square of a residual against its limit, each with the frame that it is of.
-    `what`: "force" or "moment"; `values`, `time`: (frames,) [N] or [N m], [s]; `scale`: the peak
-    external force, of moments times the height of the center of mass; `contacts`: whether contacts
-    carry what they can.
+    """Judge peak and root mean square of a residual against its limit.
+
+    Parameters
+    ----------
+    what : "force" or "moment"
+    values : (frames,) norm of the residual [N] or [N m]
+    time : (frames,) [s]
+    scale : the peak external force [N], of moments times the height of the center of mass [N m]
+    contacts : whether contacts carry what they can
+
+    Returns
+    -------
+    Verdicts, each with the frame that it is of
     """
     force = what == "force"
     unit = f"% of {'' if force else 'COM height × '}peak external force"
@@ -215,7 +261,7 @@ def judged_residual(
 
 
 def _support(wrenches: Wrenches, time: float, weight: float, residual: float) -> str:
-    """A clause where the plates carry little of the body and the residual stands in for them."""
+    """Write a clause where the plates carry little of the body and residuals stand in for them."""
     near = int(np.argmin(np.abs(wrenches.time - time)))
     carried = float(np.linalg.norm(np.nan_to_num(wrenches.forces[near]).sum(axis=0)))
     if weight <= 0.0 or carried > 0.5 * weight or residual < 0.3 * weight:
@@ -246,9 +292,22 @@ class WorstReserve:
 def worst_reserve(
     model: Model, torques: Series, names: Sequence[str], reserves: Array, driven: Sequence[str] = ()
 ) -> WorstReserve | None:
-    """The worst reserve of the joints, as a share of its coordinate's peak torque; None where there
-    is none. A torque that is negligible beside the largest of its unit is no measure: twice nothing
-    is nothing.
+    """Find the worst reserve of the joints, as a share of its coordinate's peak torque.
+
+    A torque that is negligible beside the largest of its unit is no measure: twice nothing is
+    nothing.
+
+    Parameters
+    ----------
+    model : with the coordinates
+    torques : (frames, coordinates) [N m or N]
+    names : coordinates that the reserves drive
+    reserves : (frames, reserves) [N m or N]
+    driven : coordinates that some muscle moves; () for all
+
+    Returns
+    -------
+    The reserve and its frame; None where there is none
     """
     root = {name for group in root_coordinates(model) for name in group}
     known = [
@@ -286,9 +345,22 @@ def reserve_verdicts(
     time: Array,
     driven: Sequence[str] = (),
 ) -> list[Verdict]:
-    """Reserve actuators: peak under 10 % of the peak torque of their coordinate (OpenSim's
-    checklist). `driven`: coordinates that some muscle moves; () for all. What no muscle moves has a
-    row of its own.
+    """Judge reserve actuators: peak under 10 % of the peak torque of their coordinate.
+
+    What no muscle moves has a row of its own. Source: OpenSim's checklist.
+
+    Parameters
+    ----------
+    model : with the coordinates
+    torques : (frames, coordinates) [N m or N]
+    names : coordinates that the reserves drive
+    reserves : (frames, reserves) [N m or N]
+    time : (frames,) [s]
+    driven : coordinates that some muscle moves; () for all
+
+    Returns
+    -------
+    Verdict on the worst reserve, and on coordinates that no muscle moves
     """
     worst = worst_reserve(model, torques, names, reserves, driven)
     rows = []
@@ -352,7 +424,17 @@ def saturated_frames(activations: Array, most: Array) -> Bools:
 
 
 def largest_activations(model: Model, muscles: Sequence[str]) -> Array:
-    """Look up the largest activation of muscles, 1 of those that the model does not have."""
+    """Look up the largest activation of muscles, 1 of those that the model does not have.
+
+    Parameters
+    ----------
+    model : with the muscles
+    muscles : names
+
+    Returns
+    -------
+    (muscles,) from 0 to 1
+    """
     bounds = {muscle.name: muscle.max_activation for muscle in model.muscles}
     return np.array([bounds.get(name, 1.0) for name in muscles])
 
@@ -360,8 +442,20 @@ def largest_activations(model: Model, muscles: Sequence[str]) -> Array:
 def saturation_verdicts(
     names: Sequence[str], activations: Array, most: Array, time: Array
 ) -> list[Verdict]:
-    """Muscles at `most`, their largest activation: they are too weak for the torque, or asked too
-    much.
+    """Judge muscles at their largest activation.
+
+    They are too weak for the torque, or the torque is too large.
+
+    Parameters
+    ----------
+    names : of the muscles
+    activations : (frames, muscles) from 0 to 1
+    most : (muscles,) largest activations
+    time : (frames,) [s]
+
+    Returns
+    -------
+    The verdict, with the muscle that is saturated in most frames
     """
     full = saturated_frames(activations, most)
     ever = np.any(full, axis=0)
@@ -388,9 +482,10 @@ def saturation_verdicts(
 def stretch_verdict(
     names: Sequence[str], count: int, passive: Sequence[tuple[str, float, float]] = ()
 ) -> Verdict:
-    """Muscles stretched beyond sense (passive force above the maximum isometric force): fiber and
-    tendon lengths that do not fit the body's size or pose. `passive`: muscles, shares of the
-    maximum isometric force and times [s].
+    """Judge muscles whose passive force is above the maximum isometric force.
+
+    Their fiber and tendon lengths do not fit the body's size or pose. `passive` has muscles, shares
+    of the maximum isometric force and times [s].
     """
     detail = f"passive force over the maximum isometric force: {few(names, 8)}" if names else ""
     if passive:

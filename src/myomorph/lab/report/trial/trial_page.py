@@ -33,9 +33,10 @@ WIDE = 1.2
 
 
 def report_page(results: ReportInput) -> str:
-    """One self-contained HTML page: no network, every style, script and picture inside. A section
-    appears where its part is given; what is absent has a sentence each. Works without scripts; with
-    them, values are read under the pointer and the skeleton plays.
+    """Render one self-contained HTML page: no network, every style, script and picture inside.
+
+    A section appears where its part is there; what is absent has a sentence each. The page works
+    without scripts. With them, values are read under the pointer and the skeleton plays.
     """
     return prepared_page(prepare(results))
 
@@ -137,7 +138,7 @@ def _movement(prepared: Prepared) -> list[tuple[str, str]]:
 
 
 def _by_whom(movement: Known[Movement]) -> str:
-    """The movement with what shows it, or that the study file states it."""
+    """Name the movement with what shows it, or say that the study file states it."""
     if movement.origin == "user":
         return f"{movement} (study file)"
     return f"{movement} ({movement.sentence})" if movement.sentence else str(movement)
@@ -148,7 +149,7 @@ OF_MARKERS = (Quantity.MARKER_RMS, Quantity.MARKER_LARGEST)
 
 
 def _tiles(prepared: Prepared) -> list[Tile]:
-    """The few numbers to see first."""
+    """Choose the few numbers to see first."""
     results = prepared.results
     tiles = []
     fit = results.kinematics.fit
@@ -180,7 +181,7 @@ def _tiles(prepared: Prepared) -> list[Tile]:
 
 
 def _state(prepared: Prepared, *quantities: Quantity) -> str:
-    """The worst state of some checks, "note" where none was made."""
+    """Return the worst state of some checks, "note" where none was made."""
     states = {verdict.state for verdict in prepared.verdicts if verdict.quantity in quantities}
     return next((state for state in get_args(State) if state in states), "note")
 
@@ -231,8 +232,10 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
 
 
 def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tuple[int, str]]:
-    """Frames to show with their labels: at times asked for, at events where there are some, else
-    evenly spread.
+    """Choose frames to show, with their labels.
+
+    They are those at requested times, those at events where there are some, else evenly spread
+    ones.
     """
     if prepared.results.analysis.times:
         return [

@@ -1,5 +1,6 @@
-"""The sections on what results are worth: unseen motions ([D] figure 3.3), calibration, truth,
-uncertainty.
+"""The sections on validation: held-out motions, calibration, truth, uncertainty.
+
+Held-out motions are shown as in [D] figure 3.3.
 """
 
 from __future__ import annotations
@@ -37,9 +38,16 @@ MAX_TIME = 10.0  # Charts show so much of a motion that is twice as long, or lon
 def validation_section(
     trial: str, check: CrossValidation, styles: Mapping[str, str], order: int = 0
 ) -> Section | None:
-    """Six components of the base wrench, measured and by every method, and their errors. `trial`:
-    its name; `styles`: of each method's line; `order`: of the motion among those that were not
-    used, 0 for the first.
+    """Compare the six components of the base wrench, measured and by every method.
+
+    Their errors stand below.
+
+    Parameters
+    ----------
+    trial : its name
+    check : wrenches of a motion that was not used
+    styles : of each method's line
+    order : of the motion among those that were not used, 0 for the first
     """
     if not len(check.time) or not check.predicted:
         return None
@@ -127,7 +135,10 @@ def _grids(check: CrossValidation) -> tuple[Grid, ...]:
 
 
 def _busiest(check: CrossValidation) -> tuple[float, float]:
-    """The whole time, or of a long motion the part whose measured wrench changes most [s]."""
+    """Find the part of a long motion whose measured wrench changes most [s].
+
+    Of a short one it is the whole time.
+    """
     time = check.time
     if time[-1] - time[0] <= 2.0 * MAX_TIME:
         return float(time[0]), float(time[-1])
@@ -144,8 +155,9 @@ MAX_OPEN_ROWS = 30
 
 
 def calibration_section(calibration: Calibration, recordings: Sequence[str]) -> Section:
-    """Lengths, markers and marker errors before and after kinematic identification. `recordings`:
-    names of those that were used, in their order, the static one last.
+    """Show lengths, markers and marker errors before and after kinematic identification.
+
+    `recordings` are names of those that were used, in their order, the static one last.
     """
     lengths = [
         (length.length.name, length.generic, length.value, length.generic * length.sd)
@@ -313,7 +325,10 @@ def uncertainty_section(prepared: Prepared) -> Section | None:
 
 
 def unit_of(quantity: Quantity | None, column: str, model: Model | None) -> str:
-    """Unit in which a column of a drawn quantity is shown; of loads by the column's end."""
+    """Return the unit in which a column of a drawn quantity is shown.
+
+    Of loads the end of the column's name decides.
+    """
     if quantity is None or quantity.unit == LOADS:
         if PLACES.search(column):
             return "m"
@@ -357,7 +372,7 @@ def _size_grid(sizes: tuple[SourceSize, ...]) -> Grid:
 
 
 def _main_sources(shares: Shares, column: int) -> str:
-    """The groups of sources that contribute most, with their shares of the variance."""
+    """Name the groups of sources that contribute most, with their shares of the variance."""
     total = np.nan_to_num(shares.total[:, column])
     leading = [g for g in np.argsort(-total)[:MAX_SOURCES] if total[g] > MIN_SHARE]
     return ", ".join(f"{shares.groups[g]} {100 * total[g]:.0f} %" for g in leading)
